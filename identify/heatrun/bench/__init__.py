@@ -1,0 +1,1 @@
+"""From bench files to records: readers, channel map, checks, alignment, reduction to blocks."""

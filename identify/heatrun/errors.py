@@ -1,0 +1,24 @@
+"""The errors that reach a user: what was expected, what came, where, and what to do."""
+
+from __future__ import annotations
+
+
+class InputError(ValueError):
+    """Bad input from outside: a file, a channel, a setting. The command ends with exit code 1.
+
+    Args:
+        problem: One sentence: what was expected and what came, with units.
+        where: File, column, row or time span; empty if the problem names it.
+        remedy: What the user can do about it, as an imperative sentence.
+    """
+
+    def __init__(self, problem: str, *, where: str = "", remedy: str = "") -> None:
+        self.problem = problem
+        self.where = where
+        self.remedy = remedy
+        sentence = f"{where}: {problem}" if where else problem
+        super().__init__(f"{sentence} {remedy}".strip())
+
+
+class UsageError(ValueError):
+    """The command or function was called in a way it does not offer. Exit code 2."""

@@ -1,0 +1,66 @@
+"""What the motor file says of the machine under test."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class ParameterOverride:
+    """What `[parameters.NAME]` in the motor file says; unset fields keep the default.
+
+    Attributes:
+        fixed: The parameter is not estimated but held at this value (in its unit).
+        value: Centre of the prior (in its unit).
+        relative_sd: Standard deviation of the prior relative to the value [1].
+        sd: Standard deviation of the prior (in the parameter's unit).
+        per_test: Estimated for each test apart instead of shared.
+    """
+
+    fixed: float | None = None
+    value: float | None = None
+    relative_sd: float | None = None
+    sd: float | None = None
+    per_test: bool | None = None
+
+
+@dataclass(frozen=True)
+class Motor:
+    """The machine under test and how its bench measures it.
+
+    Attributes:
+        name: As it stands on the sheet.
+        phases: Number of phases [1].
+        losses: `"balance"`: the channel `losses_W` is the measured total Pd, electrical in minus
+            mechanical out. `"map"`: it is the other losses Pol alone, from a map or a model.
+        sink: Which channel is the temperature T0 that the stator loses its heat to.
+        insulation_class: IEC 60085 class letter, or None.
+        rated_speed_rpm: Speed that effects are scaled with [rpm], or None for the largest seen.
+        resistance_coefficient_degC: B of R(T) = R (B + T)/(B + Tref) [degC].
+        phase_resistance_ohm: Rs0 at the reference temperature [ohm], or None if not known.
+        reference_temperature_degC: Temperature that Rs0 holds for [degC].
+        gear_ratio: Motor speed over wheel speed [1], or None.
+        wheel_radius_m: Rolling radius [m], or None.
+        columns: Canonical channel to `"column in the file [unit]"`.
+        parameters: Overrides of prior or value by parameter name.
+        sha256: Digest of the motor file, empty if made in memory.
+        path: The motor file, empty if made in memory.
+    """
+
+    name: str
+    phases: int = 3
+    losses: Literal["balance", "map"] = "balance"
+    sink: Literal["ambient", "coolant"] = "ambient"
+    insulation_class: str | None = None
+    rated_speed_rpm: float | None = None
+    resistance_coefficient_degC: float = 234.5
+    phase_resistance_ohm: float | None = None
+    reference_temperature_degC: float = 25.0
+    gear_ratio: float | None = None
+    wheel_radius_m: float | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
+    parameters: Mapping[str, ParameterOverride] = field(default_factory=dict)
+    sha256: str = ""
+    path: str = ""

@@ -1,0 +1,1 @@
+"""Thermal networks of electric machines as pure JAX: nodes, links, losses, effects, simulation."""
