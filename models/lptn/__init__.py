@@ -1,1 +1,35 @@
-"""Thermal networks of electric machines as pure JAX: nodes, links, losses, effects, simulation."""
+"""Thermal networks of electric machines as pure JAX: networks, losses, effects, simulation.
+
+Knows no file, no data frame and no statistics. SI units inside, temperatures in degC, currents
+rms, speed in rad/s. Needs float64: `jax.config.update("jax_enable_x64", True)`.
+"""
+
+from .effects import EFFECTS, NeighbourBody, SensorLag, SpeedCooling
+from .inputs import Drive, Inputs
+from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, copper_loss
+from .network import Network, first_order, second_order
+from .sensor import Sensor
+from .simulate import Trace, accumulate, longest_step, reading, reference, simulate
+
+__all__ = [
+    "ALUMINIUM_COEFFICIENT",
+    "COPPER_COEFFICIENT",
+    "EFFECTS",
+    "CopperLosses",
+    "Drive",
+    "Inputs",
+    "NeighbourBody",
+    "Network",
+    "Sensor",
+    "SensorLag",
+    "SpeedCooling",
+    "Trace",
+    "accumulate",
+    "copper_loss",
+    "first_order",
+    "longest_step",
+    "reading",
+    "reference",
+    "second_order",
+    "simulate",
+]

@@ -1,0 +1,110 @@
+"""What drives a network: mean currents, losses and temperatures over consecutive intervals."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+class Inputs(eqx.Module):
+    """Means over consecutive intervals; the state lives at their edges.
+
+    A mean of the *square* of the current is kept, not the square of its mean, because the loss
+    follows the former. Between edges every quantity counts as constant, so a coarse grid stays
+    exact in energy.
+
+    Attributes:
+        step: Length of the intervals [s]: a scalar if all are equal (the fast path), else
+            shape (time,).
+        current_squared: Mean of the squared rms phase current [A^2], shape (time,).
+        losses: Mean of the measured loss channel [W], shape (time,); its meaning is declared by
+            `lptn.CopperLosses.kind`.
+        ambient: Mean temperature T0 of the sink [degC], shape (time,).
+        speed: Mean mechanical speed [rad/s], shape (time,), or None if not recorded.
+        coolant: Mean coolant temperature [degC], shape (time,), or None.
+        fan: Fan or coolant flow relative to its rated value [1], shape (time,), or None.
+        rated_speed: Speed that laws are scaled with [rad/s].
+        rated_current: Rms current that laws are scaled with [A].
+    """
+
+    step: Float[Array, "..."]
+    current_squared: Float[Array, " time"]
+    losses: Float[Array, " time"]
+    ambient: Float[Array, " time"]
+    speed: Float[Array, " time"] | None = None
+    coolant: Float[Array, " time"] | None = None
+    fan: Float[Array, " time"] | None = None
+    rated_speed: Float[Array, ""] | float = 1.0
+    rated_current: Float[Array, ""] | float = 1.0
+
+    def __check_init__(self) -> None:
+        num_time = self.current_squared.shape[0]
+        for name in ("losses", "ambient", "speed", "coolant", "fan"):
+            values = getattr(self, name)
+            if values is not None and values.shape != (num_time,):
+                raise ValueError(
+                    f"Inputs.{name} has shape {values.shape}, expected {(num_time,)} as "
+                    "`current_squared` has: give one mean per interval."
+                )
+        if jnp.ndim(self.step) == 1 and self.step.shape != (num_time,):
+            raise ValueError(
+                f"Inputs.step has shape {self.step.shape}, expected () for equal intervals or "
+                f"{(num_time,)}."
+            )
+
+    @property
+    def num_time(self) -> int:
+        """Number of intervals."""
+        return self.current_squared.shape[0]
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether all intervals have one length."""
+        return jnp.ndim(self.step) == 0
+
+    def edges(self) -> Float[Array, " time+1"]:
+        """Return the times of the edges [s], shape (time + 1,), from 0."""
+        steps = jnp.broadcast_to(self.step, (self.num_time,))
+        return jnp.concatenate([jnp.zeros(1), jnp.cumsum(steps)])
+
+    def drive(self) -> Drive:
+        """Return the arrays that vary in time, with times at the middle of the intervals."""
+        edges = self.edges()
+        return Drive(
+            time=0.5 * (edges[:-1] + edges[1:]),
+            current_squared=self.current_squared,
+            losses=self.losses,
+            ambient=self.ambient,
+            speed=None if self.speed is None else self.speed / self.rated_speed,
+            speed_rad=self.speed,
+            coolant=self.coolant,
+            fan=self.fan,
+            current_ratio_squared=self.current_squared / self.rated_current**2,
+        )
+
+
+class Drive(eqx.Module):
+    """The inputs of one interval (scalars), or of all of them (arrays): what an effect sees.
+
+    Attributes:
+        time: Middle of the interval since the start of the test [s].
+        current_squared: Mean squared rms phase current [A^2].
+        losses: Mean of the measured loss channel [W].
+        ambient: Sink temperature T0 [degC].
+        speed: Speed over rated speed [1], or None.
+        speed_rad: Speed [rad/s], or None.
+        coolant: Coolant temperature [degC], or None.
+        fan: Fan or flow over its rated value [1], or None.
+        current_ratio_squared: Mean squared current over the squared rated current [1].
+    """
+
+    time: Float[Array, "..."]
+    current_squared: Float[Array, "..."]
+    losses: Float[Array, "..."]
+    ambient: Float[Array, "..."]
+    speed: Float[Array, "..."] | None
+    speed_rad: Float[Array, "..."] | None
+    coolant: Float[Array, "..."] | None
+    fan: Float[Array, "..."] | None
+    current_ratio_squared: Float[Array, "..."]
