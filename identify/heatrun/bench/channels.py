@@ -1,0 +1,261 @@
+"""From the columns of a file to canonical channels, by the motor file or by known names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from .claims import NOT_RECORDED, Claim, did_you_mean, parse_claims
+from .labels import columns_of, suffix_unit
+from .mapping import Assignment
+from .maps import COLUMN_MAPS, ColumnMap
+from .record import Finding, Record
+from .schema import CHANNEL, REQUIRED
+from .table import Column, Table
+from .units import find_unit, require_unit, to_canonical
+
+
+@dataclass(frozen=True)
+class MappedColumns:
+    """The canonical channels of one file.
+
+    Attributes:
+        channels: Canonical name to float64 in the canonical unit, shape (time,).
+        notes: What was mapped from where, and with which unit.
+        findings: Doubts about the mapping.
+        unused: Columns that became no channel.
+        rate_Hz: Sampling rate that `[columns]` gives in place of a time column [Hz], or None.
+    """
+
+    channels: Mapping[str, np.ndarray]
+    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    unused: tuple[str, ...] = ()
+    rate_Hz: float | None = None
+
+
+def map_columns(
+    table: Table,
+    columns: Mapping[str, str] | None = None,
+    *,
+    where: str,
+    is_part: bool = False,
+) -> MappedColumns:
+    """Return the canonical channels of a table.
+
+    The motor file's `[columns]` come first, then exact canonical names, then the built-in maps in
+    their order; a channel found earlier is not looked for again.
+
+    Args:
+        table: What a reader returned.
+        columns: `[columns]` of the motor file.
+        where: The file, for messages.
+        is_part: The file is one of several of the same test: a column that `[columns]` names and
+            the file does not have is a note, not an error.
+
+    Raises:
+        InputError: If a named channel or column does not exist, two columns claim one channel, a
+            unit is not known or belongs to another quantity.
+    """
+    mapping = Assignment(where)
+    pool = table.columns + _constants(table)
+    rate_Hz = None
+    for claim in parse_claims(columns or {}, where):
+        if claim.rate_Hz is not None:
+            rate_Hz = claim.rate_Hz
+            continue
+        if claim.text == NOT_RECORDED:
+            mapping.excluded.add(claim.channel)
+            continue
+        column = _claimed(claim, pool, table, where, is_part)
+        if column is None:
+            mapping.notes.append(f"{claim.channel}: no column '{claim.text}' in this file.")
+            continue
+        _add_claimed(mapping, claim, column)
+    _add_canonical(mapping, table.columns)
+    for column_map in COLUMN_MAPS:
+        if _num_present(column_map, pool) >= column_map.num_needed:
+            _add_by_map(mapping, column_map, pool)
+    used = {id(column) for column in mapping.taken.values()}
+    unused = [column.name for column in table.columns if id(column) not in used]
+    mapping.findings += mapping.used_twice()
+    return MappedColumns(
+        mapping.channels,
+        tuple(mapping.notes),
+        tuple(mapping.findings),
+        (*unused, *table.text_columns),
+        rate_Hz,
+    )
+
+
+def require(record: Record, channels: Sequence[str] = REQUIRED) -> None:
+    """Check that a record has channels.
+
+    Args:
+        record: The test.
+        channels: Canonical names; by default those that a fit needs.
+
+    Raises:
+        InputError: Naming the missing channels, what the file has and how to map them.
+    """
+    missing = [name for name in channels if name not in record]
+    if not missing:
+        return
+    meaning = ", ".join(
+        f"{name} ({CHANNEL[name].meaning})" if name in CHANNEL else name for name in missing
+    )
+    unit = CHANNEL[missing[0]].unit if missing[0] in CHANNEL else "unit"
+    raise InputError(
+        f"Missing: {meaning}. The file gives {', '.join(record.channels)}"
+        f"; not used: {', '.join(record.unused) or 'nothing'}.",
+        where=record.name,
+        remedy=f'Map each in the motor file: [columns] {missing[0]} = "COLUMN [{unit}]".',
+    )
+
+
+def _constants(table: Table) -> tuple[Column, ...]:
+    """Return the scalars of a file as columns that stay the same, such as a fixed ambient."""
+    present = {column.name for column in table.columns}
+    return tuple(
+        Column(name, name, None, np.full(table.num_rows, value), "a constant of the file")
+        for name, value in table.constants.items()
+        if name not in present
+    )
+
+
+def _claimed(
+    claim: Claim, pool: Iterable[Column], table: Table, where: str, is_part: bool
+) -> Column | None:
+    """Return the column that a line of `[columns]` names."""
+    pool = tuple(pool)
+    for matches in (
+        [column for column in pool if column.name == claim.text],
+        [column for column in pool if claim.label in (column.name, column.label)],
+    ):
+        if len(matches) > 1:
+            raise _two_columns(claim.channel, matches, where)
+        if matches:
+            return matches[0]
+    for name, text in table.text_columns.items():
+        if name in (claim.text, claim.label):
+            held = f"the text '{text[:40]}'" if text else "no values"
+            raise InputError(
+                f"Column '{name}' for {claim.channel} holds {held}, expected numbers.",
+                where=where,
+                remedy="Name a column of numbers in [columns].",
+            )
+    if is_part:
+        return None
+    names = [column.name for column in pool]
+    labels = [column.label for column in pool]
+    raise InputError(
+        f"[columns] names '{claim.text}' for {claim.channel}, which the file does not have. "
+        f"{did_you_mean(claim.label, [*names, *labels])}".strip(),
+        where=where,
+        remedy=f"Columns are: {', '.join(names)}.",
+    )
+
+
+def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
+    channel = CHANNEL[claim.channel]
+    exact = column.name == claim.text
+    unit = column.unit if exact or claim.unit is None else claim.unit
+    if column.note and column.unit == "s":  # a clock, already in seconds
+        unit = "s"
+    elif column.unit and unit and unit != column.unit:
+        stated = find_unit(column.unit, channel.quantity)
+        if stated != require_unit(unit, channel.quantity, where=mapping.where):
+            mapping.findings.append(
+                Finding(
+                    id="unit_overridden",
+                    severity="warning",
+                    message=f"The file gives {column.unit}, [columns] says {unit}; {unit} is used.",
+                    where=f"{mapping.where}, column '{column.name}'",
+                    remedy="Remove the unit from [columns] if the file is right.",
+                )
+            )
+    if unit is None:
+        unit = suffix_unit(column.label, channel)
+    mapping.add(channel, column, unit, "[columns]")
+
+
+def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:
+    columns = tuple(columns)
+    for channel in CHANNEL.values():
+        if not mapping.wants(channel.name):
+            continue
+        matches = [column for column in columns if column.label == channel.name]
+        if len(matches) > 1:
+            raise _two_columns(channel.name, matches, mapping.where)
+        if not matches:
+            continue
+        (column,) = matches
+        stated = column.unit and require_unit(
+            column.unit, channel.quantity, where=f"{mapping.where}, column '{column.name}'"
+        )
+        if stated and to_canonical(np.ones(1), stated)[0] != 1.0:
+            raise InputError(
+                f"The name says {channel.unit}, the unit behind it {column.unit}.",
+                where=f"{mapping.where}, column '{column.name}'",
+                remedy=f'Decide in [columns]: {channel.name} = "{channel.name} [{channel.unit}]".',
+            )
+        mapping.add(channel, column, channel.unit, "canonical name")
+
+
+def _num_present(column_map: ColumnMap, pool: Iterable[Column]) -> int:
+    pool = tuple(pool)
+    labels = [*column_map.entries.items(), *((label, "") for label in column_map.refused)]
+    return sum(bool(columns_of(label, channel, pool)) for label, channel in labels)
+
+
+def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Column]) -> None:
+    used = {id(column) for column in mapping.taken.values()}
+    free = [column for column in pool if id(column) not in used]
+    claims: dict[str, list[tuple[Column, str]]] = {}
+    for label, channel in column_map.entries.items():
+        if not mapping.wants(channel):
+            continue
+        for column in columns_of(label, channel, free):
+            claims.setdefault(channel, []).append((column, label))
+    for name, found in claims.items():
+        if len(found) > 1:
+            raise _two_columns(name, [column for column, _ in found], mapping.where)
+        (column, label) = found[0]
+        if label in column_map.zero_means_absent and not np.nan_to_num(column.values).any():
+            mapping.findings.append(
+                Finding(
+                    id="not_recorded",
+                    severity="warning",
+                    message="The values are 0 throughout, which this bench writes for a channel "
+                    f"that it does not record; {name} is not taken from it.",
+                    where=f"{mapping.where}, column '{column.name}'",
+                    remedy=f'If the zeros were measured, say so in [columns]: {name} = "{label}".',
+                )
+            )
+            continue
+        channel = CHANNEL[name]
+        unit = column.unit or suffix_unit(column.label, channel) or column_map.units.get(label)
+        try:
+            mapping.add(channel, column, unit, column_map.name)
+        except InputError as error:
+            raise InputError(
+                error.problem,
+                where=error.where,
+                remedy=f"{error.remedy} Or leave the column out by "
+                f'[columns] {name} = "{NOT_RECORDED}".',
+            ) from error
+    for label, reason in column_map.refused.items():
+        for column in columns_of(label, "", free):
+            mapping.notes.append(f"Column '{column.name}' is not mapped: {reason}.")
+
+
+def _two_columns(channel: str, columns: Sequence[Column], where: str) -> InputError:
+    names = " and ".join(f"'{column.name}'" for column in columns)
+    return InputError(
+        f"The columns {names} both stand for {channel}.",
+        where=where,
+        remedy=f'Decide in the motor file: [columns] {channel} = "{columns[0].name}".',
+    )

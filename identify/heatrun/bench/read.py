@@ -1,0 +1,209 @@
+"""From a bench file to a record: reader, channel map, time axis, derived channels."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import zlib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..motor import Motor
+from .channels import MappedColumns, map_columns
+from .claims import positive_rate
+from .constants import constant_notes, resistance_conflict
+from .derive import derive
+from .record import Record, Source
+from .table import Table
+from .timegrid import exact_grid, from_first_sample
+
+GZIP = b"\x1f\x8b"
+HDF5 = b"\x89HDF\r\n\x1a\n"
+HDF5_OFFSET = 512  # MATLAB writes its own header of this size in front
+OTHER_FORMATS = {
+    b"PK\x03\x04": "a zip archive or spreadsheet",
+    b"\xd0\xcf\x11\xe0": "an old spreadsheet",
+    b"MDF     ": "an MDF measurement file",
+    b"TDSm": "a TDMS measurement file",
+    b"\x80\x04": "a Python pickle",
+    b"\x80\x05": "a Python pickle",
+    b"%PDF": "a PDF document",
+}
+"""First bytes of files that are no table for heatrun, and what they are."""
+
+
+def read_raw(path: str | Path) -> Table:
+    """Read a bench file under its own column names.
+
+    The format is told from the content: text (CSV and the like), MATLAB 5 and 7.3, Parquet; each
+    of them also compressed by gzip.
+
+    Args:
+        path: The file.
+
+    Raises:
+        InputError: If the file cannot be read as a table of numbers.
+    """
+    return _read_bytes(_bytes(path), str(path))
+
+
+def read_record(
+    path: str | Path,
+    motor: Motor | None = None,
+    *,
+    rate_Hz: float | None = None,
+    name: str | None = None,
+    is_part: bool = False,
+) -> Record:
+    """Read a bench file as a test with canonical channels.
+
+    Args:
+        path: The file.
+        motor: The machine; its `[columns]` say which column is which channel, its phases and
+            kind of losses how channels are derived.
+        rate_Hz: Sampling rate for a file without a time column [Hz].
+        name: Name of the test; by default the file's stem.
+        is_part: The file is one of several of this test: columns that `[columns]` names may be in
+            the others.
+
+    Returns:
+        The record, its time counted from the first sample [s]. Gaps, repeats and backward steps
+        stay as they are; channels that are missing are none of this function's business (see
+        `heatrun.bench.channels.require`).
+
+    Raises:
+        InputError: If the file cannot be read, a column is not what `[columns]` says, there is no
+            time or no sample.
+    """
+    where = str(path)
+    if rate_Hz is not None:
+        positive_rate(rate_Hz, where)
+    data = _bytes(path)
+    table = _read_bytes(data, where)
+    mapped = map_columns(table, motor.columns if motor else None, where=where, is_part=is_part)
+    channels = dict(mapped.channels)
+    time_s, time_notes = _time(mapped, table, rate_Hz, where)
+    channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
+    phases, losses = (motor.phases, motor.losses) if motor else (3, "balance")
+    channels, derived = derive(channels, phases=phases, losses=losses)
+    test = name or _stem(Path(path))
+    conflict = resistance_conflict(table.constants, motor, where)
+    findings = (*table.findings, *mapped.findings, *conflict)
+    return Record(
+        name=test,
+        channels=channels,
+        sources=(Source(where, hashlib.sha256(data).hexdigest(), table.reader),),
+        notes=(
+            *table.notes,
+            *constant_notes(table.constants),
+            *mapped.notes,
+            *time_notes,
+            *derived,
+        ),
+        findings=tuple(replace(finding, test=test) for finding in findings),
+        unused=mapped.unused,
+    )
+
+
+def _bytes(path: str | Path) -> bytes:
+    where = str(path)
+    try:
+        data = Path(path).read_bytes()
+    except IsADirectoryError as error:
+        raise InputError(
+            "Expected a file, got a directory.", where=where, remedy="Name the files in it."
+        ) from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(
+            f"The file cannot be opened ({reason}).", where=where, remedy="Check the path."
+        ) from error
+    if not data:
+        raise InputError(
+            "Expected a table, got an empty file.",
+            where=where,
+            remedy="Copy the file again from the bench.",
+        )
+    return data
+
+
+def _read_bytes(data: bytes, where: str) -> Table:
+    if data.startswith(GZIP):
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError, zlib.error) as error:
+            raise InputError(
+                f"The gzip file is damaged or cut ({error}).",
+                where=where,
+                remedy="Copy the file again from the bench.",
+            ) from error
+        table = _reader(data, where)(data, where)
+        return replace(table, reader=f"{table.reader}, gzip")
+    return _reader(data, where)(data, where)
+
+
+def _reader(data: bytes, where: str) -> Callable[[bytes, str], Table]:
+    """Return the reader for a content; imported here since each loads a large library."""
+    for start, kind in OTHER_FORMATS.items():
+        if data.startswith(start):
+            raise InputError(
+                f"Expected CSV, MAT or Parquet, got {kind}.",
+                where=where,
+                remedy="Export the recording as CSV.",
+            )
+    if data.startswith(HDF5) or data[HDF5_OFFSET:].startswith(HDF5):
+        from .mat import read_hdf5
+
+        return read_hdf5
+    if data.startswith(b"MATLAB 5.0") or (where.lower().endswith(".mat")):
+        from .mat import read_mat
+
+        return read_mat
+    if data.startswith(b"PAR1"):
+        from .parquet import read_parquet
+
+        return read_parquet
+    from .text import read_text
+
+    return read_text
+
+
+def _time(
+    mapped: MappedColumns, table: Table, rate_Hz: float | None, where: str
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the time axis [s] and the notes on how it came about."""
+    measured = mapped.channels.get("time_s")
+    if measured is not None:
+        if rate_Hz is not None:
+            raise InputError(
+                f"The file has a time column; a rate of {rate_Hz:g} Hz would replace it.",
+                where=where,
+                remedy="Give no rate.",
+            )
+        if not np.isfinite(measured).any():
+            raise InputError(
+                "The time column holds no times.", where=where, remedy="Check [columns] time_s."
+            )
+        time_s, shifted = from_first_sample(measured)
+        time_s, gridded = exact_grid(time_s)
+        ignored = "The rate in [columns] is not used: the file has its own time."
+        notes = (shifted, gridded, ignored if mapped.rate_Hz is not None else "")
+        return time_s, tuple(note for note in notes if note)
+    rate = rate_Hz if rate_Hz is not None else mapped.rate_Hz
+    if rate is None:
+        names = ", ".join(column.name for column in table.columns)
+        raise InputError(
+            f"The file has no time column; its columns are: {names}.",
+            where=where,
+            remedy='Map it by [columns] time_s = "name [s]" in the motor file, or give the '
+            'sampling rate by time_s = "rate 10 Hz".',
+        )
+    return np.arange(table.num_rows) / rate, (f"time_s is made from a rate of {rate:g} Hz.",)
+
+
+def _stem(path: Path) -> str:
+    return Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem

@@ -1,0 +1,55 @@
+"""What a reader returns: the columns of one file under the names that stand in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .record import Finding
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a bench file, not yet a channel.
+
+    Attributes:
+        name: As it stands in the file, with any unit.
+        label: The name without its unit.
+        unit: Unit text that the file gives, or None.
+        values: Float64, shape (time,), in that unit; NaN where the file has no number.
+        note: How values that were no plain numbers were read (clock times, dates), or empty.
+    """
+
+    name: str
+    label: str
+    unit: str | None
+    values: np.ndarray
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """The columns of one bench file.
+
+    Attributes:
+        columns: In the order of the file; all of one length.
+        text_columns: Columns without a single number, with the first thing that stands in them.
+        constants: Scalars of the file by name, in the file's unit.
+        notes: Preamble lines and what the reader did, in order.
+        findings: What the reader could not use, with line numbers.
+        reader: Format and what was sniffed: "CSV, ';', decimal comma, UTF-8".
+    """
+
+    columns: tuple[Column, ...]
+    text_columns: Mapping[str, str] = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    reader: str = ""
+
+    @property
+    def num_rows(self) -> int:
+        """Number of samples; 0 if there is no column."""
+        return self.columns[0].values.size if self.columns else 0

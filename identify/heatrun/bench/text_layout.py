@@ -1,0 +1,275 @@
+"""How a text table is laid out: delimiter, decimal sign, preamble, header, units.
+
+The numbers decide: that delimiter and decimal sign are taken under which most cells of the body
+are numbers. Lines above the header are kept as preamble.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..errors import InputError
+from .clock import is_time
+from .header import unit_of_cell
+
+DELIMITERS = ("\t", ";", ",", "|", " ")
+"""In the order of preference where two explain the lines alike; the blank means runs of blanks."""
+
+SPOKEN = {"\t": "tab", ";": "';'", ",": "','", "|": "'|'", " ": "blanks"}
+
+MISSING = frozenset(
+    ("", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "nil", "-", "--", "---", "?")
+)
+"""Cells, in lower case, that say: no value here."""
+
+NUMBER = {
+    "." : r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?",
+    "," : r"[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]+)?",
+}  # fmt: skip
+"""What a number looks like, by decimal sign."""
+
+NUMBER_CELL = {sign: re.compile(pattern) for sign, pattern in NUMBER.items()}
+QUOTED_OR_SOLID = re.compile(r'"[^"]*"|\S+')
+HEAD_LINES = 2000  # the header is sought in these; longer preambles are not in use
+SCORED_LINES = 200
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the lines of a text table are to be read.
+
+    Attributes:
+        delimiter: One of `DELIMITERS`.
+        decimal: `"."` or `","`.
+        width: Number of cells in a line of data.
+        names: Cells of the header, at most `width`.
+        units: Unit text by column, None where the file has no row of units.
+        preamble: Lines above the header.
+        first_line: Index of the first line of data, counted from 0.
+    """
+
+    delimiter: str
+    decimal: str
+    width: int
+    names: tuple[str, ...]
+    units: tuple[str | None, ...] | None
+    preamble: tuple[str, ...]
+    first_line: int
+
+    @property
+    def description(self) -> str:
+        """The layout in words, as in "';', decimal comma"."""
+        return SPOKEN[self.delimiter] + (", decimal comma" if self.decimal == "," else "")
+
+
+def split_line(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line without quotes and outer blanks.
+
+    Args:
+        line: Without its line end.
+        delimiter: One of `DELIMITERS`.
+    """
+    if delimiter == " ":
+        if '"' not in line:
+            return line.split()
+        return [cell.strip('"').strip() for cell in QUOTED_OR_SOLID.findall(line)]
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:
+        cells = line.split(delimiter)
+    return [cell.strip() for cell in cells]
+
+
+def find_layout(text: str, where: str) -> Layout:
+    r"""Return the layout of a text table.
+
+    Args:
+        text: The whole text, with `\n` line ends.
+        where: The file, for messages.
+
+    Raises:
+        InputError: If there is no table of numbers, only one column, no header or no data.
+    """
+    lines = text.split("\n", HEAD_LINES)[:HEAD_LINES]
+    while lines and not lines[-1].strip():
+        lines.pop()
+    if not lines:
+        raise InputError("Expected a table, got an empty file.", where=where, remedy=_COPY_AGAIN)
+    delimiter, decimal, width = _best_split(lines, where)
+    if delimiter != "," and decimal == "." and not re.search(r"[0-9]\.[0-9]", text):
+        # Only whole numbers so far: the sign may show itself far below the sample.
+        decimal = "," if re.search(r"[0-9],[0-9]", text) else "."
+
+    rows = [split_line(line, delimiter) for line in lines]
+    numeric = _numeric_columns(rows, width, decimal)
+    start = next((i for i, row in enumerate(rows) if _is_data(row, numeric, decimal)), None)
+    if start is None:
+        raise _no_table(where)
+    header = _header_above(rows, start, numeric, decimal)
+    if header is None and any(not _is_value(cell, decimal) for cell in rows[start]):
+        header = start  # numbers as names: "Time;1;2;3"
+    if header is None:
+        raise InputError(
+            f"Expected a row of column names above the numbers, found none above line {start + 1}.",
+            where=where,
+            remedy=f"Add a row of names and units above: time_s{delimiter}winding_degC and so on.",
+        )
+    first, units = header + 1, None
+    while first < len(rows) and _is_between(rows[first], decimal):
+        units = units or _units(rows[first], width)
+        first += 1
+    return Layout(
+        delimiter,
+        decimal,
+        width,
+        _names(lines[header], rows[header], delimiter, width, where),
+        units,
+        tuple(text for line in lines[:header] if (text := line.strip(' \t",;|'))),
+        first,
+    )
+
+
+_COPY_AGAIN = "Copy the file again from the bench; it may have been cut."
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Return whether a cell is a number under a decimal sign."""
+    return NUMBER_CELL[decimal].fullmatch(cell) is not None
+
+
+def _is_value(cell: str, decimal: str) -> bool:
+    return cell.lower() in MISSING or is_number(cell, decimal) or is_time(cell)
+
+
+def _filled(row: Sequence[str]) -> list[str]:
+    return [cell for cell in row if cell.lower() not in MISSING]
+
+
+def _num_values(cells: Sequence[str], decimal: str) -> int:
+    return sum(is_number(cell, decimal) or is_time(cell) for cell in cells)
+
+
+def _best_split(lines: Sequence[str], where: str) -> tuple[str, str, int]:
+    """Return delimiter, decimal sign and width under which most cells are numbers."""
+    step = max(1, len(lines) // SCORED_LINES)
+    sample = lines[::step] if step > 1 else lines
+    best, best_score = None, 0.0
+    single = False
+    for delimiter in DELIMITERS:
+        rows = [split_line(line, delimiter) for line in sample]
+        for decimal in (".", ","):
+            score_of: defaultdict[int, float] = defaultdict(float)
+            for row in rows:
+                filled = _filled(row)
+                values = _num_values(filled, decimal)
+                if 2 * values >= len(filled) and values:
+                    # Weighed by purity, so that "1,5;2,5" is not three cells of which two are
+                    # numbers but two cells that both are.
+                    score_of[len(row)] += values * values / len(filled)
+            if not score_of:
+                continue
+            width, score = max(score_of.items(), key=lambda item: item[1])
+            single = single or width == 1
+            if width > 1 and score > best_score:
+                best, best_score = (delimiter, decimal, width), score
+    if best is not None:
+        return best
+    if single:
+        raise InputError(
+            "Expected a table, got one single column of numbers.",
+            where=where,
+            remedy="Separate the columns by ',', ';', tab, '|' or blanks; one must be the time.",
+        )
+    raise _no_table(where)
+
+
+def _no_table(where: str) -> InputError:
+    return InputError(
+        "Expected a table of numbers below a row of names, found no line of numbers.",
+        where=where,
+        remedy="Check that this is the recording, and that the export contains the samples.",
+    )
+
+
+def _numeric_columns(rows: Sequence[list[str]], width: int, decimal: str) -> list[bool]:
+    """Return which columns mostly hold numbers in the lines that look like data."""
+    likely = [
+        row
+        for row in rows
+        if len(row) == width and 2 * _num_values(_filled(row), decimal) >= len(_filled(row)) > 0
+    ]
+    numeric = []
+    for column in range(width):
+        cells = _filled([row[column] for row in likely])
+        numeric.append(2 * _num_values(cells, decimal) > len(cells))
+    return numeric
+
+
+def _is_data(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> bool:
+    """Return whether more than half of a row's cells in numeric columns are numbers."""
+    if len(row) != len(numeric):
+        return False
+    cells = _filled([cell for cell, is_numeric in zip(row, numeric, strict=True) if is_numeric])
+    return 2 * _num_values(cells, decimal) > len(cells)
+
+
+def _header_above(
+    rows: Sequence[list[str]], start: int, numeric: Sequence[bool], decimal: str
+) -> int | None:
+    """Return the nearest line above the data that can be a row of names."""
+    units_only = None
+    for index in range(start - 1, -1, -1):
+        row = rows[index]
+        cells = [cell for cell, is_numeric in zip(row, numeric, strict=False) if is_numeric]
+        if len(_filled(row)) < 2 or _num_values(_filled(cells), decimal):
+            continue
+        if all(unit_of_cell(cell) for cell in _filled(row)):
+            units_only = index if units_only is None else units_only
+            continue
+        return index
+    return units_only
+
+
+def _is_between(row: Sequence[str], decimal: str) -> bool:
+    """Return whether a row below the header is one of units, a rule or empty."""
+    filled = _filled(row)
+    return not _num_values(filled, decimal) and all(
+        unit_of_cell(cell) or set(cell) <= set("-=_") for cell in filled
+    )
+
+
+def _units(row: Sequence[str], width: int) -> tuple[str | None, ...] | None:
+    units = tuple(unit_of_cell(cell) for cell in row)
+    if not any(units):
+        return None
+    return (units + (None,) * width)[:width]
+
+
+def _names(line: str, row: list[str], delimiter: str, width: int, where: str) -> tuple[str, ...]:
+    """Return the names of a header line, checked against the width of the data."""
+    names = _trimmed(row)
+    if len(names) != width and line.lstrip()[:1] in ("#", "%"):
+        names = _trimmed(split_line(line.lstrip().lstrip("#%"), delimiter))
+    if len(names) > width and delimiter == " ":
+        names = re.split(r"\s{2,}|\t", line.strip())
+    if len(names) > width:
+        raise InputError(
+            f"The header names {len(names)} columns, the lines of data have {width}.",
+            where=where,
+            remedy="Give each column one name; names with blanks need quotes or another delimiter.",
+        )
+    # Names that are empty cells are kept: they tell a padded header from one that is too short.
+    return tuple(names) + ("",) * (min(len(row), width) - len(names))
+
+
+def _trimmed(row: list[str]) -> list[str]:
+    end = len(row)
+    while end and not row[end - 1]:
+        end -= 1
+    return row[:end]

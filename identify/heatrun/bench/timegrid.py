@@ -1,0 +1,68 @@
+"""The time axis: from the first sample, and freed from the rounding of 32-bit loggers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+FLOAT32_ULPS = 2.0
+"""Clock and start time are each rounded by half an ulp; their difference carries both, and so
+does a step that was itself computed from rounded times."""
+
+CLOCK_RESOLUTION_S = 1e-6
+"""A deviation that no thermal record can tell from none [s]: 1 microsecond."""
+
+MOST_DECIMALS = 6
+MOST_SAMPLES_PER_STEP_ERROR = 0.05
+"""Rounding beyond this share of a step could hide true jitter: then the times stay as they are."""
+
+
+def from_first_sample(time_s: np.ndarray) -> tuple[np.ndarray, str]:
+    """Return times counted from the first finite one, and a note if that moved them.
+
+    Args:
+        time_s: Times [s], shape (time,); not all NaN.
+    """
+    start = float(time_s[np.flatnonzero(np.isfinite(time_s))[0]])
+    if start == 0.0:
+        return time_s, ""
+    return time_s - start, f"time_s counts from the first sample, at {start:.9g} s in the file."
+
+
+def exact_grid(time_s: np.ndarray) -> tuple[np.ndarray, str]:
+    """Return the regular grid that times were rounded from, and a note if they move.
+
+    Loggers that keep time as a 32-bit number write 0.100000143 and 0.200000048 for a step of
+    0.1 s. The step is taken as the shortest decimal that explains every sample to the rounding
+    of such a number; samples that are missing on the grid or come twice stay so.
+
+    Args:
+        time_s: Times from the first sample [s], shape (time,).
+
+    Returns:
+        The times unchanged and an empty note where they are exact already, where no step
+        explains all of them or where the rounding is no small part of the step.
+    """
+    steps = np.diff(time_s)
+    if time_s.size < 3 or not np.isfinite(time_s).all() or np.median(steps) <= 0:
+        return time_s, ""
+    # Steps are counted one by one: a median step off by 1e-3 would miscount thousands of them.
+    index = np.concatenate(([0.0], np.cumsum(np.round(steps / np.median(steps)))))
+    if index[-1] <= 0:
+        return time_s, ""
+    largest = np.float32(np.max(np.abs(time_s)))
+    tolerance = max(FLOAT32_ULPS * float(np.spacing(largest)), CLOCK_RESOLUTION_S)
+    step = time_s[-1] / index[-1]
+    if tolerance > MOST_SAMPLES_PER_STEP_ERROR * step:
+        return time_s, ""
+    for decimals in range(MOST_DECIMALS + 1):
+        candidate = round(float(step), decimals)
+        grid = np.round(index * candidate, decimals)
+        deviation = float(np.max(np.abs(time_s - grid)))
+        if candidate > 0 and deviation <= tolerance:
+            if deviation <= 1e-12 * float(largest):  # the rounding of a double: exact already
+                return time_s, ""
+            return grid, (
+                f"time_s lies on a grid of {candidate:g} s to {deviation:.2g} s, the rounding of "
+                "a 32-bit clock; the exact grid is used."
+            )
+    return time_s, ""

@@ -1,0 +1,268 @@
+"""Reading the motor file: every key is known, every value checked, nothing guessed."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, cast
+
+from .bench.claims import did_you_mean, parse_claims
+from .errors import InputError
+from .motor import Motor, ParameterOverride
+
+COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
+"""B of R(T) = R (B + T)/(B + Tref): copper by IEEE 112 and NEMA MG 1 (IEC 60034-1 uses 235 for
+copper), aluminium by IEC 60034-1."""
+
+INSULATION_CLASSES = ("A", "E", "B", "F", "H", "N", "R")
+"""Letters of IEC 60085, in the order of their temperature."""
+
+KEYS: dict[str, tuple[str, ...]] = {
+    "motor": ("name", "phases", "losses", "sink", "insulation_class", "rated_speed_rpm"),
+    "winding": (
+        "material",
+        "resistance_coefficient_degC",
+        "phase_resistance_ohm",
+        "reference_temperature_degC",
+    ),
+    "vehicle": ("gear_ratio", "wheel_radius_m"),
+}
+"""Sections with a fixed set of keys; `[columns]` and `[parameters.NAME]` have their own."""
+
+OVERRIDE_KEYS = ("fixed", "value", "relative_sd", "sd", "per_test")
+
+Limits = tuple[float, float, str]
+POSITIVE: Limits = (0.0, math.inf, "above 0")
+COEFFICIENT_RANGE: Limits = (100.0, 400.0, "between 100 and 400 degC (copper 234.5)")
+REFERENCE_RANGE: Limits = (-60.0, 250.0, "between -60 and 250 degC")
+
+
+def load_motor(path: str | Path) -> Motor:
+    """Read a motor file.
+
+    Args:
+        path: A TOML file with `[motor]` and optionally `[winding]`, `[vehicle]`, `[columns]` and
+            `[parameters.NAME]`.
+
+    Raises:
+        InputError: If the file cannot be read, has a section or key that is not known (with the
+            closest one), a value of another type or out of range, or two that contradict.
+    """
+    where = str(path)
+    data = _bytes(path)
+    content = _parse(data, where)
+    _check_keys(content, (*KEYS, "columns", "parameters"), where, "section")
+    sections = {name: _section(content, name, where) for name in KEYS}
+    for name, keys in KEYS.items():
+        _check_keys(sections[name], keys, f"{where}, [{name}]", "key")
+    motor, winding, vehicle = sections["motor"], sections["winding"], sections["vehicle"]
+    if "name" not in motor:
+        raise InputError(
+            "Expected the name of the motor, found none.",
+            where=f"{where}, [motor]",
+            remedy='Add: name = "…".',
+        )
+    at, at_winding, at_vehicle = (f"{where}, [{name}]" for name in KEYS)
+    return Motor(
+        name=_text(motor, "name", at),
+        phases=_phases(motor, at),
+        losses=cast(
+            Literal["balance", "map"], _choice(motor, "losses", ("balance", "map"), at) or "balance"
+        ),
+        sink=cast(
+            Literal["ambient", "coolant"],
+            _choice(motor, "sink", ("ambient", "coolant"), at) or "ambient",
+        ),
+        insulation_class=_choice(motor, "insulation_class", INSULATION_CLASSES, at),
+        rated_speed_rpm=_number(motor, "rated_speed_rpm", POSITIVE, at),
+        resistance_coefficient_degC=_coefficient(winding, at_winding),
+        phase_resistance_ohm=_number(winding, "phase_resistance_ohm", POSITIVE, at_winding),
+        reference_temperature_degC=_or_default(
+            _number(winding, "reference_temperature_degC", REFERENCE_RANGE, at_winding),
+            Motor.reference_temperature_degC,
+        ),
+        gear_ratio=_number(vehicle, "gear_ratio", POSITIVE, at_vehicle),
+        wheel_radius_m=_number(vehicle, "wheel_radius_m", POSITIVE, at_vehicle),
+        columns=_columns(_section(content, "columns", where), where),
+        parameters=_parameters(_section(content, "parameters", where), where),
+        sha256=hashlib.sha256(data).hexdigest(),
+        path=where,
+    )
+
+
+def _bytes(path: str | Path) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(
+            f"The motor file cannot be opened ({reason}).",
+            where=str(path),
+            remedy="Check the path.",
+        ) from error
+
+
+def _parse(data: bytes, where: str) -> Mapping[str, Any]:
+    try:
+        return tomllib.loads(data.decode("utf-8-sig"))  # editors on Windows add a mark in front
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"Expected UTF-8 text, got another byte at position {error.start}.",
+            where=where,
+            remedy="Save the motor file as UTF-8.",
+        ) from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(
+            f"The motor file is no valid TOML: {error}.",
+            where=where,
+            remedy='Write lines such as name = "…" below a [section].',
+        ) from error
+
+
+def _section(content: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any]:
+    section = content.get(name, {})
+    if not isinstance(section, dict):
+        raise InputError(
+            f"Expected a section, got {_shown(section)}.",
+            where=f"{where}, {name}",
+            remedy=f"Write [{name}] on a line of its own.",
+        )
+    return section
+
+
+def _check_keys(content: Mapping[str, Any], known: tuple[str, ...], where: str, kind: str) -> None:
+    for key in content:
+        if key not in known:
+            raise InputError(
+                f"The {kind} '{key}' is not known. {did_you_mean(key, known)}".strip(),
+                where=where,
+                remedy=f"Known are: {', '.join(known)}.",
+            )
+
+
+def _shown(value: Any) -> str:
+    kinds = {str: "the text", bool: "the truth value", int: "the number", float: "the number"}
+    return f"{kinds.get(type(value), type(value).__name__)} {value!r}"
+
+
+def _text(section: Mapping[str, Any], key: str, where: str) -> str:
+    value = section[key]
+    if not isinstance(value, str) or not value.strip():
+        raise InputError(f"Expected a text for {key}, got {_shown(value)}.", where=where)
+    return value.strip()
+
+
+def _choice(
+    section: Mapping[str, Any], key: str, choices: tuple[str, ...], where: str
+) -> str | None:
+    if key not in section:
+        return None
+    value = section[key]
+    if value not in choices:
+        near = did_you_mean(value, choices) if isinstance(value, str) else ""
+        raise InputError(
+            f"Expected one of {', '.join(choices)} for {key}, got {_shown(value)}. {near}".strip(),
+            where=where,
+            remedy=f'Write {key} = "{choices[0]}", for example.',
+        )
+    return value
+
+
+def _number(section: Mapping[str, Any], key: str, limits: Limits, where: str) -> float | None:
+    if key not in section:
+        return None
+    value = section[key]
+    low, high, spoken = limits
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(
+            f"Expected a number for {key}, got {_shown(value)}.",
+            where=where,
+            remedy=f"Write {key} = 1.0, without quotes and unit.",
+        )
+    # Not `value <= low`: NaN must be refused too.
+    if not (low < value < high):
+        raise InputError(f"Expected {key} {spoken}, got {value:g}.", where=where)
+    return float(value)
+
+
+def _or_default(value: float | None, default: float) -> float:
+    return default if value is None else value
+
+
+def _phases(motor: Mapping[str, Any], where: str) -> int:
+    value = motor.get("phases", Motor.phases)
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise InputError(
+            f"Expected a whole number of phases above 0, got {_shown(value)}.",
+            where=where,
+            remedy="Write phases = 3.",
+        )
+    return value
+
+
+def _coefficient(winding: Mapping[str, Any], where: str) -> float:
+    material = _choice(winding, "material", tuple(COEFFICIENTS_degC), where)
+    coefficient = _number(winding, "resistance_coefficient_degC", COEFFICIENT_RANGE, where)
+    if material is not None and coefficient is not None:
+        raise InputError(
+            f"Both material = '{material}' ({COEFFICIENTS_degC[material]:g} degC) and "
+            f"resistance_coefficient_degC = {coefficient:g} are given.",
+            where=where,
+            remedy="Keep one of them.",
+        )
+    if coefficient is not None:
+        return coefficient
+    return COEFFICIENTS_degC[material or "copper"]
+
+
+def _columns(section: Mapping[str, Any], where: str) -> dict[str, str]:
+    at = f"{where}, [columns]"
+    columns = {key: _text(section, key, at) for key in section}
+    parse_claims(columns, where)
+    return columns
+
+
+def _parameters(section: Mapping[str, Any], where: str) -> dict[str, ParameterOverride]:
+    overrides = {}
+    for name in section:
+        at = f"{where}, [parameters.{name}]"
+        keys = section[name]
+        if not isinstance(keys, dict) or not keys:
+            raise InputError(
+                f"Expected a section with one of {', '.join(OVERRIDE_KEYS)}, got {_shown(keys)}.",
+                where=at,
+                remedy=f"Write [parameters.{name}] and below it fixed = 0.1, for example.",
+            )
+        _check_keys(keys, OVERRIDE_KEYS, at, "key")
+        overrides[name] = _override(keys, at)
+    return overrides
+
+
+def _override(keys: Mapping[str, Any], where: str) -> ParameterOverride:
+    beside_fixed = [key for key in OVERRIDE_KEYS[1:] if key in keys]
+    if "fixed" in keys and beside_fixed:
+        raise InputError(
+            f"A fixed parameter has no {' and no '.join(beside_fixed)}.",
+            where=where,
+            remedy="Remove either fixed or the others.",
+        )
+    if "sd" in keys and "relative_sd" in keys:
+        raise InputError(
+            "Both sd and relative_sd are given.", where=where, remedy="Keep one of them."
+        )
+    per_test = keys.get("per_test")
+    if per_test is not None and not isinstance(per_test, bool):
+        raise InputError(
+            f"Expected true or false for per_test, got {_shown(per_test)}.", where=where
+        )
+    finite: Limits = (-math.inf, math.inf, "to be finite")
+    return ParameterOverride(
+        fixed=_number(keys, "fixed", finite, where),
+        value=_number(keys, "value", finite, where),
+        relative_sd=_number(keys, "relative_sd", POSITIVE, where),
+        sd=_number(keys, "sd", POSITIVE, where),
+        per_test=per_test,
+    )
