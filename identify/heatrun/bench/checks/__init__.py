@@ -1,0 +1,80 @@
+"""Quality checks of bench records: one file for each family, one tuple that names them all.
+
+A check takes a record and the motor and returns findings; it changes nothing and raises nothing,
+whatever the record holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Finding, Record
+from .course import ambient_moving, no_heating, start_not_in_equilibrium
+from .excitation import single_step, too_short
+from .losses import current_amplitude, losses_below_copper, losses_negative
+from .presence import missing_channel, nan_block, too_few_samples
+from .resolution import resolution, truncation
+from .sensor import sensor_detached, temperature_jump
+from .stillness import saturation, sensor_stuck
+from .time_axis import sampling, time_backwards, time_duplicate, time_gap, time_jitter
+from .units import ambient_implausible, units_temperature
+
+Check = Callable[[Record, Motor], tuple[Finding, ...]]
+
+CHECKS: tuple[Check, ...] = (
+    missing_channel,
+    too_few_samples,
+    time_backwards,
+    time_duplicate,
+    time_gap,
+    time_jitter,
+    sampling,
+    nan_block,
+    units_temperature,
+    ambient_implausible,
+    sensor_stuck,
+    sensor_detached,
+    temperature_jump,
+    saturation,
+    resolution,
+    truncation,
+    losses_negative,
+    losses_below_copper,
+    current_amplitude,
+    no_heating,
+    start_not_in_equilibrium,
+    ambient_moving,
+    single_step,
+    too_short,
+)
+"""Every check, named as the id of its findings, in the order in which they are reported."""
+
+
+def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Return what is to be said about a record before anything is fitted to it.
+
+    Args:
+        record: Any record; it may lack channels, be empty, or be full of NaN.
+        motor: The machine under test; says which channels are needed and what the losses are.
+
+    Returns:
+        The readers' own findings, then those of each check in the order of `CHECKS`, each carrying
+        the name of the record. One of severity `"error"` forbids a fit.
+    """
+    shapes = {np.shape(column) for column in record.channels.values()}
+    # Without a clock, or with columns of different length, no other check has anything to stand on.
+    checks = CHECKS if "time_s" in record and len(shapes) == 1 else (missing_channel,)
+    # Overflow of absurd values yields inf or NaN, and comparisons with those say no.
+    with np.errstate(all="ignore"):
+        own = [finding for check in checks for finding in check(record, motor)]
+    return tuple(
+        finding if finding.test else replace(finding, test=record.name)
+        for finding in (*record.findings, *own)
+    )
+
+
+__all__ = ["CHECKS", "Check", "check_record"]

@@ -1,0 +1,155 @@
+"""Does the test start cold, does it heat, and does the sink keep still?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Finding, Record
+from .rounding import rounding_step
+from .samples import block_means, is_loaded, place, samples, sink_channel
+
+START_S = 2.0
+"""A winding under full load moves about 2 K in its first second at most, and less than 0.5 K as a
+rule; the first 2 s therefore still show the start where a record begins with the load already
+on."""
+
+HEATED_STEPS = 5.0
+HEATED_K = 2.0
+"""Sensors agree to 0.5..1 K; a rise that does not exceed twice that, or five rounding steps,
+carries no information on four parameters."""
+
+EQUILIBRIUM_K = 2.0
+"""Two sensors of a bench agree to about 1 K each; a larger difference is heat left in the
+machine."""
+
+LEAD_DRIFT_K = 1.0
+"""Change of the winding before heat flows that says the machine is still cooling."""
+
+DRIFT_K = 2.0
+DRIFT_K_PER_H = 1.0
+MIN_DRIFT_K = 0.5
+"""A sink that moves by 2 K, or by 1 K/h, moves the end temperature by as much, some per cent of a
+heat run's rise. A rate is only counted from 0.5 K on: below, a short test has no rate to speak
+of."""
+
+
+def lead_in(time_s: np.ndarray, losses_W: np.ndarray) -> int:
+    """Return how many samples at the start show the temperatures before heat has changed them.
+
+    Args:
+        time_s: Increasing times [s], shape (usable,).
+        losses_W: Losses [W], shape (usable,).
+
+    Returns:
+        The samples before heat flows; where it flows from the first sample on, those of the first
+        two seconds.
+    """
+    if time_s.size == 0:
+        return 0
+    idle = int(np.argmax(is_loaded(losses_W))) if is_loaded(losses_W).any() else time_s.size
+    return max(idle, int(np.searchsorted(time_s, time_s[0] + START_S)))
+
+
+def no_heating(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report a winding that never warms: an error, or a warning where the test is a cooling
+    curve.
+    """
+    time_s, winding = samples(record, "winding_degC")
+    if time_s.size < 3:
+        return ()
+    means_s, means = block_means(time_s, max(10.0, float(np.ptp(time_s)) / 200.0), winding)
+    limit = max(HEATED_STEPS * (rounding_step(winding) or 0.0), HEATED_K)
+    lowest = np.minimum.accumulate(means)
+    rise = float(np.max(means - lowest))
+    fall = float(np.max(np.maximum.accumulate(means) - means))
+    if rise > limit:
+        return ()
+    is_cooling = fall > limit
+    return (
+        Finding(
+            "no_heating",
+            "warning" if is_cooling else "error",
+            f"Expected the winding to warm by more than {limit:.1f} K; it rises by {rise:.1f} K"
+            + (
+                f" and falls by {fall:.1f} K: a cooling curve gives time constants, not capacities."
+                if is_cooling
+                else "."
+            ),
+            place(record, "winding_degC", float(means_s[0]), float(means_s[-1])),
+            "Fit it together with a loaded test."
+            if is_cooling
+            else "Check which column is mapped and whether the load was on.",
+            values={"rise_K": rise, "fall_K": fall, "limit_K": limit},
+        ),
+    )
+
+
+def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Warn if the machine is not at the temperature of its sink when the test begins.
+
+    Then the stator's start temperature, which no channel of the five shows, is unknown too.
+    """
+    sink_name = sink_channel(motor)
+    time_s, winding, sink, losses = samples(record, "winding_degC", sink_name, "losses_W")
+    lead = lead_in(time_s, losses)
+    if lead == 0:
+        return ()
+    step = rounding_step(winding) or 0.0
+    excess = float(np.median(winding[:lead] - sink[:lead]))
+    part = max(1, lead // 5)
+    drift = float(np.mean(winding[lead - part : lead]) - np.mean(winding[:part]))
+    is_hot = abs(excess) > EQUILIBRIUM_K + 0.5 * step
+    is_drifting = abs(drift) > LEAD_DRIFT_K + step
+    if not (is_hot or is_drifting):
+        return ()
+    return (
+        Finding(
+            "start_not_in_equilibrium",
+            "warning",
+            f"Expected the winding within {EQUILIBRIUM_K:.0f} K of {sink_name} at the start; it is "
+            f"{excess:+.1f} K away and moves by {drift:+.1f} K before heat flows.",
+            place(record, "winding_degC", float(time_s[0]), float(time_s[lead - 1])),
+            "The stator's start temperature will be estimated with a wide prior; give "
+            "`stator_degC` if it was measured.",
+            values={
+                "excess_K": excess,
+                "drift_K": drift,
+                "lead_s": float(time_s[lead - 1] - time_s[0]),
+            },
+        ),
+    )
+
+
+def ambient_moving(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report a sink temperature that moves: a warning in the air, a note for a coolant.
+
+    The measured course enters the fit; what remains is that one sensor seldom shows the mean of
+    what the machine feels, and that its own slow response matters once the sink moves. A coolant
+    moves by nature and is measured where it acts.
+    """
+    channel = sink_channel(motor)
+    time_s, sink = samples(record, channel)
+    duration_s = float(time_s[-1] - time_s[0]) if time_s.size > 2 else 0.0
+    if duration_s <= 0.0:
+        return ()
+    means_s, means = block_means(time_s, max(60.0, duration_s / 100.0), sink)
+    travel = float(np.ptp(means))
+    slope = (
+        float(np.polyfit((means_s - means_s[0]) / 3600.0, means, 1)[0]) if means.size > 2 else 0.0
+    )
+    drift = slope * duration_s / 3600.0
+    step = rounding_step(sink) or 0.0
+    drifts = abs(slope) > DRIFT_K_PER_H and abs(drift) > MIN_DRIFT_K + step
+    if not (travel > DRIFT_K + step or drifts):
+        return ()
+    return (
+        Finding(
+            "ambient_moving",
+            "note" if motor.sink == "coolant" else "warning",
+            f"Expected a steady sink; it travels {travel:.1f} K and drifts by {slope:+.2f} K/h.",
+            place(record, channel, float(time_s[0]), float(time_s[-1])),
+            "" if motor.sink == "coolant" else "Shield the sensor from the machine's own warm air.",
+            values={"travel_K": travel, "slope_K_per_h": slope, "drift_K": drift},
+        ),
+    )

@@ -1,0 +1,126 @@
+"""Does the test excite what a fit is to find: more than one level, and long enough?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Finding, Record
+from .course import lead_in
+from .crude_fit import crude_fit
+from .samples import block_means, is_loaded, place, samples
+
+BLOCK_S = 30.0
+"""Levels are means over 30 s, a third of a winding's time constant: faster changes average out."""
+
+SAME_LEVEL = 0.1
+"""Levels within this share of the largest are one [1]: 10 % in current is 20 % in copper loss, the
+least that leaves a second transient above the noise."""
+
+LOSS_STEP = 0.2
+"""A change of the losses from block to block by this share [1] is a step of the operating point,
+not copper growing with temperature (0.4 %/K, some ten kelvin in 30 s at most)."""
+
+FEW_CONSTANTS = 0.75
+"""Below this many slow time constants the warning comes. At one, the reference motor's Ceq_sr and
+Req_sr come out to 9 and 10 %; the crude constant itself is good to a quarter."""
+
+UNKNOWN_LOG_SD = 0.4
+"""A slow constant known to a factor of 1.5 only has not been seen."""
+
+ENOUGH_CONSTANTS = 2.0
+"""From two on, both are good to 4 % and nothing is said."""
+
+TWO_HOURS_S = 7200.0
+KNOWN_CONSTANTS = (1.0, 2.0, 3.0)
+KNOWN_SD_CEQ_SR = (0.09, 0.036, 0.025)
+KNOWN_SD_REQ_SR = (0.10, 0.012, 0.008)
+"""Relative sd [1] against the length of the test in slow time constants, reference motor at 1
+degC."""
+
+
+def single_step(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Warn if current and speed hold one level from the moment the load comes to the end.
+
+    Idle time before the load is no second level, since nothing is warm; idle time after it is one.
+    Without a speed channel a step of the losses at the same current counts as a change of speed.
+    """
+    time_s, current, losses = samples(record, "phase_current_A", "losses_W")
+    loaded = is_loaded(losses)
+    if not loaded.any():
+        return ()
+    start = int(np.argmax(loaded))
+    from_s, to_s = float(time_s[start]), float(time_s[-1])
+    _, levels, powers = block_means(time_s[start:], BLOCK_S, current[start:], losses[start:])
+    # The first and last block may be cut by an edge of the load.
+    levels, powers = levels[1:-1], powers[1:-1]
+    speed_s, speed = samples(record, "speed_rpm")
+    later = speed_s >= from_s
+    speeds = block_means(speed_s[later], BLOCK_S, speed[later])[1][1:-1]
+    if levels.size < 2 or np.ptp(levels) > SAME_LEVEL * np.max(np.abs(levels)):
+        return ()
+    if speeds.size and np.ptp(speeds) > SAME_LEVEL * np.max(np.abs(speeds)):
+        return ()
+    if not speeds.size and np.any(np.abs(np.diff(powers)) > LOSS_STEP * np.max(np.abs(powers))):
+        return ()
+    return (
+        Finding(
+            "single_step",
+            "warning",
+            f"Expected several levels of load; the current holds {np.mean(levels):.4g} A "
+            "throughout. A single step cannot name effects and hardly fixes how heat splits "
+            "between winding and stator.",
+            place(record, "phase_current_A", from_s, to_s),
+            "Add a cool-down, or steps in which current and speed move apart.",
+            values={"current_A": float(np.mean(levels)), "from_s": from_s, "to_s": to_s},
+        ),
+    )
+
+
+def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Compare the length of the test with the slow time constant that the record itself shows.
+
+    A warning below three quarters of a time constant, or where the constant stays unknown to a
+    factor of one and a half; a note below two. A record that settles shows a constant that is short
+    against it, so nothing is said.
+    """
+    fit = crude_fit(record, motor)
+    if fit is None:
+        return ()
+    time_s, losses = samples(record, "losses_W")
+    from_s, to_s = float(time_s[max(lead_in(time_s, losses) - 1, 0)]), float(time_s[-1])
+    constants = (to_s - from_s) / fit.tau_s
+    is_short = constants < FEW_CONSTANTS or fit.log_sd > UNKNOWN_LOG_SD
+    if constants >= ENOUGH_CONSTANTS and not is_short:
+        return ()
+    now, later = expected_sd(constants), expected_sd(TWO_HOURS_S / fit.tau_s)
+    at_least = "more than " if constants < KNOWN_CONSTANTS[0] else "about "
+    return (
+        Finding(
+            "too_short",
+            "warning" if is_short else "note",
+            f"Expected two slow time constants or more; {(to_s - from_s) / 60.0:.0f} min of test "
+            f"are {constants:.2g} of about {fit.tau_s:.0f} s: Ceq_sr and Req_sr to {at_least}"
+            f"{now[0]:.0%} and {now[1]:.0%}; 2 h would bring about {later[0]:.1%} and "
+            f"{later[1]:.1%}.",
+            place(record, "winding_degC", from_s, to_s),
+            "Run longer, or until the temperature settles, and let it cool down in the record.",
+            values={
+                "duration_s": to_s - from_s,
+                "time_constants": constants,
+                "tau_s": fit.tau_s,
+                "tau_log_sd": fit.log_sd,
+            },
+        ),
+    )
+
+
+def expected_sd(constants: float) -> tuple[float, float]:
+    """Return relative sd of Ceq_sr and Req_sr [1] for a test of so many slow time constants.
+
+    Interpolated between the known lengths; held at the ends, where it is a bound and no more.
+    """
+    return (
+        float(np.interp(constants, KNOWN_CONSTANTS, KNOWN_SD_CEQ_SR)),
+        float(np.interp(constants, KNOWN_CONSTANTS, KNOWN_SD_REQ_SR)),
+    )

@@ -1,0 +1,169 @@
+"""Can the losses be what the record says, given its current and the phase resistance?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Finding, Record
+from .samples import block_means, is_loaded, place, runs, samples
+
+BLOCK_S = 10.0
+"""A balance is the small difference of two large powers: its noise is judged as means over 10 s."""
+
+COPPER_TOLERANCE = 0.03
+"""Power and current instruments of a bench, and Rs0, are together good to about 3 % [1]."""
+
+SUSTAINED_S = 30.0
+"""What lasts 30 s is no transient: the rotor's kinetic energy passes in seconds."""
+
+MOST = 0.5
+"""Share of the loaded time [1] from which a fault is the state of the record, not an event in
+it."""
+
+NEGATIVE_SHARE = 0.03
+"""Losses below minus this share of their peak are no offset of the instruments [1]."""
+
+NOISE_SIGMAS = 6.0
+"""Gaussian noise exceeds six standard deviations once in 5e8 samples."""
+
+AMPLITUDE_SQUARED = 2.0
+"""The square of amplitude over rms of a sine [1]."""
+
+STANDSTILL_RPM = 1.0
+"""At standstill all losses are copper losses, so that a share of one is right."""
+
+
+def _copper_and_total(record: Record, motor: Motor) -> tuple[np.ndarray, ...]:
+    """Block times, copper loss from the declared current and measured total; empty if not known."""
+    nothing = (np.empty(0),) * 3
+    if motor.losses != "balance" or motor.phase_resistance_ohm is None:
+        return nothing
+    time_s, current, losses, winding = samples(
+        record, "phase_current_A", "losses_W", "winding_degC"
+    )
+    if time_s.size == 0:
+        return nothing
+    B = motor.resistance_coefficient_degC
+    R = motor.phase_resistance_ohm * (B + winding) / (B + motor.reference_temperature_degC)
+    return block_means(time_s, BLOCK_S, motor.phases * R * current**2, losses)
+
+
+def _copper_shares(record: Record, motor: Motor) -> tuple[np.ndarray, np.ndarray]:
+    """Times and share of the copper loss in the total, block by block while current flows."""
+    time_s, copper, total = _copper_and_total(record, motor)
+    flows = is_loaded(copper)
+    # A total of zero or less under current is an infinite share.
+    share = copper[flows] / np.maximum(total[flows], 1e-9 * np.max(copper, initial=1.0))
+    return time_s[flows], share
+
+
+def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report a measured total that is less than the copper loss alone.
+
+    Needs `phase_resistance_ohm` and losses that are a balance. An error if it holds for most of the
+    time under current, a warning if for 30 s or more.
+    """
+    time_s, share = _copper_shares(record, motor)
+    below = share > 1.0 + COPPER_TOLERANCE
+    first, past = runs(below)
+    if first.size == 0:
+        return ()
+    is_most = float(np.mean(below)) > MOST
+    longest = int(np.argmax(past - first))
+    from_s, to_s = float(time_s[first[longest]]), float(time_s[past[longest] - 1])
+    if not is_most and to_s - from_s + BLOCK_S < SUSTAINED_S:
+        return ()
+    typical = float(np.median(share[below]))
+    return (
+        Finding(
+            "losses_below_copper",
+            "error" if is_most else "warning",
+            f"Expected losses above the copper loss; they are {1.0 / typical:.0%} of it in "
+            f"{np.mean(below):.0%} of the time under current.",
+            place(record, "losses_W", from_s, to_s),
+            "Is phase_current_A an amplitude (factor 2), or phase_resistance_ohm measured between "
+            "terminals (factor 2 in star, 2/3 in delta)? Are the losses complete?",
+            values={
+                "share_of_time": float(np.mean(below)),
+                "copper_share": typical,
+                "from_s": from_s,
+                "to_s": to_s,
+            },
+        ),
+    )
+
+
+def current_amplitude(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report a current that looks like an amplitude where rms is expected.
+
+    With an amplitude the copper loss comes out twice too large. That shows where it exceeds the
+    measured total, or leaves next to nothing of it in a turning machine, while half of it fits.
+    """
+    time_s, share = _copper_shares(record, motor)
+    if share.size < 3:
+        return ()
+    typical = float(np.median(share))
+    halved_fits = float(np.mean(share / AMPLITUDE_SQUARED < 1.0 + COPPER_TOLERANCE)) > 0.9
+    speed_s, speed = samples(record, "speed_rpm")
+    turns = speed_s.size > 0 and float(np.median(np.abs(speed))) > STANDSTILL_RPM
+    is_impossible = typical > 1.0 + COPPER_TOLERANCE
+    is_doubtful = typical > 1.0 - COPPER_TOLERANCE and (turns or speed_s.size == 0)
+    if not halved_fits or not (is_impossible or is_doubtful):
+        return ()
+    return (
+        Finding(
+            "current_amplitude",
+            "warning" if is_impossible or turns else "note",
+            f"Expected rms values; as such the copper loss is {typical:.0%} of the losses, as "
+            f"amplitudes {typical / AMPLITUDE_SQUARED:.0%}.",
+            place(record, "phase_current_A", float(time_s[0]), float(time_s[-1])),
+            "If the column holds amplitudes, divide by sqrt(2) before it is read.",
+            values={"copper_share": typical, "copper_share_halved": typical / AMPLITUDE_SQUARED},
+        ),
+    )
+
+
+def losses_negative(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report losses below zero: an error if sustained for 30 s, a warning if isolated.
+
+    Noise about zero at rest is no finding: samples count below minus six standard deviations, means
+    over 10 s below minus 3 % of the peak.
+    """
+    time_s, losses = samples(record, "losses_W")
+    if time_s.size < 3:
+        return ()
+    means_s, means = block_means(time_s, BLOCK_S, losses)
+    peak = float(np.quantile(np.abs(losses), 0.99))
+    floor = -NEGATIVE_SHARE * peak
+    # The noise of one sample from the changes between neighbours, which carry it twice.
+    noise = 1.4826 * float(np.median(np.abs(np.diff(losses)))) / np.sqrt(2.0)
+    is_negative = means < floor
+    first, past = runs(is_negative)
+    lasts_s = means_s[past - 1] - means_s[first] + BLOCK_S
+    isolated = losses < min(floor, -NOISE_SIGMAS * noise)
+    if first.size and lasts_s.max() >= SUSTAINED_S:
+        longest = int(np.argmax(lasts_s))
+        severity, from_s, to_s = "error", means_s[first[longest]], means_s[past[longest] - 1]
+    elif isolated.any() or first.size:
+        at = time_s[isolated] if isolated.any() else means_s[is_negative]
+        severity, from_s, to_s = "warning", at[0], at[-1]
+    else:
+        return ()
+    lowest = float(losses.min())
+    return (
+        Finding(
+            "losses_negative",
+            severity,
+            f"Expected losses of at least 0 W; {int(np.sum(losses < floor))} samples are "
+            f"negative, down to {lowest:.0f} W.",
+            place(record, "losses_W", float(from_s), float(to_s)),
+            "Exchanged signs of electrical and mechanical power, braking, or a torque offset?",
+            values={
+                "lowest_W": lowest,
+                "num_samples": float(np.sum(losses < floor)),
+                "from_s": float(from_s),
+                "to_s": float(to_s),
+            },
+        ),
+    )

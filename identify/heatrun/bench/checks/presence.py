@@ -1,0 +1,113 @@
+"""Is everything there that a fit needs: channels, samples, values?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Finding, Record
+from .samples import is_measured, median_step, needed_channels, place, runs, samples
+
+MIN_SAMPLES = 20
+"""Four parameters, the start temperature and three of the noise are eight unknowns; fewer than two
+to three samples for each leave nothing to judge the fit by."""
+
+ISOLATED_SAMPLES = 3
+ISOLATED_S = 1.0
+"""Fewer missing samples in a row than `ISOLATED_SAMPLES`, or less than `ISOLATED_S`, lose nothing
+that a motor winding does: its shortest time constant is tens of seconds."""
+
+MAX_MISSING_SHARE = 0.1
+"""Share of missing samples above which even isolated ones are an error [1]: the logger failed."""
+
+
+def missing_channel(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report each channel that a fit needs and the record does not have, or has at another
+    length.
+    """
+    found = []
+    for channel in needed_channels(motor):
+        if channel not in record:
+            have = ", ".join(record.channels) or "none"
+            message = f"Channel `{channel}` is needed; the record has {have}."
+        elif np.shape(record[channel]) != np.shape(record.channels.get("time_s", record[channel])):
+            size = np.shape(record[channel])
+            message = f"`{channel}` has shape {size}, expected that of `time_s`."
+        else:
+            continue
+        remedy = f'Name its column in the motor file: [columns] {channel} = "column [unit]".'
+        where = ", ".join(part for part in (record.name, channel) if part)
+        found.append(Finding("missing_channel", "error", message, where, remedy))
+    return tuple(found)
+
+
+def too_few_samples(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report a record with fewer usable samples than unknowns can be drawn from."""
+    usable = samples(record, *needed_channels(motor)[1:])[0].size
+    if usable >= MIN_SAMPLES:
+        return ()
+    total = len(record.time_s)
+    return (
+        Finding(
+            "too_few_samples",
+            "error",
+            f"Expected at least {MIN_SAMPLES} samples with all needed channels, got {usable} "
+            f"(of {total} rows).",
+            record.name,
+            "Check that the file is complete and that its columns are mapped right.",
+            values={"num_usable": float(usable), "num_rows": float(total)},
+        ),
+    )
+
+
+def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report missing values: isolated ones as warnings, blocks in a needed channel as errors.
+
+    Infinities and numbers of 1e12 and more count as missing. In channels that no fit needs any
+    missing value is a note.
+    """
+    needed = needed_channels(motor)
+    step_s = median_step(samples(record)[0])
+    found = []
+    for channel, column in record.channels.items():
+        first, past = runs(~is_measured(np.asarray(column, dtype=float)))
+        if first.size == 0:
+            continue
+        lengths = past - first
+        worst = int(np.argmax(lengths))
+        longest = int(lengths[worst])
+        duration_s = longest * step_s
+        share = float(lengths.sum() / len(column))
+        is_isolated = longest < ISOLATED_SAMPLES or duration_s < ISOLATED_S
+        if channel not in needed:
+            severity = "note"
+        elif is_isolated and share <= MAX_MISSING_SHARE:
+            severity = "warning"
+        else:
+            severity = "error"
+        begin, end = int(first[worst]), int(past[worst]) - 1
+        from_s, to_s = float(record.time_s[begin]), float(record.time_s[end])
+        if channel == "time_s" or not np.isfinite([from_s, to_s]).all():
+            where = f"{record.name}, {channel}, samples {begin} to {end}".removeprefix(", ")
+        else:
+            where = place(record, channel, from_s, to_s)
+        found.append(
+            Finding(
+                "nan_block",
+                severity,
+                f"Expected a number in every sample; {int(lengths.sum())} are missing "
+                f"({share:.1%}) in {lengths.size} stretches, the longest of {longest} samples "
+                f"({duration_s:.3g} s).",
+                where,
+                "Isolated samples are left out of the block averages."
+                if severity == "warning"
+                else "Export the channel again, or cut the test to the part that has it.",
+                values={
+                    "num_missing": float(lengths.sum()),
+                    "share": share,
+                    "longest_s": duration_s,
+                    "first_sample": float(begin),
+                },
+            )
+        )
+    return tuple(found)

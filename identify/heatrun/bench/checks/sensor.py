@@ -1,0 +1,195 @@
+"""Does the temperature sensor hang on, or has it come off or broken?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Finding, Record
+from .rounding import rounding_step
+from .samples import place, runs, samples, sink_channel
+
+MAX_RATE_K_PER_S = 5.0
+"""A winding heats adiabatically at rho J^2/(c d): with copper at 100 degC (2.3e-8 ohm m, 385 J/kg
+K, 8960 kg/m^3) 5 K/s needs 27 A/mm^2, which no bench holds for more than seconds."""
+
+NOISE_SIGMAS = 6.0
+"""Gaussian noise exceeds six standard deviations once in 5e8 samples."""
+
+SPIKE_SAMPLES = 4
+"""A jump that is undone within so many samples is a spike, not a shift."""
+
+OPEN_CIRCUIT_CODES = (
+    # Ends of the ranges of thermocouple types K, J, T, B and of Pt100 cards, their fault codes, and
+    # the ends of 8..16 bit counters also when scaled by 10 or 100.
+    *(-40.0, -50.0, -99.0, -100.0, -200.0, -210.0, -250.0, -270.0, -327.68, -999.0, -9999.0),
+    *(255.0, 327.67, 655.35, 850.0, 999.0, 1200.0, 1370.0, 1372.0, 1820.0, 3276.7, 6553.5, 9999.0),
+    *(32767.0, -32768.0, 65535.0),
+)
+CODE_TOLERANCE_K = 0.5
+"""Codes come back exact or rounded to a degree."""
+
+CODE_LEAP_K = 20.0
+"""A value that equals a code is one only where the reading leaps to it or away from it: a winding
+may pass 255 degC, and a climate chamber may stand at -40."""
+
+PLAUSIBLE_DEGC = (-60.0, 350.0)
+"""Colder than any test chamber; hotter than any enamel endures (class C ends near 240 degC)."""
+
+FALL_WINDOW_S = 10.0
+FALL_SHARE = 0.5
+MIN_EXCESS_K = 20.0
+"""A winding that loses half of its excess over the sink in 10 s would have a time constant under
+15 s; the shortest of a motor is tens of seconds, and the stator below it is warm. Below 20 K of
+excess ordinary cooling and rounding come near."""
+
+
+def _noise(values: np.ndarray) -> float:
+    """Robust standard deviation of the change from sample to sample."""
+    changes = np.diff(values)
+    return 1.4826 * float(np.median(np.abs(changes - np.median(changes))))
+
+
+def _looks_like_kelvin(temperature: np.ndarray) -> bool:
+    """Then all values are off by 273 and `units_temperature` has the say."""
+    return bool(np.min(temperature) > 230.0 and np.median(temperature) < 500.0)
+
+
+def temperature_jump(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report temperatures that move faster than heat allows.
+
+    The limit is 5 K/s times the step, plus two rounding steps and six standard deviations of the
+    noise. A spike is a warning; a shift of the winding temperature that stays is an error, since a
+    fit would explain it by heat.
+    """
+    found = []
+    for channel in ("winding_degC", "stator_degC", "ambient_degC", "coolant_degC"):
+        time_s, temperature = samples(record, channel)
+        if time_s.size < 3:
+            continue
+        steps = np.diff(time_s)
+        slack = 2.0 * (rounding_step(temperature) or 0.0) + NOISE_SIGMAS * _noise(temperature)
+        limits = MAX_RATE_K_PER_S * steps + slack
+        jumps = np.flatnonzero(np.abs(np.diff(temperature)) > limits)
+        if jumps.size == 0:
+            continue
+        after = np.minimum(jumps + SPIKE_SAMPLES, time_s.size - 1)
+        before = np.maximum(jumps - SPIKE_SAMPLES, 0)
+        # A spike comes back after its first jump, and had been there before its second.
+        shift = np.minimum(
+            np.abs(temperature[after] - temperature[jumps]),
+            np.abs(temperature[jumps + 1] - temperature[before]),
+        )
+        lasting = shift > limits[jumps]
+        is_error = channel == "winding_degC" and bool(lasting.any())
+        worst = int(jumps[np.argmax(np.abs(np.diff(temperature))[jumps])])
+        change = float(temperature[worst + 1] - temperature[worst])
+        limit = float(limits[worst])
+        found.append(
+            Finding(
+                "temperature_jump",
+                "error" if is_error else "warning",
+                f"Expected changes within {limit:.2f} K in {steps[worst]:.3g} s; "
+                f"it moves by {change:+.1f} K ({jumps.size} such jumps, "
+                f"{int(lasting.sum())} of them lasting).",
+                place(record, channel, float(time_s[worst]), float(time_s[worst + 1])),
+                "Loose contact or interference? Cut the test there or repair the sensor.",
+                values={
+                    "num_jumps": float(jumps.size),
+                    "num_lasting": float(lasting.sum()),
+                    "largest_K": change,
+                    "limit_K": limit,
+                    "from_s": float(time_s[worst]),
+                },
+            )
+        )
+    return tuple(found)
+
+
+def _open_circuit(temperature: np.ndarray) -> np.ndarray:
+    """Where a temperature is a fault code that it leaps to, or one that no machine has."""
+    is_code = np.zeros(temperature.size, dtype=bool)
+    for code in OPEN_CIRCUIT_CODES:
+        is_code |= np.abs(temperature - code) < CODE_TOLERANCE_K
+    first, past = runs(is_code)
+    last = temperature.size - 1
+    entry = np.abs(temperature[first] - temperature[np.maximum(first - 1, 0)])
+    leaving = np.abs(temperature[past - 1] - temperature[np.minimum(past, last)])
+    is_open = (temperature < PLAUSIBLE_DEGC[0]) | (temperature > PLAUSIBLE_DEGC[1])
+    leaps = np.maximum(entry, leaving) > CODE_LEAP_K
+    for a, b in zip(first[leaps], past[leaps], strict=True):
+        is_open[a:b] = True
+    return is_open
+
+
+def _falls(time_s: np.ndarray, temperature: np.ndarray, sink: np.ndarray) -> np.ndarray:
+    """Where the excess over the sink has halved within the window, sample by sample."""
+    earlier = np.searchsorted(time_s, time_s - FALL_WINDOW_S)
+    excess_then = temperature[earlier] - sink
+    excess_now = temperature - sink
+    return (excess_then > MIN_EXCESS_K) & (excess_now < (1.0 - FALL_SHARE) * excess_then)
+
+
+def sensor_detached(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report open-circuit readings, and a winding temperature that drops to the sink like no
+    winding.
+
+    Fault codes such as 850, 1372, 32767 or -327.68 are told by value and by the leap to them. A
+    sensor that has come off is told by a fall of half its excess in 10 s.
+    """
+    time_s, winding = samples(record, "winding_degC")
+    if time_s.size < 3 or _looks_like_kelvin(winding):
+        return ()
+    found = []
+    is_open = _open_circuit(winding)
+    if is_open.any():
+        first, past = runs(is_open)
+        value = float(winding[first[0]])
+        found.append(
+            Finding(
+                "sensor_detached",
+                "error",
+                f"Expected a winding temperature; it reads {value:.1f} degC as a broken wire does "
+                f"({int(is_open.sum())} samples in {first.size} stretches).",
+                place(record, "winding_degC", float(time_s[first[0]]), float(time_s[past[0] - 1])),
+                "Cut the test there, or mark these samples as missing.",
+                values={
+                    "reading_degC": value,
+                    "num_samples": float(is_open.sum()),
+                    "from_s": float(time_s[first[0]]),
+                    "to_s": float(time_s[past[0] - 1]),
+                },
+            )
+        )
+    time_s, winding, sink = samples(record, "winding_degC", sink_channel(motor))
+    kept = ~_open_circuit(winding) if time_s.size else np.empty(0, dtype=bool)
+    time_s, winding, sink = time_s[kept], winding[kept], sink[kept]
+    if time_s.size > 2:
+        # A spike falls back as fast as it rose; only what stays down for the window is a fall.
+        first, past = runs(_falls(time_s, winding, sink))
+        stays = [
+            (a, b)
+            for a, b in zip(first, past, strict=True)
+            if time_s[b - 1] - time_s[a] > 0.25 * FALL_WINDOW_S
+        ]
+        if stays:
+            a = stays[0][0]
+            before = int(np.searchsorted(time_s, time_s[a] - FALL_WINDOW_S))
+            found.append(
+                Finding(
+                    "sensor_detached",
+                    "error",
+                    f"A winding cools over minutes; it falls from {winding[before]:.1f} to "
+                    f"{winding[a]:.1f} degC within {FALL_WINDOW_S:.0f} s, the sink being at "
+                    f"{sink[a]:.1f} degC.",
+                    place(record, "winding_degC", float(time_s[before]), float(time_s[a])),
+                    "Has the sensor come off? Cut the test there.",
+                    values={
+                        "from_degC": float(winding[before]),
+                        "to_degC": float(winding[a]),
+                        "from_s": float(time_s[before]),
+                        "to_s": float(time_s[a]),
+                    },
+                )
+            )
+    return tuple(found)

@@ -1,0 +1,150 @@
+"""Does a reading stand still: a stuck sensor, or a channel at the end of its range?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Finding, Record
+from .frozen import frozen_stretches
+from .samples import place, runs, samples
+
+FLAT_RUN = 5
+FLAT_SAMPLES = 20
+"""A flat top is made of runs of at least `FLAT_RUN` equal samples and of `FLAT_SAMPLES` in all: two
+or three equal readings at a crest are chance."""
+
+LIVE_SHARE = 0.9
+"""A channel is live, so that equal readings mean something, if at least this share of its other
+samples differ from the one before [1]; set-points and rounded readings are not."""
+
+
+def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report a winding temperature that stands still though heat flows."""
+    time_s, winding = samples(record, "winding_degC")
+    if time_s.size > 2 and np.ptp(winding) == 0.0:
+        return (
+            Finding(
+                "sensor_stuck",
+                "error",
+                f"Expected a temperature that moves; all {time_s.size} samples read "
+                f"{winding[0]:.2f} degC.",
+                place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
+                "Check the sensor and which column is mapped.",
+                values={"reading_degC": float(winding[0]), "from_s": float(time_s[0])},
+            ),
+        )
+    found = []
+    for stretch in frozen_stretches(record, motor):
+        lasts_s = stretch.to_s - stretch.from_s
+        expected = (
+            "its last digit flickers elsewhere"
+            if np.isnan(stretch.expected_K)
+            else f"the heat balance of the rest moves it by {stretch.expected_K:.1f} K"
+        )
+        found.append(
+            Finding(
+                "sensor_stuck",
+                "error",
+                f"It reads {stretch.reading_degC:.2f} degC for {lasts_s:.0f} s while {expected}.",
+                place(record, "winding_degC", stretch.from_s, stretch.to_s),
+                "Cut the test there, or mark these samples as missing.",
+                values={
+                    "reading_degC": stretch.reading_degC,
+                    "from_s": stretch.from_s,
+                    "to_s": stretch.to_s,
+                }
+                | ({} if np.isnan(stretch.expected_K) else {"expected_K": stretch.expected_K}),
+            )
+        )
+    return tuple(found)
+
+
+def _flat_extreme(values: np.ndarray, extreme: float) -> tuple[np.ndarray, np.ndarray]:
+    """Long runs of samples at an extreme; none if the channel is not live elsewhere."""
+    at_extreme = values == extreme
+    changes = np.diff(values)[~(at_extreme[1:] & at_extreme[:-1])]
+    nothing = np.empty(0, dtype=int)
+    if changes.size == 0 or np.mean(changes != 0.0) < LIVE_SHARE:
+        return nothing, nothing
+    first, past = runs(at_extreme)
+    long = past - first >= FLAT_RUN
+    first, past = first[long], past[long]
+    if (past - first).sum() < FLAT_SAMPLES:
+        return nothing, nothing
+    return first, past
+
+
+def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report flat tops: the extreme of a channel repeated as no live signal repeats it.
+
+    A winding temperature that is rounded, and so repeats values anyway, is at the end of its range
+    where it stands still at its maximum against its heat balance and leaves it without a jump.
+    """
+    found = []
+    for channel in ("winding_degC", "phase_current_A", "losses_W", "stator_degC"):
+        time_s, values = samples(record, channel)
+        if time_s.size <= FLAT_SAMPLES or np.ptp(values) == 0.0:
+            continue
+        for extreme, word in ((values.max(), "highest"), (values.min(), "lowest")):
+            # Zero current and zero losses at rest are no end of a range.
+            if word == "lowest" and (extreme == 0.0 or channel == "winding_degC"):
+                continue
+            first, past = _flat_extreme(values, extreme)
+            if first.size:
+                count = int((past - first).sum())
+                found.append(
+                    _flat(
+                        record,
+                        channel,
+                        word,
+                        extreme,
+                        count,
+                        float(time_s[first[0]]),
+                        float(time_s[past[-1] - 1]),
+                    )
+                )
+    time_s, winding = samples(record, "winding_degC")
+    for stretch in frozen_stretches(record, motor):
+        is_rounded = not np.isnan(stretch.expected_K)
+        at_top = stretch.reading_degC == winding.max()
+        is_left = stretch.to_s < time_s[-1] and not stretch.is_left_by_jump
+        if is_rounded and at_top and is_left:
+            count = int(np.sum((time_s >= stretch.from_s) & (time_s <= stretch.to_s)))
+            found.append(
+                _flat(
+                    record,
+                    "winding_degC",
+                    "highest",
+                    stretch.reading_degC,
+                    count,
+                    stretch.from_s,
+                    stretch.to_s,
+                )
+            )
+    return tuple(found)
+
+
+def _flat(
+    record: Record,
+    channel: str,
+    word: str,
+    extreme: float,
+    count: int,
+    from_s: float,
+    to_s: float,
+) -> Finding:
+    unit = channel.rsplit("_", 1)[1]
+    return Finding(
+        "saturation",
+        "error" if channel == "winding_degC" else "warning",
+        f"Expected a crest; the {word} value {extreme:.6g} {unit} is held flat in {count} samples.",
+        place(record, channel, from_s, to_s),
+        "Is this the end of the range of the amplifier or logger? Cut the flat part out.",
+        values={
+            "extreme": float(extreme),
+            "num_samples": float(count),
+            "from_s": from_s,
+            "to_s": to_s,
+        },
+    )

@@ -1,0 +1,164 @@
+"""Does the clock of the record run forwards, evenly and without holes?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Finding, Record
+from .samples import is_measured, median_step, place, samples
+
+GAP_STEPS = 3.0
+"""A distance above this many usual steps is a gap [1]: a logger that skips one sample makes two."""
+
+MAX_GAP_S = 300.0
+MAX_GAP_SHARE = 0.1
+"""A single gap of `MAX_GAP_S` is three time constants of a winding, whose state after it is
+unknown; a test that lacks more than `MAX_GAP_SHARE` of its duration is another test."""
+
+MAX_DUPLICATE_SHARE = 0.01
+"""Above this share of repeated stamps [1] it is not a row written twice: the stamps are coarser
+than the sampling, and where inside the step a sample lies is lost."""
+
+MAX_JITTER = 0.1
+"""Relative spread of the sampling step [1] from which an average over samples is no longer an
+average over time to better than about 1 % in blocks of 100 samples."""
+
+COARSE_S = 10.0
+"""A winding's time constant is about 100 s; its answer to a step needs ten samples."""
+
+
+def _clock(record: Record) -> np.ndarray:
+    time_s = np.asarray(record.time_s, dtype=float)
+    return time_s[is_measured(time_s)]
+
+
+def time_backwards(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report stamps that lie before their predecessor; which part of the record is right is
+    unknown.
+    """
+    time_s = _clock(record)
+    steps = np.diff(time_s)
+    back = np.flatnonzero(steps < 0.0)
+    if back.size == 0:
+        return ()
+    first = int(back[0])
+    return (
+        Finding(
+            "time_backwards",
+            "error",
+            f"Expected increasing time; at sample {first + 1} it falls from {time_s[first]:.3f} s "
+            f"to {time_s[first + 1]:.3f} s ({back.size} such steps).",
+            place(record, "time_s", float(time_s[first])),
+            "Clock set during the test, or two tests in one file? Split the file there.",
+            values={
+                "num_steps": float(back.size),
+                "sample": float(first + 1),
+                "from_s": float(time_s[first]),
+                "largest_s": float(-steps.min()),
+            },
+        ),
+    )
+
+
+def time_duplicate(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report stamps equal to their predecessor.
+
+    A few are a warning: rows written twice, which a block average takes in without harm. Many are
+    an error: the stamps are coarser than the sampling, so the time axis is not the one of the data.
+    """
+    time_s = _clock(record)
+    same = np.flatnonzero(np.diff(time_s) == 0.0)
+    if same.size == 0:
+        return ()
+    share = same.size / time_s.size
+    is_coarse = share > MAX_DUPLICATE_SHARE
+    return (
+        Finding(
+            "time_duplicate",
+            "error" if is_coarse else "warning",
+            f"Expected increasing time; {same.size} samples ({share:.1%}) repeat the stamp before "
+            f"them, first sample {int(same[0]) + 1}.",
+            place(record, "time_s", float(time_s[same[0]])),
+            "Export the time with more decimals." if is_coarse else "Check for rows written twice.",
+            values={
+                "num_samples": float(same.size),
+                "share": share,
+                "from_s": float(time_s[same[0]]),
+            },
+        ),
+    )
+
+
+def time_gap(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report holes in the time axis: a warning, and an error if they hide what the winding did."""
+    time_s = samples(record)[0]
+    steps = np.diff(time_s)
+    usual = median_step(time_s)
+    gaps = np.flatnonzero(steps > GAP_STEPS * usual)
+    if gaps.size == 0:
+        return ()
+    longest = int(gaps[np.argmax(steps[gaps])])
+    missing_s = float(np.sum(steps[gaps] - usual))
+    share = missing_s / float(time_s[-1] - time_s[0])
+    is_error = steps[longest] > MAX_GAP_S or share > MAX_GAP_SHARE
+    return (
+        Finding(
+            "time_gap",
+            "error" if is_error else "warning",
+            f"Expected a sample every {usual:.3g} s; {gaps.size} gaps lack {missing_s:.1f} s "
+            f"({share:.1%} of the test), the longest {steps[longest]:.1f} s.",
+            place(record, "time_s", float(time_s[longest]), float(time_s[longest + 1])),
+            "Split the test at the gap." if is_error else "Check the logger.",
+            values={
+                "num_gaps": float(gaps.size),
+                "missing_s": missing_s,
+                "longest_s": float(steps[longest]),
+                "from_s": float(time_s[longest]),
+                "to_s": float(time_s[longest + 1]),
+            },
+        ),
+    )
+
+
+def time_jitter(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Note an uneven sampling step, gaps left aside."""
+    time_s = samples(record)[0]
+    steps = np.diff(time_s)
+    usual = median_step(time_s)
+    steps = steps[steps <= GAP_STEPS * usual]
+    if steps.size < 2:
+        return ()
+    spread = float(np.std(steps) / usual)
+    if not spread > MAX_JITTER:
+        return ()
+    return (
+        Finding(
+            "time_jitter",
+            "note",
+            f"Expected an even sampling step; it spreads by {spread:.0%} about {usual:.3g} s.",
+            place(record, "time_s", float(time_s[0]), float(time_s[-1])),
+            values={"relative_spread": spread, "step_s": usual},
+        ),
+    )
+
+
+def sampling(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Note how the record is sampled; warn if too coarse to see the winding answer a step."""
+    time_s = samples(record)[0]
+    if time_s.size < 2:
+        return ()
+    usual = median_step(time_s)
+    duration_s = float(time_s[-1] - time_s[0])
+    is_coarse = usual > COARSE_S
+    return (
+        Finding(
+            "sampling",
+            "warning" if is_coarse else "note",
+            f"{time_s.size} samples at {usual:.3g} s over {duration_s / 60.0:.1f} min."
+            + (f" Expected at most {COARSE_S:.0f} s: Ceq_w hangs on them." if is_coarse else ""),
+            place(record, "time_s", float(time_s[0]), float(time_s[-1])),
+            "Export at the logger's own rate." if is_coarse else "",
+            values={"num_samples": float(time_s.size), "step_s": usual, "duration_s": duration_s},
+        ),
+    )

@@ -1,0 +1,131 @@
+"""Are the temperatures in degrees Celsius, and can the sink be what it is called?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Finding, Record, Severity
+from .course import lead_in
+from .samples import is_loaded, place, samples, sink_channel
+
+AMBIENT_AS_KELVIN = (253.0, 333.0)
+"""A hall or chamber between -20 and 60 degC, in kelvin; as degrees Celsius no sink at all."""
+
+WINDING_AS_KELVIN = (253.0, 393.0)
+"""A winding at the start between -20 and 120 degC, in kelvin."""
+
+AMBIENT_AS_FAHRENHEIT = (55.0, 110.0)
+"""A hall between 13 and 43 degC, in degrees Fahrenheit; as degrees Celsius only a hot chamber."""
+
+AGREEMENT_K = 3.0
+"""Winding and ambient agree so closely at a cold start, sensor errors included."""
+
+PLAUSIBLE_DEGC = {"ambient_degC": (-30.0, 50.0), "coolant_degC": (-40.0, 120.0)}
+"""Climate chambers reach -30 degC with a motor inside, halls 50; glycol lies between -40 and
+120."""
+
+POSSIBLE_DEGC = {"ambient_degC": (-60.0, 130.0), "coolant_degC": (-60.0, 160.0)}
+"""Beyond these no bench runs: a wrong column, unit or sensor."""
+
+SINK_ABOVE_K = 5.0
+"""A winding that stays this far below its sink while heat flows is not heated by it: swapped
+channels."""
+
+
+def _declares_unit(motor: Motor, channel: str) -> bool:
+    """Whether the motor file says the unit of a channel."""
+    return "[" in motor.columns.get(channel, "")
+
+
+def _unit_finding(
+    record: Record, channel: str, unit: str, severity: Severity, typical: float, from_s: float
+) -> Finding:
+    as_celsius = typical - 273.15 if unit == "kelvin" else (typical - 32.0) / 1.8
+    symbol = "K" if unit == "kelvin" else "degF"
+    return Finding(
+        "units_temperature",
+        severity,
+        f"Expected degC; {typical:.1f} looks like {unit}, which would be {as_celsius:.1f} degC.",
+        place(record, channel, from_s),
+        f'Declare the unit in the motor file: [columns] {channel} = "column [{symbol}]".',
+        values={"value": typical, "as_degC": as_celsius},
+    )
+
+
+def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report temperatures that look like kelvin or degrees Fahrenheit.
+
+    Kelvin is told by value. Fahrenheit is told only where ambient and winding agree at a cold start
+    between 55 and 110, or where a winding that starts at rest equals the ambient converted. A hot
+    climate chamber looks the same: where the motor file names the unit it is a warning.
+    """
+    found = []
+    for channel, (low, high) in (
+        ("ambient_degC", AMBIENT_AS_KELVIN),
+        ("coolant_degC", WINDING_AS_KELVIN),
+        ("winding_degC", WINDING_AS_KELVIN),
+        ("stator_degC", WINDING_AS_KELVIN),
+    ):
+        time_s, temperature = samples(record, channel)
+        # Start and end both: a winding may reach 253 degC, but it does not start there.
+        if time_s.size and low < temperature[0] < high and float(np.min(temperature)) > low:
+            found.append(
+                _unit_finding(record, channel, "kelvin", "error", float(temperature[0]), time_s[0])
+            )
+    if found:
+        return tuple(found)
+    time_s, winding, ambient, losses = samples(record, "winding_degC", "ambient_degC", "losses_W")
+    lead = lead_in(time_s, losses)
+    if lead == 0:
+        return ()
+    low, high = AMBIENT_AS_FAHRENHEIT
+    at_start = float(np.median(winding[:lead]))
+    around = float(np.median(ambient[:lead]))
+    if low < around < high and abs(at_start - around) < AGREEMENT_K:
+        severity = "warning" if _declares_unit(motor, "ambient_degC") else "error"
+        return (_unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0]),)
+    is_steady = bool(np.ptp(winding[:lead]) < 1.0) and lead > 2
+    if is_steady and around < low < at_start and abs((at_start - 32.0) / 1.8 - around) < 1.0:
+        return (
+            _unit_finding(record, "winding_degC", "Fahrenheit", "warning", at_start, time_s[0]),
+        )
+    return ()
+
+
+def ambient_implausible(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report a sink temperature that no bench has, or that lies above the loaded winding."""
+    channel = sink_channel(motor)
+    time_s, sink = samples(record, channel)
+    if time_s.size == 0:
+        return ()
+    typical = float(np.median(sink))
+    found = []
+    low, high = PLAUSIBLE_DEGC[channel]
+    lowest, highest = POSSIBLE_DEGC[channel]
+    if not low <= typical <= high:
+        found.append(
+            Finding(
+                "ambient_implausible",
+                "warning" if lowest <= typical <= highest else "error",
+                f"Expected {low:.0f} to {high:.0f} degC; its median is {typical:.1f} degC.",
+                place(record, channel, float(time_s[0]), float(time_s[-1])),
+                "Check which column is mapped, its unit and the sensor.",
+                values={"median_degC": typical},
+            )
+        )
+    time_s, sink, winding, losses = samples(record, channel, "winding_degC", "losses_W")
+    loaded = is_loaded(losses)
+    if loaded.any() and float(np.median((winding - sink)[loaded])) < -SINK_ABOVE_K:
+        below = float(np.median((winding - sink)[loaded]))
+        found.append(
+            Finding(
+                "ambient_implausible",
+                "error",
+                f"Expected the loaded winding above {channel}; it lies {-below:.1f} K below.",
+                place(record, channel, float(time_s[loaded][0]), float(time_s[loaded][-1])),
+                "Are the two columns exchanged?",
+                values={"winding_above_sink_K": below},
+            )
+        )
+    return tuple(found)

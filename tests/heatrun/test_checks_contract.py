@@ -1,0 +1,237 @@
+"""Each check keeps silent on a clean heat run and finds its own fault where it was put."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heatrun.bench.checks import CHECKS, check_record
+from heatrun.bench.record import Finding, Record
+from heatrun.motor import Motor
+
+MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
+
+
+def heat_run(
+    seed: int = 0,
+    minutes: float = 60.0,
+    *,
+    rounding: float = 1.0,
+    noise: float = 0.0,
+    currents: tuple[float, ...] | None = None,
+    cut_off: bool = False,
+    ambient: float = 22.0,
+    start: float | None = None,
+    drift_K_per_h: float = 0.0,
+    step_s: float = 0.1,
+) -> Record:
+    """A two-node motor under steps of current and speed, integrated sample by sample."""
+    rng = np.random.default_rng(seed)
+    num = round(minutes * 60.0 / step_s)
+    time_s = np.arange(num) * step_s
+    if currents is None:
+        pulses = np.column_stack([rng.uniform(100.0, 170.0, 8), rng.uniform(20.0, 80.0, 8)])
+        currents = tuple(pulses.ravel())
+    level = np.minimum((time_s / time_s[-1] * len(currents)).astype(int), len(currents) - 1)
+    current = np.asarray(currents)[level]
+    current[time_s < 20.0] = 0.0
+    speed = rng.uniform(1000.0, 6000.0, len(currents))[level]
+    if len(set(currents)) == 1:
+        speed[:] = 3000.0
+    P_ol = np.where(current > 0.0, 100.0 + 0.05 * speed, 0.0)
+    T_0 = ambient + drift_K_per_h * time_s / 3600.0
+    T_w = T_sr = ambient if start is None else start
+    P_d, winding = np.empty(num), np.empty(num)
+    heat = 3.0 * 0.0062 / (234.5 + 25.0) * current**2
+    for i in range(num):
+        P_js = heat[i] * (234.5 + T_w)
+        winding[i], P_d[i] = T_w, P_js + P_ol[i]
+        flow = (T_w - T_sr) / 0.14485
+        T_w += step_s * (P_js - flow) / 666.75
+        T_sr += step_s * (P_ol[i] + flow - (T_sr - T_0[i]) / 0.11625) / 15060.1
+    winding += noise * rng.standard_normal(num)
+    if rounding:
+        winding = (np.floor if cut_off else np.round)(winding / rounding) * rounding
+    return Record(
+        "run",
+        {
+            "time_s": time_s,
+            "phase_current_A": current + 0.3 * rng.standard_normal(num),
+            "losses_W": P_d + 8.0 * rng.standard_normal(num),
+            "ambient_degC": T_0 + 0.03 * rng.standard_normal(num),
+            "winding_degC": winding,
+            "speed_rpm": speed + 2.0 * rng.standard_normal(num),
+        },
+    )
+
+
+CLEAN = heat_run()
+SMOOTH = heat_run(rounding=0.0, noise=0.05, minutes=45.0)
+STEADY = heat_run(currents=(120.0,) * 3, minutes=60.0)
+
+
+def changed(record: Record, **channels: np.ndarray) -> Record:
+    return replace(record, channels={**record.channels, **channels})
+
+
+def without(record: Record, channel: str) -> Record:
+    kept = {name: column for name, column in record.channels.items() if name != channel}
+    return replace(record, channels=kept)
+
+
+def edited(record: Record, channel: str, from_s: float, to_s: float, value: object) -> Record:
+    """The record with a channel set to a value, or run through a function, over a span."""
+    column = record[channel].copy()
+    span = (record.time_s >= from_s) & (record.time_s < to_s)
+    column[span] = value(column[span]) if callable(value) else value
+    return changed(record, **{channel: column})
+
+
+def every(record: Record, count: int) -> Record:
+    return replace(record, channels={k: v[::count] for k, v in record.channels.items()})
+
+
+def at(record: Record, kept: np.ndarray) -> Record:
+    return replace(record, channels={k: v[kept] for k, v in record.channels.items()})
+
+
+def shifted_clock(record: Record, from_s: float, by_s: float) -> Record:
+    time_s = record.time_s.copy()
+    time_s[time_s >= from_s] += by_s
+    return changed(record, time_s=time_s)
+
+
+def fell_off(record: Record, at_s: float) -> Record:
+    """The sensor hangs in the air from a moment on, with a time constant of 4 s."""
+    time_s, winding = record.time_s, record["winding_degC"].copy()
+    after = time_s >= at_s
+    excess = winding[after][0] - 22.0
+    winding[after] = np.round(22.0 + excess * np.exp(-(time_s[after] - at_s) / 4.0))
+    return changed(record, winding_degC=winding)
+
+
+def clipped(record: Record, channel: str, limit: float) -> Record:
+    return changed(record, **{channel: np.minimum(record[channel], limit)})
+
+
+TIME = CLEAN.time_s
+JITTER = TIME + 0.03 * np.random.default_rng(1).uniform(-1.0, 1.0, TIME.size)
+NO_BALANCE = replace(MOTOR, losses="map")
+
+# id: record with the fault, motor, severity, value that says where or how much, its bounds
+FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
+    "missing_channel": (without(CLEAN, "losses_W"), MOTOR, "error", "", (0, 0)),
+    "too_few_samples": (every(CLEAN, 12000), MOTOR, "error", "num_usable", (3, 3)),
+    "time_backwards": (shifted_clock(CLEAN, 900.0, -60.0), MOTOR, "error", "from_s", (899, 900)),
+    "time_duplicate": (
+        changed(CLEAN, time_s=np.floor(TIME)), MOTOR, "error", "share", (0.85, 0.95)
+    ),
+    "time_gap": (shifted_clock(CLEAN, 900.0, 60.0), MOTOR, "warning", "from_s", (899, 900)),
+    "time_jitter": (changed(CLEAN, time_s=JITTER), MOTOR, "note", "relative_spread", (0.15, 0.35)),
+    "sampling": (every(CLEAN, 200), MOTOR, "warning", "step_s", (20, 20)),
+    "nan_block": (
+        edited(CLEAN, "winding_degC", 600.0, 630.0, np.nan), MOTOR, "error", "longest_s", (29, 31)
+    ),
+    "units_temperature": (
+        changed(
+            CLEAN,
+            winding_degC=CLEAN["winding_degC"] + 273.15,
+            ambient_degC=CLEAN["ambient_degC"] + 273.15,
+        ),
+        MOTOR, "error", "as_degC", (20, 24),
+    ),
+    "ambient_implausible": (
+        changed(CLEAN, ambient_degC=CLEAN["winding_degC"], winding_degC=CLEAN["ambient_degC"]),
+        MOTOR, "error", "", (0, 0),
+    ),
+    "sensor_stuck": (
+        edited(CLEAN, "winding_degC", 300.0, 700.0, 60.0), MOTOR, "error", "from_s", (200, 320)
+    ),
+    "sensor_detached": (fell_off(CLEAN, 2000.0), MOTOR, "error", "to_s", (2000, 2010)),
+    "temperature_jump": (
+        edited(CLEAN, "winding_degC", 1500.0, 1e9, lambda T: T + 6.0),
+        MOTOR, "error", "from_s", (1499, 1501),
+    ),
+    "saturation": (
+        clipped(CLEAN, "losses_W", np.quantile(CLEAN["losses_W"], 0.97)),
+        MOTOR, "warning", "num_samples", (500, 1200),
+    ),
+    "resolution": (CLEAN, MOTOR, "note", "step_K", (1, 1)),
+    "truncation": (
+        heat_run(ambient=22.8, cut_off=True), MOTOR, "warning", "offset_K", (-0.85, -0.75)
+    ),
+    "losses_negative": (
+        edited(CLEAN, "losses_W", 1000.0, 1120.0, lambda P: -P),
+        MOTOR, "error", "from_s", (995, 1015),
+    ),
+    "losses_below_copper": (
+        changed(CLEAN, phase_current_A=CLEAN["phase_current_A"] * np.sqrt(2.0)),
+        MOTOR, "error", "copper_share", (1.03, 2.0),
+    ),
+    "current_amplitude": (
+        changed(CLEAN, phase_current_A=CLEAN["phase_current_A"] * np.sqrt(2.0)),
+        MOTOR, "warning", "copper_share_halved", (0.5, 1.0),
+    ),
+    "no_heating": (
+        changed(CLEAN, winding_degC=CLEAN["ambient_degC"]), MOTOR, "error", "rise_K", (0, 1)
+    ),
+    "start_not_in_equilibrium": (heat_run(start=35.0), MOTOR, "warning", "excess_K", (12, 14)),
+    "ambient_moving": (heat_run(drift_K_per_h=3.0), MOTOR, "warning", "slope_K_per_h", (2.8, 3.2)),
+    "single_step": (STEADY, MOTOR, "warning", "current_A", (119, 121)),
+    "too_short": (heat_run(minutes=12.0), MOTOR, "warning", "time_constants", (0.1, 0.75)),
+}  # fmt: skip
+
+
+def named(findings: tuple[Finding, ...], id: str) -> list[Finding]:
+    return [finding for finding in findings if finding.id == id]
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        CLEAN,
+        SMOOTH,
+        heat_run(1, 30.0),
+        heat_run(2, 90.0, step_s=0.5),
+        heat_run(3, 90.0, currents=(150.0, 100.0, 0.0), step_s=0.5),
+    ],
+    ids=["60 min", "unrounded", "30 min", "90 min", "cool-down"],
+)
+def test_clean_heat_run_gives_notes_only(record):
+    doubts = [f.sentence() for f in check_record(record, MOTOR) if f.severity != "note"]
+    assert doubts == []
+
+
+def test_every_check_has_its_fault():
+    assert {check.__name__ for check in CHECKS} == set(FAULTS)
+
+
+@pytest.mark.parametrize("id", list(FAULTS))
+def test_each_check_finds_its_own_fault(id):
+    record, motor, severity, key, (low, high) = FAULTS[id]
+    found = named(check_record(record, motor), id)
+    assert [f.severity for f in found if f.severity == severity], found
+    finding = next(f for f in found if f.severity == severity)
+    assert finding.test == "run"
+    assert "run" in finding.where
+    if severity != "note":
+        assert finding.remedy.endswith((".", "?"))
+    if key:
+        assert low <= finding.values[key] <= high
+    assert all(np.isfinite(list(finding.values.values())))
+
+
+def test_reader_findings_come_first():
+    own = Finding("reader", "note", "Seen by the reader.")
+    found = check_record(replace(CLEAN, findings=(own,)), MOTOR)
+    assert found[0] == replace(own, test="run")
+    assert len(found) > 1
+
+
+def test_coolant_replaces_ambient_where_it_is_the_sink():
+    record = changed(without(CLEAN, "ambient_degC"), coolant_degC=CLEAN["ambient_degC"])
+    assert named(check_record(record, MOTOR), "missing_channel")
+    cooled = replace(MOTOR, sink="coolant")
+    assert not [f for f in check_record(record, cooled) if f.severity != "note"]
