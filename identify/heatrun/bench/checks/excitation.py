@@ -9,6 +9,7 @@ from ..record import Finding, Record
 from .course import lead_in
 from .crude_fit import crude_fit
 from .samples import block_means, is_loaded, place, samples
+from .settling import settling_constants
 
 BLOCK_S = 30.0
 """Levels are means over 30 s, a third of a winding's time constant: faster changes average out."""
@@ -91,7 +92,8 @@ def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
     from_s, to_s = float(time_s[max(lead_in(time_s, losses) - 1, 0)]), float(time_s[-1])
     constants = (to_s - from_s) / fit.tau_s
     is_short = constants < FEW_CONSTANTS or fit.log_sd > UNKNOWN_LOG_SD
-    if constants >= ENOUGH_CONSTANTS and not is_short:
+    is_enough = constants >= ENOUGH_CONSTANTS and not is_short
+    if is_enough or settling_constants(record, motor) >= ENOUGH_CONSTANTS:
         return ()
     now, later = expected_sd(constants), expected_sd(TWO_HOURS_S / fit.tau_s)
     at_least = "more than " if constants < KNOWN_CONSTANTS[0] else "about "

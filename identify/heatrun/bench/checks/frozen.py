@@ -29,7 +29,7 @@ MIN_STRETCH_S = 120.0
 """Under two minutes a rounded reading may stand still anywhere."""
 
 MAX_TRIED = 3
-"""Each rounded stretch costs a fit; the longest ones are tried."""
+"""Each stretch costs a fit; the longest ones are tried."""
 
 MOVED_STEPS = 3.0
 """Rounding hides one step of movement and the network is crude: three must be missing."""
@@ -47,8 +47,10 @@ class Stretch:
         from_s: Its first sample [s].
         to_s: Its last sample [s].
         reading_degC: What the sensor read all along [degC].
-        expected_K: How far (from lowest to highest) the heat balance says that it should have moved
-            [K]; NaN where the reading has no rounding that could hide any movement at all.
+        expected_K: How far, from lowest to highest, the heat balance says that it should have moved
+            [K]; 0 where no network describes the rest.
+        doubt_K: How far that may be wrong [K].
+        is_live: The last digit flickers elsewhere, so that standing still is telling by itself.
         is_left_by_jump: The reading moves on by more than two rounding steps at once.
     """
 
@@ -56,6 +58,8 @@ class Stretch:
     to_s: float
     reading_degC: float
     expected_K: float
+    doubt_K: float
+    is_live: bool
     is_left_by_jump: bool
 
 
@@ -80,27 +84,22 @@ def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
         long = (past - first >= LIVE_SAMPLES) & (length_s >= LIVE_S)
     else:
         long = length_s >= MIN_STRETCH_S
-        if long.sum() > MAX_TRIED:
-            long &= length_s >= np.sort(length_s)[-MAX_TRIED]
+    if long.sum() > MAX_TRIED:
+        long &= length_s >= np.sort(length_s)[-MAX_TRIED]
     loaded = is_loaded(losses)
     found = []
     for a, b in zip(first[long], past[long], strict=True):
-        expected = float("nan")
+        from_s, to_s = float(time_s[a]), float(time_s[b])
+        expected, doubt = _expected_move(record, motor, from_s, to_s)
         if is_live:
             is_frozen = bool(loaded[a : b + 1].any())
         else:
-            expected, slack = _expected_move(record, motor, float(time_s[a]), float(time_s[b]))
-            is_frozen = expected > MOVED_STEPS * (step or 0.0) + slack
+            is_frozen = expected > MOVED_STEPS * (step or 0.0) + doubt
         if is_frozen:
             leap = abs(float(winding[min(b + 1, winding.size - 1)] - winding[b]))
+            is_jump = leap > 2.0 * (step or LIVE_STEP_K)
             found.append(
-                Stretch(
-                    float(time_s[a]),
-                    float(time_s[b]),
-                    float(winding[a]),
-                    expected,
-                    leap > 2.0 * (step or LIVE_STEP_K),
-                )
+                Stretch(from_s, to_s, float(winding[a]), expected, doubt, is_live, is_jump)
             )
     return tuple(found)
 

@@ -8,11 +8,15 @@ from ...motor import Motor
 from ..record import Finding, Record
 from .frozen import frozen_stretches
 from .samples import place, runs, samples
+from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
 
 FLAT_RUN = 5
 FLAT_SAMPLES = 20
 """A flat top is made of runs of at least `FLAT_RUN` equal samples and of `FLAT_SAMPLES` in all: two
 or three equal readings at a crest are chance."""
+
+HARMFUL_K = 2.0
+"""Two kelvin is what a two-node network is expected to leave on a test; less hides in that."""
 
 LIVE_SHARE = 0.9
 """A channel is live, so that equal readings mean something, if at least this share of its other
@@ -20,7 +24,11 @@ samples differ from the one before [1]; set-points and rounded readings are not.
 
 
 def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
-    """Report a winding temperature that stands still though heat flows."""
+    """Report a winding temperature that stands still though heat flows.
+
+    An error if more than 2 K of movement are missing, or the stretch is as long as a gap that is an
+    error; otherwise a warning.
+    """
     time_s, winding = samples(record, "winding_degC")
     if time_s.size > 2 and np.ptp(winding) == 0.0:
         return (
@@ -37,15 +45,20 @@ def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
     found = []
     for stretch in frozen_stretches(record, motor):
         lasts_s = stretch.to_s - stretch.from_s
+        is_harmful = (
+            lasts_s > MAX_GAP_S
+            or lasts_s > MAX_GAP_SHARE * (time_s[-1] - time_s[0])
+            or stretch.expected_K - stretch.doubt_K > HARMFUL_K
+        )
         expected = (
             "its last digit flickers elsewhere"
-            if np.isnan(stretch.expected_K)
+            if stretch.is_live
             else f"the heat balance of the rest moves it by {stretch.expected_K:.1f} K"
         )
         found.append(
             Finding(
                 "sensor_stuck",
-                "error",
+                "error" if is_harmful else "warning",
                 f"It reads {stretch.reading_degC:.2f} degC for {lasts_s:.0f} s while {expected}.",
                 place(record, "winding_degC", stretch.from_s, stretch.to_s),
                 "Cut the test there, or mark these samples as missing.",
@@ -53,8 +66,8 @@ def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
                     "reading_degC": stretch.reading_degC,
                     "from_s": stretch.from_s,
                     "to_s": stretch.to_s,
-                }
-                | ({} if np.isnan(stretch.expected_K) else {"expected_K": stretch.expected_K}),
+                    "expected_K": stretch.expected_K,
+                },
             )
         )
     return tuple(found)
@@ -106,10 +119,9 @@ def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 )
     time_s, winding = samples(record, "winding_degC")
     for stretch in frozen_stretches(record, motor):
-        is_rounded = not np.isnan(stretch.expected_K)
         at_top = stretch.reading_degC == winding.max()
         is_left = stretch.to_s < time_s[-1] and not stretch.is_left_by_jump
-        if is_rounded and at_top and is_left:
+        if not stretch.is_live and at_top and is_left:
             count = int(np.sum((time_s >= stretch.from_s) & (time_s <= stretch.to_s)))
             found.append(
                 _flat(
