@@ -184,6 +184,96 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
 }  # fmt: skip
 
 
+STRETCHED = edited(CLEAN, "winding_degC", 2700.0, 1e9, CLEAN["winding_degC"][27000])
+LIMIT = float(np.quantile(CLEAN["winding_degC"], 0.9))
+
+# The same faults in another form: id, record, motor, severity expected (None: silent)
+VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
+    "one NaN": (
+        "nan_block", edited(CLEAN, "losses_W", 600.0, 600.1, np.nan), MOTOR, "warning"
+    ),
+    "NaN in a spare channel": (
+        "nan_block", edited(CLEAN, "speed_rpm", 0.0, 900.0, np.nan), MOTOR, "note"
+    ),
+    "infinite losses": (
+        "nan_block", edited(CLEAN, "losses_W", 600.0, 610.0, np.inf), MOTOR, "error"
+    ),
+    "row written twice": (
+        "time_duplicate", at(CLEAN, np.sort(np.append(np.arange(TIME.size), 999))),
+        MOTOR, "warning",
+    ),
+    "six minutes missing": ("time_gap", shifted_clock(CLEAN, 900.0, 360.0), MOTOR, "error"),
+    "stuck to the end": ("sensor_stuck", STRETCHED, MOTOR, "error"),
+    "stuck and flickering elsewhere": (
+        "sensor_stuck", edited(SMOOTH, "winding_degC", 900.0, 912.0, SMOOTH["winding_degC"][9000]), MOTOR, "warning"
+    ),
+    "constant": ("sensor_stuck", edited(CLEAN, "winding_degC", 0, 1e9, 22.0), MOTOR, "error"),
+    "plateau at 1 degC": ("sensor_stuck", STEADY, MOTOR, None),
+    "open circuit": (
+        "sensor_detached", edited(CLEAN, "winding_degC", 800.0, 805.0, 1372.0), MOTOR, "error"
+    ),
+    "counter overflow": (
+        "sensor_detached", edited(CLEAN, "winding_degC", 800.0, 805.0, -327.68), MOTOR, "error"
+    ),
+    "spike": (
+        "temperature_jump", edited(CLEAN, "winding_degC", 800.0, 800.15, 140.0), MOTOR, "warning"
+    ),
+    "rounded reading clipped": (
+        "saturation", clipped(CLEAN, "winding_degC", np.floor(LIMIT)), MOTOR, "error"
+    ),
+    "live reading clipped": (
+        "saturation",
+        clipped(SMOOTH, "winding_degC", float(np.quantile(SMOOTH["winding_degC"], 0.9))),
+        MOTOR, "error",
+    ),
+    "tenths": ("resolution", heat_run(rounding=0.1, minutes=30.0), MOTOR, "note"),
+    "unrounded": ("resolution", SMOOTH, MOTOR, None),
+    "one degree": ("truncation", CLEAN, MOTOR, "note"),
+    "one negative sample": (
+        "losses_negative", edited(CLEAN, "losses_W", 800.0, 800.1, -900.0), MOTOR, "warning"
+    ),
+    "losses from a map": (
+        "losses_below_copper",
+        changed(CLEAN, losses_W=0.2 * CLEAN["losses_W"]), NO_BALANCE, None,
+    ),
+    "losses low for two minutes": (
+        "losses_below_copper",
+        edited(CLEAN, "losses_W", 20.0, 140.0, lambda P: 0.5 * P), MOTOR, "warning",
+    ),
+    "Fahrenheit": (
+        "units_temperature",
+        changed(
+            CLEAN,
+            winding_degC=32.0 + 1.8 * CLEAN["winding_degC"],
+            ambient_degC=32.0 + 1.8 * CLEAN["ambient_degC"],
+        ),
+        MOTOR, "error",
+    ),
+    "Fahrenheit in the winding alone": (
+        "units_temperature",
+        changed(CLEAN, winding_degC=32.0 + 1.8 * CLEAN["winding_degC"]), MOTOR, "warning",
+    ),
+    "chamber at 70 degC, unit declared": (
+        "units_temperature",
+        heat_run(ambient=70.0, minutes=30.0),
+        replace(MOTOR, columns={"ambient_degC": "T_amb [degC]"}), "warning",
+    ),
+    "ambient of 300 degC": (
+        "ambient_implausible", changed(CLEAN, ambient_degC=TIME * 0.0 + 340.0), MOTOR, "error"
+    ),
+    "cooling curve": (
+        "no_heating", heat_run(start=90.0, currents=(0.0, 0.0), minutes=30.0), MOTOR, "warning"
+    ),
+    "load and cool-down": (
+        "single_step", heat_run(currents=(130.0, 130.0, 0.0), minutes=30.0), MOTOR, None
+    ),
+    "one level for 15 min": (
+        "too_short", heat_run(currents=(130.0,), minutes=15.0), MOTOR, "warning"
+    ),
+    "settled": ("too_short", heat_run(currents=(100.0,), minutes=170.0, step_s=1.0), MOTOR, None),
+}  # fmt: skip
+
+
 def named(findings: tuple[Finding, ...], id: str) -> list[Finding]:
     return [finding for finding in findings if finding.id == id]
 
@@ -221,6 +311,13 @@ def test_each_check_finds_its_own_fault(id):
     if key:
         assert low <= finding.values[key] <= high
     assert all(np.isfinite(list(finding.values.values())))
+
+
+@pytest.mark.parametrize("name", list(VARIANTS))
+def test_the_same_fault_in_another_form(name):
+    id, record, motor, severity = VARIANTS[name]
+    severities = {f.severity for f in named(check_record(record, motor), id)}
+    assert severities == ({severity} if severity else set())
 
 
 def test_reader_findings_come_first():
