@@ -4,6 +4,7 @@ Knows no file, no data frame and no statistics. SI units inside, temperatures in
 rms, speed in rad/s. Needs float64: `jax.config.update("jax_enable_x64", True)`.
 """
 
+from .block_means import block_means
 from .effects import EFFECTS, NeighbourBody, SensorLag, SpeedCooling
 from .inputs import Drive, Inputs
 from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, copper_loss
@@ -25,6 +26,7 @@ __all__ = [
     "SpeedCooling",
     "Trace",
     "accumulate",
+    "block_means",
     "copper_loss",
     "first_order",
     "longest_step",

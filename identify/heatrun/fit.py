@@ -1,0 +1,277 @@
+"""Gradient least squares on whitened residuals, from many starts, with the noise estimated.
+
+The fit goes round in three steps: least squares with white residuals from many starts finds the
+basin; the noise is estimated on the residuals with the parameters integrated out (restricted
+maximum likelihood, with the priors as they are); least squares on residuals whitened by that
+noise gives the parameters and their covariance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Float
+
+from . import noise as noise_module
+from .adequacy import low_frequency_excess
+from .bench.record import Finding
+from .errors import InputError
+from .fit_result import RESULT, Fit, failed
+from .noise import Noise
+from .problem import (
+    NUM_NOISE,
+    Data,
+    Problem,
+    Structure,
+    linearise,
+    log_posterior_batch,
+    whitened,
+)
+from .restricted import estimate_noise, noise_precision
+
+NUM_STARTS = 16
+"""Starts of the search: the centre of the prior and draws from it."""
+
+SPREAD = 0.7
+"""Spread of the starts in prior standard deviations: a factor of 8 to either side in C and R."""
+
+SAME_OPTIMUM = 0.5
+"""Half the sum of squares within which two starts are at the same optimum [nat]."""
+
+MAX_STEPS = 120
+"""Steps of one search; a sound one takes ten to thirty."""
+
+HOPELESS = 1e10
+"""Half the sum of squares from which on a start counts as failed [nat]."""
+
+NUM_ROUNDS = 6
+"""Most rounds of noise and least squares; clean records need two."""
+
+JUNK_FACTOR = 1.2
+"""Whitened fits that are this much worse in plain RMSE than the white fit are not accepted: the
+noise has swallowed the misfit of the network (clean records stay under 1.05). Then the noise
+counts as white, and its evidence is divided by the excess of slow residuals."""
+
+SETTLED = 0.02
+"""Change of all scores at which the alternation ends [prior standard deviations]."""
+
+
+def fit(
+    problem: Problem,
+    *,
+    num_starts: int = NUM_STARTS,
+    seed: int = 0,
+    throw: bool = True,
+) -> Fit:
+    """Fit a model to tests.
+
+    Args:
+        problem: Model and tests.
+        num_starts: Starts of the search.
+        seed: Of the draws of the starts.
+        throw: Raise on failure instead of returning it as a value.
+
+    Raises:
+        InputError: If no start leads anywhere, with `throw`.
+    """
+    white = replace(problem, noise_kind="white")
+    z, cost, steps = _search(white, _rough(), _starts(problem, num_starts, seed))
+    if not np.any(np.isfinite(cost)):
+        if throw:
+            raise InputError(RESULT.no_start.value, where=problem.label)
+        return failed(problem)
+    best = int(np.nanargmin(cost))
+    is_same = cost - cost[best] < SAME_OPTIMUM * max(1.0, 1e-3 * cost[best])
+    rmse_white = _rmse(problem, _linearise(problem, z[best])[0])
+
+    state = _settle(problem, z[best])
+    log_evidence = _spread(problem, state)[2]
+    findings = []
+    if _rmse(problem, state.residual) > JUNK_FACTOR * rmse_white + 1e-3:
+        problem = white
+        state = _settle(problem, z[best])
+    excess, is_flagged = low_frequency_excess(*_innovations(problem, state))
+    if is_flagged:
+        problem = replace(problem, temper=excess)
+        state = _settle(problem, state.z)
+        findings.append(_misfit(problem, state, excess))
+    if not state.is_converged:
+        findings.append(_not_converged(problem))
+
+    covariance, type_a, _ = _spread(problem, state)
+    return Fit(
+        problem=problem,
+        z=state.z,
+        noise_z=state.noise_z,
+        covariance=covariance,
+        covariance_type_a=type_a,
+        residual=problem.split(state.residual),
+        jacobian=problem.split(state.jacobian),
+        log_evidence=log_evidence,
+        result=RESULT.converged if state.is_converged else RESULT.not_converged,
+        findings=tuple(findings),
+        stats={
+            "num_starts": num_starts,
+            "num_at_best": int(np.sum(is_same)),
+            "num_steps": int(steps[best]),
+            "rmse_white_K": rmse_white,
+            "low_frequency_excess": excess,
+        },
+    )
+
+
+@dataclass(frozen=True)
+class _State:
+    """Where the alternation of noise and least squares ended."""
+
+    z: np.ndarray
+    noise_z: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    is_converged: bool
+
+
+def _rough() -> Noise:
+    """Return the noise of the first search: white, 0.3 K."""
+    return Noise(jnp.asarray(0.0), jnp.asarray(1.0), jnp.asarray(0.3))
+
+
+def _starts(problem: Problem, num_starts: int, seed: int) -> np.ndarray:
+    """Return starts in scores: only the network and the resistance are spread."""
+    rng = np.random.default_rng(seed)
+    starts = np.zeros((num_starts, problem.num_parameters))
+    for position, slot in enumerate(problem.parameters.slots):
+        if slot.parameter.role in ("network", "resistance"):
+            starts[1:, position] = SPREAD * rng.standard_normal(num_starts - 1)
+    return starts
+
+
+def _search(
+    problem: Problem, noise: Noise, starts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return optima, half sums of squares and numbers of steps from each start."""
+    z, cost, steps = _solve(problem.structure, problem.data, jnp.asarray(starts), noise)
+    cost = np.where(np.asarray(cost) < HOPELESS, np.asarray(cost), np.inf)
+    return np.asarray(z), cost, np.asarray(steps)
+
+
+@partial(jax.jit, static_argnames="structure")
+def _solve(structure: Structure, data: Data, starts: Float[Array, "start all"], noise: Noise):
+    """Return optimum, half its sum of squares, and number of steps for each start."""
+
+    def from_one(start):
+        solution = optx.least_squares(
+            lambda z, args: whitened(structure, args[0], z, args[1]),
+            optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8),
+            start,
+            args=(data, noise),
+            options={"jac": "fwd"},
+            max_steps=MAX_STEPS,
+            throw=False,
+        )
+        cost = 0.5 * jnp.sum(whitened(structure, data, solution.value, noise) ** 2)
+        return solution.value, cost, solution.stats["num_steps"]
+
+    return jax.vmap(from_one)(starts)
+
+
+def _linearise(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    residual, jacobian = linearise(problem.structure, problem.data, jnp.asarray(z))
+    return np.asarray(residual), np.asarray(jacobian)
+
+
+def _settle(problem: Problem, z: np.ndarray) -> _State:
+    """Alternate noise and least squares until the scores no longer move."""
+    residual, jacobian = _linearise(problem, z)
+    noise_z, shift = np.zeros(NUM_NOISE), np.inf
+    for _ in range(NUM_ROUNDS):
+        noise_z = estimate_noise(problem, z, residual, jacobian)
+        noise = _noise(problem, noise_z)
+        # as many starts as the search had, all alike: one compilation serves both
+        after, _, _ = _search(problem, noise, np.tile(z, (NUM_STARTS, 1)))
+        shift = float(np.max(np.abs(after[0] - z)))
+        z = after[0]
+        residual, jacobian = _linearise(problem, z)
+        if shift < SETTLED:
+            break
+    return _State(z, noise_z, residual, jacobian, shift < 10 * SETTLED)
+
+
+def _noise(problem: Problem, noise_z: np.ndarray) -> Noise:
+    return noise_module.from_scores(jnp.asarray(noise_z), problem.data.slow_noise)
+
+
+def _whiten(problem: Problem, noise_z: np.ndarray, stacked: np.ndarray) -> list[np.ndarray]:
+    """Return whitened rows by test."""
+    noise = _noise(problem, noise_z)
+    return [
+        np.asarray(noise_module.whiten(jnp.asarray(part), noise, test)[0])
+        for part, test in zip(problem.split(stacked), problem.data.tests, strict=True)
+    ]
+
+
+def _innovations(problem: Problem, state: _State) -> tuple[list[np.ndarray], list[float]]:
+    parts = _whiten(problem, state.noise_z, state.residual)
+    observed = [part[t.is_observed] for part, t in zip(parts, problem.tests, strict=True)]
+    return observed, [test.block_s for test in problem.tests]
+
+
+def _spread(problem: Problem, state: _State) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return covariance, its type A part, and the log evidence (all Laplace)."""
+    columns = np.concatenate(_whiten(problem, state.noise_z, state.jacobian))
+    precision = columns.T @ columns / problem.temper + np.eye(problem.num_parameters)
+    covariance = np.linalg.inv(precision)
+
+    known = np.array([s.parameter.role == "instrument" for s in problem.parameters.slots])
+    type_a = np.zeros_like(covariance)
+    keep = np.ix_(~known, ~known)
+    type_a[keep] = np.linalg.inv(precision[keep])
+
+    curvature = noise_precision(problem, state.noise_z, state.z, state.residual, state.jacobian)
+    size = problem.num_parameters + NUM_NOISE
+    full = np.zeros((size, size))
+    full[: problem.num_parameters, : problem.num_parameters] = covariance
+    full[problem.num_parameters :, problem.num_parameters :] = _positive_inverse(curvature)
+    vector = jnp.asarray(np.concatenate([state.z, state.noise_z]))
+    mode = float(log_posterior_batch(problem.structure, problem.data, vector[None])[0])
+    log_det = float(np.linalg.slogdet(full)[1])
+    return full, type_a, mode + 0.5 * log_det + 0.5 * size * float(np.log(2 * np.pi))
+
+
+def _positive_inverse(matrix: np.ndarray) -> np.ndarray:
+    """Invert a symmetric matrix; directions without curvature get the prior's variance, 1."""
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return (vectors / np.maximum(values, 1.0)) @ vectors.T
+
+
+def _rmse(problem: Problem, stacked: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(stacked[problem.is_observed] ** 2)))
+
+
+def _misfit(problem: Problem, state: _State, excess: float) -> Finding:
+    rmse = _rmse(problem, state.residual)
+    order = problem.model.order
+    return Finding(
+        id="misfit",
+        severity="warning",
+        message=f"the {order}-order network leaves {rmse:.2f} K that drift over minutes, more than "
+        f"noise would (excess {excess:.1f}, 1 if only noise): it misses something. The ranges "
+        f"are widened by {np.sqrt(excess):.1f} for it.",
+        where=problem.label,
+        remedy="Look for the missing effect with `heatrun discover`.",
+        values={"rmse_K": rmse, "low_frequency_excess": excess},
+    )
+
+
+def _not_converged(problem: Problem) -> Finding:
+    return Finding(
+        id="not_converged",
+        severity="warning",
+        message=f"{problem.model.order} order: {RESULT.not_converged.value}",
+        where=problem.label,
+    )

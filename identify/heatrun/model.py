@@ -1,0 +1,228 @@
+"""The two calibration models: which parameters they have, and the physics they stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from lptn import (
+    CopperLosses,
+    Inputs,
+    Network,
+    Sensor,
+    Trace,
+    block_means,
+    first_order,
+    second_order,
+    simulate,
+)
+
+from .bench.blocks import Blocks, Observation
+from .errors import InputError
+from .motor import Motor
+from .parameters import Parameter, ParameterSet, check_names, collect, override
+
+Order = Literal["first", "second"]
+Values = Mapping[str, Float[Array, ""]]
+
+_WIDE = (
+    "log-normal; its 95 % span a factor of 20 to either side, which holds machines from 1 kW "
+    "air-cooled to 100 kW water-cooled"
+)
+_SD_WIDE = 1.5
+
+NETWORK: dict[Order, tuple[Parameter, ...]] = {
+    "first": (
+        Parameter("Ceq", "J/K", "heat capacity of the machine", "network", "log", 1e4,
+                  _SD_WIDE, _WIDE),
+        Parameter("Req", "K/W", "resistance from machine to sink", "network", "log", 0.15,
+                  _SD_WIDE, _WIDE),
+    ),
+    "second": (
+        Parameter("Ceq_w", "J/K", "heat capacity of the winding", "network", "log", 500.0,
+                  _SD_WIDE, _WIDE),
+        Parameter("Ceq_sr", "J/K", "heat capacity of stator and rotor", "network", "log", 1e4,
+                  _SD_WIDE, _WIDE),
+        Parameter("Req_w", "K/W", "resistance from winding to stator", "network", "log", 0.15,
+                  _SD_WIDE, _WIDE),
+        Parameter("Req_sr", "K/W", "resistance from stator to sink", "network", "log", 0.15,
+                  _SD_WIDE, _WIDE),
+    ),
+}  # fmt: skip
+"""The parameters that a calibration is for."""
+
+INSTRUMENTS = (
+    Parameter("power_gain", "1", "relative error of the losses", "instrument", "linear", 0.0, 0.01,
+              "losses as input minus output with instruments of class 0.1 at 90 % efficiency: 1 %"),
+    Parameter("sensor_gain", "1", "relative error of the measured rise", "instrument", "linear",
+              0.0, 0.005, "class 2 thermocouple (IEC 60584-1: 0.75 % at the limit, k = 1.7)"),
+    Parameter("sensor_offset", "K", "offset of the winding sensor", "instrument", "linear", 0.0,
+              0.5, "thermocouple and cold junction, agreement at rest within 1 K"),
+    Parameter("ambient_offset", "K", "offset of the sink temperature", "instrument", "linear", 0.0,
+              0.5, "one point of the room or duct stands for the whole sink"),
+)  # fmt: skip
+"""Type B uncertainties: temperatures alone cannot tell them, so they enter C and R."""
+
+COLD_START_K = 2.0
+"""Start within this of the sink [K] and at rest: stator and winding count as one temperature."""
+
+ALL_NAMES = (
+    "Ceq", "Req", "Ceq_w", "Ceq_sr", "Req_w", "Req_sr", "Rs0", "power_gain", "torque_offset",
+    "sensor_gain", "sensor_offset", "ambient_offset", "Tw_start", "Tsr_start",
+)  # fmt: skip
+"""Every name that a motor file may override."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A network with its nuisances; hashable, so that it keys a compilation.
+
+    Attributes:
+        order: First or second order.
+        kind: What the loss channel means.
+        phases: Number of phases [1].
+        reference_temperature: Temperature that Rs0 holds for [degC].
+        coefficient: B of the winding's material [degC].
+    """
+
+    order: Order
+    kind: Literal["balance", "map"]
+    phases: int
+    reference_temperature: float
+    coefficient: float
+
+    @classmethod
+    def of(cls, order: Order, motor: Motor) -> Model:
+        """Return the model of a motor."""
+        return cls(
+            order=order,
+            kind=motor.losses,
+            phases=motor.phases,
+            reference_temperature=motor.reference_temperature_degC,
+            coefficient=motor.resistance_coefficient_degC,
+        )
+
+    def network(self, values: Values) -> Network:
+        """Return the network for values by name."""
+        names = [parameter.name for parameter in NETWORK[self.order]]
+        build = first_order if self.order == "first" else second_order
+        return build(**{name: values[name] for name in names})
+
+    def losses(self, values: Values) -> CopperLosses:
+        """Return copper loss and meaning of the loss channel for values by name."""
+        return CopperLosses(
+            Rs0=values.get("Rs0", jnp.asarray(0.0)),
+            reference_temperature=self.reference_temperature,
+            coefficient=self.coefficient,
+            phases=self.phases,
+            kind=self.kind,
+            power_gain=values["power_gain"],
+            torque_offset=values.get("torque_offset", 0.0),
+            ambient_offset=values["ambient_offset"],
+        )
+
+    def sensor(self, values: Values) -> Sensor:
+        """Return the winding sensor for values by name."""
+        return Sensor(gain=values["sensor_gain"], offset=values["sensor_offset"])
+
+    def start(self, values: Values) -> dict[str, Float[Array, ""]]:
+        """Return the start temperatures by node [degC]."""
+        start = {"winding": values["Tw_start"]}
+        if self.order == "second":
+            start["stator"] = values["Tsr_start"]
+        return start
+
+    def block_means(self, values: Values, test: Observation) -> Float[Array, " block"]:
+        """Return the modelled means over the blocks of a test [degC]."""
+        return block_means(
+            self.network(values),
+            self.losses(values),
+            test.inputs,
+            self.start(values),
+            weight=test.weight,
+            position=test.position,
+            sensor=self.sensor(values),
+        )
+
+    def simulate(self, values: Values, inputs: Inputs) -> Trace:
+        """Return temperatures, reading, flows and losses at full detail."""
+        return simulate(
+            self.network(values),
+            self.losses(values),
+            inputs,
+            self.start(values),
+            sensor=self.sensor(values),
+        )
+
+
+def parameters(model: Model, motor: Motor, tests: Sequence[Blocks]) -> ParameterSet:
+    """Return all parameters of a model over tests, with priors and the motor file's overrides.
+
+    Raises:
+        InputError: If the phase resistance is needed and not given, or an override is wrong.
+    """
+    check_names(ALL_NAMES, motor)
+    shared = [*NETWORK[model.order], *_resistance(model, motor), *INSTRUMENTS]
+    if "torque_offset" in motor.parameters:
+        shared.append(_torque(motor, tests))
+    by_test = [override([*shared, *_start(model, test)], motor) for test in tests]
+    return collect([test.name for test in tests], by_test)
+
+
+def _resistance(model: Model, motor: Motor) -> list[Parameter]:
+    """Return Rs0 where the copper loss enters: not in one node under a measured balance."""
+    if model.order == "first" and model.kind == "balance":
+        return []
+    said = motor.parameters.get("Rs0")
+    given = motor.phase_resistance_ohm
+    if given is None and (said is None or (said.value is None and said.fixed is None)):
+        raise InputError(
+            "the phase resistance is not given, and the copper loss of the "
+            f"{model.order}-order network needs it.",
+            where=motor.path or motor.name,
+            remedy="Give [winding] phase_resistance_ohm, or a guess to be estimated with "
+            "[parameters.Rs0] value = ... and relative_sd = 0.2; or calibrate with --model first.",
+        )
+    return [
+        Parameter(
+            "Rs0", "ohm", "phase resistance at the reference temperature", "resistance", "log",
+            1.0 if given is None else given, 0.01,
+            "four-wire measurement, winding temperature known to 2 K (0.4 %/K)",
+        )
+    ]  # fmt: skip
+
+
+def _torque(motor: Motor, tests: Sequence[Blocks]) -> Parameter:
+    """Return the offset of the torque, which only the user can size."""
+    if motor.losses != "balance" or any(test.inputs.speed is None for test in tests):
+        raise InputError(
+            "[parameters.torque_offset] needs losses from a balance and a speed in every test.",
+            where=motor.path or motor.name,
+            remedy="Map speed_rpm, or drop the section.",
+        )
+    return Parameter("torque_offset", "N m", "offset of the torque transducer", "instrument",
+                     "linear", 0.0, 0.1, "0.1 % of a 100 N m transducer")  # fmt: skip
+
+
+def _start(model: Model, test: Blocks) -> list[Parameter]:
+    rise = abs(test.start_degC - float(test.inputs.ambient[0]))
+    is_cold = rise < COLD_START_K
+    winding = Parameter(
+        "Tw_start", "degC", "winding temperature at the start", "start", "linear",
+        test.start_degC, 2.0, "first readings, with the sensor's lag and rounding",
+        per_test=True,
+    )  # fmt: skip
+    if model.order == "first":
+        return [winding]
+    stator = Parameter(
+        "Tsr_start", "degC", "stator temperature at the start", "start", "linear",
+        test.start_degC, 1.0 if is_cold else max(5.0, 0.5 * rise),
+        "cold start: the machine has soaked at one temperature" if is_cold
+        else "warm start: not measured, near the winding",
+        per_test=True,
+    )  # fmt: skip
+    return [winding, stator]

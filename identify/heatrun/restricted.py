@@ -1,0 +1,126 @@
+"""The noise from residuals, with the parameters integrated out (restricted likelihood).
+
+Around a fit the model is linear in the scores, so the likelihood of the noise alone is Gaussian
+and closed: the parameters, with their priors, are integrated out. This is what keeps the noise
+of a short test from being too small by the degrees of freedom that the fit has used up.
+"""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.optimize import minimize
+
+from . import noise as noise_module
+from .noise import NOISE
+from .problem import NUM_NOISE, Data, Problem
+
+STARTS_S = (8.0, 40.0, 200.0)
+"""Correlation times that the search starts from [s]; the likelihood may have two maxima."""
+
+SCORE_LIMIT = 4.0
+"""The noise is sought within this many prior standard deviations [1]."""
+
+
+def restricted_log_likelihood(
+    data: Data,
+    noise_z: Float[Array, " 3"],
+    z: Float[Array, " parameter"],
+    residual: Float[Array, " block"],
+    jacobian: Float[Array, "block parameter"],
+) -> Float[Array, ""]:
+    """Return the log likelihood of the noise plus its log prior, up to a constant [nat].
+
+    Args:
+        data: The tests, for the layout of their blocks.
+        noise_z: Scores of the noise.
+        z: Scores at which `residual` was taken; the prior pulls from there to zero.
+        residual: Residuals of all tests in a row [K].
+        jacobian: Their derivative [K per score].
+
+    Reference: H. D. Patterson, R. Thompson, Recovery of inter-block information when block sizes
+        are unequal, Biometrika 58 (1971) 545-554.
+    """
+    noise = noise_module.from_scores(noise_z, data.slow_noise)
+    joined = jnp.concatenate([residual[:, None], jacobian], axis=1)
+    ends = np.cumsum([test.measured.size for test in data.tests])[:-1]
+    rows, log_sd = [], jnp.zeros(())
+    for part, test in zip(jnp.split(joined, ends), data.tests, strict=True):
+        whitened, half_log_det = noise_module.whiten(part, noise, test)
+        rows.append(whitened)
+        log_sd = log_sd + half_log_det
+    stacked = jnp.concatenate(rows)
+    r, J = stacked[:, 0], stacked[:, 1:]
+    precision = J.T @ J + jnp.eye(J.shape[1])
+    gradient = J.T @ r + z  # of half the sum of squares, prior included
+    factor = jnp.linalg.cholesky(precision)
+    half = jax.scipy.linalg.solve_triangular(factor, gradient, lower=True)
+    squares = jnp.sum(r**2) + jnp.sum(z**2) - jnp.sum(half**2)
+    log_det = jnp.sum(jnp.log(jnp.diag(factor)))
+    return -0.5 * squares - log_sd - log_det - 0.5 * jnp.sum(noise_z**2)
+
+
+def estimate_noise(
+    problem: Problem,
+    z: np.ndarray,
+    residual: np.ndarray,
+    jacobian: np.ndarray,
+) -> np.ndarray:
+    """Return the scores of the noise at the maximum of the restricted likelihood.
+
+    Args:
+        problem: Model and tests.
+        z: As `restricted_log_likelihood`.
+        residual: As `restricted_log_likelihood`.
+        jacobian: As `restricted_log_likelihood`.
+    """
+    fixed = problem.data, jnp.asarray(z), jnp.asarray(residual), jnp.asarray(jacobian)
+    spread = float(np.std(residual)) + 1e-6
+    found = []
+    for time in STARTS_S:
+        start = [
+            float(NOISE[0].score(spread)),
+            float(NOISE[1].score(time)),
+            float(NOISE[2].score(spread)),
+        ]
+        start = np.clip(start, -SCORE_LIMIT, SCORE_LIMIT)
+        found.append(
+            minimize(
+                lambda v: tuple(map(np.asarray, _objective(jnp.asarray(v), *fixed))),
+                start,
+                jac=True,
+                method="L-BFGS-B",
+                bounds=[(-SCORE_LIMIT, SCORE_LIMIT)] * NUM_NOISE,
+            )
+        )
+    best = min(found, key=lambda solution: solution.fun)
+    return np.asarray(best.x).reshape(NUM_NOISE)
+
+
+@jax.jit
+@jax.value_and_grad
+def _objective(noise_z, data, z, residual, jacobian):
+    return -restricted_log_likelihood(data, noise_z, z, residual, jacobian)
+
+
+def noise_precision(
+    problem: Problem,
+    noise_z: np.ndarray,
+    z: np.ndarray,
+    residual: np.ndarray,
+    jacobian: np.ndarray,
+) -> np.ndarray:
+    """Return minus the Hessian of `restricted_log_likelihood` in the noise, shape (3, 3).
+
+    By central differences of the gradient: three scores of order one are worth no compilation.
+    """
+    fixed = problem.data, jnp.asarray(z), jnp.asarray(residual), jnp.asarray(jacobian)
+    width = 1e-4  # error ~ width^2 times the third derivative, both of order one
+    rows = []
+    for direction in width * np.eye(NUM_NOISE):
+        ahead = _objective(jnp.asarray(noise_z + direction), *fixed)[1]
+        behind = _objective(jnp.asarray(noise_z - direction), *fixed)[1]
+        rows.append(np.asarray(ahead - behind) / (2 * width))
+    return np.stack(rows)
