@@ -205,7 +205,9 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "six minutes missing": ("time_gap", shifted_clock(CLEAN, 900.0, 360.0), MOTOR, "error"),
     "stuck to the end": ("sensor_stuck", STRETCHED, MOTOR, "error"),
     "stuck and flickering elsewhere": (
-        "sensor_stuck", edited(SMOOTH, "winding_degC", 900.0, 912.0, SMOOTH["winding_degC"][9000]), MOTOR, "warning"
+        "sensor_stuck",
+        edited(SMOOTH, "winding_degC", 900.0, 912.0, SMOOTH["winding_degC"][9000]),
+        MOTOR, "warning",
     ),
     "constant": ("sensor_stuck", edited(CLEAN, "winding_degC", 0, 1e9, 22.0), MOTOR, "error"),
     "plateau at 1 degC": ("sensor_stuck", STEADY, MOTOR, None),
