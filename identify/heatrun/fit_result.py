@@ -43,6 +43,8 @@ class Fit:
             (parameter, parameter); rows of instruments are zero.
         residual: Measured minus modelled block means by test [K].
         jacobian: Derivative of the residuals by test [K per score].
+        modes: Scores of all optima that share the posterior, the best first, shape
+            (mode, parameter).
         log_evidence: Laplace approximation of the marginal likelihood [nat].
         result: How it ended.
         findings: What is to be said about it.
@@ -56,6 +58,7 @@ class Fit:
     covariance_type_a: Float[np.ndarray, "parameter parameter"]
     residual: list[np.ndarray]
     jacobian: list[np.ndarray]
+    modes: Float[np.ndarray, "mode parameter"]
     log_evidence: float
     result: RESULT
     findings: tuple[Finding, ...] = ()
@@ -98,6 +101,7 @@ def failed(problem: Problem) -> Fit:
         covariance_type_a=np.full((size, size), np.nan),
         residual=nothing,
         jacobian=[np.full((part.size, size), np.nan) for part in nothing],
+        modes=np.empty((0, size)),
         log_evidence=-np.inf,
         result=RESULT.no_start,
     )

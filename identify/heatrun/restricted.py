@@ -51,7 +51,7 @@ def restricted_log_likelihood(
         whitened, half_log_det = noise_module.whiten(part, noise, test)
         rows.append(whitened)
         log_sd = log_sd + half_log_det
-    stacked = jnp.concatenate(rows)
+    stacked = jnp.concatenate(rows) / jnp.sqrt(data.temper)
     r, J = stacked[:, 0], stacked[:, 1:]
     precision = J.T @ J + jnp.eye(J.shape[1])
     gradient = J.T @ r + z  # of half the sum of squares, prior included
@@ -59,7 +59,7 @@ def restricted_log_likelihood(
     half = jax.scipy.linalg.solve_triangular(factor, gradient, lower=True)
     squares = jnp.sum(r**2) + jnp.sum(z**2) - jnp.sum(half**2)
     log_det = jnp.sum(jnp.log(jnp.diag(factor)))
-    return -0.5 * squares - log_sd - log_det - 0.5 * jnp.sum(noise_z**2)
+    return -0.5 * squares - log_sd / data.temper - log_det - 0.5 * jnp.sum(noise_z**2)
 
 
 def estimate_noise(

@@ -1,0 +1,96 @@
+"""All calls of ArviZ: draws to groups with units, to NetCDF and back. Works on 0.23 and 1.x."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .posterior import Posterior
+
+
+def groups(posterior: Posterior) -> Any:
+    """Return the draws as ArviZ groups: an `InferenceData` on 0.23, a `DataTree` on 1.x.
+
+    Group `posterior` holds every free parameter in its unit (attribute `units`), those of one
+    test with a dimension `test`; `sample_stats` the log density; `observed_data` the block
+    means by test.
+    """
+    arviz = _arviz()
+    variables, dims = _variables(posterior)
+    tests = posterior.fit.problem.tests
+    observed = {f"winding_{index}": test.measured for index, test in enumerate(tests)}
+    dims |= {name: [f"{name}_block"] for name in observed}
+    content = {
+        "posterior": variables,
+        "sample_stats": {"lp": posterior.log_density},
+        "observed_data": observed,
+    }
+    coords = {"test": [test.name for test in tests]}
+    with warnings.catch_warnings():
+        # 0.23 warns when draws of a parameter outnumber its chains, which is always so here
+        warnings.simplefilter("ignore")
+        if _is_tree(arviz):
+            data = arviz.from_dict(content, coords=coords, dims=dims)
+        else:
+            data = arviz.from_dict(**content, coords=coords, dims=dims)
+    _label(data, posterior)
+    return data
+
+
+def write(posterior: Posterior, path: Path) -> None:
+    """Write the groups as NetCDF, whole or not at all."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    groups(posterior).to_netcdf(str(partial), engine="h5netcdf")
+    partial.replace(path)
+
+
+def read(path: Path) -> Any:
+    """Return the groups of a NetCDF file."""
+    arviz = _arviz()
+    return arviz.from_netcdf(str(path), engine="h5netcdf")
+
+
+def summary(posterior: Posterior) -> Any:
+    """Return ArviZ's table of means, intervals and diagnostics."""
+    return _arviz().summary(groups(posterior))
+
+
+def _arviz() -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # 0.23 announces 1.0 when it is imported
+        import arviz
+
+    return arviz
+
+
+def _is_tree(arviz: Any) -> bool:
+    return not hasattr(arviz, "InferenceData")
+
+
+def _variables(posterior: Posterior) -> tuple[dict[str, np.ndarray], dict[str, list[str]]]:
+    values = posterior.values()
+    variables: dict[str, np.ndarray] = {}
+    dims: dict[str, list[str]] = {}
+    for slot in posterior.fit.slots:
+        name = slot.parameter.name
+        if slot.test is None:
+            variables[name] = values[slot.name]
+        elif name not in variables:
+            same = [s for s in posterior.fit.slots if s.parameter.name == name]
+            variables[name] = np.stack([values[s.name] for s in same], axis=-1)
+            dims[name] = ["test"]
+    return variables, dims
+
+
+def _label(data: Any, posterior: Posterior) -> None:
+    units = {s.parameter.name: s.parameter for s in posterior.fit.slots}
+    group = data["posterior"]
+    for name, parameter in units.items():
+        group[name].attrs["units"] = parameter.unit
+        group[name].attrs["long_name"] = parameter.meaning
+    group.attrs["method"] = posterior.method
+    group.attrs["verdict"] = posterior.sentence()

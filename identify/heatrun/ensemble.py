@@ -1,0 +1,92 @@
+"""Is an ensemble long enough? Autocorrelation, effective size and R-hat for affine ensembles.
+
+The walkers of one ensemble move with each other, so none of them is a chain, and a split R-hat
+over walkers says little. Here two ensembles run apart: each is one chain of ensemble means, and
+their disagreement in units of what their autocorrelation allows is the verdict.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from emcee.autocorr import integrated_time
+from jaxtyping import Float
+
+ESS_WANTED = 800.0
+"""Effective draws at which a 95 % limit is good to 4 % of a standard deviation's worth."""
+
+TIMES_WANTED = 25.0
+"""Length of each ensemble in autocorrelation times; two ensembles make the customary 50."""
+
+RHAT_LIMIT = 1.02
+"""Largest R-hat between the two ensembles and their halves."""
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """The verdict on an ensemble.
+
+    Attributes:
+        num_steps: Steps of each ensemble after burn-in.
+        autocorrelation: Longest integrated autocorrelation time [steps].
+        effective_size: Smallest effective number of draws.
+        rhat: Largest R-hat [1].
+    """
+
+    num_steps: int
+    autocorrelation: float
+    effective_size: float
+    rhat: float
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether all three criteria hold."""
+        return (
+            self.effective_size >= ESS_WANTED
+            and self.num_steps >= TIMES_WANTED * self.autocorrelation
+            and self.rhat <= RHAT_LIMIT
+        )
+
+    def sentence(self) -> str:
+        """Return the verdict in words."""
+        figures = (
+            f"{self.num_steps} steps, autocorrelation time {self.autocorrelation:.0f}, "
+            f"{self.effective_size:.0f} effective draws, R-hat {self.rhat:.3f}"
+        )
+        if self.is_enough:
+            return f"The sampling has converged ({figures})."
+        return (
+            f"The sampling has not converged ({figures}; wanted: {ESS_WANTED:.0f} draws, "
+            f"{TIMES_WANTED:.0f} times, R-hat {RHAT_LIMIT}): take the ranges as rough."
+        )
+
+
+def judge(chains: Float[np.ndarray, "ensemble step walker parameter"]) -> Convergence:
+    """Judge ensembles that ran apart.
+
+    Args:
+        chains: Positions after burn-in.
+
+    Reference: J. Goodman, J. Weare, Ensemble samplers with affine invariance, Communications in
+        Applied Mathematics and Computational Science 5 (2010) 65-80, section 5;
+        A. Gelman et al., Bayesian Data Analysis, 3rd ed., section 11.4 (R-hat).
+    """
+    _, num_steps, num_walkers, _ = chains.shape
+    times = np.mean([integrated_time(chain, quiet=True, tol=0) for chain in chains], axis=0)
+    times = np.maximum(np.where(np.isfinite(times), times, num_steps), 1.0)
+    draws = chains.shape[0] * num_steps * num_walkers / times
+    return Convergence(
+        num_steps=num_steps,
+        autocorrelation=float(np.max(times)),
+        effective_size=float(np.min(draws)),
+        rhat=float(np.max(_rhat(chains))),
+    )
+
+
+def _rhat(chains: np.ndarray) -> np.ndarray:
+    half = chains.shape[1] // 2
+    parts = [part for chain in chains for part in (chain[:half], chain[half : 2 * half])]
+    means = np.stack([part.mean(axis=(0, 1)) for part in parts])
+    within = np.mean([part.var(axis=(0, 1), ddof=1) for part in parts], axis=0)
+    return np.sqrt(1.0 + means.var(axis=0, ddof=1) / within)
