@@ -1,9 +1,10 @@
-"""One explicit midpoint step of a network, in two forms that give the same numbers.
+"""One explicit third-order step of a network, in two forms that give the same numbers.
 
-The general form evaluates the balance twice. Where no effect acts on the balance and the steps
-are equal, the step is affine in the temperatures with coefficients that are polynomials of
+The general form evaluates the balance three times. Where no effect acts on the balance and the
+steps are equal, the step is affine in the temperatures with coefficients that are polynomials of
 k = m Is^2 Rs0/(B + Tref); they are worked out once per parameter set, which takes the
-divisions out of the loop and shortens its dependency chain.
+divisions out of the loop and shortens its dependency chain. The midpoint rule would save a fifth
+of the time and err by 4e-6 K at 10 Hz and 2e-3 K at 2 s on a duty with hard steps of load.
 """
 
 from __future__ import annotations
@@ -25,18 +26,36 @@ Vector = dict[str, Scalar]
 Matrix = dict[tuple[str, str], Scalar]
 
 
-def midpoint_step(network: Network, losses: CopperLosses, effects: Sequence[HeatEffect]) -> Step:
-    """Return the general step: two evaluations of the balance.
+def stages(
+    state: State, step: Scalar, slope: Callable[[State], State]
+) -> tuple[tuple[State, State, State], tuple[State, State, State]]:
+    """Return the temperatures [degC] and rates [K/s] at which a step evaluates the balance.
 
     Reference: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I,
-        2nd ed., II.1 (the method of Runge, order 2).
+        2nd ed., II.1, table 1.1 (the method of Kutta, order 3).
     """
+    first = slope(state)
+    middle = {node: T + 0.5 * step * first[node] for node, T in state.items()}
+    second = slope(middle)
+    ahead = {n: T + step * (2.0 * second[n] - first[n]) for n, T in state.items()}
+    return (state, middle, ahead), (first, second, slope(ahead))
+
+
+def mean(first, second, third):
+    """Return the mean over a step of a quantity known at its three stages."""
+    return (first + 4.0 * second + third) / 6.0
+
+
+def general_step(network: Network, losses: CopperLosses, effects: Sequence[HeatEffect]) -> Step:
+    """Return the general step: three evaluations of the balance."""
 
     def advance(state: State, drive: Drive, step: Scalar) -> State:
-        slope = rates(network, heat_balance(network, losses, effects, state, drive), state)
-        middle = {node: T + 0.5 * step * slope[node] for node, T in state.items()}
-        slope = rates(network, heat_balance(network, losses, effects, middle, drive), middle)
-        return {node: T + step * slope[node] for node, T in state.items()}
+        def slope(temperature: State) -> State:
+            terms = heat_balance(network, losses, effects, temperature, drive)
+            return rates(network, terms, temperature)
+
+        _, (first, second, third) = stages(state, step, slope)
+        return {n: T + step * mean(first[n], second[n], third[n]) for n, T in state.items()}
 
     return advance
 
@@ -44,25 +63,30 @@ def midpoint_step(network: Network, losses: CopperLosses, effects: Sequence[Heat
 def affine_step(network: Network, losses: CopperLosses, step: Scalar) -> Step:
     """Return the step for a bare network and a fixed length [s]: affine with precomputed terms.
 
-    With dT/dt = (A0 + k A1) T + b(k, inputs), the midpoint step is
-    T' = (I + hA + h^2 A^2/2) T + (h + h^2 A/2) b, expanded in powers of k.
+    With dT/dt = A T + b(k, inputs) and A = A0 + k A1, a third-order step is
+    T' = (I + A S) T + S b with S = h + h^2 A/2 + h^3 A^2/6, expanded in powers of k.
     """
     fixed, feedback = _dynamics(network, losses)
     sources = _sources(network, losses)
     identity: Matrix = {(node, node): 1.0 for node in network.nodes}
-    half = 0.5 * step
-    spread = (
-        _add(_scale(identity, step), _scale(fixed, step * half)),
-        _scale(feedback, step * half),
-    )
+    half, sixth = step**2 / 2.0, step**3 / 6.0
+    cross = _add(_multiply(fixed, feedback), _multiply(feedback, fixed))
+    spread = [
+        _add(
+            _scale(identity, step),
+            _add(_scale(fixed, half), _scale(_multiply(fixed, fixed), sixth)),
+        ),
+        _add(_scale(feedback, half), _scale(cross, sixth)),
+        _scale(_multiply(feedback, feedback), sixth),
+    ]
     powers = [
         _add(identity, _multiply(fixed, spread[0])),
         _add(_multiply(fixed, spread[1]), _multiply(feedback, spread[0])),
-        _multiply(feedback, spread[1]),
+        _add(_multiply(fixed, spread[2]), _multiply(feedback, spread[1])),
+        _multiply(feedback, spread[2]),
     ]
     forcing = {
-        name: (_times(spread[0], vector), _times(spread[1], vector))
-        for name, vector in sources.items()
+        name: [_times(matrix, vector) for matrix in spread] for name, vector in sources.items()
     }
 
     def advance(state: State, drive: Drive, step: Scalar) -> State:
@@ -76,8 +100,8 @@ def affine_step(network: Network, losses: CopperLosses, step: Scalar) -> Step:
             for column in network.nodes:
                 weight = _horner([power.get((row, column)) for power in powers], k)
                 total = _sum(total, _product(weight, state[column]))
-            for name, (zeroth, first) in forcing.items():
-                weight = _horner([zeroth.get(row), first.get(row)], k)
+            for name, vectors in forcing.items():
+                weight = _horner([vector.get(row) for vector in vectors], k)
                 total = _sum(total, _product(weight, inputs[name]))
             after[row] = total
         return after
@@ -174,7 +198,7 @@ def _product(first, second):
 
 
 def _horner(coefficients, k):
-    """Return c0 + c1 k + c2 k^2 with None for structural zeros."""
+    """Return c0 + c1 k + c2 k^2 + ... with None for structural zeros."""
     total = None
     for coefficient in reversed(coefficients):
         total = _sum(coefficient, _product(total, k))

@@ -140,7 +140,16 @@ class Terms:
         return self.add_heat(source, -watts).add_heat(target, watts)
 
     def scale_conductance(self, link: Link, factor: Float[Array, "..."]) -> Terms:
-        """Return the terms with the conductance of a link multiplied by a factor [1]."""
+        """Return the terms with the conductance of a link multiplied by a factor [1].
+
+        Raises:
+            ValueError: If the network has no such link.
+        """
+        if link not in self.conductance:
+            raise ValueError(
+                f"The network has no link {link}, only {sorted(self.conductance)}: "
+                "build the effect with `link=`."
+            )
         return replace(self, conductance=self.conductance | {link: self.conductance[link] * factor})
 
     def with_sink(self, temperature: Float[Array, "..."]) -> Terms:

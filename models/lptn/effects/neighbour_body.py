@@ -46,6 +46,11 @@ class NeighbourBody(NodeEffect):
 
     def extend(self, network: Network) -> Network:
         """As `NodeEffect.extend`."""
+        if self.node not in network.capacitance:
+            raise ValueError(
+                f"The network has no node {self.node!r}, only {list(network.nodes)}: "
+                "build the effect with `node=`."
+            )
         return network.with_node(
             "neighbour", capacitance=self.C, links={self.node: _resistance(self.G)}
         )

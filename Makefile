@@ -1,0 +1,50 @@
+# Set-up happens once, in .venv, from the lock file; every target takes care of it by itself.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+# A second Python for `make test-latest`: the newest there is above 3.11.
+LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
+
+.PHONY: demo test test-slow test-latest lint types check bench notebooks lock clean
+
+demo: $(VENV)/ready
+	$(BIN)/heatrun demo
+
+test: $(VENV)/ready
+	$(BIN)/pytest -m "not slow and not notebook"
+
+test-slow: $(VENV)/ready
+	$(BIN)/pytest -m "slow or notebook"
+
+test-latest:
+	@if [ -z "$(LATEST)" ]; then echo "No Python 3.12 or newer is found here: skipped."; else \
+	$(MAKE) test VENV=.venv-latest PYTHON=$(LATEST); fi
+
+lint: $(VENV)/ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/ready
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+check: lint types test
+
+bench: $(VENV)/ready
+	$(BIN)/python tests/benchmarks/run.py
+
+notebooks: $(VENV)/ready
+	$(BIN)/pytest -m notebook
+
+# Hashes for every platform and Python from 3.11 on, no index addresses.
+lock:
+	uv pip compile pyproject.toml --group dev --all-extras --universal --python-version 3.11 \
+	  --generate-hashes --no-emit-index-url --no-header --output-file requirements.lock
+
+clean:
+	rm -rf .venv .venv-latest .pytest_cache .ruff_cache
+
+$(VENV)/ready: requirements.lock pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	touch $@

@@ -1,0 +1,266 @@
+"""The main job: from bench files to a run folder with parameters, bands and a verdict."""
+
+from __future__ import annotations
+
+import datetime
+import platform
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import jax.numpy as jnp
+import numpy as np
+
+from .bench import Finding, Record, read_record
+from .bench.blocks import Blocks, reduce
+from .bench.checks import check_record
+from .errors import InputError
+from .fit import fit
+from .fit_result import Fit
+from .model import Model, Order
+from .motor import Motor
+from .posterior import Posterior, sample
+from .predict import Prediction, predict
+from .problem import Problem
+from .result import assemble, describe_model, describe_test
+from .run_folder import RunFolder, environment
+
+Say = Callable[[str], None]
+
+COARSE_K = 0.05
+"""Error of the reduction to steps from which on it is worth a warning [K]."""
+
+
+class Refused(Exception):
+    """The data do not allow the job; the findings say why. Exit code 1.
+
+    Args:
+        findings: At least one of severity `"error"`.
+    """
+
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        self.findings = tuple(findings)
+        errors = [finding.sentence() for finding in findings if finding.severity == "error"]
+        super().__init__("; ".join(errors))
+
+
+@dataclass(frozen=True)
+class Test:
+    """A record with its reduction and what it is used for."""
+
+    record: Record
+    blocks: Blocks
+    role: Literal["calibration", "holdout"]
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Everything that a calibration found.
+
+    Attributes:
+        motor: The machine.
+        tests: Records, calibration first.
+        posteriors: By order.
+        predictions: By order, one per test.
+        result: What stands in `fit.json`.
+    """
+
+    motor: Motor
+    tests: tuple[Test, ...]
+    posteriors: dict[Order, Posterior]
+    predictions: dict[Order, list[Prediction]]
+    result: dict[str, Any]
+
+
+def load_tests(
+    motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path] = ()
+) -> tuple[Test, ...]:
+    """Read, check and reduce records.
+
+    Args:
+        motor: The machine.
+        calibration: Files to calibrate on.
+        holdout: Files to predict only.
+
+    Raises:
+        InputError: If a file cannot be read.
+        Refused: If a check forbids a fit.
+    """
+    records = [(read_record(path, motor), "calibration") for path in calibration]
+    records += [(read_record(path, motor), "holdout") for path in holdout]
+    records = _with_distinct_names(records)
+    checked = [(record, role, check_record(record, motor)) for record, role in records]
+    findings = [finding for _, _, found in checked for finding in found]
+    if any(finding.severity == "error" for finding in findings):
+        raise Refused(findings)
+    return tuple(Test(r, reduce(r, motor), role, found) for r, role, found in checked)
+
+
+def calibrate(
+    motor: Motor,
+    tests: Sequence[Test],
+    *,
+    orders: Sequence[Order] = ("first", "second"),
+    method: Literal["emcee", "quick"] = "emcee",
+    seed: int = 0,
+    command: str = "",
+    folder: RunFolder | None = None,
+    say: Say = lambda sentence: None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Calibration:
+    """Calibrate a motor's network on tests.
+
+    Args:
+        motor: The machine.
+        tests: From `load_tests`.
+        orders: Orders to calibrate.
+        method: Sampler, as `heatrun.posterior.sample`.
+        seed: Of everything that is drawn.
+        command: As it is to stand in the result.
+        folder: Where checkpoints go; None for none.
+        say: Told what is being done.
+        progress: Called with a sentence and the share done while sampling.
+
+    Raises:
+        InputError: If something that the model needs is not given.
+    """
+    fitted = [test.blocks for test in tests if test.role == "calibration"]
+    posteriors: dict[Order, Posterior] = {}
+    predictions: dict[Order, list[Prediction]] = {}
+    findings = [finding for test in tests for finding in test.findings]
+    for order in orders:
+        say(f"{order} order: least squares from many starts")
+        model = Model.of(order, motor)
+        found = fit(Problem.of(model, motor, fitted), seed=seed)
+        findings += found.findings
+        say(f"{order} order: sampling the posterior")
+        checkpoints = None if folder is None else folder.checkpoints / order
+        posterior = sample(found, method=method, seed=seed, folder=checkpoints, progress=progress)
+        findings += _sampling_findings(posterior)
+        posteriors[order] = posterior
+        predictions[order] = [predict(posterior, test.blocks, seed=seed) for test in tests]
+    last = posteriors[orders[-1]].fit
+    rows = []
+    for test in tests:
+        error = reduction_error(last, test, motor)
+        rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
+        if error > COARSE_K:
+            findings.append(_coarse(test, error))
+    roles = [test.role for test in tests]
+    models = {
+        order: describe_model(posteriors[order], predictions[order], roles) for order in orders
+    }
+    result = assemble(motor, rows, findings, models, dict(predictions), command=command, seed=seed)
+    return Calibration(motor, tuple(tests), posteriors, predictions, result)
+
+
+def reduction_error(found: Fit, test: Test, motor: Motor) -> float:
+    """Return the largest error of a block mean that the reduction to steps causes [K].
+
+    The test is simulated at the fit on its steps and on steps of a quarter of the length (no
+    shorter than its samples), started alike.
+    """
+    problem = Problem.of(found.problem.model, motor, [test.blocks])
+    step = float(test.blocks.inputs.step)
+    finer = reduce(
+        test.record,
+        motor,
+        step_s=max(step / 4.0, min(test.blocks.sample_s, step)),
+        block_s=test.blocks.block_s,
+    )
+    names = found.problem.parameters.names
+    z = np.zeros(problem.num_parameters)
+    for position, slot in enumerate(problem.parameters.slots):
+        if slot.name in names:
+            z[position] = found.z[names.index(slot.name)]
+    means = []
+    for blocks in (test.blocks, finer):
+        observation = blocks.observation()
+        values = problem.data.priors.values(problem.structure.form, jnp.asarray(z), 0)
+        means.append(np.asarray(problem.model.block_means(values, observation)))
+    num = min(part.size for part in means)
+    seen = test.blocks.is_observed[:num]
+    return float(np.max(np.abs(means[0][:num] - means[1][:num])[seen]))
+
+
+def manifest(calibration: Calibration, command: str, seed: int) -> dict[str, Any]:
+    """Return what a run folder's manifest says."""
+    return {
+        "format": "heatrun-run/1",
+        "command": command,
+        "seed": seed,
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "platform": platform.system(),
+        "inputs": [
+            {"path": calibration.motor.path, "sha256": calibration.motor.sha256},
+            *(
+                {"path": source.path, "sha256": source.sha256, "role": test.role}
+                for test in calibration.tests
+                for source in test.record.sources
+            ),
+        ],
+        **environment(),
+    }
+
+
+def _with_distinct_names(records: list[tuple[Record, str]]) -> list[tuple[Record, Any]]:
+    """Number records that share a name, since parameters of a test carry it."""
+    seen: dict[str, int] = {}
+    result = []
+    for record, role in records:
+        seen[record.name] = seen.get(record.name, 0) + 1
+        count = seen[record.name]
+        named = record if count == 1 else replace(record, name=f"{record.name} ({count})")
+        result.append((named, role))
+    return result
+
+
+def _sampling_findings(posterior: Posterior) -> list[Finding]:
+    if posterior.is_sound:
+        return []
+    return [
+        Finding(
+            id="sampling_not_converged",
+            severity="warning",
+            message=f"{posterior.fit.problem.model.order} order: {posterior.sentence()}",
+            where=posterior.fit.problem.label,
+            remedy="Add a test that tells the parameters apart, or fix one of them.",
+        )
+    ]
+
+
+def _coarse(test: Test, error: float) -> Finding:
+    return Finding(
+        id="reduction",
+        severity="warning",
+        message=f"reducing the record to steps of {float(test.blocks.inputs.step):g} s changes "
+        f"the model by up to {error:.2g} K (limit {COARSE_K} K)",
+        where=test.record.name,
+        remedy="The winding is faster than the steps resolve: record faster.",
+        test=test.record.name,
+        values={"reduction_error_K": error},
+    )
+
+
+def default_folder(motor: Motor, tests: Sequence[Test], order: str) -> Path:
+    """Return where a run goes if no folder is given: named after motor and first test."""
+    words = f"{motor.name}-{tests[0].record.name}-{order}"
+    slug = "".join(c if c.isalnum() and c.isascii() else "-" for c in words.lower())
+    while "--" in slug:
+        slug = slug.replace("--", "-")
+    return Path("results") / "runs" / slug.strip("-")[:80]
+
+
+def refuse_unwritable(path: Path) -> None:
+    """Raise an error if a folder's parent is a file.
+
+    Raises:
+        InputError: With what to do.
+    """
+    for parent in path.parents:
+        if parent.is_file():
+            raise InputError(
+                f"{parent} is a file, expected a folder.", remedy="Choose another --out."
+            )

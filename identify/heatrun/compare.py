@@ -1,0 +1,131 @@
+"""First against second order on the same records: errors, scores, and what it means in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .adequacy import ljung_box
+from .predict import Prediction
+
+LIMITS_K = (1.0, 2.0, 5.0)
+"""Errors that an engineer asks about [K]."""
+
+DECISIVE = 5.0
+"""Log Bayes factor from which on an order is called for [nat]; odds of 150 to 1."""
+
+
+def residual_row(prediction: Prediction, role: str) -> dict[str, Any]:
+    """Return the error figures of one prediction, as they stand in `fit.json`."""
+    error = prediction.residual[prediction.test.is_observed]
+    normal = error / prediction.sd[prediction.test.is_observed]
+    return {
+        "test": prediction.test.name,
+        "role": role,
+        "rmse_K": float(np.sqrt(np.mean(error**2))),
+        "mae_K": float(np.mean(np.abs(error))),
+        "max_K": float(np.max(np.abs(error))),
+        "end_K": float(np.mean(error[-max(1, error.size // 50) :])),
+        "whiteness_p": ljung_box(normal),
+        "coverage_95": prediction.coverage_95(),
+        "log_score": prediction.log_score(),
+    }
+
+
+def good_until(prediction: Prediction, limit_K: float) -> float | None:
+    """Return the time from which on a prediction errs by more than a limit [s], None if never."""
+    beyond = np.flatnonzero(np.abs(np.nan_to_num(prediction.residual)) > limit_K)
+    return None if beyond.size == 0 else float(prediction.test.time[beyond[0]])
+
+
+def compare(
+    first: Sequence[Prediction], second: Sequence[Prediction], roles: Sequence[str]
+) -> dict[str, Any]:
+    """Return the comparison of two orders over the same tests, with sentences.
+
+    Args:
+        first: Predictions of the first order, one per test.
+        second: Those of the second order, in the same order.
+        roles: `"calibration"` or `"holdout"`, one per test.
+    """
+    words, thresholds, peaks = [], [], []
+    for one, two, role in zip(first, second, roles, strict=True):
+        name = one.test.name
+        ends = []
+        for limit in LIMITS_K:
+            until = good_until(one, limit)
+            thresholds.append({
+                "test": name, "limit_K": limit, "until_s": until,
+                "second_until_s": good_until(two, limit),
+            })  # fmt: skip
+            ends.append(f"{limit:g} K {_until(until)}")
+        rows = residual_row(one, role), residual_row(two, role)
+        words.append(
+            f"{name} ({role}): the first order is good to {', '.join(ends)}; it errs by "
+            f"{rows[0]['rmse_K']:.2f} K (RMSE) and {rows[0]['max_K']:.1f} K at most, the second "
+            f"order by {rows[1]['rmse_K']:.2f} K and {rows[1]['max_K']:.1f} K."
+        )
+        top = int(np.nanargmax(one.test.measured))
+        peak = {
+            "test": name,
+            "time_s": float(one.test.time[top]),
+            "measured_degC": float(one.test.measured[top]),
+            "first_degC": float(one.median[top]),
+            "second_degC": float(two.median[top]),
+        }
+        peaks.append(peak)
+        words.append(
+            f"{name}: at the peak of {peak['measured_degC']:.1f} degC the first order is off by "
+            f"{peak['first_degC'] - peak['measured_degC']:+.1f} K, the second by "
+            f"{peak['second_degC'] - peak['measured_degC']:+.1f} K."
+        )
+    return {"words": words, "thresholds": thresholds, "peak": peaks}
+
+
+def verdict(models: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return which order the data call for, from the evidence and the held-out scores.
+
+    Args:
+        models: The entries of `fit.json` by order.
+    """
+    if len(models) < 2:
+        order = next(iter(models))
+        return {
+            "order": "undecided",
+            "sentence": f"Only the {order} order was calibrated; nothing was compared.",
+            "log_bayes_factor": None,
+        }
+    factor = (
+        models["second"]["evidence"]["log_evidence"] - models["first"]["evidence"]["log_evidence"]
+    )
+    score = {order: _held_out_score(model) for order, model in models.items()}
+    held = ""
+    if score["first"] is not None and score["second"] is not None:
+        gain = score["second"] - score["first"]
+        better = "second" if gain > 0 else "first"
+        held = (
+            f" On the held-out tests the {better} order predicts better (log score per block "
+            f"{score['second']:.2f} against {score['first']:.2f})."
+        )
+    if factor > DECISIVE:
+        order, text = "second", "The data call for the second order"
+    elif factor < -DECISIVE:
+        order, text = "first", "The first order suffices"
+    else:
+        order, text = "undecided", "The data do not decide between the orders"
+    return {
+        "order": order,
+        "sentence": f"{text} (log Bayes factor second to first {factor:+.0f}).{held}",
+        "log_bayes_factor": factor,
+    }
+
+
+def _held_out_score(model: Mapping[str, Any]) -> float | None:
+    scores = [row["log_score"] for row in model["residuals"] if row["role"] == "holdout"]
+    return float(np.mean(scores)) if scores else None
+
+
+def _until(until: float | None) -> str:
+    return "throughout" if until is None else f"until {until / 60:.1f} min"

@@ -1,0 +1,143 @@
+"""A virtual prototype's record: what identified parameters say of the load of a real test."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+
+from .bench import Record, read_record, require
+from .bench.blocks import reduce
+from .checkpoint import write_whole
+from .errors import InputError
+from .model import ALL_NAMES, Model, Order, parameters
+from .motor import Motor
+from .run_folder import load_result
+
+
+def simulate_file(
+    motor: Motor, source: str, path: Path, order: Order, folder: Path, seed: int
+) -> dict[str, Any]:
+    """Simulate the load of a test and write the virtual record as CSV.
+
+    Args:
+        motor: The machine.
+        source: A run folder, or a TOML file with parameters by name.
+        path: The test whose currents, losses and sink drive the model.
+        order: First or second order.
+        folder: Where `NAME_virtual.csv` goes.
+        seed: Unused by the median course; kept with the run for bands.
+
+    Returns:
+        Name of the file, number of rows, and the error to a measured winding where there is one.
+
+    Raises:
+        InputError: If parameters are missing, or the record lacks a channel.
+    """
+    values = parameters_from(Path(source), order)
+    record = read_record(path, motor)
+    require(record, ["phase_current_A", "losses_W", f"{motor.sink}_degC"])
+    measured = record.channels.get("winding_degC")
+    table = simulate_record(motor, values, record, order)
+    target = folder / f"{record.name}_virtual.csv"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_whole(target, table.to_csv(index=False, float_format="%.6g").encode())
+    except OSError as error:
+        raise InputError(
+            f"the record cannot be written: {error.strerror}.",
+            where=str(target),
+            remedy="Choose a writable folder with --out.",
+        ) from error
+    rmse = None
+    if measured is not None and np.any(np.isfinite(measured)):
+        virtual = np.interp(record.time_s, table["time_s"], table["winding_degC"])
+        rmse = float(np.sqrt(np.nanmean((measured - virtual) ** 2)))
+    return {"file": str(target), "num_rows": len(table), "rmse_K": rmse, "test": record.name}
+
+
+def simulate_record(
+    motor: Motor, values: Mapping[str, float], record: Record, order: Order
+) -> pd.DataFrame:
+    """Return the virtual record: inputs, temperatures, loss split and heat flows by step.
+
+    Args:
+        motor: The machine.
+        values: Parameters by name; the start is taken from the record's first readings, or from
+            the sink where no winding was measured.
+        record: Currents, losses and sink.
+        order: First or second order.
+    """
+    if "winding_degC" not in record:
+        # the sink stands in as the start temperature; nothing else reads it
+        sink = record[f"{motor.sink}_degC"]
+        record = replace(record, channels={**record.channels, "winding_degC": sink})
+    blocks = reduce(record, motor)
+    model = Model.of(order, motor)
+    known = parameters(model, motor, [blocks]).by_test[0]
+    full = {name: parameter.centre for name, parameter in known.items()}
+    full |= {name: p.fixed for name, p in known.items() if p.fixed is not None}
+    full |= {name: value for name, value in values.items() if name in full}
+    trace = model.simulate({n: jnp.asarray(v) for n, v in full.items()}, blocks.inputs)
+    inside = np.asarray(trace.time[1:]) <= record.duration_s + 1e-9
+    columns: dict[str, Any] = {"time_s": np.asarray(trace.time[1:]) + blocks.first_s}
+    columns["phase_current_A"] = np.sqrt(np.asarray(blocks.inputs.current_squared))
+    columns["losses_W"] = np.asarray(blocks.inputs.losses)
+    columns[f"{motor.sink}_degC"] = np.asarray(blocks.inputs.ambient)
+    if blocks.inputs.speed is not None:
+        columns["speed_rpm"] = np.asarray(blocks.inputs.speed) * 30.0 / np.pi
+    for node, T in trace.temperature.items():
+        columns[f"{node}_degC"] = np.asarray(T[1:])
+    columns["copper_loss_W"] = np.asarray(trace.copper_loss)
+    columns["other_loss_W"] = np.asarray(trace.other_loss)
+    for (start, end), flow in trace.flow.items():
+        columns[f"flow_{start}_{end}_W"] = np.asarray(flow)
+    return pd.DataFrame(columns)[inside].reset_index(drop=True)
+
+
+def parameters_from(source: Path, order: Order) -> dict[str, float]:
+    """Return parameters by name from a run folder or a TOML file.
+
+    Raises:
+        InputError: If there is neither, or a parameter is missing or misnamed.
+    """
+    if source.is_dir():
+        models = load_result(source)["models"]
+        if order not in models:
+            raise InputError(
+                f"the run holds no {order} order, only {', '.join(models)}.",
+                where=str(source),
+                remedy="Pass --model, or calibrate with --model both.",
+            )
+        return {n: float(e["value"]) for n, e in models[order]["parameters"].items()}
+    try:
+        content = tomllib.loads(source.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"expected a run folder or a TOML file of parameters: {error}.", where=str(source),
+            remedy="Write lines such as Ceq_w = 666.75.",
+        ) from error  # fmt: skip
+    content = content.get("parameters", content)
+    needed = ("Ceq", "Req") if order == "first" else ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
+    missing = [name for name in needed if name not in content]
+    unknown = [name for name in content if name not in ALL_NAMES]
+    if missing or unknown:
+        what = [f"{', '.join(missing)} missing"] if missing else []
+        what += [f"{', '.join(unknown)} unknown"] if unknown else []
+        raise InputError(
+            f"parameters of the {order} order: {'; '.join(what)}.",
+            where=str(source),
+            remedy=f"Give {', '.join(needed)} (J/K and K/W).",
+        )
+    bad = [n for n, v in content.items() if isinstance(v, bool) or not isinstance(v, int | float)]
+    if bad:
+        raise InputError(
+            f"{', '.join(bad)}: expected a number.", where=str(source), remedy="Write 666.75."
+        )
+    return {name: float(value) for name, value in content.items()}

@@ -1,0 +1,294 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import lptn
+from lptn import CopperLosses, Inputs, Network, first_order, longest_step, second_order
+
+
+def constant(num, step, current_squared=0.0, losses=0.0, ambient=20.0, speed=None):
+    return Inputs(
+        step=jnp.asarray(step),
+        current_squared=jnp.full(num, current_squared),
+        losses=jnp.full(num, losses),
+        ambient=jnp.full(num, ambient),
+        speed=None if speed is None else jnp.full(num, speed),
+    )
+
+
+def test_one_node_follows_the_exponential_at_third_order():
+    C, R, P = 12_500.0, 0.132, 800.0
+    errors = []
+    for step in (100.0, 50.0):
+        inputs = constant(int(3000 / step), step, losses=P)
+        trace = lptn.simulate(
+            first_order(C, R), CopperLosses(Rs0=jnp.asarray(0.0)), inputs, {"winding": 20.0}
+        )
+        exact = 20.0 + P * R * (1.0 - np.exp(-np.asarray(trace.time) / (R * C)))
+        errors.append(np.max(np.abs(np.asarray(trace.temperature["winding"]) - exact)))
+    # halving the step of a third-order method divides the error by eight
+    assert errors[0] / errors[1] == pytest.approx(8.0, rel=0.05)
+
+
+def test_second_order_agrees_with_scipy(network, losses, short, start):
+    Cw, Cs = 666.75, 15060.1
+    Rw, Rs = 0.14485, 0.11625
+
+    def slope(time, T):
+        index = min(int(time / float(short.step)), short.num_time - 1)
+        k = 3 * 0.0062 / 259.5 * float(short.current_squared[index])
+        copper = k * (234.5 + T[0])
+        flow = (T[0] - T[1]) / Rw
+        out = (T[1] - float(short.ambient[index])) / Rs
+        return [(copper - flow) / Cw, (float(short.losses[index]) - copper + flow - out) / Cs]
+
+    edges = np.asarray(short.edges())
+    T = np.array([22.0, 20.0])
+    for begin, end in pairwise(edges):
+        middle = 0.5 * (begin + end)
+        solution = solve_ivp(lambda t, y, m=middle: slope(m, y), (begin, end), T, method="DOP853",
+                             rtol=1e-12, atol=1e-12)  # fmt: skip
+        T = solution.y[:, -1]
+    exact = lptn.reference(network, losses, short, start)
+    assert float(exact.temperature["winding"][-1]) == pytest.approx(T[0], abs=1e-8)
+    assert float(exact.temperature["stator"][-1]) == pytest.approx(T[1], abs=1e-8)
+
+
+def test_fast_path_agrees_with_reference_at_10_hz(network, losses, inputs, start):
+    fast = lptn.simulate(network, losses, inputs, start)
+    exact = lptn.reference(network, losses, inputs, start)
+    assert float(jnp.max(fast.reading)) < 160.0
+    # the project's target; the method itself errs by (h/tau)^3/24 of a change, far less
+    assert float(jnp.max(jnp.abs(fast.reading - exact.reading))) < 1e-6
+
+
+def test_two_second_means_agree_with_the_full_rate(network, losses, inputs, regroup, start):
+    exact = lptn.reference(network, losses, inputs, start)
+    coarse = lptn.simulate(network, losses, regroup(group=20), start)
+    at_edges = exact.reading[::20][: coarse.reading.size]
+    assert float(jnp.max(jnp.abs(coarse.reading - at_edges))) < 1e-3
+
+
+def test_affine_and_general_steps_are_the_same(network, regroup, start):
+    losses = CopperLosses(
+        Rs0=jnp.asarray(0.0062),
+        power_gain=jnp.asarray(0.03),
+        torque_offset=jnp.asarray(0.2),
+        ambient_offset=jnp.asarray(-0.7),
+    )
+    for kind in ("balance", "map"):
+        chosen = CopperLosses(
+            losses.Rs0, kind=kind, power_gain=losses.power_gain,
+            torque_offset=losses.torque_offset, ambient_offset=losses.ambient_offset,
+        )  # fmt: skip
+        affine = lptn.simulate(network, chosen, regroup(group=20), start)
+        general = lptn.simulate(network, chosen, regroup(group=20, unequal=True), start)
+        for node in ("winding", "stator"):
+            gap = jnp.abs(affine.temperature[node] - general.temperature[node])
+            assert float(jnp.max(gap)) < 1e-9  # rounding over 2,292 steps
+
+
+@pytest.mark.parametrize("kind", ["balance", "map"])
+def test_energy_is_conserved_in_every_interval(network, kind, short, start):
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062), kind=kind)
+    trace = lptn.simulate(network, losses, short, start)
+    stored = sum(
+        network.capacitance[node] * jnp.diff(trace.temperature[node]) for node in network.nodes
+    )
+    put_in = short.step * sum(trace.heat.values())
+    out = short.step * trace.flow["stator", "ambient"]
+    np.testing.assert_allclose(stored, put_in - out, rtol=1e-9, atol=1e-7)  # J, of 1e3 J
+    total = trace.copper_loss + trace.other_loss
+    expected = short.losses if kind == "balance" else short.losses + trace.copper_loss
+    np.testing.assert_allclose(total, expected, rtol=1e-12)
+
+
+def test_steady_state_is_the_closed_form_with_feedback(network):
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
+    inputs = constant(60_000, 2.0, current_squared=100.0**2, losses=600.0)
+    trace = lptn.simulate(network, losses, inputs, {"winding": 20.0, "stator": 20.0})
+    k = 3 * 0.0062 * 100.0**2 / 259.5
+    stator = 20.0 + 0.11625 * 600.0
+    winding = (stator + 0.14485 * k * 234.5) / (1.0 - 0.14485 * k)
+    assert float(trace.temperature["stator"][-1]) == pytest.approx(stator, abs=1e-6)
+    assert float(trace.temperature["winding"][-1]) == pytest.approx(winding, abs=1e-6)
+    assert float(trace.flow["stator", "ambient"][-1]) == pytest.approx(600.0, rel=1e-8)
+    assert float(trace.flow["winding", "stator"][-1]) == pytest.approx(
+        float(trace.copper_loss[-1]), rel=1e-8
+    )
+
+
+def test_feedback_above_the_limit_runs_away():
+    network = second_order(600.0, 1e4, 0.3, 0.3)
+    losses = CopperLosses(Rs0=jnp.asarray(0.02), kind="map")
+    inputs = constant(4000, 2.0, current_squared=200.0**2)
+    T = lptn.simulate(network, losses, inputs, {"winding": 20.0, "stator": 20.0})
+    rise = jnp.diff(T.temperature["winding"])
+    assert float(rise[-1]) > float(rise[2000]) > 0.0
+
+
+def test_scale_of_the_losses_is_not_visible_in_temperatures(network, losses, short, start):
+    g = 1.3
+    scaled = second_order(666.75 * g, 15060.1 * g, 0.14485 / g, 0.11625 / g)
+    louder = Inputs(
+        step=short.step,
+        current_squared=short.current_squared,
+        losses=g * short.losses,
+        ambient=short.ambient,
+    )
+    one = lptn.reading(network, losses, short, start)
+    two = lptn.reading(scaled, CopperLosses(Rs0=g * losses.Rs0), louder, start)
+    np.testing.assert_allclose(one, two, atol=1e-10)
+
+
+def test_a_network_of_four_nodes_runs_and_conserves(short):
+    network = Network(
+        capacitance={
+            node: jnp.asarray(C)
+            for node, C in (
+                ("winding", 437.0), ("tooth", 6509.0), ("yoke", 10666.0), ("magnet", 3511.0)
+            )
+        },
+        resistance={
+            ("winding", "tooth"): jnp.asarray(0.0899),
+            ("winding", "yoke"): jnp.asarray(0.0375),
+            ("yoke", "tooth"): jnp.asarray(0.0707),
+            ("tooth", "magnet"): jnp.asarray(0.4),
+            ("yoke", "ambient"): jnp.asarray(0.018),
+        },
+        share={"tooth": jnp.asarray(0.5), "yoke": jnp.asarray(0.3), "magnet": jnp.asarray(0.2)},
+    )  # fmt: skip
+    start = {node: 20.0 for node in network.nodes}
+    losses = CopperLosses(Rs0=jnp.asarray(0.0146), reference_temperature=70.0)
+    fast = lptn.simulate(network, losses, short, start)
+    exact = lptn.reference(network, losses, short, start)
+    assert (
+        float(jnp.max(jnp.abs(fast.reading - exact.reading))) < 5e-3
+    )  # fastest node 11 s, step 2 s: (h/tau)^3/24 of 20 K
+    stored = sum(network.capacitance[n] * jnp.diff(fast.temperature[n]) for n in network.nodes)
+    out = short.step * (sum(fast.heat.values()) - fast.flow["yoke", "ambient"])
+    np.testing.assert_allclose(stored, out, rtol=1e-9, atol=1e-7)
+
+
+def test_heat_goes_the_same_way_in_both_directions():
+    """Reciprocity: the rise of one node per watt in the other does not depend on which is which."""
+    rises = []
+    for heated, read in (("winding", "stator"), ("stator", "winding")):
+        base = second_order(600.0, 9000.0, 0.14, 0.11)
+        network = Network(base.capacitance, base.resistance, {heated: jnp.asarray(1.0)})
+        trace = lptn.simulate(
+            network, CopperLosses(Rs0=jnp.asarray(0.0)), constant(20_000, 2.0, losses=100.0),
+            {"winding": 20.0, "stator": 20.0},
+        )  # fmt: skip
+        rises.append(float(trace.temperature[read][-1]) - 20.0)
+    assert rises[0] == pytest.approx(rises[1], rel=1e-9)
+
+
+def test_gradients_agree_with_finite_differences(short, start):
+    def end(theta):
+        network = second_order(theta[0], theta[1], theta[2], theta[3])
+        losses = CopperLosses(Rs0=theta[4])
+        return lptn.reading(network, losses, short, start)[-1]
+
+    theta = jnp.asarray([666.75, 15060.1, 0.14485, 0.11625, 0.0062])
+    gradient = jax.grad(end)(theta)
+    forward = jax.jacfwd(end)(theta)
+    for i in range(theta.size):
+        width = 1e-5 * theta[i]
+        ahead, behind = theta.at[i].add(width), theta.at[i].add(-width)
+        slope = (end(ahead) - end(behind)) / (2 * width)
+        # truncation ~ 1e-10 relative, rounding ~ 1e-9
+        assert float(gradient[i]) == pytest.approx(float(slope), rel=1e-6)
+        assert float(forward[i]) == pytest.approx(float(gradient[i]), rel=1e-10)
+
+
+def test_eager_jit_and_vmap_agree(losses, short, start):
+    def reading(Ceq_w):
+        network = second_order(Ceq_w, 15060.1, 0.14485, 0.11625)
+        return lptn.reading(network, losses, short, start)
+
+    values = jnp.asarray([600.0, 666.75, 800.0])
+    eager = jnp.stack([reading(value) for value in values])
+    np.testing.assert_allclose(jax.vmap(reading)(values), eager, rtol=1e-13)
+    np.testing.assert_allclose(jax.jit(reading)(values[0]), eager[0], rtol=1e-13)
+
+
+def test_accumulate_and_block_means_fold_the_same_reading(network, losses, short, start):
+    edges = lptn.reading(network, losses, short, start)
+    data = jnp.linspace(0.0, 1.0, short.num_time)
+    total = lptn.accumulate(
+        network, losses, short, start,
+        update=lambda carry, before, after, item: carry + item * (before + 2.0 * after),
+        carry=jnp.zeros(()), data=data,
+    )  # fmt: skip
+    expected = jnp.sum(data * (edges[:-1] + 2.0 * edges[1:]))
+    assert float(total) == pytest.approx(float(expected), rel=1e-12)
+
+    rng = np.random.default_rng(0)
+    weight = rng.uniform(size=(short.num_time // 10, 10))
+    position = rng.uniform(size=weight.shape)
+    means = lptn.block_means(network, losses, short, start, weight=weight, position=position)
+    before, after = edges[:-1].reshape(weight.shape), edges[1:].reshape(weight.shape)
+    np.testing.assert_allclose(
+        means, np.sum(weight * (before + position * (after - before)), axis=1), rtol=1e-12
+    )
+
+
+def test_sensor_gain_and_offset_show_in_the_reading_alone(network, losses, short, start):
+    plain = lptn.simulate(network, losses, short, start)
+    sensor = lptn.Sensor(gain=jnp.asarray(0.01), offset=jnp.asarray(0.4))
+    read = lptn.simulate(network, losses, short, start, sensor=sensor)
+    np.testing.assert_array_equal(plain.temperature["winding"], read.temperature["winding"])
+    rise = plain.temperature["winding"][1:-1] - 0.5 * (short.ambient[1:] + short.ambient[:-1])
+    expected = plain.temperature["winding"][1:-1] + 0.01 * rise + 0.4
+    np.testing.assert_allclose(read.reading[1:-1], expected, rtol=1e-12)
+
+
+def test_longest_step_is_inside_the_stable_range(network):
+    # for two nodes the eigenvalue itself: 1/92 s, so twice that is the limit of stability
+    assert 20.0 < float(longest_step(network)) < 2 * 92.0
+
+
+def test_too_long_a_step_is_refused(network, losses):
+    with pytest.raises(ValueError, match="finer grid"):
+        lptn.simulate(network, losses, constant(10, 100.0), {"winding": 20.0, "stator": 20.0})
+
+
+def test_a_missing_start_temperature_is_named(network, losses, short):
+    with pytest.raises(ValueError, match="stator"):
+        lptn.simulate(network, losses, short, {"winding": 20.0})
+
+
+def test_shapes_that_differ_are_refused():
+    with pytest.raises(ValueError, match="losses has shape"):
+        Inputs(step=jnp.asarray(1.0), current_squared=jnp.zeros(3), losses=jnp.zeros(4),
+               ambient=jnp.zeros(3))  # fmt: skip
+    with pytest.raises(ValueError, match=r"Inputs\.step"):
+        Inputs(step=jnp.ones(2), current_squared=jnp.zeros(3), losses=jnp.zeros(3),
+               ambient=jnp.zeros(3))  # fmt: skip
+
+
+def test_a_link_to_nowhere_is_refused():
+    with pytest.raises(ValueError, match="must join two different nodes"):
+        Network({"winding": jnp.asarray(1.0)}, {("winding", "frame"): jnp.asarray(1.0)}, {})
+
+
+def test_float32_is_refused_with_the_remedy():
+    program = (
+        "import jax.numpy as jnp, lptn\n"
+        "inputs = lptn.Inputs(jnp.asarray(1.0), jnp.zeros(3), jnp.zeros(3), jnp.zeros(3))\n"
+        "lptn.simulate(lptn.first_order(1e4, 0.1), lptn.CopperLosses(0.0), inputs,"
+        " {'winding': 20.0})\n"
+    )
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True,
+                         check=False)  # fmt: skip
+    assert run.returncode != 0
+    assert "jax_enable_x64" in run.stderr
