@@ -71,7 +71,10 @@ class Whitening:
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Return values whitened along the first axis, in their shape."""
         order = self.start.shape[0]
-        later = np.asarray(lfilter(self.coefficients, [1.0], values, axis=0))[order:]
+        last = values.shape[0]
+        later = values[order:].copy()
+        for lag, coefficient in enumerate(self.coefficients[1:], start=1):
+            later += coefficient * values[order - lag : last - lag]
         return np.concatenate([self.start @ values[:order], later])
 
 
