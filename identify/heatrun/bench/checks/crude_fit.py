@@ -8,6 +8,7 @@ uncertainties are rough; nothing else may be read off it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,7 +64,7 @@ class CrudeFit:
 
 
 def crude_fit(
-    record: Record, motor: Motor, *, left_out_s: tuple[float, float] | None = None
+    record: Record, motor: Motor, *, left_out_s: Sequence[tuple[float, float]] = ()
 ) -> CrudeFit | None:
     """Fit the two-node network to a record.
 
@@ -71,7 +72,7 @@ def crude_fit(
         record: Any record.
         motor: Says what the losses are, and the phase resistance; without that the share of copper
             in the losses is fitted too.
-        left_out_s: Time span whose temperatures do not count [s].
+        left_out_s: Time spans whose temperatures do not count [s].
 
     Returns:
         The fit, or None where the record has too little, or the network does not describe it.
@@ -87,8 +88,8 @@ def crude_fit(
     edges = np.linspace(time_s[0], time_s[-1], min(MAX_BLOCKS, time_s.size // 2) + 1)
     winding, sink, losses, current_squared = _on_grid(time_s, edges, *columns[:3], columns[3] ** 2)
     counted = np.ones(winding.size, dtype=bool)
-    if left_out_s is not None:
-        counted = (edges[1:] < left_out_s[0]) | (edges[:-1] > left_out_s[1])
+    for from_s, to_s in left_out_s:
+        counted &= (edges[1:] < from_s) | (edges[:-1] > to_s)
     if counted.sum() < MIN_BLOCKS or not np.max(losses) > 0.0:
         return None
     problem = _Problem(

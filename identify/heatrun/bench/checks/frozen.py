@@ -31,6 +31,9 @@ MIN_STRETCH_S = 120.0
 MAX_TRIED = 3
 """Each stretch costs a fit; the longest ones are tried."""
 
+MAX_TOPS = 200
+"""More stretches at the highest reading than this are a rounded plateau that flickers."""
+
 MOVED_STEPS = 3.0
 """Rounding hides one step of movement and the network is crude: three must be missing."""
 
@@ -51,7 +54,6 @@ class Stretch:
             [K]; 0 where no network describes the rest.
         doubt_K: How far that may be wrong [K].
         is_live: The last digit flickers elsewhere, so that standing still is telling by itself.
-        is_left_by_jump: The reading moves on by more than two rounding steps at once.
     """
 
     from_s: float
@@ -60,7 +62,6 @@ class Stretch:
     expected_K: float
     doubt_K: float
     is_live: bool
-    is_left_by_jump: bool
 
 
 def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
@@ -96,20 +97,51 @@ def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
         else:
             is_frozen = expected > MOVED_STEPS * (step or 0.0) + doubt
         if is_frozen:
-            leap = abs(float(winding[min(b + 1, winding.size - 1)] - winding[b]))
-            is_jump = leap > 2.0 * (step or LIVE_STEP_K)
-            found.append(
-                Stretch(from_s, to_s, float(winding[a]), expected, doubt, is_live, is_jump)
-            )
+            found.append(Stretch(from_s, to_s, float(winding[a]), expected, doubt, is_live))
     return tuple(found)
 
 
 def _expected_move(record: Record, motor: Motor, from_s: float, to_s: float) -> tuple[float, float]:
     """How far a network fitted without a stretch moves inside it [K], and its own doubt [K]."""
-    fit = crude_fit(record, motor, left_out_s=(from_s, to_s))
+    fit = crude_fit(record, motor, left_out_s=[(from_s, to_s)])
     if fit is None:
         return 0.0, 0.0
     inside = (fit.time_s > from_s) & (fit.time_s < to_s)
     if not inside.any():
         return 0.0, 0.0
     return float(np.ptp(fit.fitted_degC[inside])), DOUBT_RMS * fit.rms_K
+
+
+def hidden_above_top(record: Record, motor: Motor) -> float:
+    """Return how far a rounded winding temperature is cut off at its highest reading.
+
+    The network is fitted to all but the samples at the highest reading, and tells how far they
+    should have gone beyond it.
+
+    Args:
+        record: Any record.
+        motor: Says which channel is the sink.
+
+    Returns:
+        Hidden temperature [K]; 0 where no more than rounding and the network's own doubt explain.
+    """
+    time_s, winding = samples(record, "winding_degC")
+    step = rounding_step(winding)
+    if step is None or step < LIVE_STEP_K:
+        return 0.0
+    top = float(winding.max())
+    first, past = runs(winding == top)
+    # A single crest of a live reading is no top; thousands of runs are flicker, not a cut.
+    if not 0 < first.size <= MAX_TOPS:
+        return 0.0
+    spans = [(float(time_s[a]), float(time_s[b - 1])) for a, b in zip(first, past, strict=True)]
+    fit = crude_fit(record, motor, left_out_s=spans)
+    if fit is None:
+        return 0.0
+    inside = np.zeros(fit.time_s.size, dtype=bool)
+    for from_s, to_s in spans:
+        inside |= (fit.time_s >= from_s) & (fit.time_s <= to_s)
+    if not inside.any():
+        return 0.0
+    hidden = float(np.max(fit.fitted_degC[inside])) - top
+    return hidden if hidden > MOVED_STEPS * step + DOUBT_RMS * fit.rms_K else 0.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...motor import Motor
 from ..record import Finding, Record
-from .frozen import frozen_stretches
+from .frozen import frozen_stretches, hidden_above_top
 from .samples import place, runs, samples
 from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
 
@@ -91,8 +91,8 @@ def _flat_extreme(values: np.ndarray, extreme: float) -> tuple[np.ndarray, np.nd
 def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report flat tops: the extreme of a channel repeated as no live signal repeats it.
 
-    A winding temperature that is rounded, and so repeats values anyway, is at the end of its range
-    where it stands still at its maximum against its heat balance and leaves it without a jump.
+    A winding temperature that is rounded repeats values anyway; it is at the end of its range where
+    its heat balance takes it well beyond its highest reading.
     """
     found = []
     for channel in ("winding_degC", "phase_current_A", "losses_W", "stator_degC"):
@@ -118,22 +118,19 @@ def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
                     )
                 )
     time_s, winding = samples(record, "winding_degC")
-    for stretch in frozen_stretches(record, motor):
-        at_top = stretch.reading_degC == winding.max()
-        is_left = stretch.to_s < time_s[-1] and not stretch.is_left_by_jump
-        if not stretch.is_live and at_top and is_left:
-            count = int(np.sum((time_s >= stretch.from_s) & (time_s <= stretch.to_s)))
-            found.append(
-                _flat(
-                    record,
-                    "winding_degC",
-                    "highest",
-                    stretch.reading_degC,
-                    count,
-                    stretch.from_s,
-                    stretch.to_s,
-                )
+    if hidden_above_top(record, motor) > 0.0:
+        top = np.flatnonzero(winding == winding.max())
+        found.append(
+            _flat(
+                record,
+                "winding_degC",
+                "highest",
+                float(winding.max()),
+                top.size,
+                float(time_s[top[0]]),
+                float(time_s[top[-1]]),
             )
+        )
     return tuple(found)
 
 
