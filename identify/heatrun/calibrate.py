@@ -152,7 +152,7 @@ def calibrate(
     models = {
         order: describe_model(posteriors[order], predictions[order], roles) for order in orders
     }
-    result = assemble(motor, rows, findings, models, dict(predictions), command=command, seed=seed)
+    result = assemble(motor, rows, findings, models, predictions, command=command, seed=seed)
     return Calibration(motor, tuple(tests), posteriors, predictions, result)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 from dataclasses import dataclass
@@ -49,9 +50,8 @@ class Checkpoint:
 
     def save(self, number: int, chain: np.ndarray, log_density: np.ndarray, state: emcee.State):
         """Write one chunk: positions, densities, and the state of the random numbers."""
-        import io
-
         buffer = io.BytesIO()
+        assert state.random_state is not None
         kind, keys, position, has_gauss, gauss = state.random_state
         numbers = json.dumps([str(kind), int(position), int(has_gauss), float(gauss)])
         np.savez(

@@ -93,7 +93,10 @@ def derive(posterior: Posterior) -> dict[str, Any]:
         figures[f"tau_fast{suffix}_s"] = _figure(fast, "s", text)
         figures[f"tau_slow{suffix}_s"] = _figure(slow, "s", text)
     rise = _steady_rise(posterior, values, k, other, seen.sink_degC)
-    text = f"{amperes:.0f} A rms, other losses {np.median(other):.0f} W, sink {seen.sink_degC:.0f} degC"
+    text = (
+        f"{amperes:.0f} A rms, other losses {np.median(other):.0f} W, "
+        f"sink {seen.sink_degC:.0f} degC"
+    )
     figures["steady_rise_K"] = _bounded(rise, "K", text, seen)
     figures |= _rating(posterior, values, other, seen)
     return figures

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from . import noise as noise_module
 from .adequacy import low_frequency_excess
@@ -101,18 +101,17 @@ def fit(
         InputError: If no start leads anywhere, with `throw`.
     """
     white = replace(problem, noise_kind="white")
-    starts, level = _starts(problem, num_starts, seed), ROUGH_K
-    for _ in range(2):
-        z, cost, steps = _search(white, _white(level), starts)
-        if not np.any(np.isfinite(cost)):
-            if throw:
-                raise InputError(RESULT.no_start.value, where=problem.label)
-            return failed(problem)
-        best = int(np.argmin(cost))
-        implied = _implied_level(problem, z[best])
-        if implied < level:
-            break
-        level = 1.5 * implied
+    starts = _starts(problem, num_starts, seed)
+    z, cost, steps = _search(white, _white(ROUGH_K), starts)
+    if np.any(np.isfinite(cost)):
+        implied = _implied_level(problem, z[int(np.argmin(cost))])
+        if implied >= ROUGH_K:
+            z, cost, steps = _search(white, _white(1.5 * implied), starts)
+    if not np.any(np.isfinite(cost)):
+        if throw:
+            raise InputError(RESULT.no_start.value, where=problem.label)
+        return failed(problem)
+    best = int(np.argmin(cost))
     is_same = cost - cost[best] < SAME_OPTIMUM * max(1.0, 1e-3 * cost[best])
     rmse_white = _rmse(problem, _linearise(problem, z[best])[0])
 

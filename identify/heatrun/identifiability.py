@@ -1,4 +1,4 @@
-"""How well the tests determine each parameter, what blocks it, and what a longer test would give."""
+"""How well the tests determine each parameter, what blocks it, what a longer test gives."""
 
 from __future__ import annotations
 

@@ -136,7 +136,9 @@ def _start_from_readings(
     offset = np.zeros(z.shape[0])
     if "sensor_offset" in names:
         offset = np.asarray(
-            slots[names.index("sensor_offset")].parameter.value(z[:, names.index("sensor_offset")])
+            slots[names.index("sensor_offset")].parameter.value(
+                jnp.asarray(z[:, names.index("sensor_offset")])
+            )
         )
     noise = noise_module.from_scores(
         jnp.asarray(vectors[:, -NUM_NOISE:].T), posterior.fit.problem.data.slow_noise

@@ -84,7 +84,7 @@ def importance_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weig
     log_density = evaluate(fit, vectors)
     log_weight = log_density - _log_mixture(vectors, centres, factors)
     log_weight = np.where(np.isfinite(log_weight), log_weight, -np.inf)
-    total = float(logsumexp(log_weight))
+    total = float(np.asarray(logsumexp(log_weight)))
     return Weighted(
         vectors=vectors,
         log_density=log_density,
@@ -114,7 +114,8 @@ def pareto_shape(log_weight: Float[np.ndarray, " draw"]) -> float:
     tail, threshold = np.exp(ordered[-num_tail:]), np.exp(ordered[-num_tail - 1])
     if not np.any(tail > threshold):
         return float("inf")
-    return float(genpareto.fit(tail - threshold, floc=0.0)[0])
+    shape, _, _ = genpareto.fit(tail - threshold, floc=0.0)
+    return float(shape)
 
 
 def _mixture(fit: Fit) -> tuple[np.ndarray, np.ndarray]:

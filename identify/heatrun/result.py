@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from .bench.record import Finding, Record
 from .compare import compare, residual_row, verdict
 from .derived import derive
 from .identifiability import forecast, state
+from .model import Order
 from .motor import Motor
 from .parameters import Parameter, Slot
 from .posterior import Posterior
@@ -139,7 +140,7 @@ def assemble(
     tests: Sequence[dict[str, Any]],
     findings: Sequence[Finding],
     models: dict[str, dict[str, Any]],
-    predictions: dict[str, Sequence[Prediction]],
+    predictions: Mapping[Order, Sequence[Prediction]],
     *,
     command: str,
     seed: int,

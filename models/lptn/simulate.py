@@ -9,6 +9,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from .balance import heat_balance, loss_split, rates
@@ -242,13 +243,18 @@ def _prepare(network, start, effects):
 
 def _check_step(network: Network, inputs: Inputs) -> None:
     longest, step = longest_step(network), jnp.max(inputs.step)
-    if isinstance(longest, jax.core.Tracer) or isinstance(step, jax.core.Tracer):
+    if not _is_concrete(longest, step):
         return
     if step > longest:
         raise ValueError(
             f"The step of {float(step):.3g} s is longer than the fastest node allows "
             f"({float(longest):.3g} s): give the inputs on a finer grid."
         )
+
+
+def _is_concrete(*values: Array) -> bool:
+    """Whether the values are numbers, not placeholders of a trace."""
+    return not any(isinstance(value, Tracer) for value in values)
 
 
 def _heat_effects(effects: Sequence[AbstractEffect]) -> list[HeatEffect]:

@@ -10,6 +10,7 @@ of the time and err by 4e-6 K at 10 Hz and 2e-3 K at 2 s on a duty with hard ste
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from jaxtyping import Array, Float
 
@@ -94,9 +95,9 @@ def affine_step(network: Network, losses: CopperLosses, step: Scalar) -> Step:
         inputs = {"copper": k, "losses": drive.losses, "sink": drive.ambient, "one": 1.0}
         if "torque" in forcing:
             inputs["torque"] = drive.speed_rad
-        after: State = {}
+        after: dict[str, Any] = {}
         for row in network.nodes:
-            total = None
+            total: Any = None
             for column in network.nodes:
                 weight = _horner([power.get((row, column)) for power in powers], k)
                 total = _sum(total, _product(weight, state[column]))
@@ -186,18 +187,18 @@ def _times(matrix: Matrix, vector: Vector) -> Vector:
     return product
 
 
-def _sum(first, second):
+def _sum(first: Any, second: Any) -> Any:
     """Add where None stands for a structural zero."""
     if first is None or second is None:
         return second if first is None else first
     return first + second
 
 
-def _product(first, second):
+def _product(first: Any, second: Any) -> Any:
     return None if first is None or second is None else first * second
 
 
-def _horner(coefficients, k):
+def _horner(coefficients: Sequence[Any], k: Any) -> Any:
     """Return c0 + c1 k + c2 k^2 + ... with None for structural zeros."""
     total = None
     for coefficient in reversed(coefficients):

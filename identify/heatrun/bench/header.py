@@ -29,6 +29,8 @@ def split_name(name: str) -> tuple[str, str | None]:
         ('Temperature (stator)', None)
     """
     name = name.strip()
+    if is_unit(name):  # "km/h" is no label with the unit h
+        return name, None
     square = SQUARE.match(name)
     if square and square["label"]:
         return square["label"], square["unit"].strip() or None

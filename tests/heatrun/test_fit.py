@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from heatrun.bench.blocks import reduce
+from heatrun.errors import InputError
+from heatrun.fit import fit
+from heatrun.model import Model, parameters
+from heatrun.motor import Motor, ParameterOverride
+from heatrun.problem import Problem, linearise, log_posterior, residuals
+
+
+def test_known_parameters_come_back_within_their_uncertainty(fitted, truth):
+    assert fitted.result.name == "converged"
+    values = fitted.values()
+    for name, true in truth.items():
+        position = fitted.problem.parameters.index(name)
+        sd = np.sqrt(fitted.covariance[position, position]) * fitted.slots[position].parameter.sd
+        z = np.log(values[name] / true) / sd
+        assert abs(z) < 3.5, (name, values[name], z)
+    assert fitted.stats["num_at_best"] >= 12
+    assert not fitted.findings
+
+
+def test_instruments_enter_as_type_b(fitted):
+    """The scale is not visible: C and R carry the 1 % of the power, type A does not."""
+    position = fitted.problem.parameters.index("Req_sr")
+    both = fitted.covariance[position, position]
+    type_a = fitted.covariance_type_a[position, position]
+    scale = fitted.slots[position].parameter.sd
+    assert np.sqrt(both - type_a) * scale > 0.0095
+    assert type_a < 0.5 * both
+
+
+def test_several_tests_share_the_network_and_not_the_start(bench, generator, motor, fitted):
+    second = bench(generator.staircase(2400.0), seed=12, name="stairs")
+    problem = Problem.of(
+        Model.of("second", motor), motor, [*fitted.problem.tests, reduce(second, motor)]
+    )
+    joint = fit(problem)
+    names = problem.parameters.names
+    assert "Tw_start[duty]" in names
+    assert "Tsr_start[stairs]" in names
+    assert names.count("Ceq_w") == 1
+    position = problem.parameters.index("Ceq_w")
+    # type A only: a second test cannot hurt
+    assert (
+        joint.covariance_type_a[position, position]
+        < fitted.covariance_type_a[
+            fitted.problem.parameters.index("Ceq_w"), fitted.problem.parameters.index("Ceq_w")
+        ]
+    )
+
+
+def test_jacobian_agrees_with_differences(fitted):
+    problem = fitted.problem
+    z = jnp.asarray(fitted.z)
+    _, jacobian = linearise(problem.structure, problem.data, z)
+    for position in range(problem.num_parameters):
+        step = jnp.zeros_like(z).at[position].set(1e-5)
+        ahead = residuals(problem.structure, problem.data, z + step)[0]
+        behind = residuals(problem.structure, problem.data, z - step)[0]
+        slope = (ahead - behind) / 2e-5
+        # truncation and rounding of the differences are both near 1e-7 of 100 K
+        np.testing.assert_allclose(jacobian[:, position], slope, atol=1e-4)
+
+
+def test_the_fit_is_where_the_posterior_is_stationary(fitted):
+    problem = fitted.problem
+    gradient = jax.grad(
+        lambda z: log_posterior(
+            problem.structure, problem.data, jnp.concatenate([z, jnp.asarray(fitted.noise_z)])
+        )
+    )(jnp.asarray(fitted.z))
+    size = problem.num_parameters
+    # expected gain of a full Newton step in nat: negligible against one
+    gain = 0.5 * np.asarray(gradient) @ fitted.covariance[:size, :size] @ np.asarray(gradient)
+    assert gain < 1e-2
+
+
+def test_fixed_parameters_stay_and_are_gone_from_the_vector(blocks, motor):
+    fixed = replace(motor, parameters={"Req_sr": ParameterOverride(fixed=0.11625)})
+    problem = Problem.of(Model.of("second", fixed), fixed, [blocks])
+    assert "Req_sr" not in problem.parameters.names
+    values = problem.data.priors.values(problem.structure.form, jnp.zeros(10), 0)
+    assert float(values["Req_sr"]) == 0.11625
+
+
+def test_a_first_order_fit_says_that_it_misfits(blocks, motor):
+    found = fit(Problem.of(Model.of("first", motor), motor, [blocks]))
+    assert "misfit" in [finding.id for finding in found.findings]
+    assert found.problem.temper > 2.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "match"),
+    [
+        (Motor("none"), "phase resistance is not given"),
+        (
+            Motor("typo", phase_resistance_ohm=1e-2,
+                  parameters={"Req_st": ParameterOverride(fixed=1.0)}),
+            "Did you mean 'Req_sr'",
+        ),
+        (
+            Motor("sign", phase_resistance_ohm=1e-2,
+                  parameters={"Req_sr": ParameterOverride(fixed=-1.0)}),
+            "positive value",
+        ),
+        (
+            Motor("relative", phase_resistance_ohm=1e-2,
+                  parameters={"sensor_offset": ParameterOverride(relative_sd=0.1)}),
+            "relative_sd has no meaning",
+        ),
+    ],
+)  # fmt: skip
+def test_wrong_motor_files_are_refused(wrong, match, blocks):
+    with pytest.raises(InputError, match=match):
+        parameters(Model.of("second", wrong), wrong, [blocks])

@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from heatrun.adequacy import ljung_box, low_frequency_excess
+from heatrun.noise import Noise, draw, log_density, whiten
+from heatrun.restricted import restricted_log_likelihood
+
+
+@pytest.fixture
+def observation(blocks):
+    return blocks.observation()
+
+
+NOISE = Noise(jnp.asarray(0.3), jnp.asarray(45.0), jnp.asarray(0.1))
+
+
+def covariance(observation, noise):
+    """The dense covariance of the block means, from its definition."""
+    seen = np.asarray(observation.is_observed)
+    length = float(observation.block_s)
+    lag = length * np.abs(np.subtract.outer(np.arange(seen.size), np.arange(seen.size)))
+    slow = float(noise.sd) ** 2 * np.exp(-lag / float(noise.time))
+    white = float(noise.white) ** 2 * 20.0 / length + np.asarray(observation.rounding_variance)
+    return (slow + np.diag(white))[np.ix_(seen, seen)]
+
+
+def test_density_is_that_of_the_dense_covariance(observation):
+    mask = observation.is_observed.at[20:24].set(False)
+    gapped = type(observation)(**{**vars(observation), "is_observed": mask})
+    residual = jnp.asarray(np.random.default_rng(0).normal(size=mask.size))
+    exact = multivariate_normal(cov=covariance(gapped, NOISE)).logpdf(
+        np.asarray(residual)[np.asarray(mask)]
+    )
+    assert float(log_density(residual, NOISE, gapped)) == pytest.approx(exact, rel=1e-10)
+
+
+def test_columns_are_whitened_alike(observation):
+    values = jnp.asarray(np.random.default_rng(1).normal(size=(observation.measured.size, 3)))
+    together, _ = whiten(values, NOISE, observation)
+    apart = [whiten(values[:, i], NOISE, observation)[0] for i in range(3)]
+    np.testing.assert_allclose(together, np.stack(apart, axis=1), rtol=1e-12)
+
+
+def test_drawn_noise_has_the_stated_covariance(observation):
+    errors = np.asarray(draw(jax.random.key(0), NOISE, observation, (4000,)))
+    exact = covariance(observation, NOISE)
+    sample = np.cov(errors.T)
+    # the sd of a sampled covariance of 4000 draws is about 2 % of the variance; 5 of them
+    assert np.max(np.abs(sample - exact)) < 0.1 * exact[0, 0]
+
+
+def test_drawn_noise_whitens_to_white(observation):
+    errors = draw(jax.random.key(1), NOISE, observation)
+    white = np.asarray(whiten(errors, NOISE, observation)[0])
+    assert ljung_box(white) > 1e-3
+    assert low_frequency_excess([white], [20.0])[1] is False
+    drifting = white + 1.0 * np.sin(np.arange(white.size) / 30.0)
+    assert low_frequency_excess([drifting], [20.0])[1] is True
+    assert ljung_box(drifting) < 1e-3
+
+
+def test_restricted_likelihood_integrates_the_parameters_out(fitted):
+    """Against the dense Gaussian marginal: residual ~ N(J z, V + J J')."""
+    problem = fitted.problem
+    residual, jacobian = fitted.residual[0], fitted.jacobian[0]
+    noise_z = jnp.asarray([0.1, -0.3, 0.2])
+    found = []
+    for shift in (0.0, 0.4):
+        scores = noise_z + shift
+        value = restricted_log_likelihood(
+            problem.data, scores, jnp.asarray(fitted.z), jnp.asarray(residual),
+            jnp.asarray(jacobian),
+        )  # fmt: skip
+        from heatrun.noise import from_scores
+
+        V = covariance(problem.data.tests[0], from_scores(scores))
+        centred = residual - jacobian @ fitted.z  # at z = 0 of the linear model
+        dense = multivariate_normal(cov=V + jacobian @ jacobian.T, allow_singular=False)
+        exact = dense.logpdf(centred) - 0.5 * float(jnp.sum(scores**2))
+        found.append(float(value) - exact)
+    assert found[0] == pytest.approx(found[1], abs=1e-6)  # equal up to one constant

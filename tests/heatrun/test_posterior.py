@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heatrun import archive
+from heatrun.bench.blocks import reduce
+from heatrun.identifiability import forecast
+from heatrun.posterior import sample
+from heatrun.predict import predict
+from heatrun.proposal import importance_sample, pareto_shape
+
+
+@pytest.fixture(scope="module")
+def posterior(fitted):
+    return sample(fitted, seed=3, most_steps=2000)
+
+
+def test_the_ensemble_agrees_with_the_covariance(posterior, fitted):
+    size = fitted.problem.num_parameters
+    draws = posterior.flat[:, :size]
+    sd = np.sqrt(np.diag(fitted.covariance)[:size])
+    error = sd / np.sqrt(posterior.convergence.effective_size)
+    # the posterior is close to normal here; 6 Monte Carlo errors plus a tenth of a sd for its skew
+    assert np.all(np.abs(draws.mean(axis=0) - fitted.z) < 6 * error + 0.1 * sd + 0.05)
+    assert np.all(np.abs(np.log(draws.std(axis=0) / sd)) < 0.25)
+
+
+def test_known_parameters_are_inside_the_intervals(posterior, truth):
+    values = posterior.values()
+    for name, true in truth.items():
+        low, high = np.quantile(values[name], [0.0005, 0.9995])
+        assert low < true < high
+
+
+def test_weighted_draws_agree_with_the_ensemble(posterior, fitted):
+    weighted = importance_sample(fitted, num_draws=8192, seed=5)
+    mean = weighted.weights @ weighted.vectors
+    sd = np.sqrt(np.diag(fitted.covariance))
+    error = sd / np.sqrt(weighted.effective_size)
+    assert np.all(np.abs(mean - posterior.flat.mean(axis=0)) < 6 * error + 0.1 * sd)
+    assert weighted.log_evidence == pytest.approx(fitted.log_evidence, abs=1.0)
+
+
+def test_the_pareto_guard_tells_heavy_tails():
+    rng = np.random.default_rng(0)
+    assert pareto_shape(np.log(rng.uniform(0.5, 1.5, 4000))) < 0.3
+    assert pareto_shape(np.log(rng.pareto(1.0, 4000))) > 0.7
+
+
+def test_a_killed_sampling_goes_on_to_the_same_posterior(fitted, tmp_path):
+    whole = sample(fitted, seed=7, folder=tmp_path / "whole", most_steps=1000)
+    sample(fitted, seed=7, folder=tmp_path / "cut", most_steps=1000)
+    for chunk in (tmp_path / "cut").glob("ensemble_*/chunk_00001.npz"):
+        chunk.unlink()  # as if killed after the first chunk
+    again = sample(fitted, seed=7, folder=tmp_path / "cut", most_steps=1000)
+    np.testing.assert_array_equal(again.vectors, whole.vectors)
+
+
+def test_a_checkpoint_of_something_else_is_not_taken_up(fitted, tmp_path):
+    sample(fitted, seed=7, folder=tmp_path, most_steps=500)
+    other = sample(fitted, seed=8, folder=tmp_path, most_steps=500)
+    alone = sample(fitted, seed=8, most_steps=500)
+    np.testing.assert_array_equal(other.vectors, alone.vectors)
+
+
+def test_bands_cover_a_held_out_test(posterior, bench, generator, motor):
+    held_out = reduce(bench(generator.staircase(3000.0), seed=21, name="stairs"), motor)
+    prediction = predict(posterior, held_out)
+    assert prediction.is_held_out
+    assert 0.8 <= prediction.coverage_95() <= 1.0  # 150 correlated block means of one test
+    low, high = prediction.parameters["95"]
+    assert np.all(low <= prediction.median)
+    assert np.all(prediction.median <= high)
+    wide_low, wide_high = prediction.total["95"]
+    assert np.mean(wide_high - wide_low) > np.mean(high - low)
+    assert np.all(prediction.nodes["stator"] < np.maximum(prediction.nodes["winding"], 30.0) + 20)
+
+
+def test_a_longer_test_is_forecast_to_say_more(fitted):
+    longer = forecast(fitted)
+    for name in ("Ceq_sr", "Req_sr"):
+        position = fitted.problem.parameters.index(name)
+        now = np.sqrt(fitted.covariance[position, position]) * fitted.slots[position].parameter.sd
+        assert longer[name] <= now * 1.001
+
+
+def test_groups_carry_units_and_survive_the_file(posterior, tmp_path):
+    path = tmp_path / "posterior.nc"
+    archive.write(posterior, path)
+    group = archive.read(path)["posterior"]
+    assert group["Ceq_w"].attrs["units"] == "J/K"
+    assert group["Tw_start"].dims == ("chain", "draw", "test")
+    np.testing.assert_allclose(group["Req_sr"], posterior.values()["Req_sr"])
+    table = archive.summary(posterior)
+    assert "Ceq_w" in table.index

@@ -1,0 +1,248 @@
+"""Text tables as benches write them, one oddity a test."""
+
+from __future__ import annotations
+
+import gzip
+import time
+
+import numpy as np
+import pytest
+
+from heatrun.bench.read import read_raw
+from heatrun.bench.text import read_text
+from heatrun.errors import InputError
+
+
+def columns(text: str | bytes):
+    data = text.encode() if isinstance(text, str) else text
+    table = read_text(data, "test.csv")
+    return {column.name: column for column in table.columns}, table
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", "|", " ", "   "])
+def test_every_delimiter(delimiter):
+    text = "\n".join(delimiter.join(row) for row in (["t", "T"], ["0.5", "20.25"], ["1", "-3e1"]))
+    found, _ = columns(text)
+    assert found["t"].values.tolist() == [0.5, 1.0]
+    assert found["T"].values.tolist() == [20.25, -30.0]
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t", "|", "  "])
+def test_decimal_comma(delimiter):
+    text = "\n".join(delimiter.join(row) for row in (["t", "T"], ["0,5", "20,25"], ["1", "1,0e1"]))
+    found, table = columns(text)
+    assert found["T"].values.tolist() == [20.25, 10.0]
+    assert "decimal comma" in table.reader
+
+
+def test_decimal_comma_in_quotes_between_commas():
+    found, _ = columns('"t","T"\n"0,5","20,25"\n"1,0","20,5"\n')
+    assert found["T"].values.tolist() == [20.25, 20.5]
+
+
+def test_decimal_comma_that_first_shows_below_the_sample():
+    found, _ = columns("t;P\n" + "0;1\n" * 3000 + "1,5;2,5\n")
+    assert found["P"].values[-1] == 2.5
+
+
+@pytest.mark.parametrize(
+    "codec", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "cp1252"]
+)
+def test_encodings(codec):
+    found, _ = columns("t [s],T [°C]\n0,20.5\n1,20.6\n".encode(codec))
+    assert found["T [°C]"].unit == "°C"
+    assert found["T [°C]"].values.tolist() == [20.5, 20.6]
+
+
+def test_utf8_cut_inside_a_character_is_not_taken_for_another_encoding():
+    found, table = columns("t,T (°C)\n0,20.5\n1,20.6\n2,3°".encode()[:-1])
+    assert "T (°C)" in found
+    assert "cut" in table.reader
+
+
+def test_carriage_return_line_ends():
+    found, _ = columns("t,T\r0,1\r1,2\r")
+    assert found["T"].values.tolist() == [1.0, 2.0]
+
+
+def test_preamble_is_kept_as_notes():
+    text = '"Device: USB-2408"\n"Start Time: 20/11/2025 18:02:33.0"\n\n"t","T"\n"0","1"\n"1","2"\n'
+    found, table = columns(text)
+    assert list(found) == ["t", "T"]
+    assert table.notes == (
+        "Preamble: Device: USB-2408",
+        "Preamble: Start Time: 20/11/2025 18:02:33.0",
+    )
+
+
+def test_preamble_of_pairs_is_not_taken_for_data():
+    found, table = columns("Rate;10\nName;X\nTime;Temp\n0;20\n1;21\n2;22\n")
+    assert found["Temp"].values.tolist() == [20.0, 21.0, 22.0]
+    assert table.notes == ("Preamble: Rate;10", "Preamble: Name;X")
+
+
+def test_preamble_padded_by_a_spreadsheet():
+    found, _ = columns("Device: X;;\nRun: 3;;\nt;P;T\n0;1;5\n1;2;6\n;;\n;;\n")
+    assert found["T"].values.tolist() == [5.0, 6.0]
+
+
+def test_row_of_units_below_the_names():
+    found, _ = columns("t;T_w;n\ns;°C;1/min\n0,0;20,5;100\n0,1;20,6;101\n")
+    assert [column.unit for column in found.values()] == ["s", "°C", "1/min"]
+    found, _ = columns("t,T_w\n[ms],[furlong]\n0,20.5\n1,20.6\n")
+    assert [column.unit for column in found.values()] == ["ms", "furlong"]
+
+
+def test_numbers_as_names():
+    found, _ = columns("Time;1;2;3\n0;20;21;22\n1;20;21;22\n")
+    assert list(found) == ["Time", "1", "2", "3"]
+
+
+def test_first_samples_without_signal_are_not_taken_for_names():
+    text = "t;A;B\n0.0;no signal;no signal\n0.1;20.1;3.1\n0.2;20.1;3\n0.3;1.1;2\n"
+    found, table = columns(text)
+    assert list(found) == ["t", "A", "B"]
+    assert found["t"].values[0] == 0.0
+    assert np.isnan(found["A"].values[0])
+    assert [finding.id for finding in table.findings] == ["unreadable_cells"] * 2
+
+
+def test_unreadable_cells_are_counted_and_shown():
+    rows = "".join(f"{i},{i}\n" for i in range(20))
+    _, table = columns("t,T\n" + rows + "20,over\n21,1\n22,over\n")
+    (finding,) = table.findings
+    assert finding.values == {"count": 2, "first_line": 22}
+    assert "'over'" in finding.message
+
+
+def test_missing_marks_are_no_unreadable_cells():
+    found, table = columns("t,T\n0,NaN\n1,nan\n2,#N/A\n3,\n4,5\n5,-\n")
+    assert np.isnan(found["T"].values).sum() == 5
+    assert table.findings == ()
+
+
+def test_infinity_is_reported():
+    found, table = columns("t,P\n0,inf\n1,2\n2,-inf\n")
+    assert np.isnan(found["P"].values).tolist() == [True, False, True]
+    assert table.findings[0].values["count"] == 2
+
+
+def test_separators_of_thousands_are_not_guessed():
+    found, table = columns("t;P\n0,0;1.234,5\n0,1;1.234,6\n0,2;999,5\n")
+    assert np.isnan(found["P"].values).tolist() == [True, True, False]
+    assert "1.234,5" in table.findings[0].message
+
+
+def test_trailing_delimiters():
+    for text in ("a,b,\n1,2,\n3,4,\n", "a,b\n1,2,\n3,4,\n", "a,b,\n1,2\n3,4\n"):
+        found, _ = columns(text)
+        assert {name: column.values.tolist() for name, column in found.items()} == {
+            "a": [1.0, 3.0],
+            "b": [2.0, 4.0],
+        }
+
+
+def test_named_column_without_values_is_listed():
+    found, table = columns("a,b,Serial 36\n1,2,\n3,4,\n")
+    assert list(found) == ["a", "b"]
+    assert table.text_columns == {"Serial 36": ""}
+
+
+def test_ragged_lines_are_left_out_with_their_numbers():
+    found, table = columns("a,b,c\n" + "1,2,3\n" * 30 + "1,2\n" + "1,2,3\n1,2,3,4\n1,2")
+    assert found["a"].values.size == 31
+    (finding,) = table.findings
+    assert finding.id == "ragged_rows"
+    assert finding.values == {"count": 3, "first_line": 32}
+    assert "32, 34, 35" in finding.message
+
+
+def test_open_quote_costs_its_own_line_alone():
+    found, table = columns('t,P\n0,1\n1,"2\n2,3\n' + "3,4\n" * 20)
+    assert found["P"].values[:2].tolist() == [1.0, 3.0]
+    assert table.findings[0].values["first_line"] == 3
+
+
+def test_quotes_may_hold_the_delimiter():
+    found, table = columns('t,"Torque, shaft (Nm)",note\n0,5,"a, b"\n1,6,"c, d"\n')
+    assert found["Torque, shaft (Nm)"].unit == "Nm"
+    assert table.text_columns == {"note": "a, b"}
+    assert table.findings == ()
+
+
+def test_text_and_switches():
+    found, table = columns("t,T,state,fan,on\n0,20,RUN,on,True\n1,21,STOP,off,False\n")
+    assert found["fan"].values.tolist() == [1.0, 0.0]
+    assert found["on"].values.tolist() == [1.0, 0.0]
+    assert table.text_columns == {"state": "RUN"}
+
+
+def test_whitespace_table_with_hash_and_blanks_in_units():
+    found, _ = columns("# time  T_w\n0.0 20.0\n0.1 20.5\n")
+    assert list(found) == ["time", "T_w"]
+    found, _ = columns("  time [s]   T_w [degC]\n   0.0   20.0\n  0.1  20.5\n")
+    assert list(found) == ["time [s]", "T_w [degC]"]
+
+
+def test_names_are_never_shifted_against_the_data():
+    text = "time T1 T2\n2025-11-20 18:02:33 21 22\n2025-11-20 18:02:34 21 22\n"
+    with pytest.raises(InputError, match="names 3 columns, the lines of data have 4"):
+        columns(text)
+    with pytest.raises(InputError, match="names 3 columns, the lines of data have 2"):
+        columns("a,b,c\n1,2\n3,4\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "empty file"),
+        ("\n \n\n", "empty file"),
+        ("time_s,T\n", "no line of numbers"),
+        ("1,2\n3,4\n", "row of column names"),
+        ("T\n1\n2\n", "one single column"),
+        ("These are the notes of the experimenter,\nin two lines.\n", "no line of numbers"),
+        ("\x00\x01\x02\x03" * 20, "no text"),
+        ("a,b\nNaN,NaN\n", "no line of numbers"),
+        ("a,b,c\n" + "1,2,3\n1,2\n" * 10, "Expected 3 cells"),
+    ],
+)
+def test_what_is_no_table_is_refused(text, problem):
+    with pytest.raises(InputError, match=problem) as caught:
+        columns(text)
+    assert caught.value.remedy
+    assert caught.value.where == "test.csv"
+
+
+def test_what_is_no_file_is_refused(tmp_path):
+    with pytest.raises(InputError, match="directory"):
+        read_raw(tmp_path)
+    with pytest.raises(InputError, match="cannot be opened"):
+        read_raw(tmp_path / "none.csv")
+    (tmp_path / "empty.csv").write_bytes(b"")
+    with pytest.raises(InputError, match="empty"):
+        read_raw(tmp_path / "empty.csv")
+    (tmp_path / "book.csv").write_bytes(b"PK\x03\x04" + b"\x00" * 50)
+    with pytest.raises(InputError, match="spreadsheet"):
+        read_raw(tmp_path / "book.csv")
+
+
+def test_gzip_and_damaged_gzip(tmp_path):
+    packed = gzip.compress(b"t,T\n0,1\n1,2\n" * 40)
+    path = tmp_path / "run.csv.gz"
+    path.write_bytes(gzip.compress(b"t,T\n0,1\n1,2\n"))
+    assert read_raw(path).reader.endswith("gzip")
+    path.write_bytes(packed[:-9])
+    with pytest.raises(InputError, match="gzip"):
+        read_raw(path)
+
+
+def test_fifty_thousand_rows_take_less_than_a_second():
+    rng = np.random.default_rng(3)
+    values = rng.normal(50.0, 20.0, (50_000, 10)).round(4)
+    lines = [";".join(map(repr, row)).replace(".", ",") for row in values.tolist()]
+    data = ("\n".join([";".join(f"c{i} [degC]" for i in range(10)), *lines])).encode()
+    begin = time.process_time()
+    table = read_text(data, "test.csv")
+    # About 0.1 s where it was measured; a row-by-row reader would need tens of times that.
+    assert time.process_time() - begin < 1.0
+    assert np.array_equal(np.column_stack([c.values for c in table.columns]), values)
