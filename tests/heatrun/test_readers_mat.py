@@ -114,7 +114,7 @@ def test_damaged_or_empty_files(tmp_path):
     with pytest.raises(InputError, match="could not be read"):
         read_raw(path)
     scipy.io.savemat(path, {"B": 1.0, "text": "hello"})
-    with pytest.raises(InputError, match="numeric vectors.*holds B, text"):
+    with pytest.raises(InputError, match=r"numeric vectors.*holds B, text"):
         read_raw(path)
     path.write_text("no mat file at all")
     with pytest.raises(InputError, match="MAT file"):

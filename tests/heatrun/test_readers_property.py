@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from contextlib import suppress
 
 import numpy as np
 from hypothesis import HealthCheck, example, given, settings
@@ -93,10 +94,8 @@ def test_a_cut_file_gives_a_record_or_our_error(values, style, data):
 @example("a,b\n１,２\n".encode())
 @example(b"d,b\n00/00/2020 00:00,1\n99/99/2020 24:00,1\n")
 def test_random_bytes_raise_our_error_alone(data):
-    try:
+    with suppress(InputError):  # any other exception is a fault
         read_text(data, "test.csv")
-    except InputError as error:
-        assert error.where == "test.csv"
 
 
 @settings(
@@ -110,10 +109,8 @@ def test_random_bytes_raise_our_error_alone(data):
 def test_random_bytes_behind_a_known_start_raise_our_error_alone(tmp_path, start, data, suffix):
     path = tmp_path / f"run.{suffix}"
     path.write_bytes(start + data)
-    try:
+    with suppress(InputError):  # any other exception is a fault
         read_record(path)
-    except InputError as error:
-        assert str(path) in error.where
 
 
 def test_a_cut_gzip_never_gives_a_shorter_record(tmp_path):
@@ -123,8 +120,7 @@ def test_a_cut_gzip_never_gives_a_shorter_record(tmp_path):
     for length in range(2, len(packed)):
         path.write_bytes(packed[:length])
         try:
-            read_record(path)
-            outcomes.add("read")
+            outcomes.add(read_record(path).name)
         except InputError:
             outcomes.add("refused")
     assert outcomes == {"refused"}

@@ -37,6 +37,8 @@ def split_name(name: str) -> tuple[str, str | None]:
     bracket = ROUND.match(name)
     if bracket and bracket["label"] and _is_nearly_unit(bracket["unit"]):
         return bracket["label"], bracket["unit"].strip()
+    if is_unit(name):  # "km/h" is no kilometre in hours
+        return name, None
     for pattern in (SLASH, WORD):
         found = pattern.match(name)
         if found and is_unit(found["unit"]):

@@ -26,6 +26,9 @@ MISSING = frozenset(
 )
 """Cells, in lower case, that say: no value here."""
 
+STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
+"""Switches, in lower case, as fans and relays are logged; they say nothing about the layout."""
+
 NUMBER = {
     "." : r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?",
     "," : r"[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]+)?",
@@ -157,7 +160,7 @@ def _is_value(cell: str, decimal: str) -> bool:
 
 
 def _filled(row: Sequence[str]) -> list[str]:
-    return [cell for cell in row if cell.lower() not in MISSING]
+    return [cell for cell in row if cell.lower() not in MISSING and cell.lower() not in STATES]
 
 
 def _num_values(cells: Sequence[str], decimal: str) -> int:

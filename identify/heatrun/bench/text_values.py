@@ -9,10 +9,7 @@ import pandas as pd
 
 from .clock import CLOCK, DATE_TIME, read_clock, read_dates
 from .record import Finding
-from .text_layout import MISSING, NUMBER
-
-STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
-"""Switches, in lower case, as fans and relays are logged."""
+from .text_layout import MISSING, NUMBER, STATES
 
 
 @dataclass(frozen=True)
