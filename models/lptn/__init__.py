@@ -4,13 +4,14 @@ Knows no file, no data frame and no statistics. SI units inside, temperatures in
 rms, speed in rad/s. Needs float64: `jax.config.update("jax_enable_x64", True)`.
 """
 
+from .accumulate import accumulate
 from .block_means import block_means
 from .effects import EFFECTS, NeighbourBody, SensorLag, SpeedCooling
 from .inputs import Drive, Inputs
 from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, copper_loss
 from .network import Network, first_order, second_order
 from .sensor import Sensor
-from .simulate import Trace, accumulate, longest_step, reading, reference, simulate
+from .simulate import Trace, longest_step, reading, reference, simulate
 
 __all__ = [
     "ALUMINIUM_COEFFICIENT",

@@ -11,9 +11,10 @@ from jaxtyping import Array, Float
 from .effects.base import AbstractEffect, SensorEffect
 from .inputs import Inputs
 from .losses import CopperLosses
+from .march import prepare, sensed_march
 from .network import Network
 from .sensor import Sensor
-from .simulate import _heat_effects, _prepare, _step, reading
+from .simulate import reading
 
 
 def block_means(
@@ -41,33 +42,34 @@ def block_means(
         position: Where in each step the samples lie on average, 0 its start and 1 its end [1].
         effects: As `simulate`.
         sensor: As `simulate`.
+
+    Raises:
+        ValueError: As `reading`, and if the blocks do not hold the steps of `inputs`.
     """
+    if weight.shape != position.shape or weight.size != inputs.num_time:
+        raise ValueError(
+            f"weight has shape {weight.shape} and position {position.shape}: expected both of "
+            f"shape (block, step) with {inputs.num_time} steps in all, as `inputs` has."
+        )
     if any(isinstance(effect, SensorEffect) for effect in effects):
         edges = reading(network, losses, inputs, start, effects=effects, sensor=sensor)
         before, after = edges[:-1].reshape(weight.shape), edges[1:].reshape(weight.shape)
         return jnp.sum(weight * (before + position * (after - before)), axis=1)
 
-    network, full_start = _prepare(network, start, effects)
-    step = _step(network, losses, inputs, _heat_effects(effects))
+    network, full_start = prepare(network, losses, inputs, start, effects, sensor)
+    first, advance, intervals = sensed_march(network, losses, inputs, full_start, effects, sensor)
 
-    def advance(state, x):
-        temperature, before, total = state
-        (drive, length), share, place = x
-        temperature = step(temperature, drive, length)
-        sink = drive.ambient + losses.ambient_offset
-        after = sensor.read(temperature[sensor.node], sink)
-        total = total + share * (before + place * (after - before))
-        return (temperature, after, total), None
+    def add(state, x):
+        before, total = state
+        interval, share, place = x
+        after = advance(before, interval)
+        total = total + share * (before.reading + place * (after.reading - before.reading))
+        return (after, total), None
 
-    def block(state, x):
-        state, _ = jax.lax.scan(advance, (*state, jnp.zeros(())), x)
-        return state[:2], state[2]
+    def block(before, x):
+        (after, total), _ = jax.lax.scan(add, (before, jnp.zeros(())), x)
+        return after, total
 
-    def rows(values):
-        return values.reshape(*weight.shape)
-
-    lengths = jnp.broadcast_to(inputs.step, (inputs.num_time,))
-    intervals = jax.tree.map(rows, (inputs.drive(), lengths))
-    first = sensor.read(full_start[sensor.node], inputs.ambient[0] + losses.ambient_offset)
-    _, means = jax.lax.scan(block, (full_start, first), (intervals, weight, position))
+    rows = jax.tree.map(lambda values: values.reshape(*weight.shape), intervals)
+    _, means = jax.lax.scan(block, first, (rows, weight, position))
     return means

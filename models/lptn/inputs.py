@@ -39,7 +39,12 @@ class Inputs(eqx.Module):
     rated_current: Float[Array, ""] | float = 1.0
 
     def __check_init__(self) -> None:
-        num_time = self.current_squared.shape[0]
+        if jnp.ndim(self.current_squared) != 1:
+            raise ValueError(
+                f"Inputs.current_squared has shape {jnp.shape(self.current_squared)}, expected "
+                "(time,): give one mean per interval."
+            )
+        num_time = self.num_time
         for name in ("losses", "ambient", "speed", "coolant", "fan"):
             values = getattr(self, name)
             if values is not None and values.shape != (num_time,):
@@ -47,9 +52,9 @@ class Inputs(eqx.Module):
                     f"Inputs.{name} has shape {values.shape}, expected {(num_time,)} as "
                     "`current_squared` has: give one mean per interval."
                 )
-        if jnp.ndim(self.step) == 1 and self.step.shape != (num_time,):
+        if jnp.shape(self.step) not in ((), (num_time,)):
             raise ValueError(
-                f"Inputs.step has shape {self.step.shape}, expected () for equal intervals or "
+                f"Inputs.step has shape {jnp.shape(self.step)}, expected () for equal intervals or "
                 f"{(num_time,)}."
             )
 
@@ -67,6 +72,14 @@ class Inputs(eqx.Module):
         """Return the times of the edges [s], shape (time + 1,), from 0."""
         steps = jnp.broadcast_to(self.step, (self.num_time,))
         return jnp.concatenate([jnp.zeros(1), jnp.cumsum(steps)])
+
+    def ambient_at_edges(self) -> Float[Array, " time+1"]:
+        """Return the sink temperature at the edges [degC], shape (time + 1,).
+
+        An edge between two intervals takes the mean of theirs.
+        """
+        inner = 0.5 * (self.ambient[1:] + self.ambient[:-1])
+        return jnp.concatenate([self.ambient[:1], inner, self.ambient[-1:]])
 
     def drive(self) -> Drive:
         """Return the arrays that vary in time, with times at the middle of the intervals."""

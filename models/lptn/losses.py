@@ -31,9 +31,10 @@ class CopperLosses(eqx.Module):
         coefficient: B of the material [degC].
         phases: Number of phases m [1].
         kind: What the loss channel means.
-        power_gain: Relative error of the measured losses [1]; the model uses (1 + gain) Pd.
-        torque_offset: Error of the torque signal [N m]; the model uses Pd - offset * speed.
-        ambient_offset: Error of the measured sink temperature [K].
+        power_gain: Correction of the loss channel [1]; the model uses (1 + gain) Pd.
+        torque_offset: Correction of the torque signal, to be added to it [N m]; the model uses
+            Pd - offset * speed. It has a meaning under `kind="balance"` only.
+        ambient_offset: Correction of the sink temperature, to be added to it [K].
     """
 
     Rs0: Float[Array, ""]
@@ -62,6 +63,9 @@ def copper_loss(
         current_squared: Mean squared rms phase current [A^2].
         temperature: Mean winding temperature [degC], shape as `current_squared`.
         losses: Resistance and material.
+
+    Raises:
+        ValueError: If the shapes differ.
 
     Valid for: skin and proximity effects negligible or contained in Rs0.
     Reference: IEC 60034-1, 8.6.2 (resistance and temperature).

@@ -20,9 +20,9 @@ class Sensor(eqx.Module):
     offset: Float[Array, ""] | float = 0.0
 
     def read(
-        self, temperature: Float[Array, " time"], ambient: Float[Array, " time"]
-    ) -> Float[Array, " time"]:
-        """Return the reading [degC], T + gain (T - T0) + offset, shape (time,).
+        self, temperature: Float[Array, "..."], ambient: Float[Array, "..."]
+    ) -> Float[Array, "..."]:
+        """Return the reading [degC], T + gain (T - T0) + offset, shape as `temperature`.
 
         Args:
             temperature: Temperature of the node [degC].

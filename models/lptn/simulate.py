@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Mapping, Sequence
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from .balance import heat_balance, loss_split, rates
-from .effects.base import AbstractEffect, HeatEffect, NodeEffect, SensorEffect
-from .inputs import Drive, Inputs
+from .effects.base import AbstractEffect, SensorEffect
+from .inputs import Inputs
 from .losses import CopperLosses
+from .march import heat_effects, is_concrete, march, prepare
 from .network import Link, Network
 from .sensor import Sensor
-from .stepping import Step, affine_step, general_step, mean, stages
-
-Carry = TypeVar("Carry")
+from .stepping import State, mean, stages
 
 
 class Trace(eqx.Module):
@@ -73,14 +70,17 @@ def simulate(
         Temperatures, reading, flows and losses.
 
     Raises:
-        ValueError: If JAX runs in float32, a start temperature is missing, or the step is longer
-            than `longest_step` (checked outside of jit).
+        ValueError: If JAX runs in float32, a start temperature is missing, an effect or the
+            sensor names a node or link that is not there, an input is missing that an effect
+            or the torque offset needs, the shares of a network do not add up to one, or a step
+            is not above 0 or longer than `longest_step` (the last three outside of jit only).
 
     Valid for: steps well below the shortest time constant (error ~ (h/tau)^3/24 of a change).
     """
-    network, full_start = _prepare(network, start, effects)
+    network, full_start = prepare(network, losses, inputs, start, effects, sensor)
+    _check_shares(network)
     _check_step(network, inputs)
-    temperature = _march(network, losses, inputs, full_start, _heat_effects(effects))
+    temperature = _march(network, losses, inputs, full_start, effects)
     return _trace(network, losses, inputs, temperature, effects, sensor)
 
 
@@ -95,62 +95,11 @@ def reading(
 ) -> Float[Array, " edge"]:
     """Return only the sensor's reading at the edges [degC], shape (time + 1,).
 
-    As `simulate`, without the checks: the path that a fit calls thousands of times.
+    As `simulate`, without the check of shares and steps: a fit calls it thousands of times.
     """
-    network, full_start = _prepare(network, start, effects)
-    temperature = _march(network, losses, inputs, full_start, _heat_effects(effects))
+    network, full_start = prepare(network, losses, inputs, start, effects, sensor)
+    temperature = _march(network, losses, inputs, full_start, effects)
     return _read(inputs, temperature, effects, sensor, losses)
-
-
-def accumulate(
-    network: Network,
-    losses: CopperLosses,
-    inputs: Inputs,
-    start: Mapping[str, Float[Array, ""] | float],
-    *,
-    update: Callable[[Carry, Float[Array, ""], Float[Array, ""], Any], Carry],
-    carry: Carry,
-    data: Any,
-    effects: Sequence[AbstractEffect] = (),
-    sensor: Sensor = Sensor(),
-) -> Carry:
-    """Fold a function over the readings while simulating, without storing them.
-
-    A likelihood over many samples and many parameter sets is bound by memory as soon as the
-    temperatures are written out; here they stay in registers.
-
-    Args:
-        network: As `simulate`.
-        losses: As `simulate`.
-        inputs: As `simulate`.
-        start: As `simulate`.
-        update: Called as `update(carry, before, after, item)` with the readings [degC] at both
-            edges of an interval and that interval's item of `data`; returns the next carry.
-        carry: What `update` starts from.
-        data: Arrays with a leading axis of shape (time,).
-        effects: As `simulate`; effects on the sensor keep a state of their own and are refused.
-        sensor: As `simulate`.
-
-    Returns:
-        The last carry.
-    """
-    if any(isinstance(effect, SensorEffect) for effect in effects):
-        raise ValueError("accumulate() carries no sensor effects: use reading() for them.")
-    network, full_start = _prepare(network, start, effects)
-    step = _step(network, losses, inputs, _heat_effects(effects))
-
-    def advance(state, x):
-        temperature, before, carry = state
-        drive, length, item = x
-        temperature = step(temperature, drive, length)
-        sink = drive.ambient + losses.ambient_offset
-        after = sensor.read(temperature[sensor.node], sink)
-        return (temperature, after, update(carry, before, after, item)), None
-
-    sink = inputs.ambient[0] + losses.ambient_offset
-    first = sensor.read(full_start[sensor.node], sink)
-    last, _ = jax.lax.scan(advance, (full_start, first, carry), (*_intervals(inputs), data))
-    return last[2]
 
 
 def reference(
@@ -177,11 +126,11 @@ def reference(
         sensor: As `simulate`.
         tolerance: Relative and absolute [K] tolerance of the step size control.
     """
-    network, full_start = _prepare(network, start, effects)
-    heat_effects = _heat_effects(effects)
+    network, full_start = prepare(network, losses, inputs, start, effects, sensor)
+    heat = heat_effects(effects)
 
     def slope(t, state, drive):
-        terms = heat_balance(network, losses, heat_effects, state, drive)
+        terms = heat_balance(network, losses, heat, state, drive)
         return rates(network, terms, state)
 
     def advance(state, x):
@@ -221,30 +170,25 @@ def longest_step(network: Network) -> Float[Array, ""]:
     return 1.0 / jnp.max(jnp.stack(rate))
 
 
-def _prepare(network, start, effects):
-    if not jax.config.read("jax_enable_x64"):
+def _check_shares(network: Network) -> None:
+    total = sum(network.share.values(), start=jnp.zeros(()))
+    # 1e-6: shares that a parametrisation computes add up to one within rounding, not exactly
+    if is_concrete(total) and not abs(total - 1.0) < 1e-6:
         raise ValueError(
-            "lptn needs float64 and JAX runs in float32: call "
-            '`jax.config.update("jax_enable_x64", True)` before the first array is made.'
+            f"The shares of {list(network.share)} in the other losses add up to "
+            f"{float(total):.6g}, expected 1: heat would be lost or made. Scale them."
         )
-    missing = set(network.nodes) - set(start)
-    if missing or set(start) - set(network.nodes):
-        raise ValueError(
-            f"Start temperatures are given for {sorted(start)}, expected one for each node of "
-            f"{list(network.nodes)}."
-        )
-    full_start = {node: jnp.asarray(start[node], dtype=float) for node in network.nodes}
-    for effect in effects:
-        if isinstance(effect, NodeEffect):
-            network = effect.extend(network)
-            full_start = effect.start(full_start)
-    return network, full_start
 
 
 def _check_step(network: Network, inputs: Inputs) -> None:
     longest, step = longest_step(network), jnp.max(inputs.step)
-    if not _is_concrete(longest, step):
+    if not is_concrete(longest, step):
         return
+    if not jnp.min(inputs.step) > 0.0:
+        raise ValueError(
+            f"The shortest step is {float(jnp.min(inputs.step)):.3g} s, expected above 0 s: the "
+            "times of the record must increase."
+        )
     if step > longest:
         raise ValueError(
             f"The step of {float(step):.3g} s is longer than the fastest node allows "
@@ -252,41 +196,22 @@ def _check_step(network: Network, inputs: Inputs) -> None:
         )
 
 
-def _is_concrete(*values: Array) -> bool:
-    """Whether the values are numbers, not placeholders of a trace."""
-    return not any(isinstance(value, Tracer) for value in values)
-
-
-def _heat_effects(effects: Sequence[AbstractEffect]) -> list[HeatEffect]:
-    return [effect for effect in effects if isinstance(effect, HeatEffect)]
-
-
 def _march(
     network: Network,
     losses: CopperLosses,
     inputs: Inputs,
-    start: dict[str, Float[Array, ""]],
-    effects: Sequence[HeatEffect],
+    start: State,
+    effects: Sequence[AbstractEffect],
 ) -> dict[str, Float[Array, " edge"]]:
-    """Return the temperatures at the edges by node."""
-    step = _step(network, losses, inputs, effects)
+    """Return the temperatures at the edges by node [degC]."""
+    first, origin, step, intervals = march(network, losses, inputs, start, effects)
 
     def advance(state, x):
         after = step(state, *x)
         return after, after
 
-    _, after = jax.lax.scan(advance, start, _intervals(inputs))
-    return _with_start(start, after)
-
-
-def _step(network, losses, inputs, effects) -> Step:
-    if effects or not inputs.is_uniform:
-        return general_step(network, losses, effects)
-    return affine_step(network, losses, inputs.step)
-
-
-def _intervals(inputs: Inputs) -> tuple[Drive, Float[Array, " time"]]:
-    return inputs.drive(), jnp.broadcast_to(inputs.step, (inputs.num_time,))
+    _, after = jax.lax.scan(advance, first, intervals)
+    return _with_start(start, {node: T + origin for node, T in after.items()})
 
 
 def _with_start(start, after):
@@ -294,9 +219,8 @@ def _with_start(start, after):
 
 
 def _read(inputs, temperature, effects, sensor, losses):
-    sink = inputs.ambient + losses.ambient_offset
-    sink_at_edges = jnp.concatenate([sink[:1], 0.5 * (sink[1:] + sink[:-1]), sink[-1:]])
-    values = sensor.read(temperature[sensor.node], sink_at_edges)
+    sink = inputs.ambient_at_edges() + losses.ambient_offset
+    values = sensor.read(temperature[sensor.node], sink)
     for effect in effects:
         if isinstance(effect, SensorEffect):
             values = effect.observe(values, temperature, inputs.edges())
@@ -306,10 +230,10 @@ def _read(inputs, temperature, effects, sensor, losses):
 def _trace(network, losses, inputs, temperature, effects, sensor) -> Trace:
     """Take flows and losses as means over the stages of each step, so that energy closes."""
     drive = inputs.drive()
-    heat_effects = _heat_effects(effects)
+    heat = heat_effects(effects)
 
     def balance(state):
-        return heat_balance(network, losses, heat_effects, state, drive)
+        return heat_balance(network, losses, heat, state, drive)
 
     before = {node: T[:-1] for node, T in temperature.items()}
     states, _ = stages(before, inputs.step, lambda state: rates(network, balance(state), state))

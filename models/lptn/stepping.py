@@ -10,6 +10,7 @@ of the time and err by 4e-6 K at 10 Hz and 2e-3 K at 2 s on a duty with hard ste
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import Any
 
 from jaxtyping import Array, Float
@@ -64,11 +65,12 @@ def general_step(network: Network, losses: CopperLosses, effects: Sequence[HeatE
 def affine_step(network: Network, losses: CopperLosses, step: Scalar) -> Step:
     """Return the step for a bare network and a fixed length [s]: affine with precomputed terms.
 
-    With dT/dt = A T + b(k, inputs) and A = A0 + k A1, a third-order step is
-    T' = (I + A S) T + S b with S = h + h^2 A/2 + h^3 A^2/6, expanded in powers of k.
+    The state counts from -B, where the resistance vanishes: the copper loss is then proportional
+    to it, and only the heat put in from outside is left to add. With dU/dt = A U + q and
+    A = A0 + k A1, a third-order step is U' = (I + A S) U + S q with S = h + h^2 A/2 + h^3 A^2/6,
+    expanded in powers of k.
     """
     fixed, feedback = _dynamics(network, losses)
-    sources = _sources(network, losses)
     identity: Matrix = {(node, node): 1.0 for node in network.nodes}
     half, sixth = step**2 / 2.0, step**3 / 6.0
     cross = _add(_multiply(fixed, feedback), _multiply(feedback, fixed))
@@ -86,24 +88,18 @@ def affine_step(network: Network, losses: CopperLosses, step: Scalar) -> Step:
         _add(_multiply(fixed, spread[2]), _multiply(feedback, spread[1])),
         _multiply(feedback, spread[2]),
     ]
-    forcing = {
-        name: [_times(matrix, vector) for matrix in spread] for name, vector in sources.items()
-    }
+    put_in = _put_in(network, losses)
 
     def advance(state: State, drive: Drive, step: Scalar) -> State:
         k = losses.slope(drive.current_squared)
-        inputs = {"copper": k, "losses": drive.losses, "sink": drive.ambient, "one": 1.0}
-        if "torque" in forcing:
-            inputs["torque"] = drive.speed_rad
+        rate = put_in(drive)
         after: dict[str, Any] = {}
         for row in network.nodes:
             total: Any = None
-            for column in network.nodes:
-                weight = _horner([power.get((row, column)) for power in powers], k)
-                total = _sum(total, _product(weight, state[column]))
-            for name, vectors in forcing.items():
-                weight = _horner([vector.get(row) for vector in vectors], k)
-                total = _sum(total, _product(weight, inputs[name]))
+            for terms, vector in ((powers, state), (spread, rate)):
+                for column, value in vector.items():
+                    weight = _horner([term.get((row, column)) for term in terms], k)
+                    total = _sum(total, _product(weight, value))
             after[row] = total
         return after
 
@@ -136,25 +132,35 @@ def _copper(network: Network, losses: CopperLosses) -> Vector:
     return {node: watts / network.capacitance[node] for node, watts in heat.items()}
 
 
-def _sources(network: Network, losses: CopperLosses) -> dict[str, Vector]:
-    """Return the vectors that multiply k, the loss channel, the sink and one."""
-    B = losses.coefficient
-    other = {node: share / network.capacitance[node] for node, share in network.share.items()}
+def _put_in(network: Network, losses: CopperLosses) -> Callable[[Drive], State]:
+    """Return the rate of each node [K/s] from losses and sink, the sink counted from -B."""
+    shares = {node: part / network.capacitance[node] for node, part in network.share.items()}
+    gains = {node: (1.0 + losses.power_gain) * share for node, share in shares.items()}
+    torque = {node: -losses.torque_offset * share for node, share in shares.items()}
     sink: Vector = {}
     for first, second in network.links:
         if second == network.boundary:
             rate = 1.0 / (network.resistance[first, second] * network.capacitance[first])
             sink[first] = sink.get(first, 0.0) + rate
-    sources = {
-        "copper": {node: B * weight for node, weight in _copper(network, losses).items()},
-        "losses": {node: (1.0 + losses.power_gain) * weight for node, weight in other.items()},
-        "sink": sink,
-    }
-    if not _is_zero(losses.ambient_offset):
-        sources["one"] = {n: losses.ambient_offset * weight for n, weight in sink.items()}
-    if not _is_zero(losses.torque_offset):
-        sources["torque"] = {n: -losses.torque_offset * weight for n, weight in other.items()}
-    return sources
+    shift = losses.coefficient + losses.ambient_offset
+    constant = {node: rate * shift for node, rate in sink.items()}
+
+    def put_in(drive: Drive) -> State:
+        rates: dict[str, Any] = {}
+        turns = not _is_zero(losses.torque_offset) and drive.speed_rad is not None
+        for node in network.nodes:
+            parts = (
+                constant.get(node),
+                _product(sink.get(node), drive.ambient),
+                _product(gains.get(node), drive.losses),
+                _product(torque.get(node), drive.speed_rad) if turns else None,
+            )
+            total = reduce(_sum, parts)
+            if total is not None:
+                rates[node] = total
+        return rates
+
+    return put_in
 
 
 def _is_zero(value: Scalar) -> bool:
@@ -176,14 +182,6 @@ def _multiply(left: Matrix, right: Matrix) -> Matrix:
         for (other, column), b in right.items():
             if inner == other:
                 product[row, column] = _sum(product.get((row, column)), a * b)
-    return product
-
-
-def _times(matrix: Matrix, vector: Vector) -> Vector:
-    product: Vector = {}
-    for (row, column), a in matrix.items():
-        if column in vector:
-            product[row] = _sum(product.get(row), a * vector[column])
     return product
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from itertools import pairwise
@@ -288,7 +289,10 @@ def test_float32_is_refused_with_the_remedy():
         "lptn.simulate(lptn.first_order(1e4, 0.1), lptn.CopperLosses(0.0), inputs,"
         " {'winding': 20.0})\n"
     )
-    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True,
-                         check=False)  # fmt: skip
+    # heatrun, once imported, leaves its setting in the environment
+    bare = {name: value for name, value in os.environ.items() if name != "JAX_ENABLE_X64"}
+    run = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, env=bare
+    )
     assert run.returncode != 0
     assert "jax_enable_x64" in run.stderr

@@ -24,8 +24,9 @@ class SpeedCooling(HeatEffect):
 
     Valid for: a shaft-mounted fan or windage over a closed frame; m = 0.8 where the flow is
         turbulent, 0.5 where it is laminar.
-    Reference: F. P. Incropera, D. P. DeWitt, Fundamentals of Heat and Mass Transfer, 7th ed.,
-        eqs. 7.30 (laminar) and 7.38 (turbulent): Nu ~ Re^0.5 and Re^0.8 along a plate.
+    Reference: T. L. Bergman, A. S. Lavine, F. P. Incropera, D. P. DeWitt, Fundamentals of Heat
+        and Mass Transfer, 7th ed., section 7.2: Nu ~ Re^0.5 along a plate in laminar flow and
+        Re^0.8 in turbulent flow.
     """
 
     g: Float[Array, ""]

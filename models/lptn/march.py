@@ -1,0 +1,162 @@
+"""The way of a network through the intervals of a record, shared by all that simulate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from .effects.base import AbstractEffect, HeatEffect, NodeEffect
+from .inputs import Drive, Inputs
+from .losses import CopperLosses
+from .network import Network
+from .sensor import Sensor
+from .stepping import Scalar, State, Step, affine_step, general_step
+
+
+class March(NamedTuple):
+    """Where a simulation starts and how it goes on from interval to interval.
+
+    Attributes:
+        first: Temperature of each node at the first edge, counted from `origin` [K].
+        origin: Temperature that the state is counted from [degC].
+        advance: Takes the state over one interval.
+        intervals: Inputs and length [s] of each interval, leading axis of shape (time,).
+    """
+
+    first: State
+    origin: Scalar
+    advance: Step
+    intervals: tuple[Drive, Float[Array, " time"]]
+
+
+def march(
+    network: Network,
+    losses: CopperLosses,
+    inputs: Inputs,
+    start: State,
+    effects: Sequence[AbstractEffect],
+) -> March:
+    """Return the march of a prepared network; the affine step wherever it applies.
+
+    Args:
+        network: Network with the nodes of all effects in it.
+        losses: As `lptn.simulate`.
+        inputs: As `lptn.simulate`.
+        start: Temperature of each node at the first edge [degC].
+        effects: As `lptn.simulate`.
+    """
+    lengths = jnp.broadcast_to(inputs.step, (inputs.num_time,))
+    intervals = (inputs.drive(), lengths)
+    heat = heat_effects(effects)
+    if heat or not inputs.is_uniform:
+        return March(start, 0.0, general_step(network, losses, heat), intervals)
+    first = {node: T + losses.coefficient for node, T in start.items()}
+    advance = affine_step(network, losses, inputs.step)
+    return March(first, -losses.coefficient, advance, intervals)
+
+
+class Sensed(NamedTuple):
+    """The state of a march at an edge, with what the sensor reads there.
+
+    Attributes:
+        state: Temperatures as in `March.first` [K].
+        reading: Reading [degC].
+    """
+
+    state: State
+    reading: Float[Array, ""]
+
+
+def sensed_march(
+    network: Network,
+    losses: CopperLosses,
+    inputs: Inputs,
+    start: State,
+    effects: Sequence[AbstractEffect],
+    sensor: Sensor,
+) -> tuple[Sensed, Callable[[Sensed, Any], Sensed], Any]:
+    """Return the first state, the step to the next, and what to scan it over.
+
+    Args:
+        network: As `march`.
+        losses: As `march`.
+        inputs: As `march`.
+        start: As `march`.
+        effects: As `march`; effects on the sensor are left out.
+        sensor: As `lptn.simulate`.
+    """
+    first, origin, advance, intervals = march(network, losses, inputs, start, effects)
+    ambient = inputs.ambient_at_edges()
+
+    def sense(state: State, ambient: Float[Array, ""]) -> Sensed:
+        temperature = state[sensor.node] + origin
+        return Sensed(state, sensor.read(temperature, ambient + losses.ambient_offset))
+
+    def advance_and_sense(seen: Sensed, x) -> Sensed:
+        interval, ambient = x
+        return sense(advance(seen.state, *interval), ambient)
+
+    return sense(first, ambient[0]), advance_and_sense, (intervals, ambient[1:])
+
+
+def prepare(
+    network: Network,
+    losses: CopperLosses,
+    inputs: Inputs,
+    start: Mapping[str, Float[Array, ""] | float],
+    effects: Sequence[AbstractEffect],
+    sensor: Sensor,
+) -> tuple[Network, State]:
+    """Return network and start temperatures [degC] with the nodes of the effects in them.
+
+    Raises:
+        ValueError: If JAX runs in float32, a start temperature is missing or no scalar, the
+            sensor sits nowhere, or a torque offset has no speed to act on.
+    """
+    if not jax.config.read("jax_enable_x64"):
+        raise ValueError(
+            "lptn needs float64 and JAX runs in float32: call "
+            '`jax.config.update("jax_enable_x64", True)` before the first array is made.'
+        )
+    if set(start) != set(network.nodes):
+        raise ValueError(
+            f"Start temperatures are given for {sorted(start)}, expected one for each node of "
+            f"{list(network.nodes)}."
+        )
+    if inputs.speed is None and is_concrete(losses.torque_offset) and losses.torque_offset != 0.0:
+        raise ValueError(
+            f"A torque offset of {float(losses.torque_offset):.3g} N m needs the speed, and "
+            "Inputs.speed is None: give the speed, or drop the offset."
+        )
+    full_start = {node: jnp.asarray(start[node], dtype=float) for node in network.nodes}
+    for node, T in full_start.items():
+        if T.ndim:
+            raise ValueError(
+                f"The start temperature of {node!r} has shape {T.shape}, expected one number "
+                "[degC]: use `jax.vmap` for many starts."
+            )
+    for effect in effects:
+        if isinstance(effect, NodeEffect):
+            network = effect.extend(network)
+            full_start = effect.start(full_start)
+    if sensor.node not in network.nodes:
+        raise ValueError(
+            f"The sensor sits in node {sensor.node!r}, which is none of {list(network.nodes)}: "
+            "build it with `Sensor(node=...)`."
+        )
+    return network, full_start
+
+
+def heat_effects(effects: Sequence[AbstractEffect]) -> list[HeatEffect]:
+    """Return those effects that act on the heat balance."""
+    return [effect for effect in effects if isinstance(effect, HeatEffect)]
+
+
+def is_concrete(*values: Scalar) -> bool:
+    """Whether the values are numbers, not placeholders of a trace."""
+    return not any(isinstance(value, Tracer) for value in values)
