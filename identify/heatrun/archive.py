@@ -68,7 +68,7 @@ def _arviz() -> Any:
 
 
 def _is_tree(arviz: Any) -> bool:
-    return not hasattr(arviz, "InferenceData")
+    return int(arviz.__version__.split(".")[0]) >= 1
 
 
 def _variables(posterior: Posterior) -> tuple[dict[str, np.ndarray], dict[str, list[str]]]:

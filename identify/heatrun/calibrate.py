@@ -12,9 +12,10 @@ from typing import Any, Literal
 import jax.numpy as jnp
 import numpy as np
 
-from .bench import Finding, Record, read_record
+from .bench import Finding, Record
 from .bench.blocks import Blocks, reduce
 from .bench.checks import check_record
+from .bench.joined import read_test
 from .errors import InputError
 from .fit import fit
 from .fit_result import Fit
@@ -88,8 +89,8 @@ def load_tests(
         InputError: If a file cannot be read.
         Refused: If a check forbids a fit.
     """
-    records = [(read_record(path, motor), "calibration") for path in calibration]
-    records += [(read_record(path, motor), "holdout") for path in holdout]
+    records = [(read_test(path, motor), "calibration") for path in calibration]
+    records += [(read_test(path, motor), "holdout") for path in holdout]
     records = _with_distinct_names(records)
     checked = [(record, role, check_record(record, motor)) for record, role in records]
     findings = [finding for _, _, found in checked for finding in found]

@@ -91,7 +91,13 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_inputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("motor", type=Path, metavar="MOTOR.toml", help="the motor file")
-    parser.add_argument("tests", nargs="+", type=Path, metavar="TEST", help="bench files")
+    parser.add_argument(
+        "tests",
+        nargs="+",
+        type=Path,
+        metavar="TEST",
+        help="bench files; TEMPERATURES+DRIVE@10Hz joins two loggers",
+    )
 
 
 def _add_sampling(parser: argparse.ArgumentParser) -> None:

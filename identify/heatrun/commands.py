@@ -10,8 +10,9 @@ from typing import Any
 
 from tqdm import tqdm
 
-from .bench import Finding, read_record
+from .bench import Finding
 from .bench.checks import check_record
+from .bench.joined import read_test
 from .calibrate import (
     Calibration,
     Refused,
@@ -38,8 +39,10 @@ def check(options: argparse.Namespace) -> int:
     motor = load_motor(options.motor)
     findings: list[Finding] = []
     for path in options.tests:
-        record = read_record(path, motor)
+        record = read_test(path, motor)
         _say(f"{record.name}: {record.time_s.size} samples over {record.duration_s:.0f} s")
+        for note in record.notes:
+            _say(f"  {note}")
         findings += check_record(record, motor)
     has_error = any(finding.severity == "error" for finding in findings)
     if options.json:

@@ -162,7 +162,8 @@ class _Problem:
         P_ol = self.losses - P_js if self.is_balance else self.losses
         reference = self.sink[0]
         drive = np.stack([P_js / C_w, (P_ol + (self.sink - reference) / R_sr) / C_sr])
-        rates, modes = np.linalg.eig(self.matrix(x))
+        # a passive network only decays; newer NumPy returns its real eigenvalues as complex
+        rates, modes = (np.real(part) for part in np.linalg.eig(self.matrix(x)))
         inward = np.linalg.inv(modes)
         start = inward @ np.array([self.start - reference, self.start + x[4] - reference])
         total = np.full(self.winding.size, reference)

@@ -1,0 +1,57 @@
+"""A test as the command line names it: one file, or two loggers' files joined by their clocks."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from ..errors import InputError
+from ..motor import Motor
+from .align import join
+from .read import read_record
+from .record import Record
+
+RATE = re.compile(r"^(?P<path>.+)@(?P<rate>[0-9.]+)\s*Hz$")
+
+
+def read_test(path: Path | str, motor: Motor) -> Record:
+    """Read a test, from one file or from two.
+
+    Args:
+        path: A file; or `TEMPERATURES+DRIVE`, two files of loggers that were not started
+            together, whose offset is then estimated. A file without a time column carries its
+            sampling rate behind it, as in `drive.csv@10Hz`.
+        motor: The machine.
+
+    Returns:
+        The record; the offset and its doubt stand in its notes and findings.
+
+    Raises:
+        InputError: If a file cannot be read or the two cannot be joined.
+    """
+    text = str(path)
+    if Path(text).exists() or "+" not in text:
+        return _read(text, motor)
+    first, _, second = text.partition("+")
+    if "+" in second:
+        raise InputError(
+            "expected at most two files joined by '+'.", where=text,
+            remedy="Join the temperatures with one drive log.",
+        )  # fmt: skip
+    record, alignment = join(_read(first, motor), _read(second, motor))
+    low, high = alignment.interval_95_s
+    note = (
+        f"the drive's clock starts {alignment.offset_s:.2f} s after the thermometer's "
+        f"(95 % {low:.2f} … {high:.2f} s, {alignment.method})"
+    )
+    known = set(record.findings)
+    added = tuple(finding for finding in alignment.findings if finding not in known)
+    return replace(record, notes=(*record.notes, note), findings=(*record.findings, *added))
+
+
+def _read(text: str, motor: Motor) -> Record:
+    found = None if Path(text).exists() else RATE.match(text)
+    if found is None:
+        return read_record(Path(text), motor)
+    return read_record(Path(found["path"]), motor, rate_Hz=float(found["rate"]))

@@ -1,0 +1,244 @@
+"""The commands as a user runs them: results, refusals, exit codes, nothing half-written."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from heatrun import cli
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+
+
+@pytest.fixture(scope="module")
+def table():
+    """The bundled duty at 1 Hz."""
+    with gzip.open(DATA / "duty_90min.csv.gz", "rt") as file:
+        return pd.read_csv(file).iloc[::10].reset_index(drop=True)
+
+
+@pytest.fixture
+def motor_file(tmp_path):
+    path = tmp_path / "motor.toml"
+    path.write_text((DATA / "motor.toml").read_text())
+    return path
+
+
+@pytest.fixture
+def run(tmp_path, motor_file, capsys, monkeypatch):
+    """Run calibrate on a table or a text; return exit code, output, and what was left behind."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(content, *options, command="calibrate", motor=motor_file, name="test.csv"):
+        path = tmp_path / name
+        if isinstance(content, pd.DataFrame):
+            content.to_csv(path, index=False)
+        elif content is not None:
+            path.write_text(content)
+        words = [command, str(motor), str(path), *options]
+        if command == "calibrate":
+            words += ["--out", str(tmp_path / "run")]
+        code = cli.main(words)
+        captured = capsys.readouterr()
+        left = [p.name for p in tmp_path.iterdir() if p.name.startswith("run")]
+        return code, captured.out, captured.err, left
+
+    return call
+
+
+def header_only(table):
+    return "t,Is,Pd,Te,Tw_m\n"
+
+
+def without_current(table):
+    return table.drop(columns="Is")
+
+
+def unknown_unit(table):
+    return table.rename(columns={"Is": "Is [furlong]"})
+
+
+def nan_block(table):
+    made = table.copy()
+    made.loc[1000:1400, "Tw_m"] = np.nan
+    return made
+
+
+def backwards(table):
+    made = table.copy()
+    made.loc[2000:, "t"] -= 500.0
+    return made
+
+
+def all_constant(table):
+    return table.assign(Tw_m=22.0)
+
+
+def negative_losses(table):
+    return table.assign(Pd=-table["Pd"])
+
+
+def three_samples(table):
+    return table.iloc[:3]
+
+
+def kelvin(table):
+    return table.assign(Tw_m=table["Tw_m"] + 273.15, Te=table["Te"] + 273.15)
+
+
+def fahrenheit(table):
+    return table.assign(Tw_m=table["Tw_m"] * 1.8 + 32, Te=table["Te"] * 1.8 + 32)
+
+
+def amplitude(table):
+    # drawn for a motor whose copper loss is most of the total, so that a factor of two shows
+    current = table["Is"] * np.sqrt(2)
+    copper = 3 * table["Is"] ** 2 * 0.0062 * (234.5 + table["Tw_m"]) / 259.5
+    return table.assign(Is=current, Pd=1.25 * copper + 1.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda table: "", "empty"),
+        (header_only, "."),
+        (lambda table: table.to_csv(index=False).replace(",", "@"), "."),
+        (without_current, "phase_current_A"),
+        (unknown_unit, "furlong"),
+        (nan_block, "nan_block"),
+        (backwards, "time_backwards"),
+        (all_constant, "sensor_stuck"),
+        (negative_losses, "losses_negative"),
+        (three_samples, "samples"),
+        (kelvin, "kelvin"),
+        (fahrenheit, "ahrenheit"),
+        (amplitude, "amplitude"),
+    ],
+    ids=["empty", "header_only", "wrong_delimiter", "missing_channel", "unknown_unit", "nan_block",
+         "backwards", "constant", "negative", "three_samples", "kelvin", "fahrenheit",
+         "amplitude"],
+)  # fmt: skip
+def test_bad_records_are_refused_with_reasons(make, words, run, table):
+    code, out, err, left = run(make(table))
+    assert code == 1
+    assert words in err
+    assert "Traceback" not in err
+    assert out == ""
+    assert left == []
+
+
+def test_a_directory_is_no_record(run, tmp_path):
+    (tmp_path / "folder").mkdir()
+    code, _, err, left = run(None, name="folder")
+    assert code == 1
+    assert "folder" in err
+    assert left == []
+
+
+def test_a_misspelt_key_in_the_motor_file_is_named(run, table, motor_file):
+    motor_file.write_text(motor_file.read_text().replace("phase_resistance", "phase_resistence"))
+    code, _, err, left = run(table)
+    assert code == 1
+    assert "phase_resistance_ohm" in err
+    assert left == []
+
+
+def test_a_folder_that_is_no_run_is_left_alone(run, table, tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "precious.txt").write_text("keep me")
+    code, _, err, _ = run(table)
+    assert code == 1
+    assert "not a run" in err
+    assert (tmp_path / "run" / "precious.txt").read_text() == "keep me"
+
+
+def test_a_folder_that_cannot_be_written_is_said(run, table, tmp_path, motor_file):
+    blocker = tmp_path / "file"
+    blocker.write_text("")
+    words = ["calibrate", str(motor_file), str(tmp_path / "test.csv"), "--out",
+             str(blocker / "run")]  # fmt: skip
+    table.to_csv(tmp_path / "test.csv", index=False)
+    assert cli.main(words) == 1
+
+
+def test_findings_come_as_one_json_object(run, table):
+    code, out, _, _ = run(kelvin(table), "--json", command="check")
+    assert code == 1
+    ids = [finding["id"] for finding in json.loads(out)["findings"]]
+    assert "units_temperature" in ids
+
+
+def test_a_clean_record_passes_the_check(run, table):
+    code, out, _, _ = run(table, command="check")
+    assert code == 0
+    assert "ERROR" not in out
+
+
+def test_wrong_use_is_exit_code_two():
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["calibrate"])
+    assert stop.value.code == 2
+
+
+def test_the_main_job_from_file_to_sheet(run, table, tmp_path, motor_file, capsys):
+    code, out, _, left = run(table, "--json", "--quick")
+    assert code == 0
+    assert left == ["run"]
+    result = json.loads(out)
+    assert result["verdict"]["order"] == "second"
+    true = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
+    for name, value in true.items():
+        low, high = result["models"]["second"]["parameters"][name]["interval_95"]
+        assert low < value < high
+    folder = tmp_path / "run"
+    for name in ("manifest.json", "fit.json", "posterior_second.nc", "sheet.pdf", "sheet.xlsx"):
+        assert (folder / name).stat().st_size > 0
+    listing = json.loads((folder / "manifest.json").read_text())
+    assert listing["inputs"][1]["sha256"] == result["tests"][0]["sha256"]
+
+    # the sheet again, and a virtual record that follows the measured one
+    assert cli.main(["sheet", str(folder), "--out", str(tmp_path / "again")]) == 0
+    assert (tmp_path / "again" / "sheet.pdf").read_bytes()[:4] == b"%PDF"
+    capsys.readouterr()
+    words = ["simulate", str(motor_file), str(folder), str(tmp_path / "test.csv"), "--json",
+             "--out", str(tmp_path / "virtual")]  # fmt: skip
+    assert cli.main(words) == 0
+    row = json.loads(capsys.readouterr().out)["simulated"][0]
+    assert row["rmse_K"] < 0.6  # rounding to 1 degC alone is 0.29 K
+    virtual = pd.read_csv(row["file"])
+    assert {"winding_degC", "stator_degC", "copper_loss_W"} <= set(virtual.columns)
+
+
+@pytest.mark.slow
+def test_a_killed_run_leaves_no_result_and_goes_on(tmp_path, motor_file, table):
+    table.to_csv(tmp_path / "test.csv", index=False)
+    words = [sys.executable, "-m", "heatrun.cli", "calibrate", str(motor_file),
+             str(tmp_path / "test.csv"), "--model", "second", "--out", str(tmp_path / "run"),
+             "--json"]  # fmt: skip
+    first = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    chunk = tmp_path / "run.partial" / "checkpoints" / "second" / "ensemble_0" / "chunk_00000.npz"
+    for _ in range(600):
+        if chunk.exists():
+            break
+        time.sleep(0.1)
+    os.kill(first.pid, signal.SIGKILL)
+    first.wait()
+    assert not (tmp_path / "run").exists()
+    assert chunk.exists()
+    again = subprocess.run(words, capture_output=True, text=True, check=True)
+    clean = subprocess.run(
+        [*words[:-2], str(tmp_path / "clean"), "--json"], capture_output=True, text=True, check=True
+    )
+    one, two = (json.loads(each.stdout)["models"] for each in (again, clean))
+    assert one == two
+    assert not (tmp_path / "run.partial").exists()
