@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import h5py
 import numpy as np
 import pytest
@@ -61,7 +63,7 @@ def test_what_is_no_vector_is_left_out_with_a_finding(tmp_path):
     for name in (
         "run (1x7 numbers)",
         "matrix (4x4",
-        "info (struct",
+        "info (struct)",
         "text (text)",
         "wave (complex)",
     ):
@@ -117,5 +119,67 @@ def test_damaged_or_empty_files(tmp_path):
     with pytest.raises(InputError, match=r"numeric vectors.*holds B, text"):
         read_raw(path)
     path.write_text("no mat file at all")
-    with pytest.raises(InputError, match="MAT file"):
+    with pytest.raises(InputError, match="version 5, 7 or"):
         read_raw(path)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize(
+    "dtype", ["f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "bool", ">f8"]
+)
+def test_every_number_type_reads_as_another_library_wrote_it(tmp_path, dtype, compressed):
+    path = tmp_path / "types.mat"
+    values = (np.arange(25) % 7).astype(dtype)
+    scipy.io.savemat(path, {"a_long_name": values, "b": values[:, None]}, do_compression=compressed)
+    for column in read_raw(path).columns:
+        assert column.values.dtype == np.float64
+        assert np.array_equal(column.values, values.astype(float))
+
+
+def test_a_timeseries_is_left_out_by_name(tmp_path):
+    path = prova(tmp_path / "prova.mat")
+    # MATLAB keeps a timeseries as an opaque object: flags, then its name, its type, its class.
+    parts = [struct.pack("<IIII", 6, 8, 17, 0)]
+    parts += [struct.pack("<HH4s", 1, len(text), text) for text in (b"run", b"MCOS", b"ts")]
+    content = b"".join(parts)
+    path.write_bytes(path.read_bytes() + struct.pack("<II", 14, len(content)) + content)
+    table = read_raw(path)
+    assert {column.name for column in table.columns} == set(SIGNALS)
+    assert "run (object such as a timeseries)" in table.findings[0].message
+
+
+def big_endian(name: str, values: list[float]) -> bytes:
+    """Return a MAT file as a big-endian workstation wrote it."""
+    flags = struct.pack(">IIII", 6, 8, 6, 0)
+    shape = struct.pack(">IIii", 5, 8, len(values), 1)
+    label = struct.pack(">HH4s", len(name), 1, name.encode())
+    numbers = struct.pack(f">II{len(values)}d", 9, 8 * len(values), *values)
+    matrix = flags + shape + label + numbers
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x01\x00MI"
+    return head + struct.pack(">II", 14, len(matrix)) + matrix
+
+
+def test_big_endian_files(tmp_path):
+    path = tmp_path / "old.mat"
+    path.write_bytes(big_endian("Tw", [20.0, 21.5, -3.25]))
+    (column,) = read_raw(path).columns
+    assert column.name == "Tw"
+    assert column.values.tolist() == [20.0, 21.5, -3.25]
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_damaged_file_never_gives_other_numbers_of_samples(tmp_path, compressed):
+    path = tmp_path / "prova.mat"
+    scipy.io.savemat(path, SIGNALS | CONSTANTS, do_compression=compressed)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(7)
+    refused = 0
+    for _ in range(300):
+        broken = bytearray(whole)
+        broken[rng.integers(len(whole))] = rng.integers(256)
+        path.write_bytes(broken[: rng.integers(1, len(whole))] if rng.random() < 0.5 else broken)
+        try:
+            assert read_raw(path).num_rows == N
+        except InputError:
+            refused += 1
+    assert refused > 150  # every cut one at the least, but for those that end between variables

@@ -196,13 +196,14 @@ def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:
         stated = column.unit and require_unit(
             column.unit, channel.quantity, where=f"{mapping.where}, column '{column.name}'"
         )
-        if stated and to_canonical(np.ones(1), stated)[0] != 1.0:
+        names_unit = channel.unit != "1"
+        if names_unit and stated and to_canonical(np.ones(1), stated)[0] != 1.0:
             raise InputError(
                 f"The name says {channel.unit}, the unit behind it {column.unit}.",
                 where=f"{mapping.where}, column '{column.name}'",
                 remedy=f'Decide in [columns]: {channel.name} = "{channel.name} [{channel.unit}]".',
             )
-        mapping.add(channel, column, channel.unit, "canonical name")
+        mapping.add(channel, column, column.unit or channel.unit, "canonical name")
 
 
 def _num_present(column_map: ColumnMap, pool: Iterable[Column]) -> int:

@@ -6,9 +6,17 @@ import re
 
 from .units import closest_unit, is_unit
 
+SHORTEST_MISSPELLING = 4
+"""Letters; below it, anything resembles some unit."""
+
+MISSPELLING = 0.75
+"""Likeness from which a bracketed word is a misspelled unit: "Celcius" is, "outlet" is not."""
+
 SQUARE = re.compile(r"^(?P<label>.*?)\s*\[(?P<unit>[^\[\]]*)\]$")
 ROUND = re.compile(r"^(?P<label>.*?)\s*[({](?P<unit>[^{}]*)[)}]$")
-SLASH = re.compile(r"^(?P<label>.*?\S)\s*/\s*(?P<unit>.+)$")  # DIN: "P / W", "n/min-1"
+SPACED_SLASH = re.compile(r"^(?P<label>.*?\S)\s+/\s+(?P<unit>.+)$")  # DIN: "P / W"
+SLASH = re.compile(r"^(?P<label>.*?\S)\s*/\s*(?P<unit>.+)$")  # "n/min-1"
+RATIO = re.compile(r"^(?P<label>.*?\S)\s+(?P<unit>[^\s/]+/[^\s/]+)$")  # "speed rad/s"
 WORD = re.compile(r"^(?P<label>.*?\S)(?:,\s*|\s+in\s+)(?P<unit>\S.*)$")  # "Speed in rpm"
 
 
@@ -39,7 +47,7 @@ def split_name(name: str) -> tuple[str, str | None]:
         return bracket["label"], bracket["unit"].strip()
     if is_unit(name):  # "km/h" is no kilometre in hours
         return name, None
-    for pattern in (SLASH, WORD):
+    for pattern in (SPACED_SLASH, WORD, RATIO, SLASH):  # a slash may stand within the unit
         found = pattern.match(name)
         if found and is_unit(found["unit"]):
             return found["label"], found["unit"].strip()
@@ -58,4 +66,8 @@ def unit_of_cell(cell: str) -> str | None:
 
 
 def _is_nearly_unit(text: str) -> bool:
-    return is_unit(text) or closest_unit(text) is not None
+    """Return whether a bracket holds a unit or a misspelled one, and no "(1)" or "(outlet)"."""
+    if not any(sign.isalpha() or sign in "%°" for sign in text):
+        return False
+    is_word = len(text.strip()) >= SHORTEST_MISSPELLING
+    return is_unit(text) or (is_word and closest_unit(text, likeness=MISSPELLING) is not None)

@@ -1,16 +1,15 @@
-"""Reader of MATLAB files: version 5 and earlier by SciPy, version 7.3 (HDF5) by h5py."""
+"""Reader of MATLAB files: versions 5 to 7, and 7.3, which is HDF5."""
 
 from __future__ import annotations
 
 import io
-import warnings
 from collections import Counter
-from collections.abc import Iterator
 
 import numpy as np
 
 from ..errors import InputError
 from .header import split_name
+from .mat5 import DamagedFileError, read_variables
 from .record import Finding
 from .table import Column, Table
 
@@ -18,7 +17,7 @@ REMEDY = "Save the signals as numeric vectors of one length: save('test.mat', 't
 
 
 def read_mat(data: bytes, where: str) -> Table:
-    """Read a MAT file up to version 7.
+    """Read a MAT file of versions 5 to 7.
 
     Args:
         data: The bytes of the file.
@@ -29,21 +28,19 @@ def read_mat(data: bytes, where: str) -> Table:
         (structs, cells, timeseries, matrices) is left out with a finding.
 
     Raises:
-        InputError: If the file is damaged or holds no numeric vector.
+        InputError: If the file is damaged, of another version or holds no numeric vector.
     """
-    import scipy.io
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        try:
-            content = scipy.io.loadmat(io.BytesIO(data), squeeze_me=False)
-        except Exception as error:  # a damaged file raises nearly anything in there
-            raise _damaged(where, error) from error
-    variables = {
-        name: np.asarray(value) for name, value in content.items() if not name.startswith("__")
-    }
-    notes = tuple(f"MAT file: {warning.message}" for warning in caught)
-    return _table(variables, notes, "MAT 5", where)
+    if not data.startswith(b"MATLAB 5.0"):
+        raise InputError(
+            "Expected a MAT file of version 5, 7 or 7.3, got something else.",
+            where=where,
+            remedy="In MATLAB: save('test.mat', …, '-v7'). If it is text, name it .csv.",
+        )
+    try:
+        variables = read_variables(data)
+    except DamagedFileError as error:
+        raise _damaged(where, str(error)) from error
+    return _table(variables, "MAT 5", where)
 
 
 def read_hdf5(data: bytes, where: str) -> Table:
@@ -63,34 +60,31 @@ def read_hdf5(data: bytes, where: str) -> Table:
 
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
-            variables = dict(_datasets(file))
+            variables = {
+                name: _value(item)
+                for name, item in file.items()
+                if not name.startswith("#")  # MATLAB's own tables of references
+            }
     except Exception as error:  # a damaged file raises nearly anything in there
-        raise _damaged(where, error) from error
-    return _table(variables, (), "MAT 7.3 (HDF5)", where)
+        raise _damaged(where, f"{type(error).__name__}: {error}") from error
+    return _table(variables, "MAT 7.3 (HDF5)", where)
 
 
-def _datasets(file) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the variables; what is no numeric array comes as an empty object array."""
+def _value(item: object) -> np.ndarray | str:
+    """Return the numbers of an HDF5 item, or what it is instead."""
     import h5py
 
-    unreadable = np.empty(0, dtype=object)
-    for name, item in file.items():
-        if name.startswith("#"):  # MATLAB's own tables of references
-            continue
-        is_numeric = isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub"
-        kind = item.attrs.get("MATLAB_class", b"double")
-        is_text = kind in (b"char", b"cell", b"struct") or "MATLAB_empty" in item.attrs
-        yield name, item[()] if is_numeric and not is_text else unreadable
+    if not isinstance(item, h5py.Dataset):
+        return "struct or object"
+    kind = item.attrs.get("MATLAB_class", b"double")
+    kind = kind.decode("ascii", "replace") if isinstance(kind, bytes) else str(kind)
+    if kind in ("char", "cell", "struct") or "MATLAB_empty" in item.attrs:
+        return {"char": "text"}.get(kind, kind)
+    return item[()].astype(np.float64) if item.dtype.kind in "fiub" else "complex or other"
 
 
-def _table(
-    variables: dict[str, np.ndarray], notes: tuple[str, ...], reader: str, where: str
-) -> Table:
-    numeric = {
-        name: value
-        for name, value in variables.items()
-        if value.dtype.kind in "fiub" and value.size
-    }
+def _table(variables: dict[str, np.ndarray | str], reader: str, where: str) -> Table:
+    numeric = {name: value for name, value in variables.items() if isinstance(value, np.ndarray)}
     vectors = {name: value.ravel() for name, value in numeric.items() if _is_vector(value)}
     lengths = Counter(value.size for value in vectors.values())
     if not lengths:
@@ -105,27 +99,22 @@ def _table(
     columns, constants, left_out = [], {}, []
     for name, value in variables.items():
         if name in vectors and vectors[name].size == length:
-            label, unit = split_name(name)
-            columns.append(Column(name, label, unit, vectors[name].astype(np.float64)))
-        elif name in numeric and value.size == 1:
+            columns.append(Column(name, *split_name(name), vectors[name]))
+        elif isinstance(value, np.ndarray) and value.size == 1:
             constants[name] = float(value.ravel()[0])
         else:
             left_out.append(f"{name} ({_kind(value)})")
-    return Table(tuple(columns), {}, constants, notes, _left_out(left_out, length, where), reader)
+    findings = _left_out(left_out, length, where)
+    return Table(tuple(columns), {}, constants, (), findings, reader)
 
 
 def _is_vector(value: np.ndarray) -> bool:
     return value.size > 1 and value.size == max(value.shape)
 
 
-def _kind(value: np.ndarray) -> str:
-    """Return in words what a variable is that is no column."""
-    if value.dtype.kind in "US":
-        return "text"
-    if value.dtype.kind == "c":
-        return "complex"
-    if value.dtype.kind not in "fiub":
-        return "struct, cell or object"
+def _kind(value: np.ndarray | str) -> str:
+    if isinstance(value, str):
+        return value
     return f"{'x'.join(str(size) for size in value.shape)} numbers"
 
 
@@ -144,9 +133,9 @@ def _left_out(names: list[str], length: int, where: str) -> tuple[Finding, ...]:
     )
 
 
-def _damaged(where: str, error: Exception) -> InputError:
+def _damaged(where: str, problem: str) -> InputError:
     return InputError(
-        f"Expected a MAT file, it could not be read ({type(error).__name__}: {error}).",
+        f"Expected a MAT file, it could not be read ({problem}).",
         where=where,
         remedy="Copy the file again from the bench; it may have been cut.",
     )

@@ -12,7 +12,10 @@ CLOCK_RESOLUTION_S = 1e-6
 """A deviation that no thermal record can tell from none [s]: 1 microsecond."""
 
 MOST_DECIMALS = 6
-MOST_SAMPLES_PER_STEP_ERROR = 0.05
+LONGEST_TEST_S = 1e9
+"""A time beyond 30 years [s] is no time of a test, and 32 bits could not hold its steps."""
+
+LARGEST_SHARE_OF_STEP = 0.05
 """Rounding beyond this share of a step could hide true jitter: then the times stay as they are."""
 
 
@@ -42,24 +45,25 @@ def exact_grid(time_s: np.ndarray) -> tuple[np.ndarray, str]:
         The times unchanged and an empty note where they are exact already, where no step
         explains all of them or where the rounding is no small part of the step.
     """
+    largest = float(np.max(np.abs(time_s), initial=0.0))
+    if time_s.size < 3 or not largest < LONGEST_TEST_S:  # also where a time is missing
+        return time_s, ""
+    ulp = float(np.spacing(np.float32(largest)))
+    tolerance = max(FLOAT32_ULPS * ulp, CLOCK_RESOLUTION_S)
     steps = np.diff(time_s)
-    if time_s.size < 3 or not np.isfinite(time_s).all() or np.median(steps) <= 0:
+    if tolerance > LARGEST_SHARE_OF_STEP * np.median(steps):
         return time_s, ""
     # Steps are counted one by one: a median step off by 1e-3 would miscount thousands of them.
     index = np.concatenate(([0.0], np.cumsum(np.round(steps / np.median(steps)))))
     if index[-1] <= 0:
         return time_s, ""
-    largest = np.float32(np.max(np.abs(time_s)))
-    tolerance = max(FLOAT32_ULPS * float(np.spacing(largest)), CLOCK_RESOLUTION_S)
     step = time_s[-1] / index[-1]
-    if tolerance > MOST_SAMPLES_PER_STEP_ERROR * step:
-        return time_s, ""
     for decimals in range(MOST_DECIMALS + 1):
         candidate = round(float(step), decimals)
         grid = np.round(index * candidate, decimals)
         deviation = float(np.max(np.abs(time_s - grid)))
         if candidate > 0 and deviation <= tolerance:
-            if deviation <= 1e-12 * float(largest):  # the rounding of a double: exact already
+            if deviation <= 1e-12 * largest:  # the rounding of a double: exact already
                 return time_s, ""
             return grid, (
                 f"time_s lies on a grid of {candidate:g} s to {deviation:.2g} s, the rounding of "

@@ -173,19 +173,22 @@ def is_unit(spelling: str) -> bool:
     return bool(quantities_of(spelling)) or _key(spelling).casefold() in refused
 
 
-def closest_unit(spelling: str, quantity: str | None = None) -> str | None:
+def closest_unit(
+    spelling: str, quantity: str | None = None, *, likeness: float = 0.6
+) -> str | None:
     """Return the known spelling nearest to one that is not known, or None if none is near.
 
     Args:
         spelling: Unit as the file writes it.
         quantity: Key of `QUANTITIES`, or None for all of them.
+        likeness: Least similarity of the two spellings, from 0 to 1 [1].
     """
     known: dict[str, str] = {}
     for name in QUANTITIES if quantity is None else (quantity,):
         for unit in QUANTITIES[name]:
             for candidate in (unit.symbol, *unit.spellings):
                 known.setdefault(_key(candidate).casefold(), candidate)
-    near = difflib.get_close_matches(_key(spelling).casefold(), known, n=1, cutoff=0.6)
+    near = difflib.get_close_matches(_key(spelling).casefold(), known, n=1, cutoff=likeness)
     return known[near[0]] if near else None
 
 

@@ -1,0 +1,131 @@
+"""The numeric variables of a MATLAB 5 file (versions 5 to 7 of `save`).
+
+SciPy reads these files too, but a damaged one can end the process in its compiled part, where no
+error can be caught. What a bench stores is real numeric arrays, and those take few lines.
+
+Reference: The MathWorks, MAT-File Format, chapter 1, "Level 5 MAT-file format".
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+
+import numpy as np
+
+HEADER_BYTES = 128
+TAG_BYTES = 8
+COMPRESSED, MATRIX = 15, 14
+STORED = {
+    1: "i1",
+    2: "u1",
+    3: "i2",
+    4: "u2",
+    5: "i4",
+    6: "u4",
+    7: "f4",
+    9: "f8",
+    12: "i8",
+    13: "u8",
+}
+"""Number types on disk; a column of whole numbers may be stored in fewer bytes than it has."""
+
+NUMERIC_CLASSES = range(6, 16)  # double, single and the integers
+OPAQUE_CLASS = 17
+CLASSES = {1: "cell", 2: "struct", 3: "object", 4: "text", 5: "sparse", 16: "function"} | {
+    OPAQUE_CLASS: "object such as a timeseries"
+}
+COMPLEX_FLAG = 0x0800
+
+
+class DamagedFileError(ValueError):
+    """The bytes are no whole MATLAB 5 file; the text says what is wrong."""
+
+
+def read_variables(data: bytes) -> dict[str, np.ndarray | str]:
+    """Return the variables of a MATLAB 5 file.
+
+    Args:
+        data: The bytes of the file.
+
+    Returns:
+        By name a real numeric array, float64 in the shape that MATLAB shows; for what is none,
+        the kind of variable in words.
+
+    Raises:
+        DamagedFileError: If the file is cut or damaged.
+    """
+    if len(data) < HEADER_BYTES:
+        raise DamagedFileError("it ends within its header")
+    order = {b"IM": "<", b"MI": ">"}.get(data[HEADER_BYTES - 2 : HEADER_BYTES])
+    if order is None:
+        raise DamagedFileError("its header names no byte order")
+    variables: dict[str, np.ndarray | str] = {}
+    for kind, content in _elements(memoryview(data)[HEADER_BYTES:], order):
+        if kind == COMPRESSED:
+            try:
+                content = memoryview(zlib.decompress(content))
+            except zlib.error as error:
+                raise DamagedFileError(f"a compressed variable is damaged ({error})") from error
+            kind, content = next(_elements(content, order), (0, content))
+        if kind == MATRIX and len(content):
+            name, value = _variable(content, order)
+            if name:  # MATLAB keeps what objects refer to in an array without a name
+                variables[name] = value
+    return variables
+
+
+def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
+    """Yield type and content of the elements that follow each other."""
+    position = 0
+    while position + TAG_BYTES <= len(data):
+        kind, size = struct.unpack_from(f"{order}II", data, position)
+        if kind >> 16:  # a small element holds its content within the tag
+            kind, size, start, following = kind & 0xFFFF, kind >> 16, position + 4, TAG_BYTES
+            if size > 4:
+                raise DamagedFileError("a small element is too long")
+        else:
+            start = position + TAG_BYTES
+            padding = 0 if kind == COMPRESSED else -size % 8
+            following = TAG_BYTES + size + padding
+        if start + size > len(data):
+            raise DamagedFileError(
+                f"a variable of {size} bytes is announced where {len(data) - start} are left"
+            )
+        yield kind, data[start : start + size]
+        position += following
+    if position < len(data):
+        raise DamagedFileError("it ends within the head of a variable")
+
+
+def _variable(content: memoryview, order: str) -> tuple[str, np.ndarray | str]:
+    """Return name and value of a matrix element."""
+    parts = _elements(content, order)
+    flags = _numbers(parts, order)
+    if flags.size == 0:
+        raise DamagedFileError("a variable has no flags")
+    array_class = int(flags[0]) & 0xFF
+    shape = np.empty(0) if array_class == OPAQUE_CLASS else _numbers(parts, order)
+    name = _numbers(parts, order).astype(np.uint8).tobytes().decode("ascii", "replace")
+    if array_class not in NUMERIC_CLASSES:
+        return name, CLASSES.get(array_class, "object")
+    if int(flags[0]) & COMPLEX_FLAG:
+        return name, "complex"
+    values = _numbers(parts, order).astype(np.float64)
+    sizes = [int(size) for size in shape]
+    if len(sizes) < 2 or min(sizes) < 0 or np.prod(sizes, dtype=float) != values.size:
+        raise DamagedFileError(f"variable {name} has {values.size} numbers for a shape {sizes}")
+    return name, values.reshape(sizes, order="F")
+
+
+def _numbers(parts: Iterator[tuple[int, memoryview]], order: str) -> np.ndarray:
+    """Return the numbers of the next element."""
+    kind, content = next(parts, (0, memoryview(b"")))
+    stored = STORED.get(kind)
+    if stored is None:
+        raise DamagedFileError(f"expected numbers, found an element of type {kind}")
+    item = np.dtype(order + stored)
+    if len(content) % item.itemsize:
+        raise DamagedFileError("an element ends within a number")
+    return np.frombuffer(content, dtype=item)

@@ -1,0 +1,290 @@
+"""The channel map: precedence, known benches, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from heatrun.bench import read_record, require
+from heatrun.bench.channels import map_columns
+from heatrun.bench.header import split_name
+from heatrun.bench.maps import COLUMN_MAPS
+from heatrun.bench.schema import CHANNEL
+from heatrun.bench.table import Column, Table
+from heatrun.errors import InputError
+from heatrun.motor import Motor
+
+BENCH = Path(__file__).parents[3] / "shared" / "bench"
+needs_bench = pytest.mark.skipif(not BENCH.is_dir(), reason="measured records are not here")
+
+
+def table(*names: str, value: float = 1.0, **constants: float) -> Table:
+    columns = tuple(Column(name, *split_name(name), np.array([value, 2.0])) for name in names)
+    return Table(columns, {"state": "RUN"}, constants)
+
+
+def mapped(*names: str, columns: dict[str, str] | None = None, value: float = 1.0, **more):
+    return map_columns(table(*names, value=value), columns, where="test.csv", **more)
+
+
+def write(tmp_path: Path, header: str, *rows: str) -> Path:
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path
+
+
+def test_canonical_names_come_before_built_in_ones():
+    found = mapped("winding_degC", "stator_winding", "motor_speed", "u_d", "i_d", "pm", value=3.0)
+    assert found.channels["winding_degC"][0] == 3.0
+    assert "stator_winding" in found.unused
+
+
+def test_columns_of_the_motor_file_come_first():
+    found = mapped("winding_degC", "Twarm (K)", columns={"winding_degC": "Twarm"}, value=293.15)
+    np.testing.assert_allclose(found.channels["winding_degC"][0], 20.0, atol=1e-12)
+    assert found.unused == ("winding_degC", "state")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("T_coil [degC]", 300.0),  # the header as it stands
+        ("T_coil", 300.0),  # without its unit
+        ("T_coil [°C]", 300.0),  # another spelling
+        ("T_coil [K]", 26.85),  # against the file: obeyed, with a finding
+    ],
+)
+def test_ways_to_name_a_column(text, expected):
+    found = mapped("T_coil [degC]", columns={"winding_degC": text}, value=300.0)
+    np.testing.assert_allclose(found.channels["winding_degC"][0], expected, atol=1e-12)
+    overridden = [finding.id for finding in found.findings]
+    assert overridden == (["unit_overridden"] if text == "T_coil [K]" else [])
+
+
+def test_a_unit_that_only_the_motor_file_gives():
+    found = mapped("P", columns={"losses_W": "P [kW]"}, value=1.5)
+    assert found.channels["losses_W"][0] == 1500.0
+    assert found.findings == ()
+
+
+def test_a_column_without_a_unit_is_noted():
+    found = mapped("coil", columns={"winding_degC": "coil"}, value=20.0)
+    assert "no unit given, taken as degC" in found.notes[0]
+
+
+def test_typo_in_a_channel_or_a_column():
+    with pytest.raises(InputError, match=r"'winding_degc', which is not known. .*'winding_degC'"):
+        mapped("T_coil", columns={"winding_degc": "T_coil"})
+    with pytest.raises(InputError, match=r"'T_coll' for winding_degC.*'T_coil'") as caught:
+        mapped("T_coil", "P", columns={"winding_degC": "T_coll"})
+    assert "Columns are: T_coil, P." in caught.value.remedy
+
+
+def test_one_file_of_a_test_need_not_have_all_columns():
+    found = mapped("Tcoil", columns={"winding_degC": "Tcoil", "losses_W": "P"}, is_part=True)
+    assert set(found.channels) == {"winding_degC"}
+    assert any("no column 'P'" in note for note in found.notes)
+
+
+def test_a_column_of_text_is_refused():
+    with pytest.raises(InputError, match="holds the text 'RUN', expected numbers"):
+        mapped("a", columns={"fan": "state"})
+
+
+@pytest.mark.parametrize(
+    ("names", "columns", "channel"),
+    [
+        (("T", "T"), {"winding_degC": "T"}, "winding_degC"),
+        (("T [degC]", "T [K]"), {"winding_degC": "T"}, "winding_degC"),
+        (("winding_degC", "winding_degC"), None, "winding_degC"),
+        (("torque (Nm)", "torque_mNm"), None, "torque_Nm"),
+        (("timestamp", "datetime"), None, "time_s"),
+    ],
+)
+def test_two_columns_for_one_channel_are_both_named(names, columns, channel):
+    with pytest.raises(InputError, match=f"both stand for {channel}") as caught:
+        mapped(*names, columns=columns)
+    for name in names:
+        assert f"'{name}'" in caught.value.problem
+
+
+def test_one_column_for_two_channels_is_doubted():
+    found = mapped("T", columns={"ambient_degC": "T", "coolant_degC": "T"})
+    assert [finding.id for finding in found.findings] == ["column_used_twice"]
+
+
+@pytest.mark.parametrize(
+    ("name", "channel", "factor"),
+    [
+        ("winding_K", "winding_degC", None),
+        ("torque_mNm", "torque_Nm", 1e-3),
+        ("Speed (1/min)", "speed_rpm", 1.0),
+        ("speed in rad/s", "speed_rpm", 30.0 / np.pi),
+        ("time_ms", "time_s", 1e-3),
+        ("Zeit [h]", "time_s", 3600.0),
+        ("Losses / kW", "losses_W", 1e3),
+        ("phase_current_A_peak", "phase_current_A", 1.0 / np.sqrt(2.0)),
+        ("coolant_flow (l/h)", "coolant_flow_L_per_min", 1.0 / 60.0),
+        ("fan [%]", "fan", 0.01),
+    ],
+)
+def test_canonical_names_with_another_unit(name, channel, factor):
+    found = mapped(name, value=8.0)
+    expected = 8.0 - 273.15 if factor is None else 8.0 * factor
+    np.testing.assert_allclose(found.channels[channel][0], expected, rtol=1e-15)
+
+
+def test_a_symbol_is_not_taken_without_regard_to_case():
+    assert "time_s" not in mapped("T", "PM", "x").channels
+    assert "time_s" in mapped("t", "T").channels
+
+
+def test_a_name_that_contradicts_its_unit_is_refused():
+    with pytest.raises(InputError, match="The name says degC, the unit behind it K"):
+        mapped("winding_degC [K]")
+
+
+def test_a_speed_in_hertz_is_refused_and_can_be_left_out():
+    with pytest.raises(InputError, match="refused because") as caught:
+        mapped("speed [Hz]")
+    assert 'speed_rpm = "none"' in caught.value.remedy
+    assert mapped("speed [Hz]", columns={"speed_rpm": "none"}).channels == {}
+
+
+def test_an_amplitude_that_is_read_as_rms_is_doubted():
+    found = mapped("I_peak [A]", columns={"phase_current_A": "I_peak"})
+    assert [finding.id for finding in found.findings] == ["current_maybe_amplitude"]
+    found = mapped("I_peak", columns={"phase_current_A": "I_peak [A_peak]"})
+    assert found.findings == ()
+
+
+def test_built_in_maps_name_channels_that_exist():
+    for column_map in COLUMN_MAPS:
+        assert set(column_map.entries.values()) <= set(CHANNEL)
+        assert set(column_map.units) | column_map.zero_means_absent <= set(column_map.entries)
+
+
+def test_thesis_names():
+    found = mapped("t", "Is", "Pd", "Te", "Tw_m")
+    assert set(found.channels) == {
+        *("time_s", "phase_current_A", "losses_W", "ambient_degC", "winding_degC")
+    }
+    # Alone, the symbols of the thesis mean nothing.
+    assert set(mapped("Is", "x").channels) == set()
+
+
+def test_paderborn_names():
+    names = "u_d u_q i_d i_q motor_speed torque coolant ambient stator_winding stator_tooth"
+    found = mapped(*names.split(), "stator_yoke", "pm", "profile_id")
+    assert set(found.channels) == {
+        *("u_d_V", "u_q_V", "i_d_A", "i_q_A", "speed_rpm", "torque_Nm", "coolant_degC"),
+        *("ambient_degC", "winding_degC", "tooth_degC", "yoke_degC", "magnet_degC"),
+    }
+    assert found.unused == ("profile_id", "state")
+
+
+CONTROLLER = "Voltage (V),Current (A),Temperature (C),eRPM,Motor Duty,Phase Current (A),Power (W)"
+
+
+def test_a_phase_current_of_zeros_is_not_recorded(tmp_path):
+    path = write(tmp_path, CONTROLLER, "60,2,24,900,3,0,120", "60,3,25,950,3,0,180")
+    record = read_record(path, rate_Hz=10)
+    assert set(record.channels) == {
+        *("time_s", "dc_voltage_V", "dc_current_A", "dc_power_W", "controller_degC")
+    }
+    assert [finding.id for finding in record.findings] == ["not_recorded"]
+    assert any("eRPM" in note and "electrical" in note for note in record.notes)
+    measured = write(tmp_path, CONTROLLER, "60,2,24,900,3,0,120", "60,3,25,950,3,7,180")
+    assert read_record(measured, rate_Hz=10)["phase_current_A"].tolist() == [0.0, 7.0]
+    asked = Motor("M", columns={"phase_current_A": "Phase Current"})
+    path = write(tmp_path, CONTROLLER, "60,2,24,900,3,0,120", "60,3,25,950,3,0,180")
+    assert read_record(path, asked, rate_Hz=10)["phase_current_A"].tolist() == [0.0, 0.0]
+
+
+def test_a_file_without_time_needs_a_rate(tmp_path):
+    path = write(tmp_path, "winding_degC,P", "20,1", "21,2", "22,3")
+    with pytest.raises(InputError, match="no time column") as caught:
+        read_record(path)
+    assert 'time_s = "rate 10 Hz"' in caught.value.remedy
+    assert read_record(path, rate_Hz=4).time_s.tolist() == [0.0, 0.25, 0.5]
+    motor = Motor("M", columns={"time_s": "rate 10 Hz"})
+    assert read_record(path, motor).time_s.tolist() == [0.0, 0.1, 0.2]
+    for rate in (0.0, -1.0, float("nan")):
+        with pytest.raises(InputError, match="above 0 Hz"):
+            read_record(path, rate_Hz=rate)
+
+
+def test_a_rate_never_replaces_a_measured_time(tmp_path):
+    path = write(tmp_path, "time_s,winding_degC", "0,20", "2,21")
+    with pytest.raises(InputError, match="has a time column"):
+        read_record(path, rate_Hz=10)
+    record = read_record(path, Motor("M", columns={"time_s": "rate 10 Hz"}))
+    assert record.time_s.tolist() == [0.0, 2.0]
+    assert any("rate in [columns] is not used" in note for note in record.notes)
+
+
+def test_the_record_of_a_plain_file(tmp_path):
+    header = "phase_current_A,time_s,winding_degC,spare"
+    path = write(tmp_path, header, "1,5,20,7", ",4,nan,7", "3,6.5,x,7", "4,7,22,7", "5,8,23,7")
+    record = read_record(path)
+    assert next(iter(record.channels)) == "time_s"
+    assert record.time_s.tolist() == [0.0, -1.0, 1.5, 2.0, 3.0]  # backwards stays
+    assert np.isnan(record["winding_degC"]).tolist() == [False, True, True, False, False]
+    assert record.unused == ("spare",)
+    assert any("at 5 s in the file" in note for note in record.notes)
+    assert [(finding.id, finding.test) for finding in record.findings] == [
+        ("unreadable_cells", "run")
+    ]
+    (source,) = record.sources
+    assert len(source.sha256) == 64
+    assert all(values.dtype == np.float64 for values in record.channels.values())
+    assert read_record(path, name="first").name == "first"
+
+
+def test_a_time_column_without_times_is_refused(tmp_path):
+    path = write(tmp_path, "time_s,winding_degC,P", "nan,20,1", "nan,21,2")
+    with pytest.raises(InputError, match="time"):
+        read_record(path)
+
+
+def test_what_a_fit_needs_is_named(tmp_path):
+    record = read_record(write(tmp_path, "time_s,winding_degC,Pv", "0,20,1", "1,21,2"))
+    with pytest.raises(InputError, match="Missing: phase_current_A") as caught:
+        require(record)
+    assert "not used: Pv" in caught.value.problem
+    assert '[columns] phase_current_A = "COLUMN [A]"' in caught.value.remedy
+    require(record, ["time_s", "winding_degC"])
+
+
+@needs_bench
+def test_measured_car_motor():
+    record = read_record(BENCH / "paderborn_profile24_heatrun_2p5s.csv.gz")
+    require(record)
+    assert record.name == "paderborn_profile24_heatrun_2p5s"
+    assert record.unused == ()
+    assert record.time_s.size == 3003
+    loaded = (record.time_s > 2000) & (record.time_s < 4300)
+    unloaded = record.time_s > 5000
+    # The README beside the file: 3.3 to 3.7 kW loaded, "1.5 kW" (two digits) unloaded
+    assert 3300 < np.median(record["losses_W"][loaded]) < 3700
+    assert 1400 < np.median(record["losses_W"][unloaded]) < 1650
+
+
+@needs_bench
+@pytest.mark.parametrize("run", ["Run2-Throttle100", "Run3-Throttle48", "Run13-Throttle8"])
+def test_measured_small_motor(run):
+    (logger,) = (BENCH / "tass" / run).glob("DAQ_*.csv")
+    (controller,) = (BENCH / "tass" / run).glob("Export_*.csv")
+    temperatures = read_record(logger)
+    assert set(temperatures.channels) == {"time_s", "winding_degC", "stator_degC", "ambient_degC"}
+    (count,) = (note for note in temperatures.notes if "Sample Count" in note)
+    assert temperatures.time_s.size == int(count.split()[-1])
+    assert (np.diff(temperatures.time_s) > 0).all()
+    assert temperatures.findings == ()
+    with pytest.raises(InputError, match="no time column"):
+        read_record(controller)
+    power = read_record(controller, rate_Hz=10)
+    assert "phase_current_A" not in power
+    assert np.median(power["dc_power_W"]) > 0

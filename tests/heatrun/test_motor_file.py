@@ -1,0 +1,169 @@
+"""The motor file: what it may say, and what it may not."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from heatrun.errors import InputError
+from heatrun.motor import Motor, ParameterOverride
+from heatrun.motorfile import load_motor
+
+FULL = """
+[motor]
+name = "IPM-SynRel 2022"
+phases = 6
+losses = "map"
+sink = "coolant"
+insulation_class = "F"
+rated_speed_rpm = 6000
+[winding]
+material = "aluminium"
+phase_resistance_ohm = 0.0062
+reference_temperature_degC = 20
+[vehicle]
+gear_ratio = 9.1
+wheel_radius_m = 0.3
+[columns]
+winding_degC = "T_winding [degC]"
+time_s = "rate 10 Hz"
+[parameters.Req_sr]
+fixed = 0.11625
+[parameters.Ceq_w]
+value = 667.0
+relative_sd = 0.2
+per_test = true
+"""
+
+
+def load(tmp_path: Path, text: str | bytes) -> Motor:
+    path = tmp_path / "motor.toml"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return load_motor(path)
+
+
+def test_everything_it_may_say(tmp_path):
+    path = str(tmp_path / "motor.toml")
+    assert load(tmp_path, FULL) == Motor(
+        name="IPM-SynRel 2022",
+        phases=6,
+        losses="map",
+        sink="coolant",
+        insulation_class="F",
+        rated_speed_rpm=6000.0,
+        resistance_coefficient_degC=225.0,
+        phase_resistance_ohm=0.0062,
+        reference_temperature_degC=20.0,
+        gear_ratio=9.1,
+        wheel_radius_m=0.3,
+        columns={"winding_degC": "T_winding [degC]", "time_s": "rate 10 Hz"},
+        parameters={
+            "Req_sr": ParameterOverride(fixed=0.11625),
+            "Ceq_w": ParameterOverride(value=667.0, relative_sd=0.2, per_test=True),
+        },
+        sha256=hashlib.sha256(FULL.encode()).hexdigest(),
+        path=path,
+    )
+
+
+def test_a_name_is_enough(tmp_path):
+    motor = load(tmp_path, '[motor]\nname = "M"\n')
+    assert motor == Motor("M", sha256=motor.sha256, path=motor.path)
+
+
+@pytest.mark.parametrize("mark", [b"\xef\xbb\xbf", b""])
+def test_a_byte_order_mark_is_no_matter(tmp_path, mark):
+    assert load(tmp_path, mark + '[motor]\nname = "Prüfling"\n'.encode()).name == "Prüfling"
+
+
+@pytest.mark.parametrize(
+    ("winding", "coefficient"),
+    [
+        ("", 234.5),
+        ('material = "copper"', 234.5),
+        ('material = "aluminium"', 225.0),
+        ("resistance_coefficient_degC = 235", 235.0),
+    ],
+)
+def test_material(tmp_path, winding, coefficient):
+    motor = load(tmp_path, f'[motor]\nname = "M"\n[winding]\n{winding}\n')
+    assert motor.resistance_coefficient_degC == coefficient
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("[motr]\nname = 'M'", "section 'motr' is not known. Did you mean 'motor'"),
+        ("[motor]\nnam = 'M'", "key 'nam' is not known. Did you mean 'name'"),
+        ("[motor]\nphases = 3", "name of the motor"),
+        ("", "name of the motor"),
+        ("[motor]\nname = 3", "text for name, got the number 3"),
+        ("[motor]\nname = ' '", "text for name"),
+        ("motor = 3", "Expected a section"),
+        ("[motor]\nname = 'M'\nphases = 0", "phases above 0, got the number 0"),
+        ("[motor]\nname = 'M'\nphases = 3.0", "whole number"),
+        ("[motor]\nname = 'M'\nphases = true", "whole number"),
+        ("[motor]\nname = 'M'\nlosses = 'balanced'", "balance, map.*Did you mean 'balance'"),
+        ("[motor]\nname = 'M'\nlosses = ['map']", "balance, map"),
+        ("[motor]\nname = 'M'\nsink = 'air'", "ambient, coolant"),
+        ("[motor]\nname = 'M'\ninsulation_class = 'X'", "A, E, B, F, H, N, R"),
+        ("[motor]\nname = 'M'\nrated_speed_rpm = -1", "above 0, got -1"),
+        ("[motor]\nname = 'M'\nrated_speed_rpm = '6000 rpm'", "number for rated_speed_rpm"),
+        ("[motor]\nname = 'M'\nrated_speed_rpm = nan", "above 0, got nan"),
+        ("[motor]\nname = 'M'\nrated_speed_rpm = inf", "above 0, got inf"),
+        ("[motor]\nname = 'M'\n[winding]\nphase_resistance_ohm = -0.006", "above 0"),
+        ("[motor]\nname = 'M'\n[winding]\nphase_resistance_Ohm = 1", "'phase_resistance_ohm'"),
+        ("[motor]\nname = 'M'\n[winding]\nmaterial = 'gold'", "copper, aluminium"),
+        ("[motor]\nname = 'M'\n[winding]\nresistance_coefficient_degC = 3.9e-3", "100 and 400"),
+        ("[motor]\nname = 'M'\n[winding]\nreference_temperature_degC = 298.15", "-60 and 250"),
+        (
+            "[motor]\nname='M'\n[winding]\nmaterial='copper'\nresistance_coefficient_degC=235",
+            "Both material",
+        ),
+        ("[motor]\nname = 'M'\n[vehicle]\ngear_ratio = 0", "above 0"),
+        ("[motor]\nname = 'M'\n[columns]\nwinding = 'T'", "'winding', which is not known"),
+        ("[motor]\nname = 'M'\n[columns]\nwinding_degC = 3", "text for winding_degC"),
+        ("[motor]\nname = 'M'\n[columns]\ntime_s = 'rate 0 Hz'", "above 0 Hz"),
+        ("[motor]\nname = 'M'\n[columns]\ntime_s = 'rate 1.2.3 Hz'", "rate such as"),
+        ("[motor]\nname = 'M'\n[parameters]\nReq_sr = 0.1", "Expected a section"),
+        ("[motor]\nname = 'M'\n[parameters.Req_sr]\n", "Expected a section with one of"),
+        ("[motor]\nname = 'M'\n[parameters.Req_sr]\nfix = 1", "Did you mean 'fixed'"),
+        ("[motor]\nname = 'M'\n[parameters.R]\nfixed = 1\nsd = 1", "no sd"),
+        ("[motor]\nname = 'M'\n[parameters.R]\nfixed = 1\nper_test = true", "no per_test"),
+        ("[motor]\nname = 'M'\n[parameters.R]\nsd = 1\nrelative_sd = 1", "Both sd"),
+        ("[motor]\nname = 'M'\n[parameters.R]\nsd = 0", "above 0"),
+        ("[motor]\nname = 'M'\n[parameters.R]\nfixed = inf", "finite"),
+        ("[motor]\nname = 'M'\n[parameters.R]\nper_test = 1", "true or false"),
+        ("[motor\nname = 'M'", "no valid TOML"),
+        (b"[motor]\nname = '\xff'", "UTF-8"),
+        ("[motor]\nname = " + "[" * 5000, "no valid TOML"),
+    ],
+)
+def test_what_it_may_not_say(tmp_path, text, problem):
+    with pytest.raises(InputError, match=problem) as caught:
+        load(tmp_path, text)
+    assert str(tmp_path / "motor.toml") in caught.value.where
+
+
+def test_no_file(tmp_path):
+    with pytest.raises(InputError, match="cannot be opened"):
+        load_motor(tmp_path / "none.toml")
+    with pytest.raises(InputError, match="cannot be opened"):
+        load_motor(tmp_path)
+
+
+@settings(
+    max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(cut=st.integers(0, len(FULL)), inserted=st.text(max_size=6))
+def test_a_broken_file_raises_our_error_alone(tmp_path, cut, inserted):
+    problem, motor = None, None
+    try:
+        motor = load(tmp_path, FULL[:cut] + inserted)
+    except InputError as error:
+        problem = error
+    assert motor is not None if problem is None else str(tmp_path) in problem.where
