@@ -39,19 +39,17 @@ def read_test(path: Path | str, motor: Motor) -> Record:
             "expected at most two files joined by '+'.", where=text,
             remedy="Join the temperatures with one drive log.",
         )  # fmt: skip
-    record, alignment = join(_read(first, motor), _read(second, motor))
+    record, alignment = join(_read(first, motor, is_part=True), _read(second, motor, is_part=True))
     low, high = alignment.interval_95_s
     note = (
         f"the drive's clock starts {alignment.offset_s:.2f} s after the thermometer's "
         f"(95 % {low:.2f} … {high:.2f} s, {alignment.method})"
     )
-    known = set(record.findings)
-    added = tuple(finding for finding in alignment.findings if finding not in known)
-    return replace(record, notes=(*record.notes, note), findings=(*record.findings, *added))
+    return replace(record, notes=(*record.notes, note))
 
 
-def _read(text: str, motor: Motor) -> Record:
+def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:
     found = None if Path(text).exists() else RATE.match(text)
     if found is None:
-        return read_record(Path(text), motor)
-    return read_record(Path(found["path"]), motor, rate_Hz=float(found["rate"]))
+        return read_record(Path(text), motor, is_part=is_part)
+    return read_record(Path(found["path"]), motor, rate_Hz=float(found["rate"]), is_part=is_part)
