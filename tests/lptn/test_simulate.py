@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from itertools import pairwise
 
 import jax
@@ -63,16 +60,19 @@ def test_second_order_agrees_with_scipy(network, losses, short, start):
     assert float(exact.temperature["stator"][-1]) == pytest.approx(T[1], abs=1e-8)
 
 
-def test_fast_path_agrees_with_reference_at_10_hz(network, losses, inputs, start):
+@pytest.fixture(scope="module")
+def exact(network, losses, inputs):
+    return lptn.reference(network, losses, inputs, {"winding": 22.0, "stator": 20.0})
+
+
+def test_fast_path_agrees_with_reference_at_10_hz(network, losses, inputs, start, exact):
     fast = lptn.simulate(network, losses, inputs, start)
-    exact = lptn.reference(network, losses, inputs, start)
     assert float(jnp.max(fast.reading)) < 160.0
     # the project's target; the method itself errs by (h/tau)^3/24 of a change, far less
     assert float(jnp.max(jnp.abs(fast.reading - exact.reading))) < 1e-6
 
 
-def test_two_second_means_agree_with_the_full_rate(network, losses, inputs, regroup, start):
-    exact = lptn.reference(network, losses, inputs, start)
+def test_two_second_means_agree_with_the_full_rate(network, losses, regroup, start, exact):
     coarse = lptn.simulate(network, losses, regroup(group=20), start)
     at_edges = exact.reading[::20][: coarse.reading.size]
     assert float(jnp.max(jnp.abs(coarse.reading - at_edges))) < 1e-3
@@ -114,7 +114,7 @@ def test_energy_is_conserved_in_every_interval(network, kind, short, start):
 
 def test_steady_state_is_the_closed_form_with_feedback(network):
     losses = CopperLosses(Rs0=jnp.asarray(0.0062))
-    inputs = constant(60_000, 2.0, current_squared=100.0**2, losses=600.0)
+    inputs = constant(6000, 10.0, current_squared=100.0**2, losses=600.0)
     trace = lptn.simulate(network, losses, inputs, {"winding": 20.0, "stator": 20.0})
     k = 3 * 0.0062 * 100.0**2 / 259.5
     stator = 20.0 + 0.11625 * 600.0
@@ -150,35 +150,6 @@ def test_scale_of_the_losses_is_not_visible_in_temperatures(network, losses, sho
     np.testing.assert_allclose(one, two, atol=1e-10)
 
 
-def test_a_network_of_four_nodes_runs_and_conserves(short):
-    network = Network(
-        capacitance={
-            node: jnp.asarray(C)
-            for node, C in (
-                ("winding", 437.0), ("tooth", 6509.0), ("yoke", 10666.0), ("magnet", 3511.0)
-            )
-        },
-        resistance={
-            ("winding", "tooth"): jnp.asarray(0.0899),
-            ("winding", "yoke"): jnp.asarray(0.0375),
-            ("yoke", "tooth"): jnp.asarray(0.0707),
-            ("tooth", "magnet"): jnp.asarray(0.4),
-            ("yoke", "ambient"): jnp.asarray(0.018),
-        },
-        share={"tooth": jnp.asarray(0.5), "yoke": jnp.asarray(0.3), "magnet": jnp.asarray(0.2)},
-    )  # fmt: skip
-    start = {node: 20.0 for node in network.nodes}
-    losses = CopperLosses(Rs0=jnp.asarray(0.0146), reference_temperature=70.0)
-    fast = lptn.simulate(network, losses, short, start)
-    exact = lptn.reference(network, losses, short, start)
-    assert (
-        float(jnp.max(jnp.abs(fast.reading - exact.reading))) < 5e-3
-    )  # fastest node 11 s, step 2 s: (h/tau)^3/24 of 20 K
-    stored = sum(network.capacitance[n] * jnp.diff(fast.temperature[n]) for n in network.nodes)
-    out = short.step * (sum(fast.heat.values()) - fast.flow["yoke", "ambient"])
-    np.testing.assert_allclose(stored, out, rtol=1e-9, atol=1e-7)
-
-
 def test_heat_goes_the_same_way_in_both_directions():
     """Reciprocity: the rise of one node per watt in the other does not depend on which is which."""
     rises = []
@@ -186,7 +157,7 @@ def test_heat_goes_the_same_way_in_both_directions():
         base = second_order(600.0, 9000.0, 0.14, 0.11)
         network = Network(base.capacitance, base.resistance, {heated: jnp.asarray(1.0)})
         trace = lptn.simulate(
-            network, CopperLosses(Rs0=jnp.asarray(0.0)), constant(20_000, 2.0, losses=100.0),
+            network, CopperLosses(Rs0=jnp.asarray(0.0)), constant(4000, 10.0, losses=100.0),
             {"winding": 20.0, "stator": 20.0},
         )  # fmt: skip
         rises.append(float(trace.temperature[read][-1]) - 20.0)
@@ -194,6 +165,7 @@ def test_heat_goes_the_same_way_in_both_directions():
 
 
 def test_gradients_agree_with_finite_differences(short, start):
+    @jax.jit
     def end(theta):
         network = second_order(theta[0], theta[1], theta[2], theta[3])
         losses = CopperLosses(Rs0=theta[4])
@@ -222,27 +194,6 @@ def test_eager_jit_and_vmap_agree(losses, short, start):
     np.testing.assert_allclose(jax.jit(reading)(values[0]), eager[0], rtol=1e-13)
 
 
-def test_accumulate_and_block_means_fold_the_same_reading(network, losses, short, start):
-    edges = lptn.reading(network, losses, short, start)
-    data = jnp.linspace(0.0, 1.0, short.num_time)
-    total = lptn.accumulate(
-        network, losses, short, start,
-        update=lambda carry, before, after, item: carry + item * (before + 2.0 * after),
-        carry=jnp.zeros(()), data=data,
-    )  # fmt: skip
-    expected = jnp.sum(data * (edges[:-1] + 2.0 * edges[1:]))
-    assert float(total) == pytest.approx(float(expected), rel=1e-12)
-
-    rng = np.random.default_rng(0)
-    weight = rng.uniform(size=(short.num_time // 10, 10))
-    position = rng.uniform(size=weight.shape)
-    means = lptn.block_means(network, losses, short, start, weight=weight, position=position)
-    before, after = edges[:-1].reshape(weight.shape), edges[1:].reshape(weight.shape)
-    np.testing.assert_allclose(
-        means, np.sum(weight * (before + position * (after - before)), axis=1), rtol=1e-12
-    )
-
-
 def test_sensor_gain_and_offset_show_in_the_reading_alone(network, losses, short, start):
     plain = lptn.simulate(network, losses, short, start)
     sensor = lptn.Sensor(gain=jnp.asarray(0.01), offset=jnp.asarray(0.4))
@@ -256,43 +207,3 @@ def test_sensor_gain_and_offset_show_in_the_reading_alone(network, losses, short
 def test_longest_step_is_inside_the_stable_range(network):
     # for two nodes the eigenvalue itself: 1/92 s, so twice that is the limit of stability
     assert 20.0 < float(longest_step(network)) < 2 * 92.0
-
-
-def test_too_long_a_step_is_refused(network, losses):
-    with pytest.raises(ValueError, match="finer grid"):
-        lptn.simulate(network, losses, constant(10, 100.0), {"winding": 20.0, "stator": 20.0})
-
-
-def test_a_missing_start_temperature_is_named(network, losses, short):
-    with pytest.raises(ValueError, match="stator"):
-        lptn.simulate(network, losses, short, {"winding": 20.0})
-
-
-def test_shapes_that_differ_are_refused():
-    with pytest.raises(ValueError, match="losses has shape"):
-        Inputs(step=jnp.asarray(1.0), current_squared=jnp.zeros(3), losses=jnp.zeros(4),
-               ambient=jnp.zeros(3))  # fmt: skip
-    with pytest.raises(ValueError, match=r"Inputs\.step"):
-        Inputs(step=jnp.ones(2), current_squared=jnp.zeros(3), losses=jnp.zeros(3),
-               ambient=jnp.zeros(3))  # fmt: skip
-
-
-def test_a_link_to_nowhere_is_refused():
-    with pytest.raises(ValueError, match="must join two different nodes"):
-        Network({"winding": jnp.asarray(1.0)}, {("winding", "frame"): jnp.asarray(1.0)}, {})
-
-
-def test_float32_is_refused_with_the_remedy():
-    program = (
-        "import jax.numpy as jnp, lptn\n"
-        "inputs = lptn.Inputs(jnp.asarray(1.0), jnp.zeros(3), jnp.zeros(3), jnp.zeros(3))\n"
-        "lptn.simulate(lptn.first_order(1e4, 0.1), lptn.CopperLosses(0.0), inputs,"
-        " {'winding': 20.0})\n"
-    )
-    # heatrun, once imported, leaves its setting in the environment
-    bare = {name: value for name, value in os.environ.items() if name != "JAX_ENABLE_X64"}
-    run = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False, env=bare
-    )
-    assert run.returncode != 0
-    assert "jax_enable_x64" in run.stderr

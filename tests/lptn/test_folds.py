@@ -1,0 +1,74 @@
+"""What is folded without being stored must be what `reading` gives."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import lptn
+from lptn import SensorLag, SpeedCooling
+
+LAG = SensorLag(jnp.asarray(10.0))
+COOLING = SpeedCooling(g=jnp.asarray(0.5))
+
+SENSOR = lptn.Sensor(gain=jnp.asarray(0.02), offset=jnp.asarray(0.4))
+"""With a gain the sink enters the reading, and it moves: both must take the same one."""
+
+
+@pytest.fixture(scope="module")
+def blocks(short):
+    rng = np.random.default_rng(0)
+    shape = (short.num_time // 10, 10)
+    return jnp.asarray(rng.uniform(size=shape)), jnp.asarray(rng.uniform(size=shape))
+
+
+@pytest.mark.parametrize("effects", [(), (COOLING,)], ids=["affine", "general"])
+def test_accumulate_folds_the_reading(effects, network, losses, short, start):
+    edges = lptn.reading(network, losses, short, start, effects=effects, sensor=SENSOR)
+    weight = jnp.linspace(0.0, 1.0, short.num_time)
+    total = lptn.accumulate(
+        network, losses, short, start, effects=effects, sensor=SENSOR,
+        update=lambda carry, before, after, item: carry + item * (before + 2.0 * after),
+        carry=jnp.zeros(()), data=weight,
+    )  # fmt: skip
+    expected = jnp.sum(weight * (edges[:-1] + 2.0 * edges[1:]))
+    assert float(total) == pytest.approx(float(expected), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "effects", [(), (COOLING,), (COOLING, LAG)], ids=["affine", "general", "sensor"]
+)
+def test_block_means_are_means_of_the_reading(effects, network, losses, short, start, blocks):
+    weight, position = blocks
+    edges = lptn.reading(network, losses, short, start, effects=effects, sensor=SENSOR)
+    before, after = edges[:-1].reshape(weight.shape), edges[1:].reshape(weight.shape)
+    means = lptn.block_means(
+        network, losses, short, start,
+        weight=weight, position=position, effects=effects, sensor=SENSOR,
+    )  # fmt: skip
+    expected = jnp.sum(weight * (before + position * (after - before)), axis=1)
+    np.testing.assert_allclose(means, expected, rtol=1e-12)
+
+
+def test_the_reading_is_that_of_the_trace(network, losses, short, start):
+    trace = lptn.simulate(network, losses, short, start, effects=[LAG], sensor=SENSOR)
+    alone = lptn.reading(network, losses, short, start, effects=[LAG], sensor=SENSOR)
+    np.testing.assert_allclose(alone, trace.reading, rtol=1e-13)
+
+
+def test_accumulate_refuses_effects_on_the_sensor(network, losses, short, start):
+    with pytest.raises(ValueError, match=r"use reading\(\)"):
+        lptn.accumulate(
+            network, losses, short, start, effects=[LAG],
+            update=lambda carry, before, after, item: carry, carry=0.0, data=short.losses,
+        )  # fmt: skip
+
+
+def test_blocks_that_do_not_hold_the_steps_are_refused(network, losses, short, start, blocks):
+    weight, position = blocks
+    for some in (weight[:-1], weight[:, :-1]):
+        with pytest.raises(ValueError, match="120 steps in all"):
+            lptn.block_means(network, losses, short, start, weight=some, position=some)
+    with pytest.raises(ValueError, match="position"):
+        lptn.block_means(network, losses, short, start, weight=weight, position=position[:-1])
