@@ -214,8 +214,7 @@ def _torque(motor: Motor, tests: Sequence[Blocks]) -> Parameter:
 
 
 def _start(model: Model, test: Blocks) -> list[Parameter]:
-    rise = abs(test.start_degC - float(test.inputs.ambient[0]))
-    is_cold = rise < COLD_START_K
+    rise = test.start_degC - float(test.inputs.ambient[0])
     winding = Parameter(
         "Tw_start", "degC", "winding temperature at the start", "start", "linear",
         test.start_degC, 2.0, "first readings, with the sensor's lag and rounding",
@@ -223,11 +222,16 @@ def _start(model: Model, test: Blocks) -> list[Parameter]:
     )  # fmt: skip
     if model.order == "first":
         return [winding]
+    if test.stator_start_degC is not None:
+        centre, sd, basis = test.stator_start_degC, 2.0, "measured stator temperature"
+    elif abs(rise) < COLD_START_K:
+        centre, sd = test.start_degC, 1.0
+        basis = "cold start: the machine has soaked at one temperature"
+    else:
+        centre, sd = test.start_degC - 0.35 * rise, max(5.0, 0.2 * abs(rise))
+        basis = "warm start, stator not measured: between sink and winding, nearer the winding"
     stator = Parameter(
         "Tsr_start", "degC", "stator temperature at the start", "start", "linear",
-        test.start_degC, 1.0 if is_cold else max(5.0, 0.5 * rise),
-        "cold start: the machine has soaked at one temperature" if is_cold
-        else "warm start: not measured, near the winding",
-        per_test=True,
+        centre, sd, basis, per_test=True,
     )  # fmt: skip
     return [winding, stator]

@@ -149,8 +149,8 @@ def _start_from_readings(
         if slot.parameter.name == "Tw_start":
             z[:, position] = slot.parameter.score(winding)
         elif slot.parameter.name == "Tsr_start":
-            spread = slot.parameter.sd * z[:, position]
-            z[:, position] = slot.parameter.score(winding + spread)
+            below = slot.parameter.centre - test.start_degC + slot.parameter.sd * z[:, position]
+            z[:, position] = slot.parameter.score(winding + below)
 
 
 @partial(jax.jit, static_argnames="structure")

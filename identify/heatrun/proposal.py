@@ -19,8 +19,11 @@ from . import noise as noise_module
 from .fit_result import Fit
 from .problem import NUM_NOISE, linearise, log_posterior_batch
 
-DEGREES_OF_FREEDOM = 5.0
+DEGREES_OF_FREEDOM = 8.0
 """Tails of the proposal: heavier than those of the posterior, so that weights stay bounded."""
+
+NUM_ADAPTATIONS = 3
+"""Rounds in which the proposal is moved to the weighted draws of the round before."""
 
 PARETO_LIMIT = 0.7
 """Largest Pareto shape at which weighted draws can be trusted (Vehtari et al., 2024)."""
@@ -75,12 +78,31 @@ def importance_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weig
     """
     rng = np.random.default_rng(seed)
     centres, factors = _mixture(fit)
-    which = rng.integers(len(centres), size=num_draws)
-    size = centres.shape[1]
-    normal = rng.standard_normal((num_draws, size))
-    scale = np.sqrt(DEGREES_OF_FREEDOM / rng.chisquare(DEGREES_OF_FREEDOM, num_draws))
-    shift = np.einsum("nij,nj->ni", factors[which], normal) * scale[:, None]
-    vectors = centres[which] + shift
+    weighted = _draw(fit, centres, factors, num_draws, rng)
+    for _ in range(NUM_ADAPTATIONS if len(centres) == 1 else 0):
+        if weighted.effective_size < 5 * centres.shape[1]:
+            break
+        # one component: move it to the weighted mean and shape, which follow the skew of the
+        # noise; a tenth of the first shape keeps it from collapsing on a few heavy draws
+        mean = weighted.weights @ weighted.vectors
+        shift = weighted.vectors - mean
+        shape = (shift * weighted.weights[:, None]).T @ shift
+        shape = 0.9 * shape + 0.1 * fit.covariance
+        again = _draw(fit, mean[None], np.linalg.cholesky(shape)[None], num_draws, rng)
+        if again.effective_size < weighted.effective_size:
+            break
+        weighted = again
+    return weighted
+
+
+def _draw(
+    fit: Fit, centres: np.ndarray, factors: np.ndarray, num: int, rng: np.random.Generator
+) -> Weighted:
+    """Draw from a mixture of Student t distributions and weigh by the posterior."""
+    which = rng.integers(len(centres), size=num)
+    normal = rng.standard_normal((num, centres.shape[1]))
+    scale = np.sqrt(DEGREES_OF_FREEDOM / rng.chisquare(DEGREES_OF_FREEDOM, num))
+    vectors = centres[which] + np.einsum("nij,nj->ni", factors[which], normal) * scale[:, None]
     log_density = evaluate(fit, vectors)
     log_weight = log_density - _log_mixture(vectors, centres, factors)
     log_weight = np.where(np.isfinite(log_weight), log_weight, -np.inf)
@@ -90,7 +112,7 @@ def importance_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weig
         log_density=log_density,
         weights=np.exp(log_weight - total),
         pareto_k=pareto_shape(log_weight),
-        log_evidence=total - float(np.log(num_draws)),
+        log_evidence=total - float(np.log(num)),
     )
 
 

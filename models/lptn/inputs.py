@@ -68,12 +68,12 @@ class Inputs(eqx.Module):
         """Whether all intervals have one length."""
         return jnp.ndim(self.step) == 0
 
-    def edges(self) -> Float[Array, " time+1"]:
+    def edges(self) -> Float[Array, " edge"]:
         """Return the times of the edges [s], shape (time + 1,), from 0."""
         steps = jnp.broadcast_to(self.step, (self.num_time,))
         return jnp.concatenate([jnp.zeros(1), jnp.cumsum(steps)])
 
-    def ambient_at_edges(self) -> Float[Array, " time+1"]:
+    def ambient_at_edges(self) -> Float[Array, " edge"]:
         """Return the sink temperature at the edges [degC], shape (time + 1,).
 
         An edge between two intervals takes the mean of theirs.

@@ -188,12 +188,16 @@ def test_speed_cooling_without_speed_says_what_to_do(network, losses, short, sta
         lptn.simulate(network, losses, deaf, start, effects=[build(SpeedCooling)])
 
 
-def test_speed_cooling_scales_the_conductance(network, losses, regroup, start):
-    inputs = regroup(num=2400, group=20)
-    still = eqx.tree_at(lambda i: i.speed, inputs, jnp.zeros_like(inputs.speed))
-    base = lptn.reading(network, losses, still, start)
-    same = lptn.reading(network, losses, still, start, effects=[build(SpeedCooling, g=3.0)])
-    np.testing.assert_allclose(same, base, rtol=1e-12)
+@pytest.mark.parametrize("ratio", [0.0, 0.5, -0.5, 1.0])
+def test_speed_cooling_raises_the_conductance_to_the_law(ratio, network, losses, short, start):
+    """Either direction of rotation cools alike."""
+    speed = jnp.full(short.num_time, ratio * 350.0)
+    inputs = eqx.tree_at(lambda inputs: inputs.speed, short, speed)
+    raised = lptn.second_order(666.75, 15060.1, 0.14485, 0.11625 / (1.0 + 3.0 * abs(ratio) ** 0.7))
+    cooled = lptn.reading(
+        network, losses, inputs, start, effects=[build(SpeedCooling, g=3.0, m=0.7)]
+    )
+    np.testing.assert_allclose(cooled, lptn.reading(raised, losses, inputs, start), rtol=1e-12)
 
 
 def test_sensor_lag_of_a_ramp_is_the_closed_form():

@@ -58,6 +58,7 @@ class Blocks:
         start_degC: Mean reading over the first block's first few seconds [degC].
         start_slope: Trend of the reading over the first block [K/s].
         sample_s: Median sampling period [s].
+        stator_start_degC: First measured temperature of the stator [degC], if there is one.
         first_s: Time on the record's own axis at which the grid begins [s].
         notes: Sentences on what was interpolated or held.
     """
@@ -74,6 +75,7 @@ class Blocks:
     start_degC: float
     start_slope: float
     sample_s: float
+    stator_start_degC: float | None = None
     first_s: float = 0.0
     notes: tuple[str, ...] = ()
 
@@ -186,6 +188,7 @@ def reduce(
         start_degC=start,
         start_slope=slope,
         sample_s=sample_s,
+        stator_start_degC=_first(record, "stator_degC"),
         first_s=float(time[0]),
         notes=notes,
     )
@@ -310,6 +313,14 @@ def _observation(
     middle[empty] = (edges[:-1].reshape(shape)[:, 0] + 0.5 * step * shape[1])[empty]
     weight[empty] = 0.0
     return weight, position.reshape(shape), count, measured, middle
+
+
+def _first(record: Record, channel: str) -> float | None:
+    """Return the mean of the first five readings of a channel, None if there are none."""
+    if channel not in record:
+        return None
+    early = record[channel][:5]
+    return float(np.nanmean(early)) if np.any(np.isfinite(early)) else None
 
 
 def _start(time: np.ndarray, reading: np.ndarray, block_s: float) -> tuple[float, float]:

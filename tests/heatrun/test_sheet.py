@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+import doctest
+import json
+from dataclasses import replace
+
+import numpy as np
+import openpyxl
+import pytest
+from pypdf import PdfReader
+
+from heatrun.calibrate import Test as BenchTest
+from heatrun.calibrate import calibrate
+from heatrun.run_folder import dump
+from heatrun.sheet import digits
+from heatrun.sheet.worksheet import WorksheetConstants, fill_worksheet
+from heatrun.sheet_of_run import write_sheet_of
+
+HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* \\ <script> \x1b[31m שלום @import "/etc/passwd"'
+
+
+@pytest.fixture(scope="module")
+def found(duty, blocks, motor):
+    """A calibration whose names are as bad as a user can make them."""
+    named = replace(duty, name=HOSTILE)
+    evil = replace(motor, name=HOSTILE)
+    tests = [BenchTest(named, replace(blocks, name=HOSTILE), "calibration", ())]
+    return calibrate(evil, tests, orders=["second"], method="quick", command=HOSTILE)
+
+
+@pytest.fixture(scope="module")
+def folder(found, tmp_path_factory):
+    path = tmp_path_factory.mktemp("sheet")
+    write_sheet_of(found, path)
+    return path
+
+
+def test_the_result_is_valid_json_without_nan(found):
+    assert json.loads(dump(found.result))["format"] == "heatrun-fit/1"
+
+
+def test_names_do_not_act_as_markup_in_the_pdf(folder):
+    text = "".join(page.extract_text() for page in PdfReader(folder / "sheet.pdf").pages)
+    flat = "".join(text.split())
+    for word in ("#panic()", "$a_1$", "*b*", "<script>", "@import"):
+        assert word in flat
+    assert "\x1b" not in text
+    assert "Ceq_w" in text
+
+
+def test_names_are_no_formulas_in_the_workbook(folder):
+    book = openpyxl.load_workbook(folder / "sheet.xlsx")
+    for sheet in book:
+        for row in sheet.iter_rows():
+            for cell in row:
+                if cell.data_type == "f":
+                    assert sheet.title == "Worksheet"
+                    assert "HYPERLINK" not in cell.value
+    assert book["Parameters"]["A1"].value.startswith("=HYPERLINK")
+    assert book["Parameters"]["A1"].data_type == "s"
+
+
+def test_the_worksheet_of_the_workbook_is_the_published_one(folder, found, motor):
+    """Cached values of the live formulas against the function that reproduces the print."""
+    values = openpyxl.load_workbook(folder / "sheet.xlsx", data_only=True)["Worksheet"]
+    formulas = openpyxl.load_workbook(folder / "sheet.xlsx")["Worksheet"]
+    rows = [[cell.value for cell in row[:13]] for row in values.iter_rows(min_row=12)]
+    rows = [row for row in rows if row[5] is not None]
+    Tw, P, current = (np.array([row[i] for row in rows], dtype=float) for i in (1, 4, 7))
+    Rs0 = found.result["models"]["second"]["parameters"]["Rs0"]["value"]
+    expected = fill_worksheet(
+        WorksheetConstants(
+            ambient_mean_degC=float(values["B3"].value), phase_resistance_ohm=Rs0
+        ),
+        Tw, P, current, cold_start=False,
+    )  # fmt: skip
+    for column, array in (
+        (3, expected.equivalent_resistance_ohm),
+        (8, expected.phase_resistance_ohm),
+    ):
+        np.testing.assert_allclose([row[column] for row in rows], array, rtol=1e-12)
+    copper = 3 * current**2 * np.array([row[8] for row in rows])
+    np.testing.assert_allclose([row[9] for row in rows], copper, rtol=1e-12)
+    np.testing.assert_allclose([row[10] for row in rows], P - copper, atol=1e-9)
+    assert formulas["J20"].value == "=$E$6*H20^2*I20"
+
+
+def test_parameters_carry_their_uncertainty(folder, found):
+    book = openpyxl.load_workbook(folder / "sheet.xlsx")["Parameters"]
+    row = next(row for row in book.iter_rows(values_only=True) if row[1] == "Ceq_w")
+    entry = found.result["models"]["second"]["parameters"]["Ceq_w"]
+    assert row[2] == pytest.approx(entry["value"])
+    assert row[5] == pytest.approx(2 * entry["sd"])
+    assert row[10] == "identified"
+
+
+def test_digits_follow_the_uncertainty():
+    assert doctest.testmod(digits).failed == 0
+    assert digits.format_value(0.145012, 0.00093) == ("0.14501", "0.00093")
+    assert digits.format_value(float("nan"), 1.0)[0] == "not determined"
