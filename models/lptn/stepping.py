@@ -22,16 +22,18 @@ from .losses import CopperLosses
 from .network import Network
 
 Scalar = Float[Array, ""] | float
-State = dict[str, Float[Array, ""]]
+State = dict[str, Float[Array, "..."]]
 Step = Callable[[State, Drive, Scalar], State]
 Vector = dict[str, Scalar]
 Matrix = dict[tuple[str, str], Scalar]
 
 
 def stages(
-    state: State, step: Scalar, slope: Callable[[State], State]
+    state: State, step: Float[Array, "..."] | float, slope: Callable[[State], State]
 ) -> tuple[tuple[State, State, State], tuple[State, State, State]]:
     """Return the temperatures [degC] and rates [K/s] at which a step evaluates the balance.
+
+    Everything broadcasts: numbers in a step, arrays over time after it.
 
     Reference: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I,
         2nd ed., II.1, table 1.1 (the method of Kutta, order 3).

@@ -73,13 +73,13 @@ class HeatEffect(AbstractEffect):
 
     @abc.abstractmethod
     def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, ""]], drive: Drive
+        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
     ) -> Terms:
         """Return the balance with the effect in it.
 
         Args:
             terms: Sums so far; ends of links and names of nodes are those of the network.
-            temperature: Temperature by node [degC].
+            temperature: Temperature by node [degC], numbers in a step, arrays over time after it.
             drive: Inputs of the interval.
         """
 

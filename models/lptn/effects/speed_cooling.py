@@ -47,7 +47,7 @@ class SpeedCooling(HeatEffect):
     )
 
     def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, ""]], drive: Drive
+        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
     ) -> Terms:
         """As `HeatEffect.apply`."""
         if drive.speed is None:
