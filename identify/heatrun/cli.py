@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .errors import InputError, UsageError
+from .runtime import cache_compilations
 
 DONE, NOT_ALLOWED, WRONG_USE, INTERRUPTED = 0, 1, 2, 130
 
@@ -21,6 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else list(arguments)
     options = _parser().parse_args(words)
     options.command_line = " ".join(["heatrun", *words])
+    cache_compilations()
     from . import commands
 
     try:
