@@ -107,6 +107,7 @@ def calibrate(
     method: Literal["emcee", "quick"] = "emcee",
     seed: int = 0,
     command: str = "",
+    duties: Sequence[str] = (),
     folder: RunFolder | None = None,
     say: Say = lambda sentence: None,
     progress: Callable[[str, float], None] | None = None,
@@ -119,6 +120,7 @@ def calibrate(
         orders: Orders to calibrate.
         method: Sampler, as `heatrun.posterior.sample`.
         seed: Of everything that is drawn.
+        duties: Ratings asked for, as `heatrun.derived.derive`.
         command: As it is to stand in the result.
         folder: Where checkpoints go; None for none.
         say: Told what is being done.
@@ -151,7 +153,8 @@ def calibrate(
             findings.append(_coarse(test, error))
     roles = [test.role for test in tests]
     models = {
-        order: describe_model(posteriors[order], predictions[order], roles) for order in orders
+        order: describe_model(posteriors[order], predictions[order], roles, duties)
+        for order in orders
     }
     result = assemble(motor, rows, findings, models, predictions, command=command, seed=seed)
     return Calibration(motor, tuple(tests), posteriors, predictions, result)

@@ -64,6 +64,13 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument(
                 "--model", choices=("first", "second", "both"), default="both", help="order"
             )
+            command.add_argument(
+                "--rating",
+                action="append",
+                default=[],
+                metavar="S2-MIN|S3-PCT",
+                help="current of a duty type at the insulation limit, such as S2-30 or S3-40",
+            )
         _add_sampling(command)
         _add_out(command, "run folder (default: results/runs/NAME)")
         _add_json(command)

@@ -29,6 +29,7 @@ from .cli import DONE, NOT_ALLOWED
 from .errors import InputError
 from .motor import Motor
 from .motorfile import load_motor
+from .ratings import parse_duty
 from .report_text import findings_text, result_text
 from .result import describe_finding
 from .run_folder import RunFolder, dump
@@ -159,6 +160,8 @@ def _calibrate(
         "method": method,
         "seed": options.seed,
     }
+    for duty in getattr(options, "rating", ()):
+        parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
     folder = RunFolder.begin(path, identity)
     with tqdm(total=100, disable=None, file=sys.stderr, leave=False, unit="%") as bar:
 
@@ -174,6 +177,7 @@ def _calibrate(
             method=method,
             seed=options.seed,
             command=options.command_line,
+            duties=getattr(options, "rating", ()),
             folder=folder,
             say=_say,
             progress=progress,

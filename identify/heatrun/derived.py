@@ -7,6 +7,7 @@ nothing about loads that were not run.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from .bench.blocks import Blocks
 from .posterior import Posterior
+from .ratings import NUM_DRAWS, Duty, current_at_limit, parse_duty
 
 LIMIT_DEGC = {"A": 105.0, "E": 120.0, "B": 130.0, "F": 155.0, "H": 180.0, "N": 200.0, "R": 220.0}
 """Temperature of the insulation classes [degC]; IEC 60085, table 1."""
@@ -67,8 +69,13 @@ def tested(tests: tuple[Blocks, ...]) -> Tested:
     )
 
 
-def derive(posterior: Posterior) -> dict[str, Any]:
-    """Return the derived figures by name, as they stand in `fit.json`."""
+def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the derived figures by name, as they stand in `fit.json`.
+
+    Args:
+        posterior: Draws.
+        duties: Ratings asked for, such as `"S2-30"` and `"S3-40"`.
+    """
     problem = posterior.fit.problem
     values = {name: v.ravel() for name, v in posterior.values().items()}
     size = posterior.flat.shape[0]
@@ -99,6 +106,8 @@ def derive(posterior: Posterior) -> dict[str, Any]:
     )
     figures["steady_rise_K"] = _bounded(rise, "K", text, seen)
     figures |= _rating(posterior, values, other, seen)
+    for duty in duties:
+        figures[f"{duty}_current_A"] = _duty_rating(posterior, values, other, seen, duty)
     return figures
 
 
@@ -185,6 +194,58 @@ def _rating(posterior: Posterior, values: dict, other: np.ndarray, seen: Tested)
         if not np.isfinite(result[key]["value"]):
             result[key] = {"refused": f"{amperes:.0f} A does not reach {limit:.0f} degC"}
     return result
+
+
+def _duty_rating(
+    posterior: Posterior, values: dict, other: np.ndarray, seen: Tested, text: str
+) -> dict[str, Any]:
+    """Return the current of a duty type at the insulation limit; at rest there are no losses."""
+    motor, model = posterior.fit.problem.motor, posterior.fit.problem.model
+    duty = parse_duty(text, float(np.median(values["Ceq_sr"] * values["Req_sr"])))
+    if motor.insulation_class is None:
+        return {"refused": "no insulation class: give [motor] insulation_class in the motor file"}
+    limit = LIMIT_DEGC[motor.insulation_class]
+    picked = np.random.default_rng(0).permutation(other.size)[:NUM_DRAWS]
+    Cw, Cs, Rw, Rs = (values[n][picked] for n in ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr"))
+    per_square = _slope(posterior, values, 1.0)[picked]
+    warm, B, sink = other[picked], model.coefficient, seen.sink_degC
+    longest = float(np.min(Cw * Rw)) / 10.0
+
+    def highest(current: np.ndarray, duty: Duty) -> np.ndarray:
+        Tw = np.full(current.size, sink)
+        Ts, top = Tw.copy(), Tw.copy()
+        for _ in range(duty.num_cycles):
+            top = Tw.copy()
+            for length, is_on in ((duty.on_s, 1.0), (duty.off_s, 0.0)):
+                num = int(np.ceil(length / longest))
+                step = length / max(num, 1)
+                k = is_on * per_square * current**2
+                for _ in range(num):
+                    dw = (k * (B + Tw) - (Tw - Ts) / Rw) / Cw
+                    ds = (is_on * warm + (Tw - Ts) / Rw - (Ts - sink) / Rs) / Cs
+                    mw, ms = Tw + 0.5 * step * dw, Ts + 0.5 * step * ds
+                    Tw = Tw + step * (k * (B + mw) - (mw - ms) / Rw) / Cw
+                    Ts = Ts + step * (is_on * warm + (mw - ms) / Rw - (ms - sink) / Rs) / Cs
+                top = np.maximum(top, Tw)
+        return top
+
+    reach = REACH * seen.current_A
+    current = current_at_limit(duty, highest, limit, 2.0 * reach, picked.size)
+    figure = _figure(
+        current, "A", f"{text}, class {motor.insulation_class} ({limit:.0f} degC), other losses "
+        f"{np.median(other):.0f} W under load, none at rest, sink {sink:.0f} degC"
+    )  # fmt: skip
+    if not figure["value"] <= reach:
+        return {
+            "refused": f"beyond {reach:.0f} A, outside the tested range: the largest current "
+            f"tested is {seen.current_A:.0f} A"
+        }
+    if limit > seen.winding_degC + REACH_K:
+        return {
+            "refused": f"the limit of {limit:.0f} degC is outside the tested range: the highest "
+            f"temperature measured is {seen.winding_degC:.0f} degC"
+        }
+    return figure
 
 
 def _time_to(

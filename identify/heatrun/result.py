@@ -18,6 +18,7 @@ from .motor import Motor
 from .parameters import Parameter, Slot
 from .posterior import Posterior
 from .predict import Prediction
+from .proposal import evaluate
 
 FORMAT = "heatrun-fit/1"
 
@@ -70,7 +71,10 @@ def describe_finding(finding: Finding) -> dict[str, Any]:
 
 
 def describe_model(
-    posterior: Posterior, predictions: Sequence[Prediction], roles: Sequence[str]
+    posterior: Posterior,
+    predictions: Sequence[Prediction],
+    roles: Sequence[str],
+    duties: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return the entry of one order."""
     fit = posterior.fit
@@ -91,6 +95,8 @@ def describe_model(
     size = fit.vector.size
     at_fit = fit.noise
     num_blocks = int(np.sum(fit.problem.is_observed))
+    prior = -0.5 * float(np.sum(fit.vector**2)) - 0.5 * size * float(np.log(2 * np.pi))
+    log_likelihood = fit.problem.temper * (float(evaluate(fit, fit.vector[None])[0]) - prior)
     return {
         "result": fit.result.name,
         "message": fit.result.value,
@@ -125,10 +131,11 @@ def describe_model(
             "verdict": posterior.sentence(),
             "is_sound": posterior.is_sound,
         },
-        "derived": derive(posterior),
+        "derived": derive(posterior, duties),
         "evidence": {
             "log_evidence": fit.log_evidence,
-            "bic": float(-2 * fit.log_evidence),
+            "aic": 2.0 * size - 2.0 * log_likelihood,
+            "bic": size * float(np.log(num_blocks)) - 2.0 * log_likelihood,
             "num_parameters": size,
             "num_blocks": num_blocks,
         },
