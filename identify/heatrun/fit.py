@@ -22,6 +22,7 @@ from .adequacy import low_frequency_excess
 from .bench.record import Finding
 from .errors import InputError
 from .fit_result import RESULT, Fit, failed
+from .laplace import Spread, spread, whitened_rows
 from .noise import Noise
 from .problem import (
     NUM_NOISE,
@@ -29,10 +30,9 @@ from .problem import (
     Problem,
     Structure,
     linearise,
-    log_posterior_batch,
     whitened,
 )
-from .restricted import estimate_noise, noise_precision
+from .restricted import estimate_noise
 
 NUM_STARTS = 16
 """Starts of the search: the centre of the prior and draws from it."""
@@ -116,7 +116,7 @@ def fit(
     rmse_white = _rmse(problem, _linearise(problem, z[best])[0])
 
     state = _settle(problem, z[best])
-    log_evidence = _spread(problem, state)[2]
+    log_evidence = _spread(problem, state).log_evidence
     findings = []
     if _is_junk(problem, state, rmse_white):
         problem = white
@@ -133,13 +133,13 @@ def fit(
     if len(modes) > 1:
         findings.append(_ambiguous(problem, len(modes)))
 
-    covariance, type_a, _ = _spread(problem, state)
+    final = _spread(problem, state)
     return Fit(
         problem=problem,
         z=state.z,
         noise_z=state.noise_z,
-        covariance=covariance,
-        covariance_type_a=type_a,
+        covariance=final.covariance,
+        covariance_type_a=final.type_a,
         residual=problem.split(state.residual),
         jacobian=problem.split(state.jacobian),
         log_evidence=log_evidence,
@@ -291,46 +291,13 @@ def _noise(problem: Problem, noise_z: np.ndarray) -> Noise:
     return noise_module.from_scores(jnp.asarray(noise_z), problem.data.slow_noise)
 
 
-def _whiten(problem: Problem, noise_z: np.ndarray, stacked: np.ndarray) -> list[np.ndarray]:
-    """Return whitened rows by test."""
-    noise = _noise(problem, noise_z)
-    return [
-        np.asarray(noise_module.whiten(jnp.asarray(part), noise, test)[0])
-        for part, test in zip(problem.split(stacked), problem.data.tests, strict=True)
-    ]
-
-
 def _innovations(problem: Problem, state: _State) -> list[np.ndarray]:
-    parts = _whiten(problem, state.noise_z, state.residual)
+    parts = whitened_rows(problem, state.noise_z, state.residual)
     return [part[t.is_observed] for part, t in zip(parts, problem.tests, strict=True)]
 
 
-def _spread(problem: Problem, state: _State) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return covariance, its type A part, and the log evidence (all Laplace)."""
-    columns = np.concatenate(_whiten(problem, state.noise_z, state.jacobian))
-    precision = columns.T @ columns / problem.temper + np.eye(problem.num_parameters)
-    covariance = np.linalg.inv(precision)
-
-    known = np.array([s.parameter.role == "instrument" for s in problem.parameters.slots])
-    type_a = np.zeros_like(covariance)
-    keep = np.ix_(~known, ~known)
-    type_a[keep] = np.linalg.inv(precision[keep])
-
-    curvature = noise_precision(problem, state.noise_z, state.z, state.residual, state.jacobian)
-    size = problem.num_parameters + NUM_NOISE
-    full = np.zeros((size, size))
-    full[: problem.num_parameters, : problem.num_parameters] = covariance
-    full[problem.num_parameters :, problem.num_parameters :] = _positive_inverse(curvature)
-    vector = jnp.asarray(np.concatenate([state.z, state.noise_z]))
-    mode = float(log_posterior_batch(problem.structure, problem.data, vector[None])[0])
-    log_det = float(np.linalg.slogdet(full)[1])
-    return full, type_a, mode + 0.5 * log_det + 0.5 * size * float(np.log(2 * np.pi))
-
-
-def _positive_inverse(matrix: np.ndarray) -> np.ndarray:
-    """Invert a symmetric matrix; directions without curvature get the prior's variance, 1."""
-    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    return (vectors / np.maximum(values, 1.0)) @ vectors.T
+def _spread(problem: Problem, state: _State) -> Spread:
+    return spread(problem, state.z, state.noise_z, state.residual, state.jacobian)
 
 
 def _rmse(problem: Problem, stacked: np.ndarray) -> float:

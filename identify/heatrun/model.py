@@ -1,4 +1,4 @@
-"""The two calibration models: which parameters they have, and the physics they stand for."""
+"""The calibration models: which parameters they have, and the physics they stand for."""
 
 from __future__ import annotations
 
@@ -20,8 +20,10 @@ from lptn import (
     second_order,
     simulate,
 )
+from lptn.effects import AbstractEffect, build
 
 from .bench.blocks import Blocks, Observation
+from .effect_parameters import effect_names, effect_parameters, qualified
 from .errors import InputError
 from .motor import Motor
 from .parameters import Parameter, ParameterSet, check_names, collect, override
@@ -92,6 +94,7 @@ class Model:
         phases: Number of phases [1].
         reference_temperature: Temperature that Rs0 holds for [degC].
         coefficient: B of the winding's material [degC].
+        effects: Effects that extend the network, in order.
     """
 
     order: Order
@@ -99,16 +102,20 @@ class Model:
     phases: int
     reference_temperature: float
     coefficient: float
+    effects: tuple[type[AbstractEffect], ...] = ()
 
     @classmethod
-    def of(cls, order: Order, motor: Motor) -> Model:
-        """Return the model of a motor."""
+    def of(
+        cls, order: Order, motor: Motor, effects: tuple[type[AbstractEffect], ...] = ()
+    ) -> Model:
+        """Return the model of a motor, with effects beyond the network if wanted."""
         return cls(
             order=order,
             kind=motor.losses,
             phases=motor.phases,
             reference_temperature=motor.reference_temperature_degC,
             coefficient=motor.resistance_coefficient_degC,
+            effects=effects,
         )
 
     def network(self, values: Values) -> Network:
@@ -141,6 +148,18 @@ class Model:
             start["stator"] = values["Tsr_start"]
         return start
 
+    def built_effects(self, values: Values) -> tuple[AbstractEffect, ...]:
+        """Return the effects for values by name."""
+        network = self.network(values)
+        return tuple(
+            build(
+                kind,
+                {name: values[qualified(kind, name)] for name in kind.card.parameters},
+                network,
+            )
+            for kind in self.effects
+        )
+
     def block_means(self, values: Values, test: Observation) -> Float[Array, " block"]:
         """Return the modelled means over the blocks of a test [degC]."""
         return block_means(
@@ -150,6 +169,7 @@ class Model:
             self.start(values),
             weight=test.weight,
             position=test.position,
+            effects=self.built_effects(values),
             sensor=self.sensor(values),
         )
 
@@ -160,6 +180,7 @@ class Model:
             self.losses(values),
             inputs,
             self.start(values),
+            effects=self.built_effects(values),
             sensor=self.sensor(values),
         )
 
@@ -170,11 +191,17 @@ def parameters(model: Model, motor: Motor, tests: Sequence[Blocks]) -> Parameter
     Raises:
         InputError: If the phase resistance is needed and not given, or an override is wrong.
     """
-    check_names(ALL_NAMES, motor)
+    check_names((*ALL_NAMES, *effect_names(model.effects)), motor)
     shared = [*NETWORK[model.order], *_resistance(model, motor), *INSTRUMENTS]
     if "torque_offset" in motor.parameters:
         shared.append(_torque(motor, tests))
-    by_test = [override([*shared, *_start(model, test)], motor) for test in tests]
+    by_test = [
+        override(
+            [*shared, *_start(model, test), *effect_parameters(model.effects, test.duration_s)],
+            motor,
+        )
+        for test in tests
+    ]
     return collect([test.name for test in tests], by_test)
 
 

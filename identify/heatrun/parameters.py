@@ -23,7 +23,7 @@ from .errors import InputError
 from .motor import Motor, ParameterOverride
 
 Transform = Literal["log", "linear"]
-Role = Literal["network", "resistance", "start", "instrument", "noise"]
+Role = Literal["network", "resistance", "start", "instrument", "effect", "noise"]
 
 
 @dataclass(frozen=True)

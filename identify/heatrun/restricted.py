@@ -67,6 +67,8 @@ def estimate_noise(
     z: np.ndarray,
     residual: np.ndarray,
     jacobian: np.ndarray,
+    *,
+    longest_s: float | None = None,
 ) -> np.ndarray:
     """Return the scores of the noise at the maximum of the restricted likelihood.
 
@@ -75,8 +77,12 @@ def estimate_noise(
         z: As `restricted_log_likelihood`.
         residual: As `restricted_log_likelihood`.
         jacobian: As `restricted_log_likelihood`.
+        longest_s: Longest correlation time that counts as noise [s]; None for no limit.
     """
     fixed = problem.data, jnp.asarray(z), jnp.asarray(residual), jnp.asarray(jacobian)
+    limits = [(-SCORE_LIMIT, SCORE_LIMIT)] * NUM_NOISE
+    if longest_s is not None:
+        limits[1] = (-SCORE_LIMIT, float(NOISE[1].score(longest_s)))
     spread = float(np.std(residual)) + 1e-6
     found = []
     for time in STARTS_S:
@@ -85,14 +91,14 @@ def estimate_noise(
             float(NOISE[1].score(time)),
             float(NOISE[2].score(spread)),
         ]
-        start = np.clip(start, -SCORE_LIMIT, SCORE_LIMIT)
+        start = np.clip(start, *np.transpose(limits))
         found.append(
             minimize(
                 lambda v: tuple(map(np.asarray, _objective(jnp.asarray(v), *fixed))),
                 start,
                 jac=True,
                 method="L-BFGS-B",
-                bounds=[(-SCORE_LIMIT, SCORE_LIMIT)] * NUM_NOISE,
+                bounds=limits,
             )
         )
     best = min(found, key=lambda solution: solution.fun)

@@ -53,7 +53,10 @@ def heat_balance(
         heat=heat,
         conductance={link: 1.0 / network.resistance[link] for link in network.links},
         sink=drive.ambient + losses.ambient_offset,
-        boundary=network.boundary,
+        network=network,
+        losses=losses,
+        copper=copper,
+        other=other,
     )
     for effect in effects:
         terms = effect.apply(terms, temperature, drive)

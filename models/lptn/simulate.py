@@ -223,7 +223,7 @@ def _read(inputs, temperature, effects, sensor, losses):
     values = sensor.read(temperature[sensor.node], sink)
     for effect in effects:
         if isinstance(effect, SensorEffect):
-            values = effect.observe(values, temperature, inputs.edges())
+            values = effect.observe(values, temperature, inputs)
     return values
 
 

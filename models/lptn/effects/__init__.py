@@ -8,6 +8,8 @@ from .base import (
     Quantity,
     SensorEffect,
     Terms,
+    applies,
+    build,
 )
 from .neighbour_body import NeighbourBody
 from .sensor_lag import SensorLag
@@ -28,4 +30,6 @@ __all__ = [
     "SensorLag",
     "SpeedCooling",
     "Terms",
+    "applies",
+    "build",
 ]

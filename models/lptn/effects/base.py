@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..inputs import Drive
+from ..inputs import Drive, Inputs
+from ..losses import CopperLosses
 from ..network import Link, Network
 
 
@@ -104,40 +106,71 @@ class SensorEffect(AbstractEffect):
         self,
         reading: Float[Array, " edge"],
         temperature: Mapping[str, Float[Array, " edge"]],
-        edges: Float[Array, " edge"],
+        inputs: Inputs,
     ) -> Float[Array, " edge"]:
         """Return the changed reading [degC], shape (edge,).
 
         Args:
             reading: Reading so far at the edges of the intervals [degC].
             temperature: Temperatures by node at the edges [degC].
-            edges: Times of the edges [s].
+            inputs: What drives the network; gives the times of the edges and the sink.
         """
 
 
 @dataclass(frozen=True)
 class Terms:
-    """Right-hand side of the heat balance at one instant.
+    """Right-hand side of the heat balance at one instant, and what it was made of.
 
     Attributes:
         heat: Heat put into each node [W].
         conductance: Conductance of each link [W/K].
         sink: Temperature of the boundary [degC].
-        boundary: Name of the boundary.
+        network: The network, effects' nodes included.
+        losses: Resistance, material, and what the loss channel means.
+        copper: Copper loss P_js of the base model [W].
+        other: Other losses P_ol of the base model [W].
     """
 
     heat: dict[str, Float[Array, "..."]]
     conductance: dict[Link, Float[Array, "..."]]
     sink: Float[Array, "..."]
-    boundary: str
+    network: Network
+    losses: CopperLosses
+    copper: Float[Array, "..."]
+    other: Float[Array, "..."]
 
     def add_heat(self, node: str, watts: Float[Array, "..."]) -> Terms:
-        """Return the terms with more heat [W] put into a node."""
+        """Return the terms with more heat [W] put into a node.
+
+        Raises:
+            ValueError: If the network has no such node.
+        """
+        if node not in self.heat:
+            raise ValueError(
+                f"The network has no node {node!r}, only {sorted(self.heat)}: "
+                "build the effect with `node=`."
+            )
         return replace(self, heat=self.heat | {node: self.heat[node] + watts})
 
     def move_heat(self, source: str, target: str, watts: Float[Array, "..."]) -> Terms:
         """Return the terms with heat [W] moved between nodes at a constant sum."""
         return self.add_heat(source, -watts).add_heat(target, watts)
+
+    def add_other(self, watts: Float[Array, "..."]) -> Terms:
+        """Return the terms with more heat [W] put in where the other losses P_ol go."""
+        terms = self
+        for node, share in self.network.share.items():
+            terms = terms.add_heat(node, share * watts)
+        return terms
+
+    def add_copper(self, watts: Float[Array, "..."]) -> Terms:
+        """Return the terms with more heat [W] in the copper.
+
+        Under a measured balance the total is known: what the copper gains, the other losses
+        lose. Under a map it comes on top.
+        """
+        terms = self.add_heat(self.network.copper_node, watts)
+        return terms.add_other(-watts) if self.losses.kind == "balance" else terms
 
     def scale_conductance(self, link: Link, factor: Float[Array, "..."]) -> Terms:
         """Return the terms with the conductance of a link multiplied by a factor [1].
@@ -161,5 +194,46 @@ class Terms:
     ) -> Float[Array, "..."]:
         """Return the heat flow [W] through a link, from its first end to its second."""
         first, second = link
-        far = self.sink if second == self.boundary else temperature[second]
+        far = self.sink if second == self.network.boundary else temperature[second]
         return self.conductance[link] * (temperature[first] - far)
+
+
+def applies(kind: type[AbstractEffect], network: Network) -> bool:
+    """Whether an effect has a place in a network: some act on a link that not all have."""
+    link = _places(kind).get("link")
+    return link is None or link in network.links or network.boundary in link
+
+
+def build(
+    kind: type[AbstractEffect],
+    values: Mapping[str, Float[Array, ""] | float],
+    network: Network,
+) -> AbstractEffect:
+    """Return an effect with its parameters, placed in a network.
+
+    An effect on the stator sits on the copper node of a network without one, and one on the
+    link to the sink sits on the first link that leads there.
+
+    Args:
+        kind: The effect.
+        values: Its parameters by name, in the units of its card.
+        network: Where it is to act.
+
+    Raises:
+        ValueError: If the network has no place for it.
+    """
+    if not applies(kind, network):
+        raise ValueError(
+            f"{kind.card.id} acts on the link {_places(kind)['link']}, and the network has only "
+            f"{list(network.links)}."
+        )
+    places = _places(kind)
+    if "link" in places and places["link"] not in network.links:
+        places["link"] = next(link for link in network.links if network.boundary in link)
+    if "node" in places and places["node"] not in network.nodes:
+        places["node"] = network.copper_node
+    return kind(**{name: jnp.asarray(values[name]) for name in kind.card.parameters}, **places)
+
+
+def _places(kind: type[AbstractEffect]) -> dict[str, Any]:
+    return {f.name: f.default for f in fields(kind) if f.name in ("link", "node")}

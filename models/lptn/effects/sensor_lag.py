@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..inputs import Inputs
 from .base import EffectCard, Quantity, SensorEffect
 
 
@@ -42,10 +43,10 @@ class SensorLag(SensorEffect):
         self,
         reading: Float[Array, " edge"],
         temperature: Mapping[str, Float[Array, " edge"]],
-        edges: Float[Array, " edge"],
+        inputs: Inputs,
     ) -> Float[Array, " edge"]:
         """As `SensorEffect.observe`."""
-        step = jnp.diff(edges)
+        step = jnp.diff(inputs.edges())
         # the summand keeps value and one-sided gradient finite at tau = 0, where Tm = Tw
         ratio = step / (self.tau + 1e-9 * step)
         decay = jnp.exp(-ratio)

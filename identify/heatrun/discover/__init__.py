@@ -1,0 +1,1 @@
+"""Where simulation and measurement disagree, what is missing, and how far the gap shrinks."""
