@@ -124,6 +124,10 @@ class Model:
         build = first_order if self.order == "first" else second_order
         return build(**{name: values[name] for name in names})
 
+    def topology(self) -> Network:
+        """Return the network with all parameters 1: for questions that need no values."""
+        return self.network({p.name: jnp.asarray(1.0) for p in NETWORK[self.order]})
+
     def losses(self, values: Values) -> CopperLosses:
         """Return copper loss and meaning of the loss channel for values by name."""
         return CopperLosses(

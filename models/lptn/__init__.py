@@ -6,7 +6,7 @@ rms, speed in rad/s. Needs float64: `jax.config.update("jax_enable_x64", True)`.
 
 from .accumulate import accumulate
 from .block_means import block_means
-from .effects import EFFECTS, NeighbourBody, SensorLag, SpeedCooling
+from .effects import EFFECTS
 from .inputs import Drive, Inputs
 from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, copper_loss
 from .network import Network, first_order, second_order
@@ -20,11 +20,8 @@ __all__ = [
     "CopperLosses",
     "Drive",
     "Inputs",
-    "NeighbourBody",
     "Network",
     "Sensor",
-    "SensorLag",
-    "SpeedCooling",
     "Trace",
     "accumulate",
     "block_means",

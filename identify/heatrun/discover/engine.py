@@ -8,7 +8,7 @@ every test, every candidate, and every combination.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -165,9 +165,15 @@ class Engine:
         low, high = self.bounds(order)
         start = np.clip(z[order], low + 1e-9, high - 1e-9)
         solution = least_squares(
-            rows, start, jac=slopes, bounds=(low, high), xtol=1e-5, ftol=1e-6, gtol=1e-6,
+            rows,
+            start,
+            jac=slopes,  # pyright: ignore[reportArgumentType]
+            bounds=(low, high),
+            xtol=1e-5,
+            ftol=1e-6,
+            gtol=1e-6,
             max_nfev=MAX_EVALUATIONS,
-        )  # fmt: skip
+        )
         residual, jacobian = evaluate(solution.x)
         columns = weight * self.whiten(noise, jacobian)
         precision = columns.T @ columns + np.eye(len(order))
@@ -182,6 +188,27 @@ class Engine:
             log_det=float(np.linalg.slogdet(precision)[1]),
             noise=noise,
         )
+
+    def named_values(
+        self, refit: Refit, own: Iterable[int]
+    ) -> tuple[dict[str, float], dict[str, float]]:
+        """Return values and standard deviations of an effect's parameters by name [their units].
+
+        Args:
+            refit: The fit.
+            own: Slots of the effect.
+        """
+        columns = self.whiten(refit.noise, refit.jacobian)
+        covariance = np.linalg.inv(columns.T @ columns + np.eye(len(refit.free)))
+        values, sd = {}, {}
+        for slot in own:
+            parameter = self.slots[slot].parameter
+            name = parameter.name.split(".", 1)[1]
+            place = refit.free.index(slot)
+            values[name] = _slot_value(self.slots[slot], refit.z[slot])
+            scale = values[name] if parameter.transform == "log" else 1.0
+            sd[name] = parameter.sd * scale * float(np.sqrt(covariance[place, place]))
+        return values, sd
 
     def bounds(self, order: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Return bounds of scores: amplitudes that cannot change sign stay on their side."""
@@ -226,7 +253,7 @@ class Engine:
         return values, gains
 
 
-def slot_value(slot: Slot, z: float) -> float:
+def _slot_value(slot: Slot, z: float) -> float:
     """Return the value of a slot [its unit] for a score."""
     return float(slot.parameter.value(jnp.asarray(z)))
 

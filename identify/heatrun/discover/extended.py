@@ -12,7 +12,7 @@ from .. import noise as noise_module
 from ..fit_result import RESULT, Fit
 from ..laplace import spread
 from ..parameters import ParameterSet, collect
-from ..problem import NUM_NOISE, Problem
+from ..problem import Problem
 from ..restricted import estimate_noise
 from .engine import Engine
 from .library import Candidate
@@ -38,21 +38,21 @@ def extended_fit(
     parameters = _parameters(full.parameters, accepted)
     problem = Problem(model, full.motor, full.tests, parameters, temper=temper)
     order = [_slot(engine, slot.parameter.name, slot.test) for slot in parameters.slots]
-    noise_z = np.zeros(NUM_NOISE)
+    residual, jacobian = engine.linearise(z, order)
     for _ in range(2):
-        residual, jacobian = engine.linearise(z, order)
         noise_z = estimate_noise(problem, z[order], residual, jacobian)
         found = engine.refit(z, order, noise_module.from_scores(jnp.asarray(noise_z)), temper)
-        z = found.z
-    width = spread(problem, z[order], noise_z, found.residual, found.jacobian)
+        z, residual, jacobian = found.z, found.residual, found.jacobian
+    noise_z = estimate_noise(problem, z[order], residual, jacobian)
+    width = spread(problem, z[order], noise_z, residual, jacobian)
     return Fit(
         problem=problem,
         z=z[order],
         noise_z=noise_z,
         covariance=width.covariance,
         covariance_type_a=width.type_a,
-        residual=problem.split(found.residual),
-        jacobian=problem.split(found.jacobian),
+        residual=problem.split(residual),
+        jacobian=problem.split(jacobian),
         modes=z[order][None],
         log_evidence=width.log_evidence,
         result=RESULT.converged,

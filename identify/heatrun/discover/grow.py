@@ -9,7 +9,7 @@ import numpy as np
 
 from ..noise import Noise
 from .bootstrap import familywise_p
-from .engine import Engine, Refit, slot_value
+from .engine import Engine, Refit
 from .folds import folds, left_out_errors, rmse
 from .library import Candidate
 from .saturated import saturated_noise
@@ -160,10 +160,10 @@ def look(
     """Return the library against the present model under the saturated noise, and its scores."""
     library = signatures(engine, present.z, candidates)
     screen = Screen(engine, present, library)
-    for _ in range(2):
-        noise, scores = saturated_noise(engine, screen)
-        present = engine.refit(present.z, present.free, noise)
-        screen = Screen(engine, present, library)
+    noise, _ = saturated_noise(engine, screen)
+    screen = Screen(engine, engine.refit(present.z, present.free, noise), library)
+    noise, scores = saturated_noise(engine, screen)
+    screen = Screen(engine, engine.refit(present.z, present.free, noise), library)
     return screen, scores
 
 
@@ -176,6 +176,7 @@ def _rival(engine: Engine, present: Refit, score: Score, p: float) -> Rival:
     refit = engine.refit(z, (*present.free, *own), present.noise)
     masks = folds(engine, candidate.test)
     before, after = (rmse(left_out_errors(engine, which, masks)) for which in (present, refit))
+    values, sd = engine.named_values(refit, own)
     rival = Rival(
         candidate=candidate,
         score=score,
@@ -184,36 +185,39 @@ def _rival(engine: Engine, present: Refit, score: Score, p: float) -> Rival:
         rmse_K=rmse(refit.residual[engine.is_observed]),
         left_out_K=after,
         left_out_without_K=before,
-        values={name: slot_value(engine.slots[s], refit.z[s]) for name, s in _named(engine, own)},
-        sd=_spread(engine, refit, own),
+        values=values,
+        sd=sd,
     )
-    return replace(rival, reason=_reason(engine, rival))
+    return replace(rival, reason=_reason(rival))
 
 
-def _named(engine: Engine, own: Sequence[int]) -> list[tuple[str, int]]:
-    return [(engine.slots[s].parameter.name.split(".", 1)[1], s) for s in own]
-
-
-def _spread(engine: Engine, refit: Refit, own: Sequence[int]) -> dict[str, float]:
-    """Return standard deviations of a candidate's parameters [their units]."""
-    columns = engine.whiten(refit.noise, refit.jacobian)
-    covariance = np.linalg.inv(columns.T @ columns + np.eye(len(refit.free)))
-    result = {}
-    for name, slot in _named(engine, own):
-        parameter = engine.slots[slot].parameter
-        sd = float(np.sqrt(covariance[refit.free.index(slot), refit.free.index(slot)]))
-        value = slot_value(engine.slots[slot], refit.z[slot])
-        result[name] = parameter.sd * sd * (value if parameter.transform == "log" else 1.0)
-    return result
-
-
-def _reason(engine: Engine, rival: Rival) -> str:
+def _reason(rival: Rival) -> str:
     """Return why a candidate is rejected, empty if it is not."""
-    card = rival.candidate.kind.card
     if rival.delta_log_evidence < WORTH_A_REFIT:
         return f"the evidence does not call for it (log Bayes {rival.delta_log_evidence:+.1f})"
+    unsound = refusal(rival.candidate, rival.values, rival.sd)
+    if unsound:
+        return unsound
+    fall = rival.left_out_without_K - rival.left_out_K
+    if fall < BETTER_K or fall < BETTER_SHARE * rival.left_out_without_K:
+        return (
+            f"it does not predict parts left out better ({rival.left_out_without_K:.2f} K "
+            f"without it, {rival.left_out_K:.2f} K with it)"
+        )
+    return ""
+
+
+def refusal(candidate: Candidate, values: dict[str, float], sd: dict[str, float]) -> str:
+    """Return why an effect cannot be what was found, empty if it can.
+
+    Args:
+        candidate: The effect.
+        values: Its parameters [their units].
+        sd: Their standard deviations [their units].
+    """
+    card = candidate.kind.card
     for name, quantity in card.parameters.items():
-        value = rival.values[name]
+        value = values[name]
         if quantity.null is None:
             continue
         slack = 0.02 * (quantity.high - quantity.low)
@@ -224,16 +228,10 @@ def _reason(engine: Engine, rival: Rival) -> str:
                 f"({low:g} to {high:g})"
             )
     strengths = [
-        abs(rival.values[n] - q.null) / max(rival.sd[n], 1e-300)
+        abs(values[n] - q.null) / max(sd[n], 1e-300)
         for n, q in card.parameters.items()
         if q.null is not None
     ]
     if max(strengths) < SEPARATED:
         return "its amplitude cannot be told from nothing"
-    fall = rival.left_out_without_K - rival.left_out_K
-    if fall < BETTER_K or fall < BETTER_SHARE * rival.left_out_without_K:
-        return (
-            f"it does not predict parts left out better ({rival.left_out_without_K:.2f} K "
-            f"without it, {rival.left_out_K:.2f} K with it)"
-        )
     return ""

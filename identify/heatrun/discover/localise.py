@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -119,7 +120,8 @@ def localise(engine: Engine, present: Refit, model: Model) -> Where:
     """
     responses = []
     for index, test in enumerate(engine.tests):
-        values, _ = engine.values(present.z, index)
+        numbers, _ = engine.values(present.z, index)
+        values = {name: jnp.asarray(number) for name, number in numbers.items()}
         responses.append(respond(model, values, test, SPACING_S))
     solve = _Solver(engine, present, responses)
     best, table = _most_evident(solve, engine)

@@ -42,11 +42,10 @@ def respond(model: Model, values: Values, test: Blocks, spacing_s: float) -> Res
 
     Args:
         model: The network with the effects that it has by now.
-        values: Its parameters by name, as floats.
+        values: Its parameters by name.
         test: A reduced record.
         spacing_s: Time between knots [s].
     """
-    values = {name: jnp.asarray(value) for name, value in values.items()}
     step = float(test.inputs.step)
     edges = step * np.arange(test.inputs.num_time + 1)
     num = max(3, round(test.duration_s / spacing_s) + 1)

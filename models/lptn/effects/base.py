@@ -198,6 +198,29 @@ class Terms:
         return self.conductance[link] * (temperature[first] - far)
 
 
+def require(values: Float[Array, "..."] | None, effect: str, channel: str) -> Float[Array, "..."]:
+    """Return an input that an effect cannot do without.
+
+    Args:
+        values: The input, or None.
+        effect: Id of the effect, for the message.
+        channel: Channel of the record that it comes from.
+
+    Raises:
+        ValueError: If it is not there.
+    """
+    if values is None:
+        raise ValueError(f"{effect} needs the channel {channel}: map it, or drop the effect.")
+    return values
+
+
+def power(speed: Float[Array, "..."], exponent: Float[Array, ""] | float) -> Float[Array, "..."]:
+    """Return |speed|^exponent with finite derivatives at standstill [1]."""
+    size = jnp.abs(speed)
+    turns = size > 0.0
+    return jnp.where(turns, jnp.where(turns, size, 1.0) ** exponent, 0.0)
+
+
 def applies(kind: type[AbstractEffect], network: Network) -> bool:
     """Whether an effect has a place in a network: some act on a link that not all have."""
     link = _places(kind).get("link")

@@ -1,0 +1,82 @@
+"""The verdict of a discovery, in a word and in a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from .final_check import Adequacy
+from .grow import FAMILYWISE, Growth
+from .rivals import Named
+
+Word = Literal["adequate", "named", "ambiguous", "unexplained", "not_identifiable"]
+
+ENOUGH_VISIBLE = 0.35
+"""Share of the heat effects that tests must be able to show for "nothing is missing" to mean
+anything [1]; on one constant load almost none can be seen."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is concluded.
+
+    Attributes:
+        word: One of the five verdicts.
+        sentence: What it means here.
+    """
+
+    word: Word
+    sentence: str
+
+
+def verdict(growth: Growth, named: Sequence[Named], before: Adequacy, after: Adequacy) -> Verdict:
+    """Return the verdict.
+
+    Args:
+        growth: How the model grew.
+        named: The effects in the final model, with their rivals.
+        before: Adequacy of the base model.
+        after: Adequacy of the final model.
+    """
+    if named and after.is_adequate:
+        tied = [n for n in named if n.equivalents]
+        names = " and ".join(_with_rivals(n) for n in named)
+        if tied:
+            return Verdict("ambiguous", f"Missing is {names}; these tests cannot tell which.")
+        return Verdict("named", f"Missing was {names}; with it only noise is left.")
+    if named:
+        names = " and ".join(n.rival.candidate.id for n in named)
+        return Verdict(
+            "unexplained",
+            f"Something is missing that is not in the catalogue: {names} helps, but "
+            f"{after.misfit_K:.2f} K of slow misfit are left, so no cause is claimed.",
+        )
+    first = growth.rounds[0]
+    if not before.is_adequate:
+        return Verdict(
+            "unexplained",
+            f"The network leaves {before.misfit_K:.2f} K of slow misfit that no effect of the "
+            "catalogue explains.",
+        )
+    heat = [s for s in first.scores if s.candidate.kind.card.family != "sensor"]
+    visible = sum(s.is_visible for s in heat) / max(1, len(heat))
+    if visible < ENOUGH_VISIBLE:
+        return Verdict(
+            "not_identifiable",
+            f"Nothing is seen to be missing, but these tests could show only "
+            f"{100 * visible:.0f} % of the effects: they say nothing about the others.",
+        )
+    chance = (
+        ""
+        if first.familywise_p >= FAMILYWISE
+        else (
+            " (a trace is there, too small to matter or to be predicted from one test to another)"
+        )
+    )
+    return Verdict("adequate", f"Nothing is missing that these tests would show{chance}.")
+
+
+def _with_rivals(named: Named) -> str:
+    ids = [named.rival.candidate.id, *(c.id for c in named.equivalents)]
+    return ids[0] if len(ids) == 1 else f"one of {', '.join(ids)}"
