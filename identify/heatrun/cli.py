@@ -75,6 +75,28 @@ def _parser() -> argparse.ArgumentParser:
         _add_out(command, "run folder (default: results/runs/NAME)")
         _add_json(command)
 
+    discover = commands.add_parser(
+        "discover", help="where model and measurement disagree, and what is missing"
+    )
+    _add_inputs(discover)
+    discover.add_argument(
+        "--holdout", nargs="+", type=Path, default=[], metavar="TEST", help="predict only"
+    )
+    discover.add_argument(
+        "--model", choices=("first", "second"), default="second", help="order of the base network"
+    )
+    discover.add_argument(
+        "--effects",
+        action="append",
+        type=Path,
+        default=[],
+        metavar="FILE.py",
+        help="effects of your own, searched beside the catalogue; the file is run",
+    )
+    _add_sampling(discover)
+    _add_out(discover, "run folder (default: results/runs/NAME)")
+    _add_json(discover)
+
     simulate = commands.add_parser("simulate", help="a virtual prototype's record")
     simulate.add_argument("motor", type=Path, metavar="MOTOR.toml")
     simulate.add_argument(

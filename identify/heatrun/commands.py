@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +88,53 @@ def compare(options: argparse.Namespace) -> int:
     return DONE
 
 
+def discover(options: argparse.Namespace) -> int:
+    """`heatrun discover`."""
+    from .discover.job import run_job
+    from .discover.library import all_effects
+    from .report_text import discovery_text
+
+    motor = load_motor(options.motor)
+    kinds = all_effects(options.effects)
+    tests = _load(motor, options.tests, options.holdout, options.json)
+    if tests is None:
+        return NOT_ALLOWED
+    path = options.out or default_folder(motor, tests, "discovery")
+    refuse_unwritable(path)
+    method = "quick" if options.quick else "emcee"
+    identity = {
+        "command": "discover",
+        "motor": motor.sha256,
+        "tests": [[s.sha256 for s in test.record.sources] + [test.role] for test in tests],
+        "effects": [[str(p), hashlib.sha256(p.read_bytes()).hexdigest()] for p in options.effects],
+        "order": options.model,
+        "method": method,
+        "seed": options.seed,
+    }
+    folder = RunFolder.begin(path, identity)
+    with _bar() as progress:
+        job = run_job(
+            motor,
+            tests,
+            folder,
+            order=options.model,
+            kinds=kinds,
+            method=method,
+            seed=options.seed,
+            command=options.command_line,
+            say=_say,
+            progress=progress,
+        )
+    if options.json:
+        print(dump({**job.result, "run": str(job.path)}))
+    else:
+        print(discovery_text(job.result))
+        print(f"\nRun folder:      {job.path}")
+        for name in ("discovery.pdf", "sheet.pdf", "discovery.json"):
+            print(f"  {name:<14} {job.path / name}")
+    return DONE
+
+
 def demo(options: argparse.Namespace) -> int:
     """`heatrun demo`: the main job on bundled data."""
     from .bundled import bundled
@@ -163,13 +212,7 @@ def _calibrate(
     for duty in getattr(options, "rating", ()):
         parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
     folder = RunFolder.begin(path, identity)
-    with tqdm(total=100, disable=None, file=sys.stderr, leave=False, unit="%") as bar:
-
-        def progress(sentence: str, share: float) -> None:
-            bar.set_description(sentence)
-            bar.n = int(100 * share)
-            bar.refresh()
-
+    with _bar() as progress:
         found = run_calibration(
             motor,
             tests,
@@ -218,6 +261,19 @@ def _load(
         print(findings_text(refusal.findings), file=sys.stderr)
         print("heatrun: the data do not allow a calibration.", file=sys.stderr)
         return None
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[str, float], None]]:
+    """Show a bar on stderr that is told a sentence and the share done."""
+    with tqdm(total=100, disable=None, file=sys.stderr, leave=False, unit="%") as bar:
+
+        def progress(sentence: str, share: float) -> None:
+            bar.set_description(sentence)
+            bar.n = int(100 * share)
+            bar.refresh()
+
+        yield progress
 
 
 def _say(sentence: str) -> None:

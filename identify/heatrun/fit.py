@@ -18,7 +18,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from . import noise as noise_module
-from .adequacy import low_frequency_excess
+from .adequacy import misfit_excess
 from .bench.record import Finding
 from .errors import InputError
 from .fit_result import RESULT, Fit, failed
@@ -63,13 +63,6 @@ they would outweigh every prior and drive the start temperatures to the impossib
 
 LONGEST_NOISE = 0.2
 """Residuals correlated over more than this share of the test are a misfit, not noise [1]."""
-
-LUMPING = 0.01
-LUMPING_S = 600.0
-"""Where a misfit is seen at all, the network counts as good to no better than this share of the
-rise [1], over this long [s]: two lumps stand for a body with a temperature field, and the best
-published fits of such networks to one winding sensor err by about 1 K. A fit that comes closer
-on one load step has spent its parameters on the misfit."""
 
 RIVAL = 8.0
 """Optima within this of the best (half the sum of squares) hold a visible share of the posterior
@@ -122,7 +115,7 @@ def fit(
         problem = white
         state = _settle(problem, z[best])
     level = float(_noise(problem, state.noise_z).total())
-    excess, is_flagged = _excess(problem, _innovations(problem, state), level)
+    excess, is_flagged = misfit_excess(problem.tests, _innovations(problem, state), level)
     if is_flagged:
         problem = replace(problem, temper=excess)
         state = _settle(problem, state.z)
@@ -180,24 +173,7 @@ def _implied_level(problem: Problem, z: np.ndarray) -> float:
         part[t.is_observed] / rmse
         for part, t in zip(problem.split(residual), problem.tests, strict=True)
     ]
-    return rmse * float(np.sqrt(max(_excess(problem, parts, rmse)[0], 1.0)))
-
-
-def _excess(problem: Problem, innovations: list[np.ndarray], level: float) -> tuple[float, bool]:
-    """Return by how much slow residuals exceed noise, and whether that counts as a misfit.
-
-    Args:
-        problem: Gives lengths of blocks and rises.
-        innovations: Whitened residuals by test, observed blocks only.
-        level: Standard deviation of the residuals [K].
-    """
-    lengths = [test.block_s for test in problem.tests]
-    excess, is_flagged = low_frequency_excess(innovations, lengths)
-    if is_flagged:
-        rise = max(float(np.nanmax(t.measured) - np.nanmin(t.measured)) for t in problem.tests)
-        lumped = (LUMPING * rise / level) ** 2 * LUMPING_S / max(lengths)
-        excess = max(excess, lumped)
-    return excess, is_flagged
+    return rmse * float(np.sqrt(max(misfit_excess(problem.tests, parts, rmse)[0], 1.0)))
 
 
 def _starts(problem: Problem, num_starts: int, seed: int) -> np.ndarray:

@@ -57,3 +57,40 @@ def result_text(result: Mapping[str, Any]) -> str:
 
 def _printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+
+
+def discovery_text(result: Mapping[str, Any]) -> str:
+    """Return what a discovery found, for the terminal."""
+    lines = [f"{result['verdict'].upper()}: {result['sentence']}", ""]
+    for effect in result["effects"]:
+        figures = ", ".join(
+            f"{name} = {p['value']:.3g} {p['unit']} ({p['interval_95'][0]:.3g} … "
+            f"{p['interval_95'][1]:.3g})"
+            for name, p in effect["parameters"].items()
+        )
+        lines.append(f"{effect['id']}: {figures}")
+        if effect["equivalents"]:
+            lines.append(f"  cannot be told from {', '.join(effect['equivalents'])}")
+    for name, key in (("calibration", "calibration"), ("held out", "holdout")):
+        gap = result[key]
+        if gap is not None:
+            lines.append(
+                f"{name}: {gap['rmse_before_K']:.2f} K RMSE before, {gap['rmse_after_K']:.2f} K "
+                f"after (noise {gap['noise_floor_K']:.2f} K); 95 % band holds "
+                f"{100 * gap['coverage_95_before']:.0f} % before, "
+                f"{100 * gap['coverage_95_after']:.0f} % after"
+            )
+    for span in result["where"][:6]:
+        unit = "K" if "missing_K" in span else "W"
+        low, high = span["interval_95"]
+        lines.append(
+            f"{span['test']}, {span['from_s'] / 60:.0f} to {span['to_s'] / 60:.0f} min, "
+            f"{span['node']}: {span[f'missing_{unit}']:+.3g} {unit} ({low:+.3g} … {high:+.3g})"
+        )
+    if result["next_test"] is not None:
+        test = result["next_test"]
+        lines.append(
+            f"To separate {' and '.join(test['separates'])}: {test['what']} (expected log Bayes "
+            f"factor {test['expected_log_bayes_factor']:.0f})"
+        )
+    return "\n".join(lines)

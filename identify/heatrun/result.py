@@ -85,7 +85,7 @@ def describe_model(
     nuisances: dict[str, Any] = {}
     for position, slot in enumerate(slots):
         entry = _free(posterior, slot, position, draws[slot.name].ravel(), longer)
-        is_main = slot.parameter.role in ("network", "resistance")
+        is_main = slot.parameter.role in ("network", "resistance", "effect")
         (main if is_main else nuisances)[slot.name] = entry
     for parameter in fit.problem.parameters.by_test[0].values():
         if parameter.fixed is not None:
@@ -131,7 +131,7 @@ def describe_model(
             "verdict": posterior.sentence(),
             "is_sound": posterior.is_sound,
         },
-        "derived": derive(posterior, duties),
+        "derived": {} if fit.problem.model.effects else derive(posterior, duties),
         "evidence": {
             "log_evidence": fit.log_evidence,
             "aic": 2.0 * size - 2.0 * log_likelihood,
@@ -202,6 +202,12 @@ def _free(
         "meaning": parameter.meaning,
         "fixed": False,
     }
+    if parameter.role == "effect":
+        is_clear = sd < 0.25 * abs(value - parameter.centre) if value != 0 else False
+        entry |= {
+            "identifiability": "identified" if is_clear else "weak",
+            "why": "belongs to an effect that was found missing; see discovery.json.",
+        }
     if parameter.role in ("network", "resistance"):
         statement = state(posterior, parameter, sd / abs(value), longer)
         entry |= {"identifiability": statement.verdict, "why": statement.why}

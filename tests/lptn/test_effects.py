@@ -213,7 +213,7 @@ def test_sensor_lag_of_a_ramp_is_the_closed_form():
 
 
 def test_neighbour_body_keeps_its_heat_in_the_system(network, losses, short, start):
-    body = NeighbourBody(G=jnp.asarray(3.0), C=jnp.asarray(8000.0))
+    body = NeighbourBody(C=jnp.asarray(8000.0), tau=jnp.asarray(8000.0 / 3.0))
     trace = lptn.simulate(network, losses, short, start, effects=[body])
     given = jnp.sum(trace.flow["stator", "neighbour"]) * short.step
     stored = 8000.0 * (trace.temperature["neighbour"][-1] - trace.temperature["neighbour"][0])

@@ -255,6 +255,11 @@ def _inputs(
     coolant = None
     if "coolant_degC" in record and np.any(np.isfinite(record["coolant_degC"])):
         coolant = mean("coolant_degC")
+    fan = None
+    for channel in ("fan", "coolant_flow_L_per_min"):
+        if fan is None and channel in record and np.nanmax(np.abs(record[channel])) > 0:
+            largest = 1.0 if channel == "fan" else float(np.nanmax(record[channel]))
+            fan = mean(channel) / largest
     fastest = 1.0 if speed is None else max(float(jnp.max(jnp.abs(speed))), 1e-9)
     rated = motor.rated_speed_rpm
     current_squared = mean("phase_current_A", power=2)
@@ -265,6 +270,7 @@ def _inputs(
         ambient=mean(f"{motor.sink}_degC"),
         speed=speed,
         coolant=coolant,
+        fan=fan,
         rated_speed=jnp.asarray(fastest if rated is None else rated * 2 * math.pi / 60),
         rated_current=jnp.sqrt(jnp.maximum(jnp.max(current_squared), 1e-12)),
     )

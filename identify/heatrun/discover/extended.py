@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import noise as noise_module
+from ..adequacy import misfit_excess
 from ..fit_result import RESULT, Fit
-from ..laplace import spread
+from ..laplace import spread, whitened_rows
 from ..parameters import ParameterSet, collect
 from ..problem import Problem
 from ..restricted import estimate_noise
@@ -19,31 +20,36 @@ from .library import Candidate
 
 
 def extended_fit(
-    engine: Engine, z: np.ndarray, accepted: Sequence[Candidate], temper: float = 1.0
+    engine: Engine, z: np.ndarray, accepted: Sequence[Candidate], *, is_adequate: bool
 ) -> Fit:
     """Return the joint fit of network, effects and noise as a fit that can be sampled.
 
-    The noise is estimated on this very model, without a limit of its correlation time; the
-    parameters are fitted again under it.
+    The noise is estimated on this very model, without a limit of its correlation time. Where the
+    model is not adequate it counts as white, as in `heatrun.fit`, and the evidence of the readings
+    is divided by the excess of slow residuals.
 
     Args:
         engine: The extended model with all effects.
         z: Scores of all its slots to start from.
         accepted: The effects that are in the model; all others are at their null.
-        temper: Factor that the evidence of the readings is divided by [1].
+        is_adequate: Whether the model leaves only noise.
     """
     full = engine.problem
-    kinds = tuple(candidate.kind for candidate in accepted)
-    model = replace(full.model, effects=kinds)
+    model = replace(full.model, effects=tuple(candidate.kind for candidate in accepted))
     parameters = _parameters(full.parameters, accepted)
-    problem = Problem(model, full.motor, full.tests, parameters, temper=temper)
+    kind = "correlated" if is_adequate else "white"
+    problem = Problem(model, full.motor, full.tests, parameters, noise_kind=kind)
     order = [_slot(engine, slot.parameter.name, slot.test) for slot in parameters.slots]
+    z, noise_z = _settle(engine, problem, z, order)
     residual, jacobian = engine.linearise(z, order)
-    for _ in range(2):
-        noise_z = estimate_noise(problem, z[order], residual, jacobian)
-        found = engine.refit(z, order, noise_module.from_scores(jnp.asarray(noise_z)), temper)
-        z, residual, jacobian = found.z, found.residual, found.jacobian
-    noise_z = estimate_noise(problem, z[order], residual, jacobian)
+    if not is_adequate:
+        rows = whitened_rows(problem, noise_z, residual)
+        seen = [part[t.is_observed] for part, t in zip(rows, problem.tests, strict=True)]
+        level = float(noise_module.from_scores(jnp.asarray(noise_z), 0.0).total())
+        excess, _ = misfit_excess(problem.tests, seen, level)
+        problem = replace(problem, temper=max(1.0, excess))
+        z, noise_z = _settle(engine, problem, z, order)
+        residual, jacobian = engine.linearise(z, order)
     width = spread(problem, z[order], noise_z, residual, jacobian)
     return Fit(
         problem=problem,
@@ -57,6 +63,20 @@ def extended_fit(
         log_evidence=width.log_evidence,
         result=RESULT.converged,
     )
+
+
+def _settle(
+    engine: Engine, problem: Problem, z: np.ndarray, order: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return scores of parameters and noise after two rounds of both."""
+    slots = list(order)
+    residual, jacobian = engine.linearise(z, slots)
+    for _ in range(2):
+        noise_z = estimate_noise(problem, z[slots], residual, jacobian)
+        noise = noise_module.from_scores(jnp.asarray(noise_z), problem.data.slow_noise)
+        found = engine.refit(z, slots, noise, problem.temper)
+        z, residual, jacobian = found.z, found.residual, found.jacobian
+    return z, estimate_noise(problem, z[slots], residual, jacobian)
 
 
 def _parameters(full: ParameterSet, accepted: Sequence[Candidate]) -> ParameterSet:

@@ -48,11 +48,6 @@ class Adequacy:
         return self.misfit_K > max(RELEVANT_K, RELEVANT_SHARE * self.noise_K)
 
     @property
-    def temper(self) -> float:
-        """Factor that the evidence of the readings is divided by for honest ranges [1]."""
-        return 1.0 if self.is_adequate else max(1.0, self.excess)
-
-    @property
     def is_adequate(self) -> bool:
         """Whether only noise is left, or nothing that matters."""
         return not ((self.is_excessive or self.correlation_s > LONGEST_S) and self.is_relevant)

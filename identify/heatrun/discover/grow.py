@@ -30,6 +30,11 @@ FAMILYWISE = 0.05
 BETTER_SHARE, BETTER_K = 0.10, 0.05
 """By how much the error on tests left out must fall: of itself [1], and in kelvin."""
 
+RELEVANT_K, RELEVANT_NOISE, RELEVANT_SHARE = 0.12, 0.5, 0.15
+"""Least gap that an effect must close: in kelvin, in parts of the noise of a block mean [1], and
+of the gap that the effects before it have closed [1], whose laws are no exact copies of the
+machine's either."""
+
 SEPARATED = 3.0
 """Standard deviations that an amplitude must lie from its null [1]."""
 
@@ -44,6 +49,7 @@ class Rival:
         refit: The joint fit.
         delta_log_evidence: Over the model without it [nat].
         rmse_K: Of the calibration tests with it [K].
+        gap_K: What it closes of the gap, the root of the difference of mean squares [K].
         left_out_K: Root mean square error on parts left out, with it [K].
         left_out_without_K: And without it [K].
         values: Its parameters [their units].
@@ -56,6 +62,7 @@ class Rival:
     refit: Refit
     delta_log_evidence: float
     rmse_K: float
+    gap_K: float
     left_out_K: float
     left_out_without_K: float
     values: dict[str, float]
@@ -140,7 +147,7 @@ def grow(
             promising = [s for s in scores if s.log_bayes > WORTH_A_REFIT][:NUM_REFITTED]
             say(f"refitting {len(promising)} of them jointly")
             rivals = sorted(
-                (_rival(engine, present, score, p) for score in promising),
+                (_rival(engine, base, present, score) for score in promising),
                 key=lambda rival: -rival.delta_log_evidence,
             )
         chosen = next((rival for rival in rivals if not rival.reason), None)
@@ -167,7 +174,7 @@ def look(
     return screen, scores
 
 
-def _rival(engine: Engine, present: Refit, score: Score, p: float) -> Rival:
+def _rival(engine: Engine, base: Refit, present: Refit, score: Score) -> Rival:
     candidate = score.candidate
     z = present.z.copy()
     for slot, value in score.start.items():
@@ -183,21 +190,37 @@ def _rival(engine: Engine, present: Refit, score: Score, p: float) -> Rival:
         refit=refit,
         delta_log_evidence=refit.log_evidence - present.log_evidence,
         rmse_K=rmse(refit.residual[engine.is_observed]),
+        gap_K=gap(engine, present, refit),
         left_out_K=after,
         left_out_without_K=before,
         values=values,
         sd=sd,
     )
-    return replace(rival, reason=_reason(rival))
+    return replace(rival, reason=_reason(rival, present, gap(engine, base, present)))
 
 
-def _reason(rival: Rival) -> str:
+def gap(engine: Engine, before: Refit, after: Refit) -> float:
+    """Return what a model closes of the gap: the root of the difference of mean squares [K]."""
+    seen = engine.is_observed
+    fall = np.mean(before.residual[seen] ** 2) - np.mean(after.residual[seen] ** 2)
+    return float(np.sqrt(max(fall, 0.0)))
+
+
+def _reason(rival: Rival, present: Refit, closed_K: float) -> str:
     """Return why a candidate is rejected, empty if it is not."""
     if rival.delta_log_evidence < WORTH_A_REFIT:
         return f"the evidence does not call for it (log Bayes {rival.delta_log_evidence:+.1f})"
     unsound = refusal(rival.candidate, rival.values, rival.sd)
     if unsound:
         return unsound
+    least = max(
+        RELEVANT_K, RELEVANT_NOISE * float(present.noise.total()), RELEVANT_SHARE * closed_K
+    )
+    if rival.gap_K < least:
+        return (
+            f"it closes {rival.gap_K:.2f} K of the gap; less than {least:.2f} K is within what "
+            "lumping, instruments and noise leave"
+        )
     fall = rival.left_out_without_K - rival.left_out_K
     if fall < BETTER_K or fall < BETTER_SHARE * rival.left_out_without_K:
         return (

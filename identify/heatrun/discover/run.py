@@ -139,10 +139,10 @@ def discover(
     said = verdict(growth, named, before, after)
     after_test = next_test(engine, final, named) if said.word in ("ambiguous",) else None
     watch.lap("next test")
-    base_fit = extended_fit(engine, growth.base.z, (), max(1.0, before.temper))
+    base_fit = extended_fit(engine, growth.base.z, (), is_adequate=before.is_adequate)
     last_fit = base_fit
     if named:
-        last_fit = extended_fit(engine, final.z, accepted, max(1.0, after.temper))
+        last_fit = extended_fit(engine, final.z, accepted, is_adequate=after.is_adequate)
     watch.lap("fits")
     return Discovery(
         engine=engine,

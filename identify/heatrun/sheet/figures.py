@@ -34,11 +34,11 @@ def draw(
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for number, (name, role, table) in enumerate(tables, start=1):
-        written.append(_save(course(name, role, table), folder / f"course_{number}.png"))
+        written.append(save(course(name, role, table), folder / f"course_{number}.png"))
     if all("first_winding_degC" in t and "second_winding_degC" in t for _, _, t in tables):
-        written.append(_save(errors(tables), folder / "first_against_second.png"))
+        written.append(save(errors(tables), folder / "first_against_second.png"))
     if draws:
-        written.append(_save(pairs(draws, units), folder / "posterior.png"))
+        written.append(save(pairs(draws, units), folder / "posterior.png"))
     return written
 
 
@@ -70,7 +70,7 @@ def course(name: str, role: str, table: pd.DataFrame) -> Figure:
                  label="second order, stator Tsr (95 %)")  # fmt: skip
     top.plot(minutes, table["sink_degC"], color="0.55", lw=0.8, label="sink T0")
     top.set_ylabel("temperature [°C]")
-    top.set_title(f"{_plain(name)} ({role})", loc="left", fontsize=10)
+    top.set_title(f"{plain(name)} ({role})", loc="left", fontsize=10)
     top.legend(fontsize=7, frameon=False, ncols=2)
     middle.axhline(0.0, color="0.6", lw=0.6)
     middle.set_ylabel("measured −\nmodel [K]")
@@ -94,7 +94,7 @@ def errors(tables: Sequence[tuple[str, str, pd.DataFrame]]) -> Figure:
             axis.annotate(f"{limit:g} K", (1.005, limit), xycoords=("axes fraction", "data"),
                           fontsize=7, va="center")  # fmt: skip
         axis.set_ylabel("|error| [K]")
-        axis.set_title(f"{_plain(name)} ({role})", loc="left", fontsize=9)
+        axis.set_title(f"{plain(name)} ({role})", loc="left", fontsize=9)
     axes[0].legend(fontsize=7, frameon=False)
     axes[-1].set_xlabel("time [min]")
     _finish(list(axes))
@@ -139,13 +139,14 @@ def _finish(axes: Sequence[Axes]) -> None:
         axis.spines["top"].set_visible(False)
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
     """Return a name in which matplotlib sees no mathematics and no control characters."""
     clean = "".join(c if c.isprintable() else "?" for c in name)
     return clean.replace("$", r"\$")[:90]
 
 
-def _save(figure: Figure, path: Path) -> Path:
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure as PNG."""
     FigureCanvasAgg(figure)
     figure.savefig(path, dpi=160, metadata={"Software": None})
     return path

@@ -15,32 +15,34 @@ from .base import EffectCard, NodeEffect, Quantity
 class NeighbourBody(NodeEffect):
     r"""A third mass (flange, gearbox, inverter) exchanges heat with the stator.
 
-    $$ C \dot T_b = G\,(T_{sr} - T_b) $$
+    $$ C \dot T_b = G\,(T_{sr} - T_b), \quad G = C/\tau $$
 
-    It is parametrised by the conductance, so that the effect vanishes at zero.
+    It is parametrised by capacity and time constant: the effect vanishes with the capacity, and
+    what a small body does already has the right course in time. With the conductance going to
+    zero at a given capacity, a body would look like one more way to the sink.
 
     Attributes:
-        G: Conductance between stator and body [W/K].
         C: Heat capacity of the body [J/K].
+        tau: Time constant of the body against the stator [s]; its resistance is tau/C.
         node: Node that it is tied to.
 
     Valid for: a body that loses little heat to the air of its own within the test.
     """
 
-    G: Float[Array, ""]
     C: Float[Array, ""]
+    tau: Float[Array, ""]
     node: str = eqx.field(static=True, default="stator")
 
     card: ClassVar[EffectCard] = EffectCard(
         id="neighbour_body",
         family="extra node",
-        law="third node on the stator: C dTb/dt = G (Tsr - Tb)",
+        law="third node on the stator: C dTb/dt = (C/tau) (Tsr - Tb)",
         needs=(),
         signature="the cool-down stalls above ambient",
         separating_test="a long cool-down, with a thermocouple on the flange",
         parameters={
-            "G": Quantity("W/K", 0.0, 0.2, 10.0, 3.0, "conductance to the stator"),
-            "C": Quantity("J/K", None, 500.0, 50e3, 10e3, "heat capacity of the body"),
+            "C": Quantity("J/K", 0.0, 100.0, 60e3, 5e3, "heat capacity of the body"),
+            "tau": Quantity("s", None, 300.0, 20e3, 2500.0, "time constant of the body"),
         },
     )
 
@@ -51,8 +53,9 @@ class NeighbourBody(NodeEffect):
                 f"The network has no node {self.node!r}, only {list(network.nodes)}: "
                 "build the effect with `node=`."
             )
+        capacity = self.C + TINY
         return network.with_node(
-            "neighbour", capacitance=self.C, links={self.node: _resistance(self.G)}
+            "neighbour", capacitance=capacity, links={self.node: self.tau / capacity}
         )
 
     def start(self, start: Mapping[str, Float[Array, ""]]) -> dict[str, Float[Array, ""]]:
@@ -60,7 +63,5 @@ class NeighbourBody(NodeEffect):
         return dict(start) | {"neighbour": start[self.node]}
 
 
-def _resistance(G: Float[Array, ""]) -> Float[Array, ""]:
-    # 1/0 is inf and the link's conductance 1/inf is an exact zero, but the gradient through
-    # inf is NaN; a conductance of 1e-12 W/K moves less than a nanojoule in a day.
-    return 1.0 / (G + 1e-12)
+TINY = 1e-9
+"""Capacity that is left at the null value, where 0/0 would stand [J/K]."""

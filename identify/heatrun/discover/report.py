@@ -1,0 +1,163 @@
+"""The report of a discovery: two minutes' reading for the engineer, from its JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..sheet.typeset import typeset
+
+VERDICTS = {
+    "adequate": "Nothing is missing",
+    "named": "Found what was missing",
+    "ambiguous": "Found a set that these tests cannot separate",
+    "unexplained": "Something is missing that is not in the catalogue",
+    "not_identifiable": "These tests cannot tell",
+}
+
+LIMITS = (
+    "An effect is accepted only if a clean record would reach its score in fewer than 5 % of "
+    "cases, its amplitude is physical and cannot be nothing, parts left out are predicted better "
+    "by 10 % and 0.05 K at least, and it closes a gap that matters. The laws of the catalogue "
+    "stand for the machine's own; a name says which of them fits, not that no other could.",
+    "The evidence takes the noise as estimated with room for the whole catalogue; its capped "
+    "correlation time and the spread between physical laws are why a rival that closes nearly the "
+    "whole gap counts as tied whatever the evidence says.",
+)
+
+
+def write_report(result: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
+    """Write the report as PDF.
+
+    Args:
+        result: What stands in `discovery.json`.
+        figures: Before and after first, then where.
+        path: Where it goes; written whole or not at all.
+    """
+    return typeset("discovery.typ", report_content(result), figures, path)
+
+
+def report_content(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the words of the report."""
+    test = result["next_test"]
+    left = result["adequacy"]["after"]
+    return {
+        "title": _clean(result["motor"]["name"]),
+        "version": f"heatrun {result['heatrun_version']}",
+        "verdict": VERDICTS[result["verdict"]],
+        "sentence": result["sentence"],
+        "effects": [_effect(effect) for effect in result["effects"]],
+        "gap": [
+            _gap(name, result[key])
+            for name, key in (("calibration tests", "calibration"), ("held-out tests", "holdout"))
+            if result[key] is not None
+        ],
+        "parameters": [_parameter(n, p) for n, p in result["parameters"].items()],
+        "next": [] if test is None else [
+            f"From {test['start']}: {test['what']}. Expected log Bayes factor between "
+            f"{' and '.join(test['separates'])}: {test['expected_log_bayes_factor']:.0f}."
+        ],
+        "profile": [] if test is None else [
+            [f"{s['minutes']:.0f}", f"{s['current_A']:.0f}", f"{s['speed_rpm']:.0f}"]
+            for s in test["profile"]
+        ],
+        "where_words": _where(result["localisation"]["before"]),
+        "spans": [_span(span) for span in result["where"]],
+        "candidates": [_candidate(row) for row in result["candidates"]],
+        "rivals": [
+            [effect["id"], rival["id"], f"{rival['delta_log_evidence']:+.1f}",
+             f"{100 * max(rival['share_of_gap'], 0):.0f} %", rival["reason"]]
+            for effect in result["effects"]
+            for rival in effect["rivals"]
+        ],
+        "left": (
+            f"Slow misfit {left['slow_misfit_K']:.2f} K, noise of a block mean "
+            f"{left['noise_K']:.2f} K, low-frequency excess {left['low_frequency_excess']:.1f} "
+            f"(1 if only noise)."
+        ),
+        "limits": list(LIMITS),
+    }  # fmt: skip
+
+
+def _effect(effect: Mapping[str, Any]) -> list[str]:
+    numbers = "; ".join(
+        f"{name} = {p['value']:.3g} {p['unit']} ({p['interval_95'][0]:.3g} … "
+        f"{p['interval_95'][1]:.3g})"
+        for name, p in effect["parameters"].items()
+    )
+    return [
+        effect["id"],
+        effect["law"],
+        numbers,
+        f"{effect['probability']:.2f}",
+        ", ".join(effect["equivalents"]) or "–",
+    ]
+
+
+def _gap(name: str, gap: Mapping[str, float]) -> list[str]:
+    return [
+        name,
+        f"{gap['rmse_before_K']:.2f}", f"{gap['rmse_after_K']:.2f}",
+        f"{gap['max_before_K']:.2f}", f"{gap['max_after_K']:.2f}",
+        f"{100 * gap['coverage_95_before']:.0f} %", f"{100 * gap['coverage_95_after']:.0f} %",
+    ]  # fmt: skip
+
+
+def _parameter(name: str, entry: Mapping[str, Any]) -> list[str]:
+    def interval(figure: Mapping[str, Any]) -> str:
+        return " … ".join(f"{limit:.4g}" for limit in figure["interval_95"])
+
+    before, after = entry["before"], entry["after"]
+    off = entry["wrong_by"]
+    return [
+        f"{name} [{entry['unit']}]",
+        f"{before['value']:.4g}", interval(before),
+        f"{after['value']:.4g}", interval(after),
+        "–" if off is None else f"{100 * off:+.1f} %",
+    ]  # fmt: skip
+
+
+def _where(where: Mapping[str, Any]) -> str:
+    if not where["nodes"]:
+        return "No heat is missing anywhere that the tests would show, and the reading is sound."
+    nodes = " and ".join(where["nodes"])
+    words = [f"The evidence puts what is missing at: {nodes}."]
+    for node, drivers in where["dependence"].items():
+        ranked = sorted(drivers.items(), key=lambda item: -abs(item[1]))
+        told = ", ".join(f"{name.replace('_', ' ')} {value:+.2f}" for name, value in ranked)
+        words.append(f"Correlation of what is missing at the {node} with {told}.")
+    words.append(
+        "It is estimated jointly with the network, which takes part of any cause upon itself."
+    )
+    return " ".join(words)
+
+
+def _span(span: Mapping[str, Any]) -> list[str]:
+    unit = "K" if "missing_K" in span else "W"
+    low, high = span["interval_95"]
+    return [
+        _clean(span["test"]),
+        f"{span['from_s'] / 60:.0f}",
+        f"{span['to_s'] / 60:.0f}",
+        span["node"],
+        f"{span[f'missing_{unit}']:+.3g} {unit}",
+        f"{low:+.3g} … {high:+.3g}",
+    ]
+
+
+def _candidate(row: Mapping[str, Any]) -> list[str]:
+    name = row["id"] if not row.get("test") else f"{row['id']} in {_clean(row['test'])}"
+    evidence = row.get("delta_log_evidence", row.get("screening_log_bayes"))
+    return [
+        name,
+        row["status"],
+        f"{row['visible_K']:.2f}" if "visible_K" in row else "–",
+        "–" if evidence is None else f"{evidence:+.1f}",
+        row["reason"],
+    ]
+
+
+def _clean(text: str) -> str:
+    """Return a name without control characters."""
+    return "".join(c if c.isprintable() else "?" for c in text)
