@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import sys
 from pathlib import Path
@@ -22,3 +23,9 @@ def generator() -> ModuleType:
     sys.modules[name] = module
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="session")
+def hidden_bench(generator) -> ModuleType:
+    """The bench with hidden causes, a part of the simulated bench."""
+    return importlib.import_module(f"{generator.__name__}.hidden")

@@ -111,9 +111,7 @@ def sample(
     """
     weighted = importance_sample(fit, seed=seed)
     if method == "quick" and weighted.is_sound:
-        vectors = weighted.resample(NUM_KEPT, np.random.default_rng([seed, 1]))
-        density = np.full((1, NUM_KEPT), np.nan)
-        return Posterior(fit, vectors[None], density, "importance", weighted, None)
+        return _of_weighted(fit, weighted, seed)
 
     size = fit.vector.size
     num_walkers = max(64, 2 * (2 * size // 2 + 1))
@@ -141,6 +139,17 @@ def sample(
     return Posterior(
         fit, kept, density.reshape(NUM_ENSEMBLES, -1)[:, ::thin], "emcee", weighted, convergence
     )
+
+
+def weighted_draws(fit: Fit, *, seed: int = 0) -> Posterior:
+    """Return weighted draws around a fit, whether their guard holds or not; it says so itself."""
+    return _of_weighted(fit, importance_sample(fit, seed=seed), seed)
+
+
+def _of_weighted(fit: Fit, weighted: Weighted, seed: int) -> Posterior:
+    vectors = weighted.resample(NUM_KEPT, np.random.default_rng([seed, 1]))
+    density = np.full((1, NUM_KEPT), np.nan)
+    return Posterior(fit, vectors[None], density, "importance", weighted, None)
 
 
 class _Ensemble:

@@ -13,7 +13,7 @@ from .engine import Engine, Refit
 from .folds import folds, left_out_errors, rmse
 from .library import Candidate
 from .saturated import saturated_noise
-from .screen import Score, Screen, signatures
+from .screen import VISIBLE_K, Score, Screen, signatures
 
 MOST_EFFECTS = 3
 """Effects that are added at most."""
@@ -30,7 +30,7 @@ FAMILYWISE = 0.05
 BETTER_SHARE, BETTER_K = 0.10, 0.05
 """By how much the error on tests left out must fall: of itself [1], and in kelvin."""
 
-RELEVANT_K, RELEVANT_NOISE, RELEVANT_SHARE = 0.12, 0.5, 0.15
+RELEVANT_K, RELEVANT_NOISE, RELEVANT_SHARE = VISIBLE_K, 0.5, 0.15
 """Least gap that an effect must close: in kelvin, in parts of the noise of a block mean [1], and
 of the gap that the effects before it have closed [1], whose laws are no exact copies of the
 machine's either."""

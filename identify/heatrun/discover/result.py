@@ -18,7 +18,7 @@ from .localise import Span, Where
 from .response import SENSOR
 from .rivals import Named
 from .run import Discovery, Shown
-from .screen import VISIBLE, Score
+from .screen import VISIBLE, VISIBLE_K, Score
 
 FORMAT = "heatrun-discovery/1"
 
@@ -172,8 +172,8 @@ def _fate(found: Discovery, score: Score) -> tuple[str, str, Rival | None]:
     if not score.is_visible:
         return (
             "not identifiable",
-            f"at its typical size these tests would show it with {score.visibility:.1f} standard "
-            f"deviations (needed {VISIBLE:g})",
+            f"at its typical size a refit would leave {score.visible_K:.3f} K of it, "
+            f"{score.visibility:.1f} standard deviations (needed {VISIBLE_K:g} K and {VISIBLE:g})",
             None,
         )
     return (

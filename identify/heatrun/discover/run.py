@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..fit_result import Fit
 from ..model import Model, Order
 from ..motor import Motor
-from ..posterior import Posterior, sample
+from ..posterior import Posterior, sample, weighted_draws
 from ..predict import Prediction, predict
 from ..problem import Problem
 from .engine import Engine, Refit
@@ -171,7 +171,9 @@ def show(
     folder: Path | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Shown:
-    """Sample base and final model and predict all tests with both.
+    """Sample the final model and predict all tests with it and with the base model.
+
+    The base model is there for comparison: weighted draws around its fit will do.
 
     Args:
         found: What was found.
@@ -182,13 +184,8 @@ def show(
         progress: Called with a sentence and the share done.
     """
     watch = _Watch()
-    base = sample(found.fits[0], method="quick", seed=seed, folder=_sub(folder, "base"))
-    last = base
-    if found.named:
-        last = sample(
-            found.fits[1], method=method, seed=seed, folder=_sub(folder, "final"),
-            progress=progress,
-        )  # fmt: skip
+    last = sample(found.fits[1], method=method, seed=seed, folder=folder, progress=progress)
+    base = weighted_draws(found.fits[0], seed=seed) if found.named else last
     watch.lap("posterior")
     pairs = []
     for test in tests:
@@ -197,10 +194,6 @@ def show(
     watch.lap("predictions")
     found.seconds.update(watch.laps)
     return Shown((base, last), pairs)
-
-
-def _sub(folder: Path | None, name: str) -> Path | None:
-    return None if folder is None else folder / name
 
 
 class _Watch:

@@ -15,7 +15,6 @@ from jaxtyping import Float
 from scipy.stats.qmc import Halton
 
 from ..effect_parameters import amplitudes, qualified
-from ..noise import Noise
 from .engine import Engine, Refit
 from .library import Candidate
 
@@ -29,8 +28,9 @@ VISIBLE = 3.0
 """Norm of a whitened signature from which on an effect could be seen [1]: three standard
 deviations of its amplitude."""
 
-COLLINEAR = 0.95
-"""Cosine from which on two signatures cannot be told apart in practice [1]."""
+VISIBLE_K = 0.12
+"""And what it must leave after a refit at its typical size [K]: less is within what lumping,
+instruments and the loss balance leave on any bench."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Score:
     @property
     def is_visible(self) -> bool:
         """Whether these tests could show the effect at all."""
-        return self.visibility >= VISIBLE
+        return self.visibility >= VISIBLE and self.visible_K >= VISIBLE_K
 
 
 def signatures(engine: Engine, z: np.ndarray, candidates: Sequence[Candidate]) -> list[Signature]:
@@ -204,16 +204,6 @@ class Screen:
         """Return the estimate, zero where the data ask for the wrong sign."""
         low, high = self.engine.bounds(signature.slots)
         return np.clip(estimate, low, high)
-
-
-def cosine(one: Score, other: Score) -> float:
-    """Return the cosine between the whitened, projected signatures of two candidates [1]."""
-    return float(abs(one.direction @ other.direction))
-
-
-def noise_floor(noise: Noise) -> float:
-    """Return the standard deviation of a block mean [K]."""
-    return float(noise.total())
 
 
 def _visible(better: Score, other: Score) -> Score:

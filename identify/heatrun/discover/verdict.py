@@ -12,7 +12,7 @@ from .rivals import Named
 
 Word = Literal["adequate", "named", "ambiguous", "unexplained", "not_identifiable"]
 
-ENOUGH_VISIBLE = 0.35
+ENOUGH_VISIBLE = 0.55
 """Share of the heat effects that tests must be able to show for "nothing is missing" to mean
 anything [1]; on one constant load almost none can be seen."""
 

@@ -43,6 +43,7 @@ class Recording:
         columns: Canonical channels, each of shape (time,).
         reading: The sensor's node without noise [degC].
         stator: Stator temperature [degC].
+        added_W: Heat that a cause adds to the stator from outside [W].
     """
 
     name: str
@@ -50,6 +51,7 @@ class Recording:
     columns: dict[str, Array]
     reading: Array
     stator: Array
+    added_W: Array
 
 
 @dataclass(frozen=True)
@@ -318,4 +320,4 @@ class _Instruments:
             columns["coolant_degC"] = load.coolant + 0.1 * rng.standard_normal(size)
         if load.fan is not None:
             columns["fan"] = load.fan
-        return Recording(name, role, columns, seen.reading, course.stator_degC)
+        return Recording(name, role, columns, seen.reading, course.stator_degC, course.added_W)

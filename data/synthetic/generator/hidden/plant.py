@@ -86,6 +86,7 @@ class Course:
         copper_W: Copper loss with all its parts.
         other_W: Other losses with all their parts.
         nominal_other_W: Other losses as a map would state them.
+        added_W: Heat that a cause adds to the stator from outside.
     """
 
     time_s: Array
@@ -95,6 +96,7 @@ class Course:
     copper_W: Array
     other_W: Array
     nominal_other_W: Array
+    added_W: Array
 
 
 def integrate(plant: Plant, current: Array, speed: Array, ambient: Array, start: float) -> Course:
@@ -162,6 +164,7 @@ def integrate(plant: Plant, current: Array, speed: Array, ambient: Array, start:
         copper_W=k * (plant.true_coefficient + winding) * (1.0 + _ac(ac, winding)),
         other_W=nominal * (1.0 - IRON_FALL * (stator - 60.0)),
         nominal_other_W=nominal,
+        added_W=zero if plant.extra_stator is None else plant.extra_stator,
     )
 
 
