@@ -23,6 +23,10 @@ loss balance leave as much."""
 RELEVANT_SHARE = 0.5
 """And below this share of the noise of a block mean it cannot be told from it [1]."""
 
+FORM_SHARE = 0.15
+"""A law of the catalogue leaves about this share of an effect that it names rightly [1]: the
+machine's own law has another exponent, a threshold, a lag."""
+
 
 @dataclass(frozen=True)
 class Adequacy:
@@ -34,6 +38,7 @@ class Adequacy:
         correlation_s: Correlation time of the residuals, without a limit [s].
         misfit_K: Root mean square of what is slow, less what noise would leave [K].
         noise_K: Standard deviation of the noise of a block mean [K].
+        closed_K: Gap that the effects in the model have closed [K].
     """
 
     excess: float
@@ -41,11 +46,13 @@ class Adequacy:
     correlation_s: float
     misfit_K: float
     noise_K: float
+    closed_K: float = 0.0
 
     @property
     def is_relevant(self) -> bool:
         """Whether the misfit is large enough to matter."""
-        return self.misfit_K > max(RELEVANT_K, RELEVANT_SHARE * self.noise_K)
+        least = max(RELEVANT_K, RELEVANT_SHARE * self.noise_K, FORM_SHARE * self.closed_K)
+        return self.misfit_K > least
 
     @property
     def is_adequate(self) -> bool:
@@ -53,12 +60,13 @@ class Adequacy:
         return not ((self.is_excessive or self.correlation_s > LONGEST_S) and self.is_relevant)
 
 
-def adequacy(engine: Engine, refit: Refit) -> Adequacy:
+def adequacy(engine: Engine, refit: Refit, closed_K: float = 0.0) -> Adequacy:
     """Return what a model leaves.
 
     Args:
         engine: The tests.
         refit: Its fit under the noise that the library's directions leave.
+        closed_K: Gap that the effects in the model have closed [K].
     """
     noise = refit.noise
     innovations, lengths, slow, expected = [], [], [], []
@@ -83,6 +91,7 @@ def adequacy(engine: Engine, refit: Refit) -> Adequacy:
         correlation_s=float(plain.time) if is_slow else 0.0,
         misfit_K=float(np.sqrt(max(misfit, 0.0))),
         noise_K=float(noise.total()),
+        closed_K=closed_K,
     )
 
 

@@ -35,6 +35,10 @@ RELEVANT_K, RELEVANT_NOISE, RELEVANT_SHARE = VISIBLE_K, 0.5, 0.15
 of the gap that the effects before it have closed [1], whose laws are no exact copies of the
 machine's either."""
 
+SLACK = 0.15
+"""An amplitude may lie outside of its physical range by two standard deviations, and by this share
+of the range at most [1]: the law that carries it is not the machine's own."""
+
 SEPARATED = 3.0
 """Standard deviations that an amplitude must lie from its null [1]."""
 
@@ -243,7 +247,8 @@ def refusal(candidate: Candidate, values: dict[str, float], sd: dict[str, float]
         value = values[name]
         if quantity.null is None:
             continue
-        slack = 0.02 * (quantity.high - quantity.low)
+        reach = quantity.high - quantity.low
+        slack = min(max(0.02 * reach, 2.0 * sd[name]), SLACK * reach)
         low, high = min(quantity.low, quantity.null), max(quantity.high, quantity.null)
         if not low - slack <= value <= high + slack:
             return (

@@ -12,7 +12,7 @@ from ..effect_parameters import qualified
 from ..posterior import Posterior
 from ..predict import Prediction
 from .final_check import Adequacy
-from .grow import Rival, Round
+from .grow import NUM_REFITTED, WORTH_A_REFIT, Rival, Round
 from .library import Candidate
 from .localise import Span, Where
 from .response import SENSOR
@@ -176,6 +176,8 @@ def _fate(found: Discovery, score: Score) -> tuple[str, str, Rival | None]:
             f"{score.visibility:.1f} standard deviations (needed {VISIBLE_K:g} K and {VISIBLE:g})",
             None,
         )
+    if score.log_bayes > WORTH_A_REFIT:
+        return "screened", f"the {NUM_REFITTED} that were refitted score higher", None
     return (
         "screened",
         f"the residuals do not ask for it (log Bayes factor {score.log_bayes:+.1f})",

@@ -23,7 +23,7 @@ from ..problem import Problem
 from .engine import Engine, Refit
 from .extended import extended_fit
 from .final_check import Adequacy, adequacy
-from .grow import Growth, grow
+from .grow import Growth, gap, grow
 from .library import Library, all_effects, library
 from .localise import Where, localise
 from .next_test import NextTest, next_test
@@ -126,7 +126,7 @@ def discover(
     before = adequacy(engine, growth.base)
     say("holding what was found against its rivals")
     final, named, dropped = settle(engine, growth, adequacy(engine, growth.final).excess)
-    after = adequacy(engine, final)
+    after = adequacy(engine, final, gap(engine, growth.base, final))
     watch.lap("rivals")
     say("locating what is missing")
     where_before = localise(engine, growth.base, bare)

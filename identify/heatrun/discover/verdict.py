@@ -17,6 +17,10 @@ ENOUGH_VISIBLE = 0.55
 anything [1]; on one constant load almost none can be seen."""
 
 
+HALF = 0.7
+"""Share of the slow misfit, in kelvin, from which on an effect closes half of it in squares [1]."""
+
+
 @dataclass(frozen=True)
 class Verdict:
     """What is concluded.
@@ -54,10 +58,17 @@ def verdict(growth: Growth, named: Sequence[Named], before: Adequacy, after: Ade
         )
     first = growth.rounds[0]
     if not before.is_adequate:
+        close = [r.candidate.id for r in first.rivals if r.gap_K > HALF * before.misfit_K]
+        several = (
+            f"; {', '.join(close[:4])} would each close much of it, but none is borne out by parts "
+            "left out, a physical amplitude and the rest of the residuals"
+            if close
+            else ""
+        )
         return Verdict(
             "unexplained",
             f"The network leaves {before.misfit_K:.2f} K of slow misfit that no effect of the "
-            "catalogue explains.",
+            f"catalogue accounts for{several}.",
         )
     heat = [s for s in first.scores if s.candidate.kind.card.family != "sensor"]
     visible = sum(s.is_visible for s in heat) / max(1, len(heat))
