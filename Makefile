@@ -34,6 +34,7 @@ bench: $(VENV)/ready
 
 study-discovery: $(VENV)/ready
 	$(BIN)/python tests/studies/discovery.py
+	$(BIN)/python tests/studies/discovery_time.py
 
 notebooks: $(VENV)/ready
 	$(BIN)/pytest -m notebook

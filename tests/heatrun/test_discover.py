@@ -114,6 +114,7 @@ def test_without_its_name_in_the_catalogue_the_cause_stays_unexplained(cooled):
     assert "stator" in found.where_before.node
 
 
+@pytest.mark.slow
 def test_heat_from_outside_is_found_where_and_when_it_was(hidden_bench):
     """A heat step is in no catalogue: no name, but place, time and watts."""
     case, motor, tests, _ = bench(hidden_bench, ("unknown:heat_step",), 36, target_K=0.8)
@@ -174,6 +175,7 @@ class Thermostat(HeatEffect):
         return terms.scale_conductance(("stator", "ambient"), 1.0 + self.g * hot)
 
 
+@pytest.mark.slow
 def test_a_users_effect_is_found_when_it_is_the_hidden_one(hidden_bench):
     _, motor, tests, _ = bench(hidden_bench, ("unknown:thermostat",), 34, target_K=0.8)
     found = discover(motor, tests, kinds=(*EFFECTS, Thermostat))

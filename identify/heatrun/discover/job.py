@@ -112,5 +112,11 @@ def _as_calibration(
     result = assemble_fit(
         motor, rows, findings, dict(models), {order: predictions}, command=command, seed=seed
     )
+    if found.named:
+        names = " and ".join(each.rival.candidate.id for each in found.named)
+        result["verdict"]["sentence"] = (
+            f"The {order}-order network with {names}, which was found missing "
+            f"({found.verdict.word}): {found.verdict.sentence}"
+        )
     result["effects"] = [each.rival.candidate.id for each in found.named]
     return Calibration(motor, tuple(tests), {order: posterior}, {order: predictions}, result)

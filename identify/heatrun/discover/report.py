@@ -12,7 +12,7 @@ VERDICTS = {
     "adequate": "Nothing is missing",
     "named": "Found what was missing",
     "ambiguous": "Found a set that these tests cannot separate",
-    "unexplained": "Something is missing that is not in the catalogue",
+    "unexplained": "Something is missing that no effect of the catalogue accounts for",
     "not_identifiable": "These tests cannot tell",
 }
 

@@ -1,0 +1,70 @@
+"""`heatrun discover` as its user meets it, on the bundled records with a hidden cause."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from heatrun.cli import main
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic" / "hidden_cause"
+
+MINE = '''
+from lptn.effects import EffectCard, HeatEffect, Quantity
+
+
+class CabinetHeater(HeatEffect):
+    """A heater in the cabinet, on all the time."""
+
+    P: float
+
+    card = EffectCard(
+        id="cabinet_heater", family="total loss", law="sr += P", needs=(),
+        signature="warm at rest", separating_test="an hour at rest with the heater off",
+        parameters={"P": Quantity("W", 0.0, 0.0, 100.0, 10.0, "heat of the heater")},
+    )
+
+    def apply(self, terms, temperature, drive):
+        return terms.add_heat("stator", self.P)
+'''
+
+
+def test_the_command_names_what_is_hidden_and_writes_its_folder(tmp_path, capsys):
+    mine = tmp_path / "mine.py"
+    mine.write_text(MINE)
+    run = tmp_path / "run"
+    code = main([
+        "discover", str(DATA / "motor.toml"), str(DATA / "staircase.csv.gz"),
+        str(DATA / "drive_cycle.csv.gz"), "--holdout", str(DATA / "other_staircase.csv.gz"),
+        "--effects", str(mine), "--quick", "--json", "--out", str(run),
+    ])  # fmt: skip
+    said = json.loads(capsys.readouterr().out)
+    assert code == 0
+    truth = json.loads((DATA / "truth.json").read_text())
+    assert said["verdict"] == "named"
+    assert [effect["id"] for effect in said["effects"]] == truth["hidden"]
+    low, high = said["effects"][0]["parameters"]["g"]["interval_95"]
+    assert low < 1.5 * truth["amplitudes"]["speed_cooling"] < high + 0.1  # laws differ in form
+    assert said["holdout"]["rmse_after_K"] < 0.3 * said["holdout"]["rmse_before_K"]
+    assert said["parameters"]["Req_sr"]["after"]["value"] == pytest.approx(
+        truth["Req_sr"], rel=0.05
+    )
+    ids = {row["id"] for row in said["candidates"]}
+    assert "cabinet_heater" in ids
+    stored = json.loads((run / "discovery.json").read_text())
+    assert stored["verdict"] == said["verdict"]
+    for name in ("discovery.pdf", "sheet.pdf", "fit.json", "posterior_second.nc", "manifest.json"):
+        assert (run / name).stat().st_size > 0
+    assert not run.with_name("run.partial").exists()
+
+
+def test_a_file_of_effects_that_is_not_there_is_an_error(tmp_path, capsys):
+    code = main([
+        "discover", str(DATA / "motor.toml"), str(DATA / "staircase.csv.gz"),
+        "--effects", str(tmp_path / "nowhere.py"), "--out", str(tmp_path / "run"),
+    ])  # fmt: skip
+    assert code == 1
+    assert "--effects" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
