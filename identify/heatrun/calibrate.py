@@ -13,9 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from .bench import Finding, Record
-from .bench.blocks import Blocks, reduce
+from .bench.blocks import Blocks
 from .bench.checks import check_record
 from .bench.joined import read_test
+from .bench.reduction import reduce
 from .errors import InputError
 from .fit import fit
 from .fit_result import Fit

@@ -97,7 +97,7 @@ def predict(
         name = slot.name if slot.test is None else f"{slot.parameter.name}[{owner}]"
         if name in fitted.parameters.names:
             z[:, position] = vectors[:, fitted.parameters.index(name)]
-        else:
+        elif slot.parameter.role != "effect":  # an event of another test stays at its null
             z[:, position] = rng.standard_normal(vectors.shape[0])
     if is_held_out:
         _start_from_readings(problem, z, posterior, vectors, rng)

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from .bench import Record, read_record, require
-from .bench.blocks import reduce
+from .bench.reduction import reduce
 from .checkpoint import write_whole
 from .errors import InputError
 from .model import ALL_NAMES, Model, Order, parameters

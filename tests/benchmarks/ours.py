@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import lptn
-from heatrun.bench.blocks import reduce
 from heatrun.bench.record import Record
+from heatrun.bench.reduction import reduce
 from heatrun.model import Model
 from heatrun.motor import Motor
 from heatrun.problem import Problem

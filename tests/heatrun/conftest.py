@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.blocks import reduce
 from heatrun.bench.record import Record
+from heatrun.bench.reduction import reduce
 from heatrun.fit import fit
 from heatrun.model import Model
 from heatrun.motor import Motor

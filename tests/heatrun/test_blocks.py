@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun.bench.blocks import reduce, rounding_step
 from heatrun.bench.record import Record
+from heatrun.bench.reduction import reduce, rounding_step
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 

@@ -10,8 +10,8 @@ import pytest
 from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
-from heatrun.bench.blocks import reduce
 from heatrun.bench.record import Record
+from heatrun.bench.reduction import reduce
 from heatrun.discover.report import write_report
 from heatrun.discover.result import assemble
 from heatrun.discover.run import discover, show

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -147,3 +150,26 @@ def test_a_users_file_that_cannot_be_used_is_refused(tmp_path, text, said):
         all_effects([path])
     with pytest.raises(InputError, match="not there"):
         all_effects([tmp_path / "nowhere.py"])
+
+
+def test_an_effect_of_an_installed_package_is_taken_in(tmp_path, monkeypatch):
+    path = tmp_path / "mine.py"
+    path.write_text(USER_EFFECT)
+    (kind,) = [k for k in all_effects([path]) if k.card.id == "cabinet_heater"]
+
+    class Entry:
+        name = "cabinet"
+
+        def load(self):
+            return kind
+
+    monkeypatch.setattr("heatrun.discover.library.entry_points", lambda group: [Entry()])
+    assert all_effects()[-1] is kind
+
+
+def test_what_a_held_out_test_lacks_is_not_searched(blocks):
+    silent = replace(blocks, inputs=eqx.tree_at(lambda i: i.speed, blocks.inputs, None))
+    network = second_order(1.0, 1.0, 1.0, 1.0)
+    found = library(EFFECTS, network, [blocks, silent], num_events=1)
+    assert "speed_rpm" in found.unavailable["speed_cooling"]
+    assert [c.test for c in found.candidates if c.id == "cooling_step"] == [0]

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun.bench.blocks import reduce
+from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
 from heatrun.fit import fit
 from heatrun.model import Model, parameters

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from heatrun import archive
-from heatrun.bench.blocks import reduce
+from heatrun.bench.reduction import reduce
 from heatrun.fit import fit
 from heatrun.identifiability import forecast
 from heatrun.model import Model

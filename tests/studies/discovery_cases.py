@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 import heatrun.runtime  # noqa: F401  (settings of JAX before its first use)
-from heatrun.bench.blocks import Blocks, reduce
+from heatrun.bench.blocks import Blocks
 from heatrun.bench.record import Record
+from heatrun.bench.reduction import reduce
 from heatrun.discover.engine import Engine, Refit
 from heatrun.discover.folds import rmse
 from heatrun.discover.library import Candidate

@@ -1,4 +1,4 @@
-"""Reduction of a record to what a fit needs: mean inputs on an even grid, block means to compare.
+"""A reduced record: mean inputs on an even grid, block means to compare.
 
 Two grids are nested. The *steps* (about 2 s) carry the simulation: over each, current squared,
 losses and sink enter as means, so energy is conserved. The *blocks* (about 20 s) carry the
@@ -9,7 +9,6 @@ the sensor.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -19,26 +18,9 @@ from jaxtyping import Array, Bool, Float
 
 from lptn import Inputs
 
-from ..errors import InputError
-from ..motor import Motor
-from .record import Record
-
-STEP_S = 2.0
-"""Length of a step [s]: on a winding of 90 s a jump of load inside a step then costs a few
-thousandths of a kelvin for a while, everything else far less."""
-
-LONGEST_STEP_S = 5.0
-"""Slower records are stepped through at most this far at once [s]."""
-
 BLOCK_S = 20.0
 """Length of a block [s]: long enough that rounding and sampling are averaged out, short against
 the fast time constant of a traction motor (60...150 s)."""
-
-FEWEST_BLOCKS = 90
-"""A short test gets shorter blocks, so that at least this many remain for the noise model."""
-
-FEWEST_SAMPLES = 20
-"""With fewer readings than this not even the noise can be told from the parameters."""
 
 
 @dataclass(frozen=True)
@@ -127,212 +109,3 @@ class Observation(eqx.Module):
     position: Float[Array, "block step"]
     rounding_variance: Float[Array, " block"]
     block_s: Float[Array, ""]
-
-
-def reduce(
-    record: Record,
-    motor: Motor,
-    *,
-    step_s: float | None = None,
-    block_s: float | None = None,
-) -> Blocks:
-    """Reduce a record to steps and blocks; power is conserved, nothing is smoothed.
-
-    Args:
-        record: A record with the channels that a fit needs.
-        motor: Says which channel is the sink.
-        step_s: Length of a step [s]; by default about 2 s, or the sampling period if longer.
-        block_s: Length of a block [s]; by default about 20 s, shorter for a short test.
-
-    Raises:
-        InputError: If a channel is missing, time does not increase, or too few samples remain.
-    """
-    time = record.time_s
-    _require(record, motor)
-    if np.any(~np.isfinite(time)) or np.any(np.diff(time) <= 0):
-        raise InputError(
-            "time must increase from sample to sample and does not",
-            where=record.name,
-            remedy="Run `heatrun check` on the file: it names the lines.",
-        )
-    is_read = np.isfinite(record["winding_degC"])
-    if np.sum(is_read) < FEWEST_SAMPLES:
-        raise InputError(
-            f"{int(np.sum(is_read))} samples with a winding temperature, expected at least "
-            f"{FEWEST_SAMPLES}",
-            where=record.name,
-            remedy="Record the whole heat run, at 1 Hz or faster.",
-        )
-    sample_s = float(np.median(np.diff(time)))
-    step = step_s or _step_length(sample_s, record.duration_s)
-    steps_per_block = _steps_per_block(step, sample_s, record.duration_s, block_s)
-    num_blocks = max(1, math.ceil(record.duration_s / (step * steps_per_block) - 1e-9))
-    num_steps = num_blocks * steps_per_block
-    edges = time[0] + step * np.arange(num_steps + 1)
-
-    inputs, notes = _inputs(record, motor, edges, step)
-    shape = (num_blocks, steps_per_block)
-    weight, position, count, measured, middle = _observation(
-        time[is_read], record["winding_degC"][is_read], edges, shape
-    )
-    start, slope = _start(time[is_read], record["winding_degC"][is_read], step * steps_per_block)
-    return Blocks(
-        name=record.name,
-        inputs=inputs,
-        measured=measured,
-        weight=weight,
-        position=position,
-        count=count,
-        time=middle - time[0],
-        block_s=step * steps_per_block,
-        rounding_K=rounding_step(record["winding_degC"][is_read]),
-        start_degC=start,
-        start_slope=slope,
-        sample_s=sample_s,
-        stator_start_degC=_first(record, "stator_degC"),
-        first_s=float(time[0]),
-        notes=notes,
-    )
-
-
-def rounding_step(reading: Float[np.ndarray, " time"]) -> float:
-    """Return the resolution of a reading [K]: the step that all its values are multiples of.
-
-    Returns 0 where the values share no step of 0.01 K or coarser.
-    """
-    for step in (1.0, 0.5, 0.25, 0.2, 0.1, 0.05, 0.02, 0.01):
-        if np.all(np.abs(reading / step - np.round(reading / step)) < 1e-6 / step):
-            return step
-    return 0.0
-
-
-def _require(record: Record, motor: Motor) -> None:
-    needed = ("phase_current_A", "losses_W", f"{motor.sink}_degC", "winding_degC")
-    missing = [channel for channel in needed if channel not in record]
-    if missing:
-        raise InputError(
-            f"channel {', '.join(missing)} is missing; the record has "
-            f"{', '.join(sorted(record.channels))}",
-            where=record.name,
-            remedy="Map it in the motor file, such as [columns] "
-            f'{missing[0]} = "name in the file [unit]".',
-        )
-
-
-def _step_length(sample_s: float, duration_s: float) -> float:
-    target = min(STEP_S, duration_s / (10 * FEWEST_BLOCKS))
-    if sample_s <= target:
-        return sample_s * max(1, round(target / sample_s))
-    return sample_s / math.ceil(sample_s / LONGEST_STEP_S - 1e-9)
-
-
-def _steps_per_block(step: float, sample_s: float, duration_s: float, block_s: float | None) -> int:
-    wanted = block_s or min(BLOCK_S, duration_s / FEWEST_BLOCKS)
-    return max(1, round(max(wanted, sample_s) / step))
-
-
-def _inputs(
-    record: Record, motor: Motor, edges: np.ndarray, step: float
-) -> tuple[Inputs, tuple[str, ...]]:
-    notes: list[str] = []
-
-    def mean(channel: str, power: int = 1) -> Array:
-        values = record[channel] ** power
-        finite = np.isfinite(values)
-        if not np.any(finite):
-            raise InputError(f"channel {channel} holds no number", where=record.name,
-                             remedy="Check the column that it is mapped to.")  # fmt: skip
-        if not np.all(finite):
-            notes.append(
-                f"{record.name}: {np.sum(~finite)} missing samples of {channel} were bridged by "
-                "straight lines"
-            )
-        return jnp.asarray(_interval_means(record.time_s[finite], values[finite], edges))
-
-    speed = None
-    if "speed_rpm" in record and np.any(np.isfinite(record["speed_rpm"])):
-        speed = mean("speed_rpm") * (2 * math.pi / 60)
-    coolant = None
-    if "coolant_degC" in record and np.any(np.isfinite(record["coolant_degC"])):
-        coolant = mean("coolant_degC")
-    fan = None
-    for channel in ("fan", "coolant_flow_L_per_min"):
-        if fan is None and channel in record and np.nanmax(np.abs(record[channel])) > 0:
-            largest = 1.0 if channel == "fan" else float(np.nanmax(record[channel]))
-            fan = mean(channel) / largest
-    fastest = 1.0 if speed is None else max(float(jnp.max(jnp.abs(speed))), 1e-9)
-    rated = motor.rated_speed_rpm
-    current_squared = mean("phase_current_A", power=2)
-    inputs = Inputs(
-        step=jnp.asarray(step),
-        current_squared=current_squared,
-        losses=mean("losses_W"),
-        ambient=mean(f"{motor.sink}_degC"),
-        speed=speed,
-        coolant=coolant,
-        fan=fan,
-        rated_speed=jnp.asarray(fastest if rated is None else rated * 2 * math.pi / 60),
-        rated_current=jnp.sqrt(jnp.maximum(jnp.max(current_squared), 1e-12)),
-    )
-    return inputs, tuple(notes)
-
-
-def _interval_means(time: np.ndarray, values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Return the means of the straight-line course between samples over each interval.
-
-    Beyond the first and the last sample the value is held.
-    """
-    if time.size == 1:
-        return np.full(edges.size - 1, values[0])
-    inside = edges[(edges > time[0]) & (edges < time[-1])]
-    knots = np.union1d(time, inside)
-    course = np.interp(knots, time, values)
-    integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(knots) * (course[1:] + course[:-1]))])
-    at_edges = np.interp(edges, knots, integral)
-    at_edges += np.minimum(edges - time[0], 0.0) * values[0]
-    at_edges += np.maximum(edges - time[-1], 0.0) * values[-1]
-    return np.diff(at_edges) / np.diff(edges)
-
-
-def _observation(
-    time: np.ndarray, reading: np.ndarray, edges: np.ndarray, shape: tuple[int, int]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return weight, position, count, mean reading and mean time of the blocks.
-
-    A sample belongs to the step that it ends; the very first one belongs to the first step.
-    """
-    num_steps = edges.size - 1
-    step = edges[1] - edges[0]
-    index = np.ceil((time - edges[0]) / step - 1e-9).astype(int) - 1
-    index = np.clip(index, 0, num_steps - 1)
-    per_step = np.bincount(index, minlength=num_steps).astype(float)
-    offset = (time - edges[index]) / step
-    filled = np.maximum(per_step, 1.0)
-    position = np.bincount(index, weights=offset, minlength=num_steps) / filled
-
-    block = index // shape[1]
-    count = np.bincount(block, minlength=shape[0]).astype(float)
-    with np.errstate(invalid="ignore"):
-        measured = np.bincount(block, weights=reading, minlength=shape[0]) / count
-        middle = np.bincount(block, weights=time, minlength=shape[0]) / count
-        weight = per_step.reshape(shape) / count[:, None]
-    empty = count == 0
-    middle[empty] = (edges[:-1].reshape(shape)[:, 0] + 0.5 * step * shape[1])[empty]
-    weight[empty] = 0.0
-    return weight, position.reshape(shape), count, measured, middle
-
-
-def _first(record: Record, channel: str) -> float | None:
-    """Return the mean of the first five readings of a channel, None if there are none."""
-    if channel not in record:
-        return None
-    early = record[channel][:5]
-    return float(np.nanmean(early)) if np.any(np.isfinite(early)) else None
-
-
-def _start(time: np.ndarray, reading: np.ndarray, block_s: float) -> tuple[float, float]:
-    """Return the first temperature [degC] and its trend [K/s] from the first block."""
-    first = time <= max(time[0] + block_s, time[min(4, time.size - 1)])
-    offset = time[first] - time[0]
-    slope, start = np.polyfit(offset, reading[first], 1)
-    return float(start), float(slope)

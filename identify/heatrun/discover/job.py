@@ -68,7 +68,8 @@ def run_job(
         progress: Called with a sentence and the share done while sampling.
     """
     fitted = [test.blocks for test in tests if test.role == "calibration"]
-    found = discover(motor, fitted, order=order, kinds=kinds, seed=seed, say=say)
+    held_out = [test.blocks for test in tests if test.role == "holdout"]
+    found = discover(motor, fitted, order=order, kinds=kinds, held_out=held_out, seed=seed, say=say)
     say(f"{found.verdict.word}: sampling the model as it is now")
     shown = show(
         found, [test.blocks for test in tests], method=method, seed=seed,

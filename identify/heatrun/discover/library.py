@@ -63,7 +63,11 @@ class Library:
 
 
 def library(
-    kinds: Sequence[type[AbstractEffect]], network: Network, tests: Sequence[Blocks]
+    kinds: Sequence[type[AbstractEffect]],
+    network: Network,
+    tests: Sequence[Blocks],
+    *,
+    num_events: int | None = None,
 ) -> Library:
     """Return which effects the tests allow to be searched.
 
@@ -71,7 +75,9 @@ def library(
         kinds: All effects.
         network: The base network.
         tests: The reduced records.
+        num_events: Tests that an event can be sought in, the first ones; all by default.
     """
+    num_events = len(tests) if num_events is None else num_events
     usable: list[type[AbstractEffect]] = []
     unavailable: dict[str, str] = {}
     for kind in kinds:
@@ -86,7 +92,7 @@ def library(
     candidates: list[Candidate] = []
     for kind in usable:
         if kind.card.family == EVENT:
-            candidates += [Candidate(kind, index) for index in range(len(tests))]
+            candidates += [Candidate(kind, index) for index in range(num_events)]
         else:
             candidates.append(Candidate(kind))
     return Library(tuple(usable), tuple(candidates), unavailable)

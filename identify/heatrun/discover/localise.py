@@ -24,6 +24,9 @@ SPACING_S = 120.0
 """Time between knots [s]: about the fast time constant of a winding, under which no thermometer
 resolves heat."""
 
+MOST_KNOTS = 90
+"""Knots of one test; longer tests get wider spacing."""
+
 STRENGTHS_W = (0.003, 0.01, 0.03, 0.1)
 """Strengths of missing heat that are tried, in parts of the largest loss [1]."""
 
@@ -122,7 +125,8 @@ def localise(engine: Engine, present: Refit, model: Model) -> Where:
     for index, test in enumerate(engine.tests):
         numbers, _ = engine.values(present.z, index)
         values = {name: jnp.asarray(number) for name, number in numbers.items()}
-        responses.append(respond(model, values, test, SPACING_S))
+        spacing = max(SPACING_S, test.duration_s / MOST_KNOTS)
+        responses.append(respond(model, values, test, spacing))
     solve = _Solver(engine, present, responses)
     best, table = _most_evident(solve, engine)
     courses = solve.courses(best) if best else []

@@ -90,6 +90,7 @@ def discover(
     *,
     order: Order = "second",
     kinds: Sequence[type[AbstractEffect]] | None = None,
+    held_out: Sequence[Blocks] = (),
     seed: int = 0,
     say: Say = lambda sentence: None,
 ) -> Discovery:
@@ -100,6 +101,8 @@ def discover(
         tests: Reduced records to calibrate on.
         order: The base network.
         kinds: The effects that are searched; by default the catalogue and installed ones.
+        held_out: Tests that will be predicted; an effect is searched only if they have what it
+            needs, nothing else is read of them.
         seed: Of everything that is drawn.
         say: Told what is being done.
 
@@ -109,7 +112,7 @@ def discover(
     watch = _Watch()
     searched = all_effects() if kinds is None else tuple(kinds)
     bare = Model.of(order, motor)
-    found = library(searched, bare.topology(), tests)
+    found = library(searched, bare.topology(), [*tests, *held_out], num_events=len(tests))
     problem = Problem.of(replace(bare, effects=found.kinds), motor, tests)
     engine = Engine(problem)
     say(f"{order} order: fitting the network alone")
