@@ -11,34 +11,15 @@ from heatrun.cli import main
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic" / "hidden_cause"
 
-MINE = '''
-from lptn.effects import EffectCard, HeatEffect, Quantity
-
-
-class CabinetHeater(HeatEffect):
-    """A heater in the cabinet, on all the time."""
-
-    P: float
-
-    card = EffectCard(
-        id="cabinet_heater", family="total loss", law="sr += P", needs=(),
-        signature="warm at rest", separating_test="an hour at rest with the heater off",
-        parameters={"P": Quantity("W", 0.0, 0.0, 100.0, 10.0, "heat of the heater")},
-    )
-
-    def apply(self, terms, temperature, drive):
-        return terms.add_heat("stator", self.P)
-'''
+MINE = Path(__file__).with_name("cabinet_heater.py")
 
 
 def test_the_command_names_what_is_hidden_and_writes_its_folder(tmp_path, capsys):
-    mine = tmp_path / "mine.py"
-    mine.write_text(MINE)
     run = tmp_path / "run"
     code = main([
         "discover", str(DATA / "motor.toml"), str(DATA / "staircase.csv.gz"),
         str(DATA / "drive_cycle.csv.gz"), "--holdout", str(DATA / "other_staircase.csv.gz"),
-        "--effects", str(mine), "--quick", "--json", "--out", str(run),
+        "--effects", str(MINE), "--quick", "--json", "--out", str(run),
     ])  # fmt: skip
     said = json.loads(capsys.readouterr().out)
     assert code == 0

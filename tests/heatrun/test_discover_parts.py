@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -20,23 +21,8 @@ from heatrun.model import Model
 from heatrun.problem import Problem, linearise
 from lptn import EFFECTS, second_order
 
-USER_EFFECT = '''
-from lptn.effects import EffectCard, HeatEffect, Quantity
-
-class CabinetHeater(HeatEffect):
-    """A heater in the cabinet."""
-
-    P: float
-
-    card = EffectCard(
-        id="cabinet_heater", family="total loss", law="sr += P", needs=(),
-        signature="warm at rest", separating_test="switch it off",
-        parameters={"P": Quantity("W", 0.0, 0.0, 100.0, 10.0, "heat")},
-    )
-
-    def apply(self, terms, temperature, drive):
-        return terms.add_heat("stator", self.P)
-'''
+MINE = Path(__file__).with_name("cabinet_heater.py")
+USER_EFFECT = MINE.read_text()
 
 
 @pytest.fixture(scope="module")
@@ -126,10 +112,8 @@ def test_effects_without_their_channel_are_said_to_be_unavailable(blocks):
     assert [c.test for c in events] == [0]
 
 
-def test_a_users_file_of_effects_is_taken_in(tmp_path):
-    path = tmp_path / "mine.py"
-    path.write_text(USER_EFFECT)
-    kinds = all_effects([path])
+def test_a_users_file_of_effects_is_taken_in():
+    kinds = all_effects([MINE])
     assert kinds[-1].card.id == "cabinet_heater"
     assert kinds[:-1] == EFFECTS
 
@@ -152,10 +136,8 @@ def test_a_users_file_that_cannot_be_used_is_refused(tmp_path, text, said):
         all_effects([tmp_path / "nowhere.py"])
 
 
-def test_an_effect_of_an_installed_package_is_taken_in(tmp_path, monkeypatch):
-    path = tmp_path / "mine.py"
-    path.write_text(USER_EFFECT)
-    (kind,) = [k for k in all_effects([path]) if k.card.id == "cabinet_heater"]
+def test_an_effect_of_an_installed_package_is_taken_in(monkeypatch):
+    (kind,) = [k for k in all_effects([MINE]) if k.card.id == "cabinet_heater"]
 
     class Entry:
         name = "cabinet"
