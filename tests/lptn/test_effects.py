@@ -15,7 +15,7 @@ import pytest
 
 import lptn
 from lptn import EFFECTS, CopperLosses
-from lptn.effects import HeatEffect, NodeEffect, SensorEffect, applies
+from lptn.effects import AbstractEffect, HeatEffect, NodeEffect, SensorEffect, applies
 from lptn.effects import build as build_effect
 from lptn.effects.neighbour_body import NeighbourBody
 from lptn.effects.sensor_lag import SensorLag
@@ -59,14 +59,24 @@ def any_network(request, network, four_nodes):
     }[request.param]
 
 
+@pytest.fixture(scope="module")
+def read(network, losses, short):
+    """The reading under effects, compiled once for each set of kinds."""
+    start = {"winding": jnp.asarray(22.0), "stator": jnp.asarray(20.0)}
+
+    @eqx.filter_jit
+    def reading(*effects: AbstractEffect):
+        return lptn.reading(network, losses, short, start, effects=effects)
+
+    return reading
+
+
 @every_effect
-def test_null_value_is_the_base_model(kind, network, losses, short, start):
-    base = lptn.reading(network, losses, short, start)
-    gone = lptn.reading(network, losses, short, start, effects=[null(kind)])
+def test_null_value_is_the_base_model(kind, read):
+    base = read()
     # K; what keeps gradients finite at the null value is 1e-12 W/K or 1e-9 of a step
-    np.testing.assert_allclose(gone, base, rtol=0.0, atol=1e-8)
-    there = lptn.reading(network, losses, short, start, effects=[build(kind)])
-    assert float(jnp.max(jnp.abs(there - base))) > 1e-3
+    np.testing.assert_allclose(read(null(kind)), base, rtol=0.0, atol=1e-8)
+    assert float(jnp.max(jnp.abs(read(build(kind)) - base))) > 1e-3
 
 
 @every_effect
@@ -99,15 +109,13 @@ def test_gradients_are_finite_and_true(kind, network, losses, short, start):
 
 
 @every_effect
-def test_eager_jit_and_vmap_agree(kind, network, losses, short, start):
-    def reading(effect):
-        return lptn.reading(network, losses, short, start, effects=[effect])
-
+def test_eager_jit_and_vmap_agree(kind, read, network, losses, short, start):
     effects = [build(kind), null(kind)]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
-    eager = jnp.stack([reading(effect) for effect in effects])
-    np.testing.assert_allclose(eqx.filter_vmap(reading)(stacked), eager, rtol=1e-12)
-    np.testing.assert_allclose(jax.jit(reading)(effects[0]), eager[0], rtol=1e-12)
+    compiled = jnp.stack([read(effect) for effect in effects])
+    eager = lptn.reading(network, losses, short, start, effects=effects[:1])
+    np.testing.assert_allclose(compiled[0], eager, rtol=1e-12)
+    np.testing.assert_allclose(eqx.filter_vmap(read)(stacked), compiled, rtol=1e-12)
 
 
 @every_effect
@@ -130,6 +138,8 @@ def test_card_and_docstring_are_complete(kind):
     assert issubclass(kind, HeatEffect | NodeEffect | SensorEffect)
     for sentence in (card.family, card.law, card.signature, card.separating_test):
         assert len(sentence) > 3
+        opening = " ".join(sentence.split()[:3])
+        assert sentence.count(opening) == 1, "a sentence that begins again within itself"
     assert card.separating_test.count(" ") > 2
     assert set(card.parameters) <= {field.name for field in dataclasses.fields(kind)}
     nulls = [q for q in card.parameters.values() if q.null is not None]
@@ -173,20 +183,38 @@ def test_effects_that_are_all_gone_leave_any_network_as_it_was(any_network, loss
     ("one", "other"), list(zip(EFFECTS, EFFECTS[1:] + EFFECTS[:1], strict=True)),
     ids=lambda kind: kind.card.id,
 )  # fmt: skip
-def test_effects_compose_in_pairs(one, other, network, losses, short, start):
+def test_effects_compose_in_pairs(one, other, read):
     """What one effect does is still there beside the other."""
-    both = lptn.reading(network, losses, short, start, effects=[build(one), build(other)])
+    both = read(build(one), build(other))
     for alone, absent in ((one, other), (other, one)):
-        effects = [build(kind) if kind is alone else null(kind) for kind in (one, other)]
-        single = lptn.reading(network, losses, short, start, effects=effects)
+        single = read(*(build(kind) if kind is alone else null(kind) for kind in (one, other)))
         assert np.all(np.isfinite(single))
         assert float(jnp.max(jnp.abs(both - single))) > 1e-4, f"{absent.card.id} has no effect"
 
 
-def test_speed_cooling_without_speed_says_what_to_do(network, losses, short, start):
-    deaf = eqx.tree_at(lambda i: i.speed, short, None)
-    with pytest.raises(ValueError, match="speed_rpm"):
-        lptn.simulate(network, losses, deaf, start, effects=[build(SpeedCooling)])
+CHANNEL = {"speed": "speed_rpm", "speed_rad": "speed_rpm", "coolant": "coolant_degC", "fan": "fan"}
+"""Channel of the record that each input of an effect comes from."""
+
+
+@pytest.mark.parametrize(
+    "kind", [kind for kind in EFFECTS if kind.card.needs], ids=lambda kind: kind.card.id
+)
+def test_an_effect_without_its_channel_says_what_to_map(kind, network, losses, short, start):
+    for need in kind.card.needs:
+        lost = need.removesuffix("_rad")
+        deaf = dataclasses.replace(short, **{lost: None})
+        with pytest.raises(ValueError, match=f"{kind.card.id} needs .* {CHANNEL[need]}: map it"):
+            lptn.reading(network, losses, deaf, start, effects=[build(kind)])
+
+
+@every_effect
+def test_an_effect_needs_no_channel_but_those_of_its_card(kind, network, losses, short, start):
+    kept = {need.removesuffix("_rad") for need in kind.card.needs}
+    dropped = {name: None for name in ("speed", "coolant", "fan") if name not in kept}
+    bare = dataclasses.replace(short, **dropped)
+    jax.eval_shape(
+        lambda effect: lptn.reading(network, losses, bare, start, effects=[effect]), build(kind)
+    )
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.5, -0.5, 1.0])

@@ -103,11 +103,14 @@ def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short, 
         share={"stator": jnp.asarray(1.0)},
     )  # fmt: skip
     equal = {"winding": 20.0, "stator": 20.0}
-    seen = lptn.reading(network, losses, still, equal,
-                        effects=[build(HousingNode, {"x": x, "tau": tau}, network)])  # fmt: skip
-    expected = lptn.reading(ladder, losses, still, {**equal, "housing": 20.0})
+    seen = lptn.simulate(network, losses, still, equal,
+                         effects=[build(HousingNode, {"x": x, "tau": tau}, network)])  # fmt: skip
+    expected = lptn.simulate(ladder, losses, still, {**equal, "housing": 20.0})
     # two explicit third-order marches of different nodes: (2 s/97 s)^3/24 of 15 K at most
-    np.testing.assert_allclose(seen, expected, atol=1e-5)
+    np.testing.assert_allclose(seen.reading, expected.reading, atol=1e-5)
+    housing = 20.0 + x * (seen.temperature["housing"] - 20.0)
+    assert float(housing[-1]) > 20.01
+    np.testing.assert_allclose(housing, expected.temperature["housing"], atol=1e-5)
 
 
 def test_the_rotor_hands_on_what_it_gets(network, losses, short):

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import lptn
-from lptn import SensorLag, SpeedCooling
+from lptn.effects.sensor_lag import SensorLag
+from lptn.effects.speed_cooling import SpeedCooling
 
 LAG = SensorLag(jnp.asarray(10.0))
-COOLING = SpeedCooling(g=jnp.asarray(0.5))
+COOLING = SpeedCooling(g=jnp.asarray(0.5), m=jnp.asarray(0.8))
 
 SENSOR = lptn.Sensor(gain=jnp.asarray(0.02), offset=jnp.asarray(0.4))
 """With a gain the sink enters the reading, and it moves: both must take the same one."""

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import pytest
 
 import lptn
-from lptn import CopperLosses, Inputs, Network, SensorLag
+from lptn import CopperLosses, Inputs, Network
+from lptn.effects.sensor_lag import SensorLag
 
 
 def inputs_of(step, num=10):

@@ -17,8 +17,7 @@ class AcCopperLoss(HeatEffect):
     $$ P_{js} \to P_{js}\,(1 + k s^2) $$
 
     Under a measured balance the total is known: the winding gains what the other losses lose.
-    Under a
-    map it comes on top.
+    Under a map it comes on top.
 
     Attributes:
         k: AC over DC loss less one, at rated speed [1].
@@ -35,8 +34,7 @@ class AcCopperLoss(HeatEffect):
         needs=("speed",),
         signature="a fast residual that goes with current squared and speed squared",
         separating_test="the same current at standstill (DC), at half and at full speed, 20 "
-        "minutes eachthe same current at standstill (DC), at half and at full "
-        "speed, 20 minutes each",
+        "minutes each",
         parameters={
             "k": Quantity("1", 0.0, 0.02, 3.0, 0.3, "AC over DC loss less one, at rated speed"),
         },

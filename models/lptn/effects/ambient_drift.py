@@ -31,8 +31,7 @@ class AmbientDrift(HeatEffect):
         needs=(),
         signature="a slow ramp, delayed by the slow time constant",
         separating_test="an hour at rest with a second ambient sensor at the intake of the "
-        "cooling airan hour at rest with a second ambient sensor at the intake of"
-        " the cooling air",
+        "cooling air",
         parameters={
             "d": Quantity("K/h", 0.0, -5.0, 5.0, 2.0, "drift of the sink"),
         },

@@ -10,7 +10,7 @@ from __future__ import annotations
 import abc
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -68,6 +68,9 @@ class AbstractEffect(eqx.Module):
     """A physical effect that the two base networks leave out."""
 
     card: ClassVar[EffectCard]
+
+
+Effect = TypeVar("Effect", bound=AbstractEffect)
 
 
 class HeatEffect(AbstractEffect):
@@ -228,10 +231,10 @@ def applies(kind: type[AbstractEffect], network: Network) -> bool:
 
 
 def build(
-    kind: type[AbstractEffect],
+    kind: type[Effect],
     values: Mapping[str, Float[Array, ""] | float],
     network: Network,
-) -> AbstractEffect:
+) -> Effect:
     """Return an effect with its parameters, placed in a network.
 
     An effect on the stator sits on the copper node of a network without one, and one on the

@@ -23,6 +23,8 @@ class BearingFriction(HeatEffect):
         kappa: Fall of the friction with temperature [1/K].
         node: Node that it acts on.
 
+    T_f holds all of what reaches the stator: a share c of it could not be told from its size.
+
     Valid for: friction that the losses do not hold, so it adds heat, under a map and where the
         balance leaves it out.
     """
@@ -38,8 +40,7 @@ class BearingFriction(HeatEffect):
         needs=("speed_rad",),
         signature="early heat that fades within 10 to 30 minutes",
         separating_test="a cold start at rated speed without load for 30 minutes, and the same "
-        "again warma cold start at rated speed without load for 30 minutes, and "
-        "the same again warm",
+        "again warm",
         parameters={
             "T_f": Quantity("N m", 0.0, 0.005, 1.0, 0.1, "friction torque of the cold bearings"),
             "kappa": Quantity(

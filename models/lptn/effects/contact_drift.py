@@ -34,8 +34,7 @@ class ContactDrift(HeatEffect):
         needs=(),
         signature="a residual in proportion to copper loss times time",
         separating_test="the same step of current at the beginning and at the end of the test, "
-        "equally warmthe same step of current at the beginning and at the end of "
-        "the test, equally warm",
+        "equally warm",
         parameters={
             "d": Quantity("1/h", 0.0, 0.0, 0.15, 0.05, "relative rise of the resistance per hour"),
         },

@@ -31,8 +31,7 @@ class CoolantSink(HeatEffect):
         needs=("coolant",),
         signature="the residual is the lagged coolant temperature",
         separating_test="a constant load while the coolant is stepped by 15 K and held for 40 "
-        "minutesa constant load while the coolant is stepped by 15 K and held for"
-        " 40 minutes",
+        "minutes",
         parameters={
             "a": Quantity("1", 0.0, 0.0, 1.0, 0.5, "share of the coolant in the sink"),
         },

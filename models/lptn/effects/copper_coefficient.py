@@ -31,8 +31,7 @@ class CopperCoefficient(HeatEffect):
         "adds",
         needs=(),
         signature="a residual that grows with the winding temperature and the square of the "
-        "currenta residual that grows with the winding temperature and the square of "
-        "the current",
+        "current",
         separating_test="resistance by DC at three known temperatures",
         parameters={
             "dB": Quantity("degC", 0.0, -15.0, 15.0, 9.5, "deviation of B from the material value"),

@@ -21,8 +21,7 @@ class ExternalLoss(HeatEffect):
         m: Exponent of the speed [1].
 
     Valid for: a balance that holds bearing, seal or gear losses outside of the stator; it takes
-    heat
-        out under a balance and under a map.
+        heat out under a balance and under a map.
     """
 
     k: Float[Array, ""]
@@ -35,8 +34,7 @@ class ExternalLoss(HeatEffect):
         needs=("speed",),
         signature="the residual follows the speed, much as an error of the losses",
         separating_test="a spin without load at three speeds, 20 minutes each, with the torque "
-        "measureda spin without load at three speeds, 20 minutes each, with the "
-        "torque measured",
+        "measured",
         parameters={
             "k": Quantity(
                 "1",

@@ -27,7 +27,8 @@ class HousingNode(NodeEffect):
     sink and the base network is left. Seen from the stator, with a constant sink, this ladder is
     exactly equivalent to the base network with a side body of capacity x tau/((1-x) R) and
     resistance (1-x) R/x. That is the form it is carried in here, so that other effects find the
-    link to the sink; and it is why a winding sensor never tells a housing from a neighbour.
+    link to the sink; and it is why a winding sensor never tells a housing from a neighbour. The
+    node's temperature T_b is that of the side body; the housing itself is at T0 + x (T_b - T0).
 
     Attributes:
         x: Share of the resistance that lies between housing and sink [1].
@@ -65,5 +66,5 @@ class HousingNode(NodeEffect):
         )
 
     def start(self, start: Mapping[str, Float[Array, ""]]) -> dict[str, Float[Array, ""]]:
-        """Return the start with the housing as a steady state would have it."""
+        """Return the start with the side body at the stator's temperature: a steady housing."""
         return dict(start) | {HOUSING: start[self.link[0]]}

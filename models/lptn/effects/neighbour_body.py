@@ -11,6 +11,9 @@ from jaxtyping import Array, Float
 from ..network import Network
 from .base import EffectCard, NodeEffect, Quantity
 
+TINY = 1e-9
+"""Capacity that is left at the null value, where 0/0 would stand [J/K]."""
+
 
 class NeighbourBody(NodeEffect):
     r"""A third mass (flange, gearbox, inverter) exchanges heat with the stator.
@@ -61,7 +64,3 @@ class NeighbourBody(NodeEffect):
     def start(self, start: Mapping[str, Float[Array, ""]]) -> dict[str, Float[Array, ""]]:
         """Return the start with the body at the stator's temperature, as after a long soak."""
         return dict(start) | {"neighbour": start[self.node]}
-
-
-TINY = 1e-9
-"""Capacity that is left at the null value, where 0/0 would stand [J/K]."""

@@ -14,6 +14,9 @@ from .base import EffectCard, HeatEffect, NodeEffect, Quantity, Terms
 
 ROTOR = "rotor"
 
+TINY = 1e-12
+"""Share that is left at the null value, where 0/0 would stand [1]."""
+
 
 class RotorNode(NodeEffect, HeatEffect):
     r"""Part of the losses arises in the rotor, which hands it on to the stator with a delay.
@@ -70,7 +73,3 @@ class RotorNode(NodeEffect, HeatEffect):
         # the same tiny share as of the capacity: the rotor's temperature is regular at p = 0
         moved = (self.p + TINY) * terms.other
         return terms.add_other(-moved).add_heat(ROTOR, moved)
-
-
-TINY = 1e-12
-"""Share that is left at the null value, where 0/0 would stand [1]."""

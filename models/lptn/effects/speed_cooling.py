@@ -25,8 +25,7 @@ class SpeedCooling(HeatEffect):
     Valid for: a shaft-mounted fan or windage over a closed frame; m = 0.8 where the flow is
         turbulent, 0.5 where it is laminar.
     Reference: T. L. Bergman et al., Fundamentals of Heat and Mass Transfer, 7th ed., section 7.2:
-    Nu
-        ~ Re^0.5 along a plate in laminar flow, Re^0.8 in turbulent flow.
+        Nu ~ Re^0.5 along a plate in laminar flow, Re^0.8 in turbulent flow.
     """
 
     g: Float[Array, ""]
@@ -40,8 +39,7 @@ class SpeedCooling(HeatEffect):
         needs=("speed",),
         signature="the sign of the residual follows the speed",
         separating_test="two cool-downs from the same temperature, one at standstill and one at "
-        "rated speedtwo cool-downs from the same temperature, one at standstill "
-        "and one at rated speed",
+        "rated speed",
         parameters={
             "g": Quantity("1", 0.0, 0.0, 5.0, 0.5, "gain of conductance at rated speed"),
             "m": Quantity("1", None, 0.5, 1.0, 0.8, "exponent of the speed"),
