@@ -140,7 +140,14 @@ def _confusion(rows: list[dict[str, Any]], path: Path) -> None:
     hidden = list(dict.fromkeys(row["hidden"][0] if row["hidden"] else "nothing" for row in chosen))
     other = ["adequate", "unexplained", "not_identifiable"]
     names = [h for h in hidden if h != "nothing" and not h.startswith("unknown")]
-    extra = {n["id"] for row in chosen for n in row["named"]} - set(names)
+    claimed = {
+        member
+        for row in chosen
+        if claims(row)
+        for n in row["named"]
+        for member in (n["id"], *n["equivalents"])
+    }
+    extra = claimed - set(names)
     columns = [*names, *sorted(extra), *other]
     matrix = np.zeros((len(hidden), len(columns)))
     for row in chosen:
