@@ -6,6 +6,7 @@ knows of. What is hidden, and how strongly, stands in `truth.json` beside them.
 
 from __future__ import annotations
 
+import argparse
 import gzip
 import importlib
 import io
@@ -21,11 +22,13 @@ HIDDEN = "speed_cooling"
 
 
 def main() -> None:
-    """Write records, motor file and truth into `hidden_cause`."""
+    """Write records, motor file and truth."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=HERE / "hidden_cause")
+    folder = parser.parse_args().out
     sys.path.insert(0, str(HERE))
     hidden = importlib.import_module("generator.hidden")
     case = hidden.make_case((HIDDEN,), SEED, target_K=0.8, resolution_K=0.1)
-    folder = HERE / "hidden_cause"
     folder.mkdir(exist_ok=True)
     names = ("staircase", "drive_cycle", "other_staircase")
     for name, test in zip(names, case.tests, strict=True):

@@ -30,7 +30,7 @@ def table_of(name: str) -> pd.DataFrame:
     return pd.read_csv(SYNTHETIC / f"{name}.csv.gz", sep=separator, decimal=decimal)
 
 
-@pytest.mark.parametrize("name", ["thesis", "synthetic"])
+@pytest.mark.parametrize("name", ["thesis", "synthetic", "synthetic/hidden_cause"])
 def test_checksums_of_the_description_hold(name: str) -> None:
     folder = DATA / name
     stated = dict(
@@ -38,10 +38,28 @@ def test_checksums_of_the_description_hold(name: str) -> None:
             r"\| `([^`]+)` \| `([0-9a-f]{64})` \|", (folder / "README.md").read_text("utf-8")
         )
     )
-    data = {path.name for path in folder.glob("*.*")} - {"README.md", "generate.py"}
+    data = {path.name for path in folder.glob("*.*")} - {
+        "README.md",
+        "generate.py",
+        "generate_hidden.py",
+    }
     assert set(stated) == data
     for file, digest in stated.items():
         assert hashlib.sha256((folder / file).read_bytes()).hexdigest() == digest, file
+
+
+def test_the_hidden_cause_can_be_made_again(tmp_path: Path) -> None:
+    subprocess.run(
+        [sys.executable, "-B", SYNTHETIC / "generate_hidden.py", "--out", tmp_path],
+        check=True,
+        capture_output=True,
+    )
+    for path in tmp_path.iterdir():
+        kept = SYNTHETIC / "hidden_cause" / path.name
+        is_packed = path.suffix == ".gz"  # other versions of zlib pack otherwise
+        one, other = (text_of(p) if is_packed else p.read_text("utf-8") for p in (path, kept))
+        assert one == other
+    assert len(list(tmp_path.iterdir())) == 5
 
 
 def test_the_command_makes_the_same_records_again(tmp_path: Path) -> None:
