@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
+from heatrun.discover.library import all_effects
 from heatrun.discover.report import write_report
 from heatrun.discover.result import assemble
 from heatrun.discover.run import discover, show
 from heatrun.motor import Motor
 from heatrun.run_folder import dump
 from lptn import EFFECTS
-from lptn.effects import EffectCard, HeatEffect, Quantity
 
 
 def bench(hidden_bench, hidden, seed, **options):
@@ -146,39 +145,12 @@ def test_a_single_load_step_cannot_tell(hidden_bench):
     assert not found.named
 
 
-class Thermostat(HeatEffect):
-    """A cooling that comes on above a temperature of the stator; a user's own effect.
-
-    Attributes:
-        g: Gain of conductance when it is on [1].
-        on: Temperature of the stator at which it comes on [degC].
-    """
-
-    g: Float[Array, ""]
-    on: Float[Array, ""]
-
-    card = EffectCard(
-        id="thermostat",
-        family="cooling",
-        law="1/Req,sr -> (1/Req,sr)(1 + g) while Tsr > on",
-        needs=(),
-        signature="the conductance jumps at one temperature",
-        separating_test="a slow ramp of load through the temperature, up and down",
-        parameters={
-            "g": Quantity("1", 0.0, 0.0, 5.0, 0.5, "gain of conductance when it is on"),
-            "on": Quantity("degC", None, 30.0, 80.0, 50.0, "temperature at which it comes on"),
-        },
-    )
-
-    def apply(self, terms, temperature, drive):
-        hot = 0.5 * (1.0 + jnp.tanh((temperature["stator"] - self.on) / 6.0))
-        return terms.scale_conductance(("stator", "ambient"), 1.0 + self.g * hot)
-
-
-@pytest.mark.slow
-def test_a_users_effect_is_found_when_it_is_the_hidden_one(hidden_bench):
-    _, motor, tests, _ = bench(hidden_bench, ("unknown:thermostat",), 34, target_K=0.8)
-    found = discover(motor, tests, kinds=(*EFFECTS, Thermostat))
-    assert found.named[0].rival.candidate.id == "thermostat"
-    assert found.verdict.word in ("named", "ambiguous")
-    assert found.after.misfit_K < 0.2 * found.before.misfit_K
+def test_a_users_effect_is_found_when_it_is_the_hidden_one(cooled):
+    """Its one file stands in for what the catalogue would call speed cooling."""
+    case, motor, tests, _ = cooled
+    kinds = all_effects([Path(__file__).with_name("shaft_fan.py")])
+    found = discover(motor, tests, kinds=[k for k in kinds if k.card.id != "speed_cooling"])
+    assert found.verdict.word == "named"
+    (fan,) = found.named
+    assert fan.rival.candidate.id == "shaft_fan"
+    assert fan.rival.values["g"] == pytest.approx(1.5 * case.amplitudes["speed_cooling"], rel=0.15)
