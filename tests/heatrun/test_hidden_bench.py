@@ -10,7 +10,7 @@ import pytest
 
 
 def test_a_clean_machine_leaves_little_to_see_and_comes_back_from_its_seed(hidden_bench):
-    case, again = hidden_bench.make_case((), 7), hidden_bench.make_case((), 7)
+    case, again = hidden_bench.make_case((), 7), hidden_bench.make_case(("clean",), 7)
     assert case.visible_misfit_K < 0.12
     for one, other in zip(case.tests, again.tests, strict=True):
         for name, values in one.columns.items():
@@ -19,6 +19,17 @@ def test_a_clean_machine_leaves_little_to_see_and_comes_back_from_its_seed(hidde
     assert not np.array_equal(other.tests[0].reading, case.tests[0].reading)
     assert [t.role for t in case.tests] == ["calibration", "calibration", "holdout"]
     assert case.tests[0].columns["time_s"].size == 14_401
+
+
+def test_what_is_not_known_is_refused(hidden_bench):
+    with pytest.raises(ValueError, match=r"speed_coolin'.*clean machine"):
+        hidden_bench.make_case(("speed_coolin",), 7)
+    with pytest.raises(ValueError, match="twice"):
+        hidden_bench.make_case(("radiation", "radiation"), 7)
+    with pytest.raises(ValueError, match="single_step"):
+        hidden_bench.make_case((), 7, kind="one_step")
+    with pytest.raises(ValueError, match="above zero"):
+        hidden_bench.make_case(("radiation",), 7, target_K=0.0)
 
 
 def test_a_cause_is_given_the_misfit_that_was_asked_for(hidden_bench):

@@ -23,6 +23,12 @@ from .plant import HALF_S, Array, Course, Plant, integrate
 EFFECT_IDS = (*HEAT, *SENSOR)
 UNKNOWN_IDS = (*UNKNOWN_HEAT, *UNKNOWN_SENSOR)
 
+CLEAN = "clean"
+"""Stands for a machine in which nothing is hidden, as an empty tuple does."""
+
+KINDS = ("two_tests", "single_step")
+"""Kinds of cases."""
+
 LENGTH_S = 7200.0
 """Length of every test [s]."""
 
@@ -98,7 +104,16 @@ def make_case(
         target_K: Visible misfit [K]; drawn between `LEAST_K` and `MOST_K` by default. Several
             causes get this much each.
         kind: `"two_tests"`, or `"single_step"`: one constant load, on which nothing can be named.
+
+    Returns:
+        The case, the same for the same arguments.
+
+    Raises:
+        ValueError: If an id or the kind is not known, an id comes twice, or the target is not
+            above zero.
     """
+    hidden = () if hidden == (CLEAN,) else hidden
+    _check(hidden, kind, target_K)
     rng = np.random.default_rng([seed, 5])
     machine = random_motor(rng)
     losses = "map" if any(name in FROM_A_MAP for name in hidden) else "balance"
@@ -131,6 +146,23 @@ def make_case(
         resolution_K=resolution,
         tests=tests,
     )
+
+
+def _check(hidden: tuple[str, ...], kind: str, target_K: float | None) -> None:
+    """Refuse what would otherwise come out as a clean machine under the name of a cause."""
+    known = (*EFFECT_IDS, *UNKNOWN_IDS)
+    for name in hidden:
+        if name not in known:
+            raise ValueError(
+                f"No cause is called {name!r}. Pass ids of EFFECT_IDS or UNKNOWN_IDS, or () for a "
+                f"clean machine; known are {', '.join(known)}."
+            )
+    if len(set(hidden)) < len(hidden):
+        raise ValueError(f"A cause comes twice in {hidden}. Name each once.")
+    if kind not in KINDS:
+        raise ValueError(f"No kind of case is called {kind!r}. Pass one of {', '.join(KINDS)}.")
+    if target_K is not None and target_K <= 0.0:
+        raise ValueError(f"The visible misfit is {target_K} K. Ask for one above zero.")
 
 
 def _loads(
