@@ -1,0 +1,8 @@
+"""The commands, one per file: its words (`add_parser`) and what it does (`run`).
+
+A command loads, calls, writes and prints; it computes nothing itself. Its file imports what is
+slow to import inside `run`, so that `heatrun --help` answers at once.
+"""
+
+COMMANDS = ("check", "calibrate", "compare", "discover", "simulate", "sheet", "demo")
+"""Names of the commands in the order of the help; each is a module of this package."""

@@ -1,0 +1,44 @@
+"""`heatrun check`: findings about the records, before any fit."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from . import words
+from .console import say
+from .exit_codes import DONE, NOT_ALLOWED
+
+
+def add_parser(commands: Any) -> argparse.ArgumentParser:
+    """Add the command's words to the subparsers `commands`."""
+    parser = commands.add_parser("check", help="findings about the records, before any fit")
+    words.add_inputs(parser)
+    words.add_json(parser)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the findings about every test; they forbid a calibration if one is an error."""
+    from ..bench import Finding
+    from ..bench.checks import check_record
+    from ..bench.joined import read_test
+    from ..motorfile import load_motor
+    from ..report_text import findings_text
+    from ..result import describe_finding
+    from ..run_folder import dump
+
+    motor = load_motor(options.motor)
+    findings: list[Finding] = []
+    for path in options.tests:
+        record = read_test(path, motor)
+        say(f"{record.name}: {record.time_s.size} samples over {record.duration_s:.0f} s")
+        for note in record.notes:
+            say(f"  {note}")
+        findings += check_record(record, motor)
+    has_error = any(finding.severity == "error" for finding in findings)
+    if options.json:
+        print(dump({"findings": [describe_finding(finding) for finding in findings]}))
+    else:
+        print(findings_text(findings))
+    return NOT_ALLOWED if has_error else DONE

@@ -1,0 +1,55 @@
+"""`heatrun compare`: first against second order on the same records."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from . import words
+from .calibrate import calibrate_into_folder
+from .console import say
+from .exit_codes import DONE, NOT_ALLOWED
+from .loading import load
+
+
+def add_parser(commands: Any) -> argparse.ArgumentParser:
+    """Add the command's words to the subparsers `commands`."""
+    parser = commands.add_parser("compare", help="first against second order on the same records")
+    words.add_inputs(parser)
+    words.add_holdout(parser)
+    words.add_sampling(parser)
+    words.add_out(parser, "run folder (default: none is written)")
+    words.add_json(parser)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fit both orders; a run folder is written only where one is named."""
+    from ..calibrate import calibrate
+    from ..motorfile import load_motor
+    from ..run_folder import dump
+
+    motor = load_motor(options.motor)
+    if options.out is not None:
+        return calibrate_into_folder(
+            options, motor, options.tests, options.holdout, ("first", "second")
+        )
+    tests = load(motor, options.tests, options.holdout, as_json=options.json)
+    if tests is None:
+        return NOT_ALLOWED
+    found = calibrate(
+        motor,
+        tests,
+        method="quick" if options.quick else "emcee",
+        seed=options.seed,
+        command=options.command_line,
+        say=say,
+        progress=None,
+    )
+    if options.json:
+        print(dump({k: found.result[k] for k in ("verdict", "comparison", "findings", "tests")}))
+    else:
+        print(
+            "\n".join([found.result["verdict"]["sentence"], *found.result["comparison"]["words"]])
+        )
+    return DONE

@@ -1,0 +1,43 @@
+"""What the commands say on the terminal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from ..errors import InputError
+from ..run_folder import dump
+
+
+def say(sentence: str) -> None:
+    """Print a sentence about the progress on stderr."""
+    print(f"· {printable(sentence)}", file=sys.stderr)
+
+
+@contextmanager
+def bar() -> Iterator[Callable[[str, float], None]]:
+    """Show a bar on stderr that is told a sentence and the share done."""
+    from tqdm import tqdm
+
+    with tqdm(total=100, disable=None, file=sys.stderr, leave=False, unit="%") as shown:
+
+        def progress(sentence: str, share: float) -> None:
+            shown.set_description(sentence)
+            shown.n = int(100 * share)
+            shown.refresh()
+
+        yield progress
+
+
+def print_error(error: InputError, *, as_json: bool) -> None:
+    """Print an error as a message, or as JSON with the same words."""
+    if as_json:
+        print(dump({"error": {"problem": error.problem, "where": error.where,
+                              "remedy": error.remedy}}))  # fmt: skip
+    print(f"heatrun: {printable(str(error))}", file=sys.stderr)
+
+
+def printable(text: str) -> str:
+    """Escape control characters, so that a file name cannot steer the terminal."""
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)

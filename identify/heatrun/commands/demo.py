@@ -1,0 +1,35 @@
+"""`heatrun demo`: the main job on bundled data."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from . import words
+from .calibrate import calibrate_into_folder
+
+
+def add_parser(commands: Any) -> argparse.ArgumentParser:
+    """Add the command's words to the subparsers `commands`."""
+    parser = commands.add_parser("demo", help="the main job on bundled data")
+    words.add_sampling(parser)
+    words.add_out(parser, "run folder (default: results/runs/demo)")
+    words.add_json(parser)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Calibrate both orders on a duty and predict a load step."""
+    from ..bundled import bundled
+    from ..motorfile import load_motor
+
+    folder = bundled("synthetic")
+    options.out = options.out or Path("results") / "runs" / "demo"
+    return calibrate_into_folder(
+        options,
+        load_motor(folder / "motor.toml"),
+        [folder / "duty_90min.csv.gz"],
+        [folder / "step_90min.csv.gz"],
+        ("first", "second"),
+    )

@@ -1,0 +1,87 @@
+"""`heatrun discover`: where model and measurement disagree, and what is missing."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from . import words
+from .console import bar, say
+from .exit_codes import DONE, NOT_ALLOWED
+from .loading import load
+
+
+def add_parser(commands: Any) -> argparse.ArgumentParser:
+    """Add the command's words to the subparsers `commands`."""
+    parser = commands.add_parser(
+        "discover", help="where model and measurement disagree, and what is missing"
+    )
+    words.add_inputs(parser)
+    words.add_holdout(parser)
+    parser.add_argument(
+        "--model", choices=("first", "second"), default="second", help="order of the base network"
+    )
+    parser.add_argument(
+        "--effects",
+        action="append",
+        type=Path,
+        default=[],
+        metavar="FILE.py",
+        help="effects of your own, searched beside the catalogue; the file is run",
+    )
+    words.add_sampling(parser)
+    words.add_out(parser, "run folder (default: results/runs/NAME)")
+    words.add_json(parser)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Search, write the run folder and print the verdict."""
+    from ..calibrate import default_folder, refuse_unwritable
+    from ..discover.job import run_job
+    from ..discover.library import all_effects
+    from ..motorfile import load_motor
+    from ..report_text import discovery_text
+    from ..run_folder import RunFolder, dump
+
+    motor = load_motor(options.motor)
+    kinds = all_effects(options.effects)
+    tests = load(motor, options.tests, options.holdout, as_json=options.json)
+    if tests is None:
+        return NOT_ALLOWED
+    path = options.out or default_folder(motor, tests, "discovery")
+    refuse_unwritable(path)
+    method = "quick" if options.quick else "emcee"
+    identity = {
+        "command": "discover",
+        "motor": motor.sha256,
+        "tests": [[s.sha256 for s in test.record.sources] + [test.role] for test in tests],
+        "effects": [[str(p), hashlib.sha256(p.read_bytes()).hexdigest()] for p in options.effects],
+        "order": options.model,
+        "method": method,
+        "seed": options.seed,
+    }
+    folder = RunFolder.begin(path, identity)
+    with bar() as progress:
+        job = run_job(
+            motor,
+            tests,
+            folder,
+            order=options.model,
+            kinds=kinds,
+            method=method,
+            seed=options.seed,
+            command=options.command_line,
+            say=say,
+            progress=progress,
+        )
+    if options.json:
+        print(dump({**job.result, "run": str(job.path)}))
+    else:
+        print(discovery_text(job.result))
+        print(f"\nRun folder:      {job.path}")
+        for name in ("discovery.pdf", "sheet.pdf", "discovery.json"):
+            print(f"  {name:<14} {job.path / name}")
+    return DONE

@@ -1,0 +1,31 @@
+"""Tests that a command fits, loaded; their findings printed where they forbid it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..calibrate import Test
+    from ..motor import Motor
+
+
+def load(
+    motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path], *, as_json: bool
+) -> tuple[Test, ...] | None:
+    """Return the tests, or None after the findings that forbid them were printed."""
+    from ..calibrate import Refused, load_tests
+    from ..report_text import findings_text
+    from ..result import describe_finding
+    from ..run_folder import dump
+
+    try:
+        return load_tests(motor, calibration, holdout)
+    except Refused as refusal:
+        if as_json:
+            print(dump({"findings": [describe_finding(f) for f in refusal.findings]}))
+        print(findings_text(refusal.findings), file=sys.stderr)
+        print("heatrun: the data do not allow a calibration.", file=sys.stderr)
+        return None

@@ -1,0 +1,32 @@
+"""`heatrun sheet`: the parameter sheet of a run, again."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from . import words
+from .exit_codes import DONE
+
+
+def add_parser(commands: Any) -> argparse.ArgumentParser:
+    """Add the command's words to the subparsers `commands`."""
+    parser = commands.add_parser("sheet", help="parameter sheet of a run, again")
+    parser.add_argument("run", type=Path, metavar="RUN")
+    words.add_out(parser, "folder for the sheet (default: the run itself)")
+    words.add_json(parser)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the sheet and print its files."""
+    from ..run_folder import dump
+    from ..sheet_of_run import rewrite_sheet
+
+    written = rewrite_sheet(options.run, options.out or options.run)
+    if options.json:
+        print(dump({"files": [str(path) for path in written]}))
+    else:
+        print("\n".join(str(path) for path in written))
+    return DONE

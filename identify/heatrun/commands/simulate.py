@@ -1,0 +1,46 @@
+"""`heatrun simulate`: a virtual prototype's record."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from . import words
+from .exit_codes import DONE
+
+
+def add_parser(commands: Any) -> argparse.ArgumentParser:
+    """Add the command's words to the subparsers `commands`."""
+    parser = commands.add_parser("simulate", help="a virtual prototype's record")
+    parser.add_argument("motor", type=Path, metavar="MOTOR.toml")
+    parser.add_argument(
+        "source", metavar="RUN_OR_PARAMETERS", help="run folder, or a TOML file of parameters"
+    )
+    parser.add_argument("tests", nargs="+", type=Path, metavar="TEST")
+    parser.add_argument("--model", choices=("first", "second"), default="second")
+    parser.add_argument("--seed", type=int, default=0)
+    words.add_out(parser, "folder for the CSV files (default: here)")
+    words.add_json(parser)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write a CSV file for every test and print how far it is from the measured winding."""
+    from ..motorfile import load_motor
+    from ..run_folder import dump
+    from ..virtual import simulate_file
+
+    motor = load_motor(options.motor)
+    folder = options.out or Path()
+    rows = [
+        simulate_file(motor, options.source, path, options.model, folder, options.seed)
+        for path in options.tests
+    ]
+    if options.json:
+        print(dump({"simulated": rows}))
+    else:
+        for row in rows:
+            error = "" if row["rmse_K"] is None else f", {row['rmse_K']:.2f} K RMSE to measured"
+            print(f"{row['file']}: {row['num_rows']} rows{error}")
+    return DONE

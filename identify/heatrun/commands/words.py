@@ -1,0 +1,43 @@
+"""Arguments that several commands share."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add_inputs(parser: argparse.ArgumentParser) -> None:
+    """Add the motor file and the tests."""
+    parser.add_argument("motor", type=Path, metavar="MOTOR.toml", help="the motor file")
+    parser.add_argument(
+        "tests",
+        nargs="+",
+        type=Path,
+        metavar="TEST",
+        help="bench files; TEMPERATURES+DRIVE@10Hz joins two loggers",
+    )
+
+
+def add_holdout(parser: argparse.ArgumentParser) -> None:
+    """Add the tests that are predicted and not fitted."""
+    parser.add_argument(
+        "--holdout", nargs="+", type=Path, default=[], metavar="TEST", help="predict only"
+    )
+
+
+def add_sampling(parser: argparse.ArgumentParser) -> None:
+    """Add the seed and the choice of the quick posterior."""
+    parser.add_argument("--seed", type=int, default=0, help="of everything that is drawn")
+    parser.add_argument(
+        "--quick", action="store_true", help="weighted draws instead of emcee where they hold"
+    )
+
+
+def add_out(parser: argparse.ArgumentParser, text: str) -> None:
+    """Add the folder to write to, described by `text`."""
+    parser.add_argument("--out", type=Path, default=None, metavar="DIR", help=text)
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of JSON on stdout."""
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
