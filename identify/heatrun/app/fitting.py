@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import panel as pn
 
 from ..errors import InputError
+from .folder import Stamp
 from .job_pane import JobPane
 from .jobs import Job, JobQueue
 from .run_view import run_name, run_view
@@ -41,6 +42,7 @@ class Fitting:
     ) -> None:
         self._page, self._command, self._what, self._say = page, command, what, say
         self._runs: dict[str, Run] = {}
+        self._state: tuple[Path, Stamp] | None = None
         self._holdout = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
         self._order = pn.widgets.Select(name="Network", options=dict(orders), width=200)
         self._quick = pn.widgets.Checkbox(
@@ -108,11 +110,14 @@ class Fitting:
     def _done(self, job: Job, folder: Path) -> None:
         self._page.list_runs(choose=folder)
         self._shown.value = folder.name if folder.name in self._runs else self._shown.value
-        self._show()
         if job.output.get("run") is None:
             self._problem.object = message("warning", "The command named no run folder.")
 
     def _show(self) -> None:
         run = self._runs.get(str(self._shown.value))
+        state = None if run is None else (run.path, run.stamp)
+        if state == self._state:
+            return
+        self._state = state
         shown = [] if run is None else [run_view(run, self._page.look, self._say, self._what)]
         self._result[:] = shown

@@ -66,7 +66,7 @@ class JobPane:
     def _refresh(self) -> None:
         job = self.job
         assert job is not None
-        self._bar.value = round(100 * job.share)
+        self._bar.value = round(100 * job.share) if job.share > 0.0 else -1
         said = "".join(f"<br>{escape(line)}" for line in list(job.lines)[-6:])
         command = f"<p class='faded'><code>{escape(job.command)}</code>{said}</p>"
         self._words.object = f"<p>{escape(self._state(job))}</p>{command}"
@@ -93,7 +93,8 @@ class JobPane:
         if job.state == "waiting":
             num = self._queue.num_ahead(job)
             return f"Waiting for {num} other command{'s' if num != 1 else ''} to end."
-        return f"{job.doing or 'Starting'} … {100 * job.share:.0f} %"
+        last = job.lines[-1].removeprefix("· ") if job.lines else "starting"
+        return f"{job.doing} … {100 * job.share:.0f} %" if job.share > 0.0 else f"{last} …"
 
 
 def _reason(job: Job) -> str:

@@ -149,6 +149,8 @@ def _follow(job: Job) -> None:
         _take(job, line.rstrip("\n"))
     code = process.wait()
     reader.join()
+    process.stdout.close()
+    process.stderr.close()
     try:
         job.output = json.loads(printed[0]) if printed else {}
     except ValueError:

@@ -61,6 +61,16 @@ def css(look: Look) -> str:
     """
 
 
+def tabs_css(look: Look) -> str:
+    """Return the style of the tabs, whose chosen one the plain design paints for light alone."""
+    return f"""
+    .bk-tab {{ color: {look.ink}; }}
+    .bk-tab.bk-active {{
+      background: {look.paper}; color: {look.ink}; border-color: {look.faint}; font-weight: 600;
+    }}
+    """
+
+
 def pane_css(look: Look) -> str:
     """Return the style of text and tables inside a pane."""
     return f"""

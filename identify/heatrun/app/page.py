@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
 
 import panel as pn
 
@@ -21,7 +22,7 @@ from .calibrating import calibrating
 from .discovering import discovering
 from .folder import Folder
 from .jobs import JobQueue
-from .look import DARK, LIGHT, Look, css, pane_css
+from .look import DARK, LIGHT, Look, css, pane_css, tabs_css
 from .reporting import Reporting
 from .runs import Run, runs_under
 from .signals import Signals
@@ -35,6 +36,13 @@ WATCH_MS = 2000
 NO_MOTOR = "(none: known column names)"
 NO_RUN = "(none)"
 UPLOADED = "uploaded/"
+
+SWITCH = """
+const url = new URL(window.location);
+url.searchParams.set("theme", theme);
+window.location = url;
+"""
+"""Loads the page again in the other colours; what is chosen stands in its address."""
 
 
 class LocalTemplate(pn.template.VanillaTemplate):
@@ -97,17 +105,21 @@ class Page:
             ("Report", self.reporting.view),
             sizing_mode="stretch_width",
             dynamic=False,
+            stylesheets=[tabs_css(self.look)],
         )
         self.view = self._template()
         self.list_folder()
+        self._choose_as_in_address()
         self._motor_choice.param.watch(lambda _: self.open_tests(), "value")
         self._tests.param.watch(lambda _: self.open_tests(), "value")
         self._type.param.watch(lambda _: self._choose_channels(), "value")
         self._channels.param.watch(lambda _: self._draw(), "value")
         self._run.param.watch(lambda _: self._draw(), "value")
-        self._refresh.on_click(lambda _: self.list_folder())
+        self._refresh.on_click(lambda _: self._look_again())
         self._dropper.param.watch(self._keep, "value")
         self._choose_channels()
+        if self._tests.value:
+            self.open_tests()
         if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
             pn.state.add_periodic_callback(self._watch, period=WATCH_MS)
 
@@ -148,13 +160,19 @@ class Page:
             html, stylesheets=[pane_css(self.look)], sizing_mode="stretch_width", min_height=0
         )
 
+    def _look_again(self) -> None:
+        self.list_folder()
+        self.open_tests()
+
     def list_folder(self) -> None:
         """Bring the lists up to date; what is chosen and still there stays chosen."""
         listing = self.folder.list()
         sent = Folder(self._uploads).list()
         tests = [*listing.tests, *(UPLOADED + name for name in sent.tests)]
         motors = [*listing.motors, *(UPLOADED + name for name in sent.motors), NO_MOTOR]
+        motor = self._motor_choice.value
         self._motor_choice.options = motors
+        self._motor_choice.value = motor if motor in motors else motors[0]
         self._tests.options = tests
         self._tests.value = [name for name in self._tests.value if name in tests]
         self.list_runs()
@@ -174,6 +192,29 @@ class Page:
         self._run.value = chosen if chosen in names else NO_RUN
         self.discovering.offer(list(self._runs.values())[::-1])
         self.calibrating.offer(list(self._runs.values())[::-1])
+
+    def _choose_as_in_address(self) -> None:
+        """Take up the choices of the page's address, as far as there are such files."""
+        asked = {name: [v.decode("utf-8", "replace") for v in values]
+                 for name, values in (pn.state.session_args or {}).items()}  # fmt: skip
+        for widget, name in self._addressed():
+            for value in asked.get(name, [])[:1]:
+                if value in widget.values:
+                    widget.value = value
+        self._tests.value = [name for name in asked.get("test", []) if name in self.tests]
+
+    def _addressed(self) -> list[tuple[Any, str]]:
+        return [(self._motor_choice, "motor"), (self._type, "type"), (self._run, "run")]
+
+    def _write_address(self) -> None:
+        """Keep what is chosen in the page's address, for reloads and bookmarks."""
+        location = pn.state.location
+        if location is None:
+            return
+        pairs = [(name, str(widget.value)) for widget, name in self._addressed()]
+        pairs += [("test", name) for name in self.chosen]
+        pairs += [("theme", "dark")] if self.look.is_dark else []
+        location.search = "?" + urlencode(pairs)
 
     @property
     def run(self) -> Run | None:
@@ -262,6 +303,7 @@ class Page:
             self._channels.value = wanted or held
 
     def _draw(self) -> None:
+        self._write_address()
         bands = self.run.bands(self.opened) if self.run else []
         self.signals.show(self.opened, self._channels.value, bands)
 
@@ -313,20 +355,20 @@ class Page:
             raw_css=[css(self.look)],
         )
         other = "default" if self.look.is_dark else "dark"
-        label = "Light" if self.look.is_dark else "Dark"
+        switch = pn.widgets.Button(name="Light" if self.look.is_dark else "Dark", width=70)
+        switch.js_on_click(args={"theme": other}, code=SWITCH)
         header: Any = template.header
         sidebar: Any = template.sidebar
         main: Any = template.main
-        header.append(
-            self.pane(f'<a class="theme" href="?theme={other}" style="color:inherit">{label}</a>')
-        )
+        header.append(switch)
         sidebar.extend([
             self.pane(f"<p class='faded'>{escape(str(self.folder.root))}</p>"),
             self._motor_choice,
             self._type,
             self.pane("<h3>Tests</h3>"),
             pn.Column(self._tests, max_height=220, scroll=True, sizing_mode="stretch_width"),
-            pn.Row(self._refresh, self._follow),
+            self._refresh,
+            self._follow,
             self._run,
             self.pane("<h3>Signals</h3>"),
             pn.Column(self._channels, max_height=260, scroll=True, sizing_mode="stretch_width"),

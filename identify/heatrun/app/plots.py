@@ -15,14 +15,12 @@ from bokeh.models import (
     CrosshairTool,
     CustomJS,
     Div,
-    Legend,
-    LegendItem,
     Range1d,
     Span,
 )
 from bokeh.plotting import figure
 
-from ..bench.schema import CHANNEL
+from ..bench.schema import CHANNEL, CHANNELS
 from .look import DASHES, Look
 from .trace import Trace
 
@@ -44,12 +42,12 @@ const nearest = (xs) => {
   return Math.abs(xs[low] - t) <= Math.abs(xs[high] - t) ? low : high;
 };
 let rows = "";
-for (const [label, unit, colour, source] of lines) {
+for (const [label, unit, sample, source] of lines) {
   const at = nearest(source.data.t);
   const value = at < 0 ? NaN : source.data.v[at];
   const text = Number.isFinite(value) ? value.toPrecision(6).replace(/\\.?0+$/, "") : "–";
-  rows += `<tr><td><span class="swatch" style="background:${colour}"></span>${label}</td>`
-    + `<td class="number">${text}</td><td>${unit}</td></tr>`;
+  rows += `<tr><td style="overflow-wrap:anywhere">${sample} ${label}</td>`
+    + `<td style="text-align:right;padding:0 6px"><b>${text}</b></td><td>${unit}</td></tr>`;
 }
 readout.text = `<p><b>t = ${t.toFixed(2)} s</b></p><table>${rows}</table>`;
 """
@@ -119,23 +117,27 @@ def linked_plots(
     cursor = Span(dimension="height", line_color=look.ink, line_alpha=0.4, line_dash="dashed")
     sources = [ColumnDataSource({"t": [], "v": []}, name="signal") for _ in traces]
     styles = _styles(traces, look)
-    readout = Div(text=_hint(traces, styles), width=300)
+    readout = Div(
+        text=_hint(traces, styles, bands, look), width=320, name="readout",
+        styles={"color": look.ink, "font-size": "12px"},
+    )  # fmt: skip
     lines = [
-        [escape(_label(trace, traces)), escape(_unit(trace)), colour, source]
-        for trace, (colour, _), source in zip(traces, styles, sources, strict=True)
+        [escape(_label(trace, traces)), escape(_unit(trace)), _sample(colour, dash), source]
+        for trace, (colour, dash), source in zip(traces, styles, sources, strict=True)
     ]
     read = CustomJS(args={"lines": lines, "readout": readout}, code=READ)
     leave = CustomJS(args={"readout": readout, "hint": readout.text}, code="readout.text = hint;")
 
     figures = []
-    units = list(dict.fromkeys(_unit(trace) for trace in traces))
+    units = sorted({_unit(trace) for trace in traces}, key=_place)
     for position, unit in enumerate(units):
+        is_last = position == len(units) - 1
         plot = figure(
-            height=HEIGHT_PX.get(unit, OTHER_HEIGHT_PX),
+            height=HEIGHT_PX.get(unit, OTHER_HEIGHT_PX) + (30 if is_last else 0),
             sizing_mode="stretch_width",
             x_range=x_range,
-            y_axis_label=f"[{unit}]",
-            x_axis_label="time [s]" if position == len(units) - 1 else None,
+            y_axis_label=_axis_label(unit, traces),
+            x_axis_label="time [s]" if is_last else None,
             tools="xpan,xwheel_zoom,xbox_zoom,box_zoom,reset,save",
             active_scroll="xwheel_zoom",
             active_drag="xbox_zoom",
@@ -144,21 +146,15 @@ def linked_plots(
             name=f"plot {unit}",
         )
         _paint(plot, look)
-        items = []
+        plot.xaxis.visible = is_last
         if unit == "degC":
-            items += [_draw_band(plot, band, look) for band in bands]
+            for band in bands:
+                _draw_band(plot, band, look)
         for trace, (colour, dash), source in zip(traces, styles, sources, strict=True):
             if _unit(trace) == unit:
-                line = plot.line(
-                    "t", "v", source=source, line_color=colour, line_dash=dash, line_width=1.3
+                plot.line(
+                    "t", "v", source=source, line_color=colour, line_dash=dash, line_width=1.4
                 )
-                items.append(LegendItem(label=_label(trace, traces), renderers=[line]))  # pyright: ignore[reportArgumentType]
-        legend = Legend(items=items, click_policy="hide", label_text_font_size="11px")
-        legend.background_fill_color = look.paper
-        legend.border_line_color = None
-        legend.label_text_color = look.ink
-        legend.update(spacing=0, padding=4, margin=6)
-        plot.add_layout(legend, "right")
         plot.add_tools(CrosshairTool(overlay=cursor))
         plot.js_on_event(MouseMove, read)
         plot.js_on_event(MouseLeave, leave)
@@ -205,13 +201,12 @@ def _styles(traces: Sequence[Trace], look: Look) -> list[tuple[str, str]]:
     ]
 
 
-def _draw_band(plot: Any, band: Band, look: Look) -> LegendItem:
+def _draw_band(plot: Any, band: Band, look: Look) -> None:
     source = ColumnDataSource(
         {"t": band.time_s, "v": band.median, "low": band.low, "high": band.high}, name="band"
     )
-    area = plot.varea("t", "low", "high", source=source, fill_color=look.ink, fill_alpha=0.18)
-    line = plot.line("t", "v", source=source, line_color=look.ink, line_width=1.2)
-    return LegendItem(label=band.label, renderers=[area, line])
+    plot.varea("t", "low", "high", source=source, fill_color=look.ink, fill_alpha=0.18)
+    plot.line("t", "v", source=source, line_color=look.ink, line_width=1.2)
 
 
 def _paint(plot: Any, look: Look) -> None:
@@ -230,23 +225,50 @@ def _paint(plot: Any, look: Look) -> None:
     plot.xaxis.formatter.use_scientific = False
 
 
-def _hint(traces: Sequence[Trace], styles: Sequence[tuple[str, str]]) -> str:
+def _hint(
+    traces: Sequence[Trace], styles: Sequence[tuple[str, str]], bands: Sequence[Band], look: Look
+) -> str:
     rows = "".join(
-        f'<tr><td><span class="swatch" style="background:{colour}"></span>'
-        f"{escape(_label(trace, traces))}</td></tr>"
-        for trace, (colour, _) in zip(traces, styles, strict=True)
+        f"<tr><td>{_sample(colour, dash)} {escape(_label(trace, traces))}</td></tr>"
+        for trace, (colour, dash) in zip(traces, styles, strict=True)
+    )
+    rows += "".join(
+        f"<tr><td>{_sample(look.ink, 'solid')} {escape(band.label)}</td></tr>" for band in bands
     )
     return (
-        "<p class='faded'>Move the cursor over a plot to read all signals there. Wheel: zoom. "
-        f"Drag: zoom to a span.</p><table>{rows}</table>"
+        f"<table>{rows}</table><p style='opacity:0.7'>The cursor reads all signals. Wheel: zoom. "
+        "Drag: zoom to a span. Arrows in the bar: reset.</p>"
     )
+
+
+def _sample(colour: str, dash: str) -> str:
+    """Return a piece of the line for the table beside the plots."""
+    pattern = {"solid": "", "dashed": "6", "dotted": "2 3", "dotdash": "2 3 6 3"}.get(dash, "6 3 2")
+    return (
+        "<svg width='26' height='10'><line x1='0' y1='6' x2='26' y2='6' stroke-width='2' "
+        f"stroke='{colour}' stroke-dasharray='{pattern}'/></svg>"
+    )
+
+
+def _place(unit: str) -> int:
+    """Return where a unit's plot stands: temperatures first, then as in the schema."""
+    units = [channel.unit for channel in CHANNELS]
+    return -1 if unit == "degC" else units.index(unit)
+
+
+def _axis_label(unit: str, traces: Sequence[Trace]) -> str:
+    names = {_name(trace) for trace in traces if _unit(trace) == unit}
+    return f"{names.pop()} [{unit}]" if len(names) == 1 else f"[{unit}]"
 
 
 def _unit(trace: Trace) -> str:
     return CHANNEL[trace.channel].unit
 
 
+def _name(trace: Trace) -> str:
+    return trace.channel.removesuffix("_" + _unit(trace)).replace("_", " ")
+
+
 def _label(trace: Trace, traces: Sequence[Trace]) -> str:
-    name = trace.channel.removesuffix("_" + _unit(trace)).replace("_", " ")
     is_alone = all(other.test == trace.test for other in traces)
-    return name if is_alone else f"{name} · {trace.test}"
+    return _name(trace) if is_alone else f"{_name(trace)} · {trace.test}"

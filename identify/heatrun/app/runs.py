@@ -12,6 +12,7 @@ import pandas as pd
 
 from ..errors import InputError
 from ..run_folder import MANIFEST, load_result
+from .folder import Stamp
 from .plots import Band
 from .store import Opened
 
@@ -37,6 +38,11 @@ class Run:
             return load_result(self.path)
         except InputError:
             return None
+
+    @property
+    def stamp(self) -> Stamp:
+        """State of the run's manifest: another one means another run under the same name."""
+        return Stamp.of(self.path / MANIFEST)
 
     def figures(self) -> list[Path]:
         """Return the figures, those of the discovery first."""
@@ -89,14 +95,7 @@ def runs_under(folders: Sequence[Path]) -> list[Run]:
         if folder.is_dir()
         for path in folder.glob(f"*/{MANIFEST}")
     }
-    return [Run(path) for path in sorted(found, key=_changed, reverse=True)]
-
-
-def _changed(path: Path) -> int:
-    try:
-        return (path / MANIFEST).stat().st_mtime_ns
-    except OSError:
-        return 0
+    return sorted(map(Run, found), key=lambda run: run.stamp.changed_ns, reverse=True)
 
 
 def _json(file: Path) -> dict[str, Any] | None:

@@ -38,7 +38,7 @@ class Signals:
         self._plots: Plots | None = None
         self._is_scheduled = False
         self._plot_place = pn.Column(sizing_mode="stretch_width", min_width=480)
-        self._read_place = pn.Column(width=310)
+        self._read_place = pn.Column(width=330)
         self._csv = pn.widgets.FileDownload(
             callback=self._as_csv, filename="window.csv", label="CSV of this window",
             button_type="default", width=180, visible=False,
