@@ -118,7 +118,7 @@ def test_a_file_replaced_while_it_is_shown_is_said(served, tab, bench_data):
     _open(tab, served, "duty_30min.csv.gz")
     shutil.copy(bench_data / "step_30min.csv.gz", served.folder / "duty_30min.csv.gz")
     _text(tab, "the file has changed or is gone")
-    tab.get_by_text("Reload when a file changes").click()
+    tab.get_by_role("button", name="Follow changes").click()
     tab.get_by_text("the file has changed or is gone").wait_for(state="hidden")
 
 

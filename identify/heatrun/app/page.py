@@ -87,7 +87,7 @@ class Page:
         self._tests = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
         self._channels = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
         self._run = pn.widgets.Select(name="Simulated course of run", sizing_mode="stretch_width")
-        self._follow = pn.widgets.Checkbox(name="Reload when a file changes", value=False)
+        self._follow = pn.widgets.Toggle(name="Follow changes of the files", width=180)
         self._refresh = pn.widgets.Button(name="Look again", width=110)
         self._dropper = BoundedDropper(max_upload_bytes, self._refuse, height=90, width=290)
         self._banner = self.pane("")
@@ -312,7 +312,7 @@ class Page:
         if not changed:
             return
         names = ", ".join(each.record.name for each in changed)
-        if self._follow.value:
+        if self._follow.value and not self._tabs.loading:
             self.open_tests()
         else:
             self._banner.object = message(
@@ -367,8 +367,7 @@ class Page:
             self._type,
             self.pane("<h3>Tests</h3>"),
             pn.Column(self._tests, max_height=220, scroll=True, sizing_mode="stretch_width"),
-            self._refresh,
-            self._follow,
+            pn.Row(self._refresh, self._follow),
             self._run,
             self.pane("<h3>Signals</h3>"),
             pn.Column(self._channels, max_height=260, scroll=True, sizing_mode="stretch_width"),
