@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -45,10 +45,7 @@ class Served:
         self.process.wait(10)
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """A folder with a motor file and two short tests."""
-    where = tmp_path / "bench"
+def _fill(where: Path) -> Path:
     where.mkdir()
     for name in ("motor.toml", "duty_30min.csv.gz", "step_30min.csv.gz"):
         shutil.copy(DATA / name, where / name)
@@ -56,27 +53,30 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a motor file and two short tests."""
+    return _fill(tmp_path / "bench")
+
+
+@pytest.fixture(scope="session")
 def bench_data() -> Path:
     return DATA
 
 
-@pytest.fixture
-def serve() -> Iterator[Callable[..., Served]]:
-    """Serves folders, each with options of the command; all end with the test."""
-    servers: list[Served] = []
-
-    def start(folder: Path, *options: str) -> Served:
-        servers.append(Served(folder, *options))
-        return servers[-1]
-
-    yield start
-    for server in servers:
-        server.close()
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """One server for the tests of a file; a test that changes a file brings its own."""
+    server = Served(_fill(tmp_path_factory.mktemp("view") / "bench"))
+    yield server
+    server.close()
 
 
 @pytest.fixture
-def served(serve: Callable[..., Served], folder: Path) -> Served:
-    return serve(folder)
+def served_empty(tmp_path: Path) -> Iterator[Served]:
+    (tmp_path / "empty").mkdir()
+    server = Served(tmp_path / "empty", "--max-upload-MB", "1")
+    yield server
+    server.close()
 
 
 @pytest.fixture(scope="session")

@@ -111,12 +111,13 @@ def test_two_tabs_calibrate_in_turn_and_one_is_cancelled(served, tab):
     other.get_by_text("Waiting for 1 other").wait_for(state="hidden", timeout=LONG_MS)
     other.get_by_role("button", name="Cancel").first.click()
     _text(other, "Cancelled.")
-    assert not (served.out / "duty_30min_calibrate").exists()
+    assert not (served.out / "step_30min_calibrate").exists()
 
 
 def test_a_file_replaced_while_it_is_shown_is_said(served, tab, bench_data):
-    _open(tab, served, "duty_30min.csv.gz")
-    shutil.copy(bench_data / "step_30min.csv.gz", served.folder / "duty_30min.csv.gz")
+    shutil.copy(bench_data / "duty_30min.csv.gz", served.folder / "replaced.csv.gz")
+    _open(tab, served, "replaced.csv.gz")
+    shutil.copy(bench_data / "step_30min.csv.gz", served.folder / "replaced.csv.gz")
     _text(tab, "the file has changed or is gone")
     tab.get_by_role("button", name="Follow changes").click()
     tab.get_by_text("the file has changed or is gone").wait_for(state="hidden")
@@ -126,9 +127,10 @@ def test_names_from_files_are_text(served, tab, bench_data):
     name = "<img src=x onerror=window.hacked=1>"
     shutil.copy(bench_data / "duty_30min.csv.gz", served.folder / f"{name}.csv.gz")
     motor = (served.folder / "motor.toml").read_text()
-    (served.folder / "motor.toml").write_text(motor.replace("IPM-SynRel 2022", name))
+    (served.folder / "hostile.toml").write_text(motor.replace("IPM-SynRel 2022", name))
     (served.folder / "bad.csv").write_bytes(b"\x00\xff" * 100)
     _open(tab, served)
+    tab.get_by_label("Motor file").select_option("hostile.toml")
     tab.get_by_label(name).first.check()
     tab.locator(".bk-Figure").first.wait_for()
     tab.get_by_label("bad.csv").first.check()
@@ -139,9 +141,12 @@ def test_names_from_files_are_text(served, tab, bench_data):
     assert tab.evaluate("window.hacked") is None
 
 
-def test_an_upload_is_checked_and_shown(serve, folder, tab, tmp_path, bench_data):
-    served = serve(folder, "--max-upload-MB", "1")
-    _open(tab, served)
+def test_an_empty_folder_takes_uploads_and_refuses_what_is_none(
+    served_empty, tab, tmp_path, bench_data
+):
+    _open(tab, served_empty)
+    _text(tab, "There are no bench files in")
+    _text(tab, "Choose tests on the left")
     send = tab.locator("input[type=file]").first
     send.set_input_files(bench_data / "step_30min.csv.gz")
     tab.get_by_label("uploaded/step_30min.csv.gz").first.check()
@@ -150,14 +155,6 @@ def test_an_upload_is_checked_and_shown(serve, folder, tab, tmp_path, bench_data
     program.write_bytes(b"MZ")
     send.set_input_files(program)
     _text(tab, "Expected a bench file or a motor file")
-
-
-def test_an_empty_folder_says_what_to_do(serve, folder, tab):
-    (folder / "empty").mkdir()
-    served = serve(folder / "empty")
-    _open(tab, served)
-    _text(tab, "There are no bench files in")
-    _text(tab, "Choose tests on the left")
 
 
 def test_an_address_cannot_name_a_file_outside(served, tab):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from heatrun.app.jobs import JobQueue
 from heatrun.app.run_view import run_name
 from heatrun.app.store import RecordStore
 from heatrun.app.trace import GAP, Trace
-from heatrun.app.uploads import keep_upload, safe_name
+from heatrun.app.uploads import BoundedDropper, keep_upload, safe_name
 from heatrun.app.words import discovery_html, error_message, message, table
 from heatrun.errors import InputError
 
@@ -119,6 +120,27 @@ def test_an_upload_never_replaces_another(tmp_path):
     assert first.read_bytes() == b"one"
     assert other.read_bytes() == b"two"
     assert len(safe_name("x" * 500 + ".csv")) <= 100
+
+
+def test_uploads_end_at_the_limit_whatever_the_browser_sends():
+    refused: list[InputError] = []
+    dropper = BoundedDropper(1_000_000, refused.append)
+
+    def send(name: str, data: bytes, chunk: int, total: int) -> None:
+        event = SimpleNamespace(
+            event_name="upload_event",
+            data={"name": name, "data": data, "chunk": chunk, "total_chunks": total, "type": ""},
+        )
+        dropper._process_event(event)
+
+    send("a.csv", b"x" * 600_000, 1, 1)
+    assert dropper.value["a.csv"] == b"x" * 600_000
+    send("b.csv", b"x" * 300_000, 1, 2)
+    send("b.csv", b"x" * 300_000, 2, 2)
+    assert "b.csv" not in dropper.value
+    assert "exceed 1 MB" in refused[0].problem
+    send("b.csv", b"late", 2, 2)
+    assert "b.csv" not in dropper.value
 
 
 def test_a_large_file_is_refused_before_it_is_read(folder):

@@ -87,7 +87,7 @@ class Page:
         self._tests = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
         self._channels = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
         self._run = pn.widgets.Select(name="Simulated course of run", sizing_mode="stretch_width")
-        self._follow = pn.widgets.Toggle(name="Follow changes of the files", width=180)
+        self._follow = pn.widgets.Toggle(name="Follow changes", width=150)
         self._refresh = pn.widgets.Button(name="Look again", width=110)
         self._dropper = BoundedDropper(max_upload_bytes, self._refuse, height=90, width=290)
         self._banner = self.pane("")

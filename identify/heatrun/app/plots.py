@@ -185,20 +185,22 @@ def _number(value: Any) -> float:
 
 
 def _styles(traces: Sequence[Trace], look: Look) -> list[tuple[str, str]]:
-    """Return colour and dash of each line: a colour per channel of a unit, a dash per test."""
+    """Return colour and dash of each line: a colour per channel of a unit, a dash per test.
+
+    More channels of a unit than colours go on with the next dash.
+    """
     tests = list(dict.fromkeys(trace.test for trace in traces))
     seen: dict[str, list[str]] = {}
     for trace in traces:
         channels = seen.setdefault(_unit(trace), [])
         if trace.channel not in channels:
             channels.append(trace.channel)
-    return [
-        (
-            look.palette[seen[_unit(trace)].index(trace.channel) % len(look.palette)],
-            DASHES[tests.index(trace.test) % len(DASHES)],
-        )
-        for trace in traces
-    ]
+    found = []
+    for trace in traces:
+        turn, colour = divmod(seen[_unit(trace)].index(trace.channel), len(look.palette))
+        dash = DASHES[(tests.index(trace.test) + turn) % len(DASHES)]
+        found.append((look.palette[colour], dash))
+    return found
 
 
 def _draw_band(plot: Any, band: Band, look: Look) -> None:
