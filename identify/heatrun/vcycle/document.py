@@ -19,8 +19,8 @@ TEMPLATE = "report.typ"
 LONGEST_TEXT = 900
 """Characters of a text in the PDF; a longer one ends in an ellipsis, the JSON holds all of it."""
 
-LONG_WORD = re.compile(r"\S{25,}")
-BREAKS_AFTER = re.compile(r"([_\-./\\,;:=+@]|.{24})(?=.)")
+LONG_WORD = re.compile(r"\S{20,}")
+BREAKS_AFTER = re.compile(r"([_\-./\\,;:=+@]|.{40})(?=.)")
 BREAK = "\u200b"  # a place where a line may break, without a sign
 
 SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e6
@@ -82,7 +82,7 @@ def number(value: Cell) -> str:
     if value == 0.0:
         return "0"
     if not SMALLEST_PLAIN <= abs(value) < LARGEST_PLAIN:
-        return f"{value:.3e}"
+        return f"{value:.2e}"
     places = max(0, 4 - math.floor(math.log10(abs(value))))
     text = f"{value:.{places}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text

@@ -23,6 +23,15 @@ BLOCK_S = 60.0
 MIN_BLOCKS = 10
 """Means in an interval below which its gradient is not told [1]."""
 
+MIN_SPAN = 0.8
+"""Share of an interval that its means must span [1]: a line over less is that of another one."""
+
+SHORTEST_S = 2.0 * INTERVAL_S - BLOCK_S
+"""A test of an hour may lack its last samples [s]."""
+
+LOOK_EVERY_S = 300.0
+"""How often a longer test is asked whether it has settled by then [s]."""
+
 COVER = 2.0
 """Standard errors on each side of a gradient that must agree with the statement [1]: about 95 %."""
 
@@ -43,10 +52,12 @@ class Equilibrium:
 
     Attributes:
         channel: The temperature.
-        is_reached: None where the record does not allow a statement.
+        is_reached: At the end of the record; None where it does not allow a statement.
         gradients_K_per_h: Over the last but one and the last half hour [K/h]; empty without them.
         errors_K_per_h: Their standard errors [K/h].
         reason: Why there is no statement; else empty.
+        first_reached_s: When the criterion was first met by the hour before [s], looked for every
+            five minutes; None if never.
     """
 
     channel: str
@@ -54,6 +65,7 @@ class Equilibrium:
     gradients_K_per_h: tuple[float, ...] = ()
     errors_K_per_h: tuple[float, ...] = ()
     reason: str = ""
+    first_reached_s: float | None = None
 
 
 def equilibrium(record: Record, motor: Motor, channel: str) -> Equilibrium:
@@ -69,31 +81,55 @@ def equilibrium(record: Record, motor: Motor, channel: str) -> Equilibrium:
     if time_s.size == 0:
         return Equilibrium(channel, None, reason=f"no sample with both {channel} and {sink}")
     length_s = float(time_s[-1] - time_s[0])
-    # a step may be missing at the end of an hour's test
-    if length_s < 2.0 * INTERVAL_S - BLOCK_S:
+    if length_s < SHORTEST_S:
         return Equilibrium(
             channel,
             None,
             reason=f"{length_s / 60.0:.0f} min were measured, two half hours are needed",
         )
+    rise = part - cold
+    ends_s = np.arange(time_s[0] + 2.0 * INTERVAL_S, time_s[-1], LOOK_EVERY_S)
+    met = (float(end_s) for end_s in ends_s if _state(_slopes(time_s, rise, end_s)) is True)
+    first_s = next(met, None)
+    slopes = _slopes(time_s, rise, float(time_s[-1]))
+    if len(slopes) < 2:
+        return Equilibrium(
+            channel, None, reason="a gap lies in the last hour", first_reached_s=first_s
+        )
+    state = _state(slopes)
+    reason = "2 K/h lie within two standard errors of a gradient" if state is None else ""
+    if state is True and first_s is None:
+        first_s = float(time_s[-1])
+    return Equilibrium(
+        channel,
+        state,
+        tuple(gradient for gradient, _ in slopes),
+        tuple(error for _, error in slopes),
+        reason,
+        first_s,
+    )
+
+
+def _state(slopes: list[tuple[float, float]]) -> bool | None:
+    """Whether both half hours are surely within the limit; None where that is undecided."""
+    limit = LARGEST_GRADIENT_K_PER_H
+    if len(slopes) == 2 and all(abs(g) + COVER * e <= limit for g, e in slopes):
+        return True
+    if any(abs(g) - COVER * e > limit for g, e in slopes):
+        return False
+    return None
+
+
+def _slopes(time_s: np.ndarray, rise_K: np.ndarray, end_s: float) -> list[tuple[float, float]]:
+    """Gradient and standard error [K/h] of the two half hours before a moment, without gaps."""
     slopes = []
     for number in (2, 1):
-        end_s = time_s[-1] - (number - 1) * INTERVAL_S
-        inside = (time_s > end_s - INTERVAL_S) & (time_s <= end_s)
-        middle_s, rise = block_means(time_s[inside], BLOCK_S, (part - cold)[inside])
-        if middle_s.size < MIN_BLOCKS or np.ptp(middle_s) < 0.8 * INTERVAL_S:
-            return Equilibrium(channel, None, reason="a gap lies in the last hour")
-        slopes.append(_slope(middle_s / 3600.0, rise))
-    gradients = tuple(gradient for gradient, _ in slopes)
-    errors = tuple(error for _, error in slopes)
-    limit = LARGEST_GRADIENT_K_PER_H
-    if all(abs(g) + COVER * e <= limit for g, e in slopes):
-        return Equilibrium(channel, True, gradients, errors)
-    if any(abs(g) - COVER * e > limit for g, e in slopes):
-        return Equilibrium(channel, False, gradients, errors)
-    return Equilibrium(
-        channel, None, gradients, errors, "2 K/h lie within two standard errors of a gradient"
-    )
+        last_s = end_s - (number - 1) * INTERVAL_S
+        inside = (time_s > last_s - INTERVAL_S) & (time_s <= last_s)
+        middle_s, means = block_means(time_s[inside], BLOCK_S, rise_K[inside])
+        if middle_s.size >= MIN_BLOCKS and np.ptp(middle_s) >= MIN_SPAN * INTERVAL_S:
+            slopes.append(_slope(middle_s / 3600.0, means))
+    return slopes
 
 
 def _slope(time_h: np.ndarray, rise_K: np.ndarray) -> tuple[float, float]:

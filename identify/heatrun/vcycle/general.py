@@ -12,6 +12,9 @@ from .operating_map import operating_map
 from .report import Drawing, Report, Row
 from .signal_table import recorded, signal_table
 
+WORTH_SAYING = 0.01
+"""Reduction by regeneration [%] below which it is the noise of a meter around no power."""
+
 
 def general_report(motor: Motor, record: Record) -> Report:
     """Return the General Test report of a record.
@@ -83,7 +86,7 @@ def information_summary(found: GeneralInformation, record: Record) -> str:
         parts.append(f"{found.distance_km:.4g} km")
     if found.consumption_Wh_per_km is not None:
         parts.append(f"{found.consumption_Wh_per_km:.4g} Wh/km")
-    if found.reduction_percent is not None:
+    if found.reduction_percent is not None and found.reduction_percent >= WORTH_SAYING:
         parts.append(f"regeneration reduced the consumption by {found.reduction_percent:.3g} %")
     return ", ".join(parts) + "."
 

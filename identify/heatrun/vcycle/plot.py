@@ -13,6 +13,9 @@ from ..bench.schema import CHANNEL
 CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222", "#999933")
 """Okabe and Ito's palette, which colour-blind readers can tell apart, and an olive."""
 
+SYMBOLS = ("u_d", "u_q", "i_d", "i_q")
+"""Names that are no words."""
+
 WIDTH_IN = 7.2
 MAX_POINTS = 3000
 """Points of a line: several per pixel of the printed width."""
@@ -80,8 +83,11 @@ def unit(channel: str, *, is_difference: bool = False) -> str:
 
 
 def wording(channel: str) -> str:
-    """Return the name of a channel without its unit, in words."""
-    return channel.removesuffix(f"_{_suffix(channel)}").replace("_", " ")
+    """Return the name of a channel without its unit, in words; symbols stay as they are."""
+    stem = channel.removesuffix(f"_{_suffix(channel)}")
+    if stem in SYMBOLS:
+        return stem
+    return stem.replace("_", " ").replace("dc ", "DC ")
 
 
 def _suffix(channel: str) -> str:

@@ -134,8 +134,14 @@ def _equilibrium_row(found: Equilibrium) -> Row:
         f"Equilibrium of the {name}",
         VERDICT[found.is_reached],
         "",
-        found.reason,
+        "; ".join(part for part in (found.reason, _earlier(found)) if part),
     )
+
+
+def _earlier(found: Equilibrium) -> str:
+    if found.first_reached_s is None:
+        return ""
+    return f"first met at {found.first_reached_s / 60.0:.0f} min"
 
 
 def _run_rows(found: Simulated) -> list[Row]:

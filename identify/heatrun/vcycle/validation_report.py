@@ -77,8 +77,8 @@ def validation_report(
         drawings=tuple(
             Drawing(
                 f"signal_{signal.channel}",
-                f"{wording(signal.channel).capitalize()} of both prototypes, and test minus "
-                "reference with the tolerance shaded.",
+                f"Above, {wording(signal.channel)} of both prototypes; below, test minus reference "
+                "with the tolerance shaded.",
                 partial(overlay, found.pair, signal, found.bands),
             )
             for signal in found.signals
@@ -98,9 +98,15 @@ def _summary(found: Validation) -> str:
         return "No signal in common is evidence: nothing is validated."
     agreeing = [wording(s.channel) for s in judged if s.verdict == "agrees"]
     others = [f"{wording(s.channel)} ({s.verdict})" for s in judged if s.verdict != "agrees"]
+    energies = [
+        f" The energy by {wording(s.channel)} differs by {s.energy_difference_percent:+.1f} %."
+        for s in judged
+        if s.energy_difference_percent is not None
+    ]
     if not others:
-        return f"Agrees in every judged signal: {', '.join(agreeing)}."
-    return f"{len(agreeing)} of {len(judged)} judged signals agree; not {', '.join(others)}."
+        return f"Agrees in every judged signal: {', '.join(agreeing)}." + "".join(energies)
+    words = f"{len(agreeing)} of {len(judged)} judged signals agree; not {', '.join(others)}."
+    return words + "".join(energies)
 
 
 def _rows(found: Validation, reference: Reference) -> tuple[Row, ...]:
