@@ -1,8 +1,8 @@
 """Reader of MDF 4 measurement files; needs the extra `heatrun[mdf]`.
 
 Only the channels that are asked for are read, in pieces. Formulas are not evaluated: the library
-hands the text of an algebraic conversion to an evaluator of Python expressions. Attachments and
-bus traffic stay unopened.
+hands the text of an algebraic conversion to an evaluator of Python expressions, and where that
+fails returns the raw values without a word. Attachments and bus traffic stay unopened.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from ..errors import InputError
 from .foreign import damaged, reading
 from .mdf_blocks import check_blocks, check_unpacked_size
+from .mdf_view import without_extras
 from .measurement import Measurement, Series, StoredChannel
 
 WHAT = "an MDF 4 file"
@@ -60,9 +61,12 @@ def open_mdf(stream: BinaryIO, where: str) -> Iterator[Measurement]:
     _check_version(stream, where)
     with reading(WHAT, where):
         check_blocks(stream)
-        stream.seek(0)
-        source: Any = stream
-        options: Any = {"process_bus_logging": False, "add_array_components": False}
+        source: Any = without_extras(stream)
+        options: Any = {
+            "process_bus_logging": False,
+            "add_array_components": False,
+            "use_display_names": False,
+        }
         file: Any = MDF(source, **options)
         file.configure(read_fragment_size=FRAGMENT_BYTES)
     try:
@@ -142,6 +146,11 @@ def _text(channel: Any, parts: object) -> str:
 
 def _refusal(channel: Any) -> tuple[str, str] | None:
     conversion = channel.conversion
+    if conversion is None and channel.conversion_addr:  # the library would return raw values
+        return (
+            "The conversion of the channel is damaged.",
+            "Copy the file again from the bench.",
+        )
     if conversion is None or conversion.conversion_type != FORMULA:
         return None
     return (
@@ -214,7 +223,7 @@ def _times(file: Any, stream: BinaryIO, number: int, where: str) -> np.ndarray |
         )
     conversion = master.conversion
     is_plain = conversion is None or conversion.conversion_type in PLAIN_CONVERSIONS
-    if master.data_type not in NUMBERS or not is_plain:
+    if master.data_type not in NUMBERS or not is_plain or _refusal(master):
         raise InputError(
             f"The times in '{master.name}' are no plain numbers.",
             where=where,

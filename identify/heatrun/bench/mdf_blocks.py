@@ -33,27 +33,31 @@ MOST_CONVERSION_TEXTS = 1_000_000
 DEEPEST = 200
 """Structures within structures; the library calls itself once for each level."""
 
-OWNED: dict[bytes, tuple[int, ...]] = {
-    b"##HD": (0, 1, 2, 3, 4),
-    b"##DG": (0, 1, 2),
-    b"##CG": (0, 1, 4),
-    b"##CN": (0, 1),
-    b"##CA": (0,),
-    b"##HL": (0,),
-    b"##SR": (0, 1),
-    b"##FH": (0,),
-    b"##AT": (0,),
-    b"##EV": (0,),
-    b"##CH": (0, 1),
+DATA = (b"##DT", b"##DZ", b"##DV", b"##DI", b"##SD", b"##RD", b"##RV", b"##RI")
+OWNED: dict[bytes, dict[int, tuple[bytes, ...]]] = {
+    b"##HD": {0: (b"##DG",)},
+    b"##DG": {0: (b"##DG",), 1: (b"##CG",), 2: (*DATA, b"##DL", b"##HL", b"##LD")},
+    b"##CG": {0: (b"##CG",), 1: (b"##CN",)},
+    b"##CN": {0: (b"##CN",), 1: (b"##CN", b"##CA")},
+    b"##CA": {0: (b"##CN", b"##CA")},
+    b"##HL": {0: (b"##DL", b"##LD")},
+    b"##DL": {0: (b"##DL",)},
+    b"##LD": {0: (b"##LD",)},
 }
-"""Links by which a block owns another, so that each block is owned once: a tree. Lists of data
-own all that they link to; names, units, comments, sources and conversions are shared."""
+"""Links by which a block owns another, with what they may lead to. Each block is owned once: a
+tree. Of the header's links only the data are followed, see `heatrun.bench.mdf_view`."""
 
 LISTS = (b"##DL", b"##LD")
+"""Blocks whose further links all lead to data of their own."""
+
+CHILD = {b"##CN": 1, b"##CA": 0}
+"""Link that leads one level deeper."""
+
 SHARED = {b"##CG": (2, 3, 5), b"##CN": (2, 3, 4, 6, 7), b"##SI": (0, 1, 2), b"##DG": (3,)}
-DATA_LINK = {b"##CN": 5}
-CHILDREN = {b"##CN": (1,), b"##CA": (0,), b"##CH": (1,)}
-"""Links that lead one level deeper."""
+"""Links to names, units, comments, sources and conversions, which many blocks may share."""
+
+VALUES = 5
+"""Link of a channel to values of varying length, to a group or to an attachment."""
 
 COMPRESSED = struct.Struct("<2sBxIQQ")  # original type, kind, parameter, original and packed size
 DEFLATE, TRANSPOSED_DEFLATE = 0, 1
@@ -78,6 +82,11 @@ class Block:
     address: int
     size: int
     links: tuple[int, ...]
+
+    @property
+    def name(self) -> str:
+        """Its id in letters."""
+        return self.id[2:].decode("ascii", "replace")
 
     @property
     def data_address(self) -> int:
@@ -127,17 +136,20 @@ def check_blocks(stream: BinaryIO) -> None:
     num_texts = 0
     owned: set[int] = set()
     shared: set[int] = set()
-    todo = [(HEADER_ADDRESS, 0, b"", _Record(), True)]
+    todo = [_Step(HEADER_ADDRESS, (b"##HD",))]
     while todo:
-        address, depth, parent, record, is_owned = todo.pop()
-        if not is_owned and address in shared:
+        step = todo.pop()
+        if not step.kinds and step.address in shared:
             continue
-        if address in owned and is_owned:
-            raise BrokenBlockError(f"two links lead to the block at byte {address}")
-        block = read_block(stream, address, file_size)
-        (owned if is_owned else shared).add(address)
-        if depth > DEEPEST:
+        block = read_block(stream, step.address, file_size)
+        if step.kinds and block.id not in step.kinds:
+            raise BrokenBlockError(f"a {block.name} block where none may be, at {step.address}")
+        if step.kinds and step.address in owned:
+            raise BrokenBlockError(f"two links lead to the block at byte {step.address}")
+        (owned if step.kinds else shared).add(step.address)
+        if step.depth > DEEPEST:
             raise BrokenBlockError(f"more than {DEEPEST} structures within each other")
+        record = step.record
         if block.id == b"##DG":
             record = _Record(has_ids=_has_record_ids(stream, block))
         elif block.id == b"##CG":
@@ -145,17 +157,16 @@ def check_blocks(stream: BinaryIO) -> None:
         elif block.id == b"##CN":
             _check_channel(stream, block, record)
         elif block.id == b"##DZ":
-            _check_compressed(stream, block, must_unpack=record.has_ids or parent == b"##CN")
+            _check_compressed(stream, block, must_unpack=record.has_ids)
         elif block.id == b"##CC":
             num_texts += _check_conversion(stream, block, file_size)
             if num_texts > MOST_CONVERSION_TEXTS:
                 raise BrokenBlockError("conversions that refer to each other without end")
-        for target, is_owned_there, is_deeper in _links(block):
-            todo.append((target, depth + is_deeper, block.id, record, is_owned_there))
-        if block.id == b"##CN" and len(block.links) > DATA_LINK[b"##CN"]:
-            target = block.links[DATA_LINK[b"##CN"]]
-            if target and read_block(stream, target, file_size).id not in (b"##CG", b"##AT"):
-                todo.append((target, depth, b"##CN", record, True))
+        todo += _steps(block, step.depth, record)
+        if block.id == b"##CN" and len(block.links) > VALUES and block.links[VALUES]:
+            target = read_block(stream, block.links[VALUES], file_size)
+            if target.id in OWNED[b"##DG"][2]:
+                todo.append(_Step(target.address, (target.id,), step.depth, record))
 
 
 @dataclass(frozen=True)
@@ -167,21 +178,34 @@ class _Record:
     invalid_bytes: int = 0
 
 
-def _links(block: Block) -> Iterator[tuple[int, bool, bool]]:
-    """Yield the links to follow: address, whether owned, whether one level deeper."""
-    owned = range(len(block.links)) if block.id in LISTS else OWNED.get(block.id, ())
-    for index in owned:
-        if index < len(block.links) and block.links[index]:
-            yield block.links[index], True, index in CHILDREN.get(block.id, ())
-    for index in SHARED.get(block.id, ()):
-        if index < len(block.links) and block.links[index]:
-            yield block.links[index], False, False
+@dataclass(frozen=True)
+class _Step:
+    """A link to follow; without kinds it leads to a block that others may share."""
+
+    address: int
+    kinds: tuple[bytes, ...] = ()
+    depth: int = 0
+    record: _Record = _Record()
+
+
+def _steps(block: Block, depth: int, record: _Record) -> Iterator[_Step]:
+    kinds = OWNED.get(block.id, {})
+    for index, address in enumerate(block.links):
+        if not address:
+            continue
+        if index in kinds:
+            deeper = int(CHILD.get(block.id) == index)
+            yield _Step(address, kinds[index], depth + deeper, record)
+        elif block.id in LISTS:
+            yield _Step(address, DATA, depth, record)
+        elif index in SHARED.get(block.id, ()):
+            yield _Step(address, (), depth, record)
 
 
 def _data(stream: BinaryIO, block: Block, layout: str, skip: int = 0) -> tuple:
     size = struct.calcsize(layout)
     if block.data_address + skip + size > block.address + block.size:
-        raise BrokenBlockError(f"a {block.id[2:].decode()} block of {block.size} bytes")
+        raise BrokenBlockError(f"a {block.name} block of {block.size} bytes")
     stream.seek(block.data_address + skip)
     return struct.unpack(layout, stream.read(size))
 
