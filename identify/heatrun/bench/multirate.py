@@ -190,7 +190,8 @@ def _derive_at_full_rate(
     plan = set(zip([key for key in planned if key not in every], plan_notes, strict=True))
     extended, notes = [], []
     for channels in own:
-        derived, its_notes = derive(channels, phases=phases, losses=losses)
+        with np.errstate(over="ignore", invalid="ignore"):
+            derived, its_notes = derive(channels, phases=phases, losses=losses)
         new = [key for key in derived if key not in channels]
         taken = [pair for pair in zip(new, its_notes, strict=True) if pair in plan]
         extended.append({**channels, **{key: derived[key] for key, _ in taken}})

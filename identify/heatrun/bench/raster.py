@@ -92,25 +92,36 @@ def means_around(
     """
     if time_s.size < 2 or at_s.size < 2:
         return np.interp(at_s, time_s, values) if np.array_equal(time_s, at_s) else _lone(at_s)
-    middle = 0.5 * (at_s[1:] + at_s[:-1])
-    edges = np.concatenate([[2 * at_s[0] - middle[0]], middle, [2 * at_s[-1] - middle[-1]]])
-    joined = np.isfinite(values)
-    is_covered = joined[1:] & joined[:-1]
-    is_covered &= np.diff(time_s) <= LONGEST_GAP * median_step_s(time_s)
-    course = np.where(joined, values, 0.0)
-    inside = np.clip(edges, time_s[0], time_s[-1])
-    knots = np.union1d(time_s, inside)
-    at_knots = np.interp(knots, time_s, course**2 if is_rms else course)
-    piece = np.clip(np.searchsorted(time_s, knots[1:], side="left") - 1, 0, time_s.size - 2)
-    length = np.diff(knots) * is_covered[piece]
-    covered = np.concatenate([[0.0], np.cumsum(length)])
-    integral = np.concatenate([[0.0], np.cumsum(0.5 * length * (at_knots[1:] + at_knots[:-1]))])
-    at_edges = np.searchsorted(knots, inside)
-    share = np.diff(covered[at_edges])
-    with np.errstate(invalid="ignore", divide="ignore"):
+    # A damaged number may be too large to be squared or summed; its mean is then missing.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        middle = 0.5 * (at_s[1:] + at_s[:-1])
+        edges = np.concatenate([[2 * at_s[0] - middle[0]], middle, [2 * at_s[-1] - middle[-1]]])
+        inside = np.clip(edges, time_s[0], time_s[-1])
+        knots = np.union1d(time_s, inside)
+        at_edges = np.searchsorted(knots, inside)
+        course = np.where(np.isfinite(values), values, 0.0)
+        at_knots = np.interp(knots, time_s, course**2 if is_rms else course)
+        length = np.diff(knots) * _is_covered(time_s, values)[_piece(time_s, knots)]
+        covered = np.concatenate([[0.0], np.cumsum(length)])
+        integral = np.concatenate([[0.0], np.cumsum(0.5 * length * (at_knots[1:] + at_knots[:-1]))])
+        share = np.diff(covered[at_edges])
         mean = np.diff(integral[at_edges]) / share
-    mean[share < (LEAST_COVERED - ROUNDING) * np.diff(edges)] = np.nan
-    return np.sqrt(np.maximum(mean, 0.0)) if is_rms else mean
+        if is_rms:
+            mean = np.sqrt(np.maximum(mean, 0.0))
+        is_known = share >= (LEAST_COVERED - ROUNDING) * np.diff(edges)
+        return np.where(is_known & np.isfinite(mean), mean, np.nan)
+
+
+def _is_covered(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return which straight lines between two samples are known, shape (time - 1,)."""
+    is_known = np.isfinite(values)
+    is_near = np.diff(time_s) <= LONGEST_GAP * median_step_s(time_s)
+    return is_known[1:] & is_known[:-1] & is_near
+
+
+def _piece(time_s: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Return on which of those lines the course between two knots lies, shape (knot - 1,)."""
+    return np.clip(np.searchsorted(time_s, knots[1:], side="left") - 1, 0, time_s.size - 2)
 
 
 def _lone(at_s: np.ndarray) -> np.ndarray:
