@@ -19,6 +19,7 @@ class _View(io.RawIOBase):
 
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream
+        self._at = 0  # its own, since our checks read the same stream in between
 
     def readable(self) -> bool:
         return True
@@ -27,19 +28,21 @@ class _View(io.RawIOBase):
         return True
 
     def seek(self, offset: int, whence: int = io.SEEK_SET, /) -> int:
-        return self._stream.seek(offset, whence)
-
-    def tell(self) -> int:
-        return self._stream.tell()
+        base = self._at if whence == io.SEEK_CUR else 0
+        if whence == io.SEEK_END:
+            base = self._stream.seek(0, io.SEEK_END)
+        self._at = max(base + offset, 0)
+        return self._at
 
     def readinto(self, buffer, /) -> int:
         target = memoryview(buffer).cast("B")
-        start = self._stream.tell()
+        self._stream.seek(self._at)
         data = self._stream.read(len(target))
         target[: len(data)] = data
-        first, last = max(HIDDEN[0] - start, 0), min(HIDDEN[1] - start, len(data))
+        first, last = max(HIDDEN[0] - self._at, 0), min(HIDDEN[1] - self._at, len(data))
         if first < last:
             target[first:last] = bytes(last - first)
+        self._at += len(data)
         return len(data)
 
 
