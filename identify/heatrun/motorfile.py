@@ -21,7 +21,15 @@ INSULATION_CLASSES = ("A", "E", "B", "F", "H", "N", "R")
 """Letters of IEC 60085, in the order of their temperature."""
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "motor": ("name", "phases", "losses", "sink", "insulation_class", "rated_speed_rpm"),
+    "motor": (
+        "name",
+        "phases",
+        "losses",
+        "sink",
+        "insulation_class",
+        "rated_speed_rpm",
+        "raster_s",
+    ),
     "winding": (
         "material",
         "resistance_coefficient_degC",
@@ -88,6 +96,7 @@ def load_motor(path: str | Path) -> Motor:
         wheel_radius_m=_number(vehicle, "wheel_radius_m", POSITIVE, at_vehicle),
         columns=_columns(_section(content, "columns", where), where),
         parameters=_parameters(_section(content, "parameters", where), where),
+        raster_s=_number(motor, "raster_s", POSITIVE, at),
         sha256=hashlib.sha256(data).hexdigest(),
         path=where,
     )

@@ -17,6 +17,8 @@ from .channels import MappedColumns, map_columns
 from .claims import positive_rate
 from .constants import constant_notes, resistance_conflict
 from .derive import derive
+from .formats import opened
+from .multirate import read_all, read_measurement
 from .record import Record, Source
 from .table import Table
 from .timegrid import exact_grid, from_first_sample
@@ -27,27 +29,43 @@ HDF5_OFFSET = 512  # MATLAB writes its own header of this size in front
 OTHER_FORMATS = {
     b"PK\x03\x04": "a zip archive or spreadsheet",
     b"\xd0\xcf\x11\xe0": "an old spreadsheet",
-    b"MDF     ": "an MDF measurement file",
-    b"TDSm": "a TDMS measurement file",
+    b"MDF     ": "a packed MDF measurement file",
+    b"UnFinMF ": "a packed MDF measurement file",
+    b"TDSm": "a packed TDMS measurement file",
+    b"TDSh": "the index of a TDMS file",
     b"\x80\x04": "a Python pickle",
     b"\x80\x05": "a Python pickle",
     b"%PDF": "a PDF document",
 }
 """First bytes of files that are no table for heatrun, and what they are."""
 
+REMEDIES = {
+    b"MDF     ": "Unpack it first.",
+    b"UnFinMF ": "Unpack it first.",
+    b"TDSm": "Unpack it first.",
+    b"TDSh": "Give the TDMS file itself.",
+}
+"""What to do about them; for all others, export the recording as CSV."""
+
 
 def read_raw(path: str | Path) -> Table:
     """Read a bench file under its own column names.
 
     The format is told from the content: text (CSV and the like), MATLAB 5 and 7.3, Parquet; each
-    of them also compressed by gzip.
+    of them also compressed by gzip; MDF 4 and TDMS.
 
     Args:
         path: The file.
 
+    Returns:
+        The columns; of MDF and TDMS every channel, on the time axis of the slowest.
+
     Raises:
         InputError: If the file cannot be read as a table of numbers.
     """
+    with opened(path) as measurement:
+        if measurement is not None:
+            return read_all(measurement, where=str(path))
     return _read_bytes(_bytes(path), str(path))
 
 
@@ -82,13 +100,29 @@ def read_record(
     where = str(path)
     if rate_Hz is not None:
         positive_rate(rate_Hz, where)
-    data = _bytes(path)
-    table = _read_bytes(data, where)
-    mapped = map_columns(table, motor.columns if motor else None, where=where, is_part=is_part)
+    columns = motor.columns if motor else None
+    phases, losses = (motor.phases, motor.losses) if motor else (3, "balance")
+    raster_s = motor.raster_s if motor else None
+    with opened(path, columns) as measurement:
+        if measurement is not None:
+            sha256 = _digest(path)
+            table, mapped = read_measurement(
+                measurement,
+                columns,
+                where=where,
+                is_part=is_part,
+                raster_s=raster_s,
+                phases=phases,
+                losses=losses,
+            )
+        else:
+            data = _bytes(path)
+            sha256 = hashlib.sha256(data).hexdigest()
+            table = _read_bytes(data, where)
+            mapped = map_columns(table, columns, where=where, is_part=is_part)
     channels = dict(mapped.channels)
     time_s, time_notes = _time(mapped, table, rate_Hz, where)
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
-    phases, losses = (motor.phases, motor.losses) if motor else (3, "balance")
     channels, derived = derive(channels, phases=phases, losses=losses)
     test = name or _stem(Path(path))
     conflict = resistance_conflict(table.constants, motor, where)
@@ -96,7 +130,7 @@ def read_record(
     return Record(
         name=test,
         channels=channels,
-        sources=(Source(where, hashlib.sha256(data).hexdigest(), table.reader),),
+        sources=(Source(where, sha256, table.reader),),
         notes=(
             *table.notes,
             *constant_notes(table.constants),
@@ -107,6 +141,11 @@ def read_record(
         findings=tuple(replace(finding, test=test) for finding in findings),
         unused=mapped.unused,
     )
+
+
+def _digest(path: str | Path) -> str:
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _bytes(path: str | Path) -> bytes:
@@ -151,9 +190,9 @@ def _reader(data: bytes, where: str) -> Callable[[bytes, str], Table]:
     for start, kind in OTHER_FORMATS.items():
         if data.startswith(start):
             raise InputError(
-                f"Expected CSV, MAT or Parquet, got {kind}.",
+                f"Expected CSV, MAT, Parquet, MDF or TDMS, got {kind}.",
                 where=where,
-                remedy="Export the recording as CSV.",
+                remedy=REMEDIES.get(start, "Export the recording as CSV."),
             )
     if data.startswith(HDF5) or data[HDF5_OFFSET:].startswith(HDF5):
         from .mat import read_hdf5
