@@ -28,7 +28,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--corrected",
         action="store_true",
-        help="apply the corrections of instruments that the run found to Pd, Te and Tw_m",
+        help="apply to Pd and Te the corrections of losses and sink that the run found",
     )
     words.add_out(parser, "folder for the files (default: the run itself)")
     words.add_json(parser)
@@ -60,6 +60,9 @@ def run(options: argparse.Namespace) -> int:
         f"{len(written['variables'])} variables, {samples} samples of "
         f"{printable(written['test'])}, {written['order']} order"
     )
-    print(f"RMSE of Tw to Tw_m: {written['rmse_K']:.4f} K by heatrun")
+    print(
+        f"RMSE of Tw to Tw_m: {written['rmse_K']:.4f} K by heatrun "
+        f"({written['rmse_reading_K']:.4f} K with the sensor's error that the run found)"
+    )
     print("\n".join(printable(path) for path in written["files"]))
     return DONE

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -30,8 +31,8 @@ HEADER_TEXT_BYTES = 116
 MARK = b"MATLAB 5.0 MAT-file, heatrun "
 
 LARGEST_UNSAID_K = 0.5
-"""Corrections of instruments that move the winding by more are worth a warning: that is the
-standard uncertainty of the offsets of the sensors themselves [K]."""
+"""Corrections that move the winding by more are worth a warning: that is the standard uncertainty
+of the sensors' own offsets [K]."""
 
 
 def export_mat(
@@ -49,12 +50,13 @@ def export_mat(
         folder: Where the two files go; None for the run folder itself.
         test: As `read_run_test`.
         order: As `read_run_test`.
-        is_corrected: Whether the corrections of instruments that the run found are applied to
-            `Pd`, `Te` and `Tw_m`; else these are the record's own samples.
+        is_corrected: Whether the corrections of losses and sink that the run found are applied
+            to `Pd` and `Te`; else these are the record's own samples, as `Tw_m` always is.
 
     Returns:
         As plain data: the files, test, order, variables with value or shape and unit, the RMSE
-        of `lptn.simulate` on these variables to `Tw_m`, notes and findings.
+        of `lptn.simulate` on these variables to `Tw_m`, the same as the sensor of the run would
+        read the winding, how far the corrections move the winding [K], notes and findings.
 
     Raises:
         InputError: As `read_run_test` and `thesis_variables`; and if the files cannot be written
@@ -63,14 +65,14 @@ def export_mat(
     found = read_run_test(run, test=test, order=order)
     variables, notes = thesis_variables(found.record, found.values, found.motor, found.order)
     corrections = Corrections.of(found.values)
-    speed = _speed(found, corrections)
-    corrected = corrections.applied(variables, speed)
-    difference = _difference(variables, corrected, corrections)
+    corrected = corrections.applied(variables, _speed(found, corrections))
+    plain, full = simulate_variables(variables), simulate_variables(corrected)
+    difference = float(np.max(np.abs(full.winding - plain.winding)))
     findings = () if is_corrected else _left_out(corrections, difference, found.record.name)
     if is_corrected:
-        variables = corrected
-        notes = (*notes, f"Pd, Te and Tw_m are corrected: {_words(corrections)}.")
-    course = simulate_variables(variables)
+        variables, plain = corrected, full
+        notes = (*notes, f"Pd and Te are corrected as in the run: {_words(corrections)}.")
+    reading = replace(plain, winding=corrections.reading(plain.winding, variables["Te"].ravel()))
     target = folder or run
     script = files("heatrun.export").joinpath("templates", SCRIPT).read_bytes()
     _write(target, {MAT_FILE: mat_bytes(variables), SCRIPT: script}, found.inputs)
@@ -82,7 +84,8 @@ def export_mat(
         "order": found.order,
         "is_corrected": is_corrected,
         "variables": {name: _describe(name, value) for name, value in variables.items()},
-        "rmse_K": course.rmse(variables["Tw_m"]),
+        "rmse_K": plain.rmse(variables["Tw_m"]),
+        "rmse_reading_K": reading.rmse(variables["Tw_m"]),
         "corrections_K": difference,
         "notes": list(notes),
         "findings": [describe_finding(finding) for finding in findings],
@@ -116,17 +119,6 @@ def _speed(found: RunTest, corrections: Corrections) -> np.ndarray | None:
     return np.interp(time, time[is_read], speed[is_read])
 
 
-def _difference(
-    variables: Mapping[str, np.ndarray],
-    corrected: Mapping[str, np.ndarray],
-    corrections: Corrections,
-) -> float:
-    """Return how far the run's reading is at most from the winding of the file [K]."""
-    plain, full = simulate_variables(variables), simulate_variables(corrected)
-    reading = corrections.reading(full.winding, corrected["Te"].ravel())
-    return float(np.max(np.abs(reading - plain.winding)))
-
-
 def _left_out(corrections: Corrections, difference: float, test: str) -> tuple[Finding, ...]:
     if difference <= LARGEST_UNSAID_K:
         return ()
@@ -134,11 +126,11 @@ def _left_out(corrections: Corrections, difference: float, test: str) -> tuple[F
         Finding(
             id="corrections_left_out",
             severity="warning",
-            message=f"The run corrects its instruments ({_words(corrections)}), for which "
-            f"{MAT_FILE} has no variables; without them the winding is up to {difference:.2g} K "
-            f"off the run's reading (limit {LARGEST_UNSAID_K} K).",
+            message=f"The run corrects losses and sink ({_words(corrections)}), for which "
+            f"{MAT_FILE} has no variables; the record's own samples take the winding up to "
+            f"{difference:.2g} K elsewhere (limit {LARGEST_UNSAID_K} K).",
             where=test,
-            remedy="Pass --corrected to have them applied to Pd, Te and Tw_m.",
+            remedy="Pass --corrected to have them applied to Pd and Te.",
             test=test,
             values={"corrections_K": difference},
         ),
@@ -146,13 +138,7 @@ def _left_out(corrections: Corrections, difference: float, test: str) -> tuple[F
 
 
 def _words(corrections: Corrections) -> str:
-    units = {
-        "power_gain": "",
-        "torque_offset": " N m",
-        "ambient_offset": " K",
-        "sensor_gain": "",
-        "sensor_offset": " K",
-    }
+    units = {"power_gain": "", "torque_offset": " N m", "ambient_offset": " K"}
     given = {name: getattr(corrections, name) for name in units}
     return ", ".join(f"{n} = {v:.3g}{units[n]}" for n, v in given.items() if v) or "by nothing"
 

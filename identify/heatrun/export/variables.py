@@ -80,7 +80,10 @@ class Corrections:
     def applied(
         self, variables: Mapping[str, np.ndarray], speed_rpm: np.ndarray | None
     ) -> dict[str, np.ndarray]:
-        """Return the variables as instruments without error would have given them.
+        """Return the variables with losses and sink as the run corrects them.
+
+        `Tw_m` stays the reading: it drives nothing, and an offset would take the rounding away
+        by which its noise is judged.
 
         Args:
             variables: From `thesis_variables`.
@@ -90,13 +93,7 @@ class Corrections:
         losses = (1.0 + self.power_gain) * variables["Pd"]
         if self.torque_offset and speed_rpm is not None:
             losses = losses - self.torque_offset * speed_rpm[:, None] * (np.pi / 30.0)
-        winding = variables["Tw_m"] - self.sensor_offset + self.sensor_gain * sink
-        return {
-            **variables,
-            "Pd": losses,
-            "Te": sink,
-            "Tw_m": winding / (1.0 + self.sensor_gain),
-        }
+        return {**variables, "Pd": losses, "Te": sink}
 
 
 def thesis_variables(
