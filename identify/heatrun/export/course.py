@@ -10,9 +10,9 @@ import numpy as np
 
 from lptn import CopperLosses, Inputs, first_order, longest_step, second_order, simulate
 
-SHARE_OF_LONGEST = 0.1
-"""Steps stay below this share of the longest that the method takes: about a twentieth of the
-fastest time constant, where its error is 1e-5 of a change."""
+SHARE_OF_LONGEST = 0.02
+"""Steps stay below this share of the longest that the method takes, about a hundredth of the
+fastest time constant: means over a step then stand for straight lines to 1e-4 of a change."""
 
 
 @dataclass(frozen=True)
