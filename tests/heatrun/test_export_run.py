@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
+import hashlib
 import json
 import shutil
 from pathlib import Path
@@ -35,20 +35,32 @@ THESIS += ["Rrif", "Te", "Trif", "Tso", "Two", "Tw_m", "t"]
 FIRST_ORDER = [name for name in THESIS if name not in ("Ceqsr", "Reqsr", "Tso")]
 
 
-def bundled(name, step=10):
-    with gzip.open(DATA / f"{name}.csv.gz", "rt") as file:
-        separator = ";" if name == "duty_30min" else ","
-        table = pd.read_csv(file, sep=separator, decimal="," if separator == ";" else ".")
-    return table.iloc[::step].reset_index(drop=True)
+CHANNELS = {
+    "time_s": "t",
+    "phase_current_A": "Is",
+    "losses_W": "Pd",
+    "ambient_degC": "Te",
+    "winding_degC": "Tw_m",
+    "speed_rpm": "speed_rpm",
+}
+
+
+def write_csv(record, path):
+    pd.DataFrame({CHANNELS[name]: values for name, values in record.channels.items()}).to_csv(
+        path, index=False
+    )
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """A folder with a motor file, two records at 1 Hz and a run of the second order on them."""
+def finished(tmp_path_factory, duty, bench, generator):
+    """A folder with a motor file, two records at 1 Hz and a run of the second order on them.
+
+    The duty is the one that other tests fit too, so its compilations are shared.
+    """
     folder = tmp_path_factory.mktemp("bench_day")
     shutil.copy(DATA / "motor.toml", folder / "motor.toml")
-    bundled("duty_30min").to_csv(folder / "duty.csv", index=False)
-    bundled("step_30min").to_csv(folder / "step.csv", index=False)
+    write_csv(duty, folder / "duty.csv")
+    write_csv(bench(generator.constant_load(1800.0), seed=5), folder / "step.csv")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         motor = load_motor("motor.toml")
@@ -293,4 +305,26 @@ def test_a_rate_given_on_the_command_line_is_taken_up(day):
     edit(Path("run/manifest.json"), without_time)
     export_mat(Path("run"), folder=Path("out"))
     time = read_variables(Path("out/prova.mat").read_bytes())["t"]
-    assert np.array_equal(time[:, 0], np.arange(1801.0))
+    assert np.array_equal(time[:, 0], np.arange(3601.0))
+
+
+def test_a_test_of_two_loggers_is_read_from_both_files(day, monkeypatch):
+    drive = Path("drive.csv")
+    drive.write_text("Power [W]\n1\n")
+    entry = {"path": "drive.csv", "sha256": hashlib.sha256(drive.read_bytes()).hexdigest()}
+    edit(Path("run/manifest.json"), lambda content: content["inputs"].insert(2, entry))
+    words = "heatrun calibrate motor.toml duty.csv+drive.csv@10Hz --holdout step.csv"
+    edit(Path("run/fit.json"), lambda result: result.update(command=words))
+    asked = []
+
+    def read(text, motor):
+        asked.append(text)
+        return read_test("step.csv" if text == "step.csv" else "duty.csv", motor)
+
+    monkeypatch.setattr("heatrun.export.rerun.read_test", read)
+    read_run_test(Path("run"))
+    assert asked == ["duty.csv+drive.csv@10Hz"]
+    drive.write_text("Power [W]\n2\n")
+    with pytest.raises(InputError, match=r"drive\.csv has changed"):
+        read_run_test(Path("run"))
+    assert read_run_test(Path("run"), test="step").is_held_out  # the other test has one file
