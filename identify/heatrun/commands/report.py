@@ -1,0 +1,110 @@
+"""`heatrun report`: the bench's reports by test type."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from . import words
+from .console import printable, say
+from .exit_codes import DONE, NOT_ALLOWED
+
+if TYPE_CHECKING:
+    from ..vcycle import Outcome
+
+TYPES = ("general", "thermal", "energy", "virtual", "real")
+"""As `heatrun.vcycle.TEST_TYPES`, which is slow to import."""
+
+
+def add_parser(commands: Any) -> argparse.ArgumentParser:
+    """Add the command's words to the subparsers `commands`."""
+    parser = commands.add_parser("report", help="reports by test type, of tests or whole folders")
+    parser.add_argument(
+        "--type", dest="kind", choices=TYPES, required=True, help="test type of the bench"
+    )
+    words.add_inputs(parser)
+    parser.add_argument(
+        "--run", type=Path, metavar="RUN", help="calibrated network (thermal, virtual)"
+    )
+    parser.add_argument(
+        "--reference", type=Path, metavar="FILE", help="the other prototype (virtual, real)"
+    )
+    parser.add_argument(
+        "--tolerance",
+        action="append",
+        default=[],
+        metavar="CHANNEL=VALUE",
+        help="what counts as agreement, such as winding_degC=3 (virtual, real)",
+    )
+    parser.add_argument(
+        "--offset",
+        type=float,
+        metavar="SECONDS",
+        help="added to the reference's clock instead of searching it (virtual, real)",
+    )
+    words.add_out(parser, "folder for the reports (default: Reports)")
+    words.add_json(parser)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the reports and print their tables; one that failed makes the exit code 1."""
+    from ..motorfile import load_motor
+    from ..run_folder import dump
+    from ..vcycle import make_report
+    from ..vcycle.tolerances import parse_tolerances
+
+    tolerances = parse_tolerances(options.tolerance)
+    outcomes = make_report(
+        options.kind,
+        load_motor(options.motor),
+        options.tests,
+        options.out or Path("Reports"),
+        run=options.run,
+        reference=options.reference,
+        tolerances=tolerances,
+        offset_s=options.offset,
+        say=say,
+    )
+    if options.json:
+        print(dump({"reports": [_described(outcome) for outcome in outcomes]}))
+    else:
+        print(printable(_text(outcomes)))
+    return NOT_ALLOWED if any(outcome.error is not None for outcome in outcomes) else DONE
+
+
+def _described(outcome: Outcome) -> dict[str, Any]:
+    if outcome.error is not None:
+        error = outcome.error
+        problem = {"problem": error.problem, "where": error.where, "remedy": error.remedy}
+        return {"file": outcome.test, "error": problem}
+    files = [str(path) for path in outcome.written]
+    return {"file": outcome.test, "written": files, **(outcome.content or {})}
+
+
+def _text(outcomes: Sequence[Outcome]) -> str:
+    from ..vcycle.document import number
+
+    lines = []
+    for outcome in outcomes:
+        lines.append(outcome.test)
+        if outcome.error is not None:
+            lines += [f"  no report: {outcome.error}", ""]
+            continue
+        assert outcome.report is not None  # an outcome is a report or an error
+        lines.append(f"  {outcome.report.summary}")
+        for row in outcome.report.rows:
+            note = f"  ({row.note})" if row.note else ""
+            lines.append(f"  {row.label:<40} {number(row.value):>12} {row.unit}{note}")
+        lines += [
+            f"  {finding.severity}: {finding.sentence()}"
+            for finding in outcome.report.findings
+            if finding.severity != "note"
+        ]
+        lines += [*(f"  {path}" for path in outcome.written), ""]
+    failed = sum(outcome.error is not None for outcome in outcomes)
+    if failed:
+        lines.append(f"{failed} of {len(outcomes)} tests have no report.")
+    return "\n".join(lines)

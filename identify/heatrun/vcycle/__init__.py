@@ -1,0 +1,15 @@
+"""The bench's everyday reports by test type: general, thermal, energy, virtual, real."""
+
+from .build import build_report as build_report
+from .card import TEST_TYPES as TEST_TYPES
+from .card import Kind as Kind
+from .card import TestType as TestType
+from .energy import energy_report as energy_report
+from .general import general_report as general_report
+from .job import Outcome as Outcome
+from .job import make_report as make_report
+from .reference import Reference as Reference
+from .reference import read_reference as read_reference
+from .report import Report as Report
+from .thermal import thermal_report as thermal_report
+from .validation_report import validation_report as validation_report

@@ -1,0 +1,98 @@
+"""Draws of the parameters of a run folder, read back from its files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ..errors import InputError
+from ..model import ALL_NAMES, Order
+from ..run_folder import load_result
+
+STARTS = ("Tw_start", "Tsr_start")
+"""Parameters of one test, which say nothing of another."""
+
+
+@dataclass(frozen=True)
+class RunDraws:
+    """What a run says of the parameters.
+
+    Attributes:
+        order: The higher order that the run holds.
+        values: Draws by name, fixed parameters as constants, starts left out; shape (draw,) each.
+        noise_sd_K: Slow part of the noise [K].
+        noise_white_K: White part of a 20 s mean [K].
+        motor_name: The machine that was calibrated.
+        calibration_sha256: Digests of the files that the run was calibrated on.
+    """
+
+    order: Order
+    values: dict[str, Float[np.ndarray, " draw"]]
+    noise_sd_K: float
+    noise_white_K: float
+    motor_name: str
+    calibration_sha256: frozenset[str]
+
+
+def read_draws(run: Path, *, num_draws: int, seed: int) -> RunDraws:
+    """Read the posterior of a run.
+
+    Args:
+        run: A folder that `heatrun calibrate` wrote.
+        num_draws: Number of draws to pick.
+        seed: Of the pick.
+
+    Raises:
+        InputError: If the folder is no run, misses a file, or its network was extended by effects.
+    """
+    from .. import archive
+
+    result = load_result(run)
+    try:
+        order: Order = "second" if "second" in result["models"] else "first"
+        model: dict[str, Any] = result["models"][order]
+        group = archive.read(run / f"posterior_{order}.nc")["posterior"]
+        entries = {**model["parameters"], **model["nuisances"]}
+        names = [n for n in entries if n.partition("[")[0] not in STARTS]
+        _refuse_effects(run, names)
+        sizes = [np.asarray(group[n]).size for n in names if not entries[n]["fixed"]]
+        picked = np.random.default_rng([seed, 7]).integers(0, min(sizes), num_draws)
+        values = {
+            name: np.full(num_draws, float(entries[name]["value"]))
+            if entries[name]["fixed"]
+            else np.asarray(group[name], dtype=float).ravel()[picked]
+            for name in names
+        }
+        return RunDraws(
+            order=order,
+            values=values,
+            noise_sd_K=float(model["noise"]["sd_K"]) * (model["noise"]["kind"] == "correlated"),
+            noise_white_K=float(model["noise"]["white_K"]),
+            motor_name=str(result["motor"]["name"]),
+            calibration_sha256=frozenset(
+                test["sha256"] for test in result["tests"] if test["role"] == "calibration"
+            ),
+        )
+    except InputError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        raise InputError(
+            f"a file of the run cannot be read: {error}.",
+            where=str(run),
+            remedy="Calibrate again.",
+        ) from error
+
+
+def _refuse_effects(run: Path, names: list[str]) -> None:
+    extra = [name for name in names if name not in ALL_NAMES]
+    if extra:
+        raise InputError(
+            f"the run's network was extended by effects ({', '.join(extra)}), which a report does "
+            "not simulate.",
+            where=str(run),
+            remedy="Pass a run of `heatrun calibrate`.",
+        )
