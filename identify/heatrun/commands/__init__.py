@@ -5,7 +5,6 @@ slow to import inside `run`, so that `heatrun --help` answers at once.
 """
 
 COMMANDS = (
-COMMANDS = (
     "check", "calibrate", "compare", "discover", "simulate", "report", "sheet", "export", "view",
     "demo",
 )  # fmt: skip
