@@ -249,6 +249,44 @@ def test_a_run_that_lacks_a_part_is_refused(day, key):
         export_mat(Path("run"))
 
 
+@pytest.mark.parametrize(("value", "said"), [("x", "lacks what"), (None, "lacks what"),
+                                             (-1.0, "expected Ceq_w above 0, got -1")])  # fmt: skip
+def test_a_capacity_that_is_none_is_refused(day, value, said):
+    def spoil(result):
+        result["models"]["second"]["parameters"]["Ceq_w"]["value"] = value
+
+    edit(Path("run/fit.json"), spoil)
+    with pytest.raises(InputError, match=said):
+        export_mat(Path("run"))
+
+
+def test_a_run_without_a_calibrated_test_is_refused(day):
+    edit(Path("run/fit.json"), lambda result: result["tests"].pop(0))
+    with pytest.raises(InputError, match="no test that was calibrated on"):
+        export_mat(Path("run"))
+
+
+def test_a_torque_offset_needs_the_speed(day):
+    def add_torque_offset(result):
+        result["models"]["second"]["nuisances"]["torque_offset"] = {"value": 0.5}
+
+    edit(Path("run/fit.json"), add_torque_offset)
+    assert export_mat(Path("run"))["corrections_K"] > 1.0
+    table = pd.read_csv("duty.csv").drop(columns="speed_rpm")
+    table.to_csv("duty.csv", index=False)
+    digest = hashlib.sha256(Path("duty.csv").read_bytes()).hexdigest()
+
+    def without_speed(content):
+        for entry in content.get("tests", content.get("inputs")):
+            if entry["path"] == "duty.csv":
+                entry["sha256"] = digest
+
+    edit(Path("run/fit.json"), without_speed)
+    edit(Path("run/manifest.json"), without_speed)
+    with pytest.raises(InputError, match="torque offset, and this test has no speed"):
+        export_mat(Path("run"))
+
+
 @pytest.mark.parametrize("text", ["", "[]", '{"inputs": [{"path": 3}]}', '{"inputs": []}'])
 def test_a_damaged_manifest_is_refused(day, text):
     Path("run/manifest.json").write_text(text)

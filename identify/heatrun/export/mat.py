@@ -108,14 +108,15 @@ def _speed(found: RunTest, corrections: Corrections) -> np.ndarray | None:
     """Return the speed at the samples [rpm] where a torque offset needs it."""
     if not corrections.torque_offset:
         return None
-    if "speed_rpm" not in found.record:
+    time = found.record.time_s
+    speed = found.record.channels.get("speed_rpm", np.full(time.size, np.nan))
+    is_read = np.isfinite(speed)
+    if not np.any(is_read):
         raise InputError(
             "the run has a torque offset, and this test has no speed to apply it to.",
             where=found.record.name,
             remedy="Map speed_rpm, or export another test.",
         )
-    time, speed = found.record.time_s, found.record["speed_rpm"]
-    is_read = np.isfinite(speed)
     return np.interp(time, time[is_read], speed[is_read])
 
 

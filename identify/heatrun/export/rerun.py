@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -74,7 +75,9 @@ def read_run_test(run: Path, *, test: str | None = None, order: Order | None = N
         entry = result["tests"][position]
         is_held_out = entry["role"] == "holdout"
         values = _values(result["models"][chosen], record.name, is_held_out, run)
-    except (KeyError, TypeError, IndexError, AttributeError) as error:
+    except InputError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"fit.json or {MANIFEST} lacks what an export needs ({type(error).__name__}: {error}).",
             where=str(run),
@@ -129,7 +132,14 @@ def _inputs(run: Path) -> list[dict[str, str]]:
 
 def _position(tests: Sequence[Mapping[str, Any]], name: str | None, run: Path) -> int:
     if name is None:
-        return next(i for i, entry in enumerate(tests) if entry["role"] == "calibration")
+        calibrated = [i for i, entry in enumerate(tests) if entry["role"] == "calibration"]
+        if not calibrated:
+            raise InputError(
+                "the run has no test that was calibrated on.",
+                where=str(run),
+                remedy="Name a test with --test.",
+            )
+        return calibrated[0]
     names = [entry["name"] for entry in tests]
     if name not in names:
         raise InputError(
@@ -229,7 +239,15 @@ def _values(model: Mapping[str, Any], test: str, is_held_out: bool, run: Path) -
             where=str(run),
             remedy="Export a test that the run was calibrated on.",
         )
-    return values | own
+    values |= own
+    bad = [n for n, v in values.items() if n[0] in "CR" and not 0.0 < v < math.inf]
+    if bad:
+        raise InputError(
+            f"expected {', '.join(bad)} above 0, got {', '.join(f'{values[n]:g}' for n in bad)}.",
+            where=f"{run}, fit.json",
+            remedy="Calibrate again.",
+        )
+    return values
 
 
 def _with_start(
