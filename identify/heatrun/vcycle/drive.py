@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from ..bench.checks.samples import is_measured
+from ..bench.checks.samples import samples
 from ..bench.derive import dq_power, shaft_power
 from ..bench.record import Record
 from ..errors import InputError
@@ -34,8 +34,8 @@ class Course:
 
 
 def has(record: Record, *channels: str) -> bool:
-    """Return whether a record holds a measured sample of each channel."""
-    return all(c in record and bool(np.any(is_measured(record[c]))) for c in channels)
+    """Return whether a record holds a measured sample, with a time, of each channel."""
+    return all(samples(record, channel)[0].size > 0 for channel in channels)
 
 
 def electrical_power(record: Record, motor: Motor) -> Course:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..bench.checks.rounding import rounding_step
 from ..bench.checks.samples import block_means, samples, sink_channel
 from ..bench.clock_offset import correlation
 from ..bench.record import Record
@@ -40,8 +41,9 @@ CRITERION = (
     "last two half hours; not reached where it surely changes faster in either; undecided where 2 "
     "K per hour lie within two standard errors. The 2 K per hour follow the definition of thermal "
     "equilibrium in IEC 60034-1:2010; the half hours, the line of least squares through means of a "
-    "minute and its standard error, by the correlation of the residuals, are ours. Other editions "
-    "and standards ask for other figures: check the one that binds the test."
+    "minute and its standard error, by the correlation of the residuals and the step of the "
+    "readings, are ours. Other editions and standards ask for other figures: check the one that "
+    "binds the test."
 )
 """The criterion, in words of the report."""
 
@@ -87,11 +89,14 @@ def equilibrium(record: Record, motor: Motor, channel: str) -> Equilibrium:
             None,
             reason=f"{length_s / 60.0:.0f} min were measured, two half hours are needed",
         )
-    rise = part - cold
+    step_K = rounding_step(part) or 0.0
     ends_s = np.arange(time_s[0] + 2.0 * INTERVAL_S, time_s[-1], LOOK_EVERY_S)
-    met = (float(end_s) for end_s in ends_s if _state(_slopes(time_s, rise, end_s)) is True)
-    first_s = next(met, None)
-    slopes = _slopes(time_s, rise, float(time_s[-1]))
+
+    def slopes_at(end_s: float) -> list[tuple[float, float]]:
+        return _slopes(time_s, part, cold, step_K, end_s)
+
+    first_s = next((float(end_s) for end_s in ends_s if _state(slopes_at(end_s)) is True), None)
+    slopes = slopes_at(float(time_s[-1]))
     if len(slopes) < 2:
         return Equilibrium(
             channel, None, reason="a gap lies in the last hour", first_reached_s=first_s
@@ -120,16 +125,31 @@ def _state(slopes: list[tuple[float, float]]) -> bool | None:
     return None
 
 
-def _slopes(time_s: np.ndarray, rise_K: np.ndarray, end_s: float) -> list[tuple[float, float]]:
-    """Gradient and standard error [K/h] of the two half hours before a moment, without gaps."""
+def _slopes(
+    time_s: np.ndarray, part: np.ndarray, cold: np.ndarray, rounding_K: float, end_s: float
+) -> list[tuple[float, float]]:
+    """Gradient and standard error [K/h] of the two half hours before a moment, without gaps.
+
+    A reading that stands still on a coarse step may be off by a uniform error at either end of the
+    interval, 1/12 of the step squared each; where noise carries it to and fro, means know better.
+    """
     slopes = []
     for number in (2, 1):
         last_s = end_s - (number - 1) * INTERVAL_S
         inside = (time_s > last_s - INTERVAL_S) & (time_s <= last_s)
-        middle_s, means = block_means(time_s[inside], BLOCK_S, rise_K[inside])
+        middle_s, means = block_means(time_s[inside], BLOCK_S, (part - cold)[inside])
         if middle_s.size >= MIN_BLOCKS and np.ptp(middle_s) >= MIN_SPAN * INTERVAL_S:
-            slopes.append(_slope(middle_s / 3600.0, means))
+            slope, error = _slope(middle_s / 3600.0, means)
+            stuck = _stuck(time_s[inside], part[inside])
+            coarse = rounding_K * float(np.sqrt(stuck / 6.0)) / (INTERVAL_S / 3600.0)
+            slopes.append((slope, float(np.hypot(error, coarse))))
     return slopes
+
+
+def _stuck(time_s: np.ndarray, values: np.ndarray) -> float:
+    """Share of the means' minutes in which a reading does not change [1]."""
+    _, mean, square = block_means(time_s, BLOCK_S, values, values**2)
+    return float(np.mean(square - mean**2 < 1e-9 * (1.0 + square)))
 
 
 def _slope(time_h: np.ndarray, rise_K: np.ndarray) -> tuple[float, float]:

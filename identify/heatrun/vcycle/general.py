@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..bench.record import Record
+from ..errors import InputError
 from ..motor import Motor
 from .card import TEST_TYPES
 from .drive import has
@@ -26,6 +27,13 @@ def general_report(motor: Motor, record: Record) -> Report:
     Raises:
         InputError: If time runs backwards, or no signal was recorded.
     """
+    if not recorded(record):
+        raise InputError(
+            "Expected at least one signal beside the time, found none that is mapped and filled; "
+            f"columns that are not used: {', '.join(record.unused) or 'none'}.",
+            where=record.name,
+            remedy='Map them in the motor file, such as [columns] speed_rpm = "n [rpm]".',
+        )
     found = general_information(record, motor)
     drawings = [
         Drawing("courses", "All recorded signals over time.", lambda: courses(record, motor))

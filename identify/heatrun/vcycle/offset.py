@@ -10,16 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from ..bench.checks.samples import median_step, samples
-from ..bench.clock_offset import correlation as residual_correlation
 from ..bench.record import Finding, Record
 from ..errors import InputError
-from .likeness import Likeness, even, likeness, overlap, pearson, score
+from .likeness import even, likeness, overlap, pearson, score
+from .refine_offset import refine
 
 MIN_OVERLAP = 0.5
 """Share of the shorter record [1] that must lie in the other: a few samples always resemble."""
@@ -34,6 +32,9 @@ LEFT_SHARE = 0.5
 RIVAL_SHARE = 0.9
 """A second offset counts as a rival if its score is this share of the best [1] and the score
 between falls below `LEFT_SHARE` of it."""
+
+FEWEST = 10
+"""Samples of a record below which no offset is looked for [1]."""
 
 MAX_SD_S = 5.0
 """Standard uncertainty [s] from which the overlay is in doubt: 5 % of a winding's time constant."""
@@ -63,9 +64,8 @@ def find_offset(test: Record, reference: Record, channels: Sequence[str]) -> Off
     r"""Find the offset of the reference's clock to the test's.
 
     The score at an offset is the mean over the signals of $-\tfrac12\ln(1 - r^2)$, the gain in log
-    likelihood per sample of a straight line over a constant; correlations below 0 count as 0. The
-    curvature of the log likelihood, each signal counted by its residuals that are independent,
-    gives the standard uncertainty of the fit.
+    likelihood per sample of a straight line over a constant; correlations below 0 count as 0. What
+    it finds on a grid is refined by `heatrun.vcycle.refine_offset`.
 
     Args:
         test: The record whose clock is kept.
@@ -76,28 +76,19 @@ def find_offset(test: Record, reference: Record, channels: Sequence[str]) -> Off
         InputError: If no signal varies in both, or none follows the other at any offset.
     """
     where = f"{test.name}, {reference.name}"
+    sizes = [samples(record)[0].size for record in (test, reference)]
+    if min(sizes) < FEWEST:
+        raise InputError(
+            f"Expected at least {FEWEST} samples in each record, got {sizes[0]} and {sizes[1]}.",
+            where=where,
+            remedy="Check that the files are complete, or give --offset SECONDS.",
+        )
     steps_s = [median_step(samples(record)[0]) for record in (test, reference)]
     spans_s = [float(np.ptp(samples(record)[0])) for record in (test, reference)]
-    if not min(spans_s) > 0.0:
-        raise InputError(
-            "Expected two records that last longer than a sample.",
-            where=where,
-            remedy="Check that the files are complete.",
-        )
     grid_s = max(*steps_s, max(spans_s) / MAX_GRID)
     offsets_s, scores = _search(test, reference, channels, grid_s, spans_s)
-
-    def negative(offset_s: float) -> float:
-        return -score([r.r for r in likeness(test, reference, channels, offset_s).values()])
-
     start_s = float(offsets_s[np.argmax(scores)])
-    refined: Any = minimize_scalar(
-        negative,
-        bounds=(start_s - 1.5 * grid_s, start_s + 1.5 * grid_s),
-        method="bounded",
-        options={"xatol": 0.01 * min(steps_s)},
-    )
-    offset_s = float(refined.x) if refined.fun < negative(start_s) else start_s
+    offset_s, fit_sd_s = refine(test, reference, channels, start_s, grid_s)
     found = likeness(test, reference, channels, offset_s)
     most = max((each.r for each in found.values()), default=0.0)
     if most < MIN_CORRELATION:
@@ -108,7 +99,6 @@ def find_offset(test: Record, reference: Record, channels: Sequence[str]) -> Off
             where=where,
             remedy="Are they of one manoeuvre? If so, give --offset SECONDS.",
         )
-    fit_sd_s = _fit_sd(test, reference, found, offset_s, grid_s)
     # A stamp may mark the beginning, middle or end of its interval: uniform over one step each.
     stamp_sd_s = float(np.hypot(steps_s[0], steps_s[1])) / float(np.sqrt(12.0))
     sd_s = float(np.hypot(fit_sd_s, stamp_sd_s))
@@ -136,35 +126,6 @@ def _search(
     lags = range(needed - num_reference, num_test - needed + 1)
     scores = [score([pearson(*overlap(a, b, lag)) or 0.0 for a, b in pairs]) for lag in lags]
     return np.array(lags) * grid_s, np.array(scores)
-
-
-def _fit_sd(
-    test: Record,
-    reference: Record,
-    found: dict[str, Likeness],
-    offset_s: float,
-    grid_s: float,
-) -> float:
-    """Standard uncertainty of the offset from the curvature of the log likelihood [s]."""
-    numbers = {
-        channel: each.residual.size / residual_correlation(each.residual)
-        for channel, each in found.items()
-        if each.r > 0.0
-    }
-
-    def log_likelihood(at_s: float) -> float:
-        near = likeness(test, reference, list(numbers), at_s)
-        return sum(n * score([near[c].r]) for c, n in numbers.items() if c in near)
-
-    # The parabola is measured half a unit of log likelihood below the peak or further out, where
-    # the corners of interpolated samples no longer show.
-    top, apart_s = log_likelihood(offset_s), grid_s
-    for _ in range(12):
-        fall = top - 0.5 * (log_likelihood(offset_s - apart_s) + log_likelihood(offset_s + apart_s))
-        if fall >= 0.5:
-            return apart_s / float(np.sqrt(2.0 * fall))
-        apart_s *= 2.0
-    return apart_s
 
 
 def _uncertain(where: str, test: str, sd_s: float) -> tuple[Finding, ...]:

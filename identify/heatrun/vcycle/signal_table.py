@@ -6,6 +6,7 @@ import numpy as np
 
 from ..bench.checks.samples import is_measured, samples
 from ..bench.record import Record
+from .drive import has
 from .integrate import bridged_steps
 from .plot import unit, wording
 from .report import Column, Line, Table
@@ -34,11 +35,7 @@ def signal_table(record: Record, channels: tuple[str, ...], title: str = "Signal
 
 def recorded(record: Record) -> tuple[str, ...]:
     """Return the canonical channels that hold a measured sample, without the time."""
-    return tuple(
-        channel
-        for channel, values in record.channels.items()
-        if channel != "time_s" and bool(np.any(is_measured(values)))
-    )
+    return tuple(c for c in record.channels if c != "time_s" and has(record, c))
 
 
 def _line(record: Record, channel: str) -> Line | None:

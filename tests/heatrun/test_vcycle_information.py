@@ -1,0 +1,183 @@
+"""The General Information table against numbers worked out by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heatrun.bench.record import Record
+from heatrun.errors import InputError
+from heatrun.motor import Motor
+from heatrun.vcycle import build_report
+from heatrun.vcycle.general_information import general_information
+from heatrun.vcycle.operating_map import operating_map
+
+CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
+
+# Four samples, 10 s, 10 s and 20 s apart, at 100 V: P = 0, 1000, -500, 500 W; v = 0, 10, 10, 0 m/s.
+SMALL = Record(
+    "Test_2022_12_07_001",
+    {
+        "time_s": np.array([0.0, 10.0, 20.0, 40.0]),
+        "dc_voltage_V": np.full(4, 100.0),
+        "dc_current_A": np.array([0.0, 10.0, -5.0, 5.0]),
+        "vehicle_speed_km_per_h": np.array([0.0, 36.0, 36.0, 0.0]),
+    },
+)
+
+
+def without(record: Record, *channels: str) -> Record:
+    return replace(record, channels={k: v for k, v in record.channels.items() if k not in channels})
+
+
+def changed(record: Record, **channels: list[float]) -> Record:
+    new = {name: np.array(values, dtype=float) for name, values in channels.items()}
+    return replace(record, channels={**record.channels, **new})
+
+
+def test_the_table_of_a_small_record_by_hand():
+    # net:   0..10 s 5000 J, 10..20 s 2500 J, 20..40 s 0 J                          = 7500 J
+    # drawn: 5000 J; 1000 W down to 0 at two thirds of 10 s, 1000/2 * 20/3 = 10000/3 J;
+    #        0 up to 500 W in the second half of 20 s, 500/2 * 10 = 2500 J           = 32500/3 J
+    # path:  50 + 100 + 100 m                                                        = 250 m
+    found = general_information(SMALL, CAR)
+    expected = {
+        "energy_kWh": 7500 / 3.6e6,
+        "energy_without_regeneration_kWh": 32500 / 3 / 3.6e6,
+        "distance_km": 0.25,
+        "consumption_Wh_per_km": 7500 / 3600 / 0.25,
+        "consumption_without_regeneration_Wh_per_km": 32500 / 3 / 3600 / 0.25,
+        "reduction_percent": 100 * (1 - 7500 / (32500 / 3)),
+    }
+    for name, value in expected.items():
+        assert getattr(found, name) == pytest.approx(value, rel=1e-12), name
+    assert not found.findings
+    assert expected["reduction_percent"] == pytest.approx(30.769, abs=1e-3)  # as printed
+
+
+def test_the_general_report_prints_these_figures():
+    rows = {row.name: row for row in build_report("general", CAR, SMALL).rows}
+    assert rows["consumption_Wh_per_km"].value == pytest.approx(25 / 3)
+    assert rows["consumption_Wh_per_km"].unit == "Wh/km"
+    assert len(rows) == 6
+
+
+def test_a_gap_adds_nothing_and_is_said():
+    record = Record(
+        "gap",
+        {
+            "time_s": np.array([0.0, 10.0, 20.0, 120.0, 130.0]),
+            "dc_power_W": np.full(5, 360.0),
+            "vehicle_speed_km_per_h": np.full(5, 36.0),
+        },
+    )
+    found = general_information(record, CAR)
+    # 30 s are covered: 360 W and 10 m/s give 10800 J and 300 m
+    assert found.energy_kWh == pytest.approx(0.003)
+    assert found.distance_km == pytest.approx(0.3)
+    assert found.left_out_s == 100.0
+    (finding,) = found.findings
+    assert finding.id == "not_integrated"
+    assert "100.0 s" in finding.message
+
+
+def test_the_distance_follows_from_motor_speed_gear_and_wheel():
+    record = Record(
+        "motor speed",
+        {
+            "time_s": np.arange(61.0),
+            "dc_power_W": np.full(61, 100.0),
+            "speed_rpm": np.full(61, -910.0),
+        },
+    )
+    # 910 rpm over a gear of 9.1 turn the wheel 100 times in the minute, each 2 pi 0.3 m; backwards
+    found = general_information(record, CAR)
+    assert found.distance_km == pytest.approx(100 * 2 * math.pi * 0.3 / 1000)
+
+
+def test_an_energy_report_without_speed_says_what_is_missing():
+    record = without(SMALL, "vehicle_speed_km_per_h")
+    with pytest.raises(InputError, match="vehicle_speed_km_per_h or speed_rpm"):
+        build_report("energy", CAR, record)
+    report = build_report("general", CAR, record)
+    assert {f.id for f in report.findings} == {"no_speed"}
+    rows = {row.name: row for row in report.rows}
+    assert rows["energy_kWh"].value == pytest.approx(7500 / 3.6e6)
+    assert rows["distance_km"].value is None
+    assert "no speed" in rows["distance_km"].note
+
+
+def test_an_energy_report_without_power_says_what_is_missing():
+    with pytest.raises(InputError, match="dc_voltage_V and dc_current_A"):
+        build_report("energy", CAR, without(SMALL, "dc_current_A"))
+
+
+def test_a_motor_speed_without_gear_ratio_says_where_to_write_it():
+    record = changed(without(SMALL, "vehicle_speed_km_per_h"), speed_rpm=[0, 900, 900, 0])
+    with pytest.raises(InputError, match="gear_ratio and wheel_radius_m"):
+        build_report("energy", Motor("no car"), record)
+
+
+def test_without_distance_the_consumption_is_undefined_not_infinite():
+    found = general_information(changed(SMALL, vehicle_speed_km_per_h=[0, 0, 0, 0]), CAR)
+    assert found.distance_km == 0.0
+    assert found.consumption_Wh_per_km is None
+    assert "below 1 m" in found.undefined["consumption_Wh_per_km"]
+    assert [f.id for f in found.findings] == ["distance_zero"]
+
+
+def test_power_that_is_negative_throughout_is_a_finding():
+    found = general_information(changed(SMALL, dc_current_A=[-1, -10, -5, -5]), CAR)
+    assert found.energy_without_regeneration_kWh == 0.0
+    assert found.reduction_percent is None
+    assert [f.id for f in found.findings] == ["power_negative"]
+
+
+def test_time_that_runs_backwards_is_refused():
+    with pytest.raises(InputError, match="falls from"):
+        general_information(changed(SMALL, time_s=[0, 10, 5, 40]), CAR)
+
+
+def test_a_record_without_a_signal_is_refused():
+    with pytest.raises(InputError, match="at least one signal"):
+        build_report("general", CAR, Record("empty", {"time_s": np.arange(5.0)}))
+
+
+def test_efficiency_is_energy_over_energy_in_each_direction():
+    # Half of the time as a motor at 80 %, half as a generator at 50 %; shaft power is 2 pi T n/60.
+    speed = np.full(200, 3000.0)
+    torque = np.repeat([10.0, -10.0], 100)
+    shaft = torque * speed * 2 * math.pi / 60
+    record = Record(
+        "map",
+        {
+            "time_s": np.arange(200.0),
+            "speed_rpm": speed + np.tile([-1.0, 1.0], 100),  # a map needs some spread
+            "torque_Nm": torque,
+            "electrical_power_W": np.where(torque > 0, shaft / 0.8, shaft * 0.5),
+        },
+    )
+    found = operating_map(record, CAR)
+    assert found is not None
+    # the speed alternates by 1/3000 around the one that the power was made with
+    assert found.efficiency_motor == pytest.approx(0.8, rel=1e-3)
+    assert found.efficiency_generator == pytest.approx(0.5, rel=1e-3)
+    assert np.nanmax(found.efficiency) == pytest.approx(0.8, rel=1e-3)
+
+
+def test_an_efficiency_above_one_is_a_finding():
+    record = Record(
+        "wrong unit",
+        {
+            "time_s": np.arange(50.0),
+            "speed_rpm": np.linspace(1000.0, 3000.0, 50),
+            "torque_Nm": np.linspace(5.0, 10.0, 50),
+            "electrical_power_W": np.full(50, 1.0),
+            "vehicle_speed_km_per_h": np.full(50, 30.0),
+        },
+    )
+    report = build_report("energy", CAR, record)
+    assert "efficiency_above_one" in {f.id for f in report.findings}

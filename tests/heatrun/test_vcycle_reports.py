@@ -1,0 +1,271 @@
+"""Reports as files: names, tables, folders of tests, hostile names, files that change."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pypdf import PdfReader
+
+from heatrun.bench.joined import read_test
+from heatrun.cli import main
+from heatrun.commands.report import TYPES
+from heatrun.motor import Motor
+from heatrun.vcycle import TEST_TYPES, job, make_report
+from heatrun.vcycle.csv_table import neutral
+from heatrun.vcycle.document import number, printed
+
+CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
+HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* <script> \x1b[31m'
+
+
+def write_drive(path: Path, *, current_A: float = 10.0) -> Path:
+    """A drive of four samples, 30 s, 300 m at 36 km/h."""
+    rows = [f"{t},100,{current_A},36,{20 + t}" for t in (0, 10, 20, 30)]
+    head = "time_s,dc_voltage_V,dc_current_A,vehicle_speed_km_per_h,winding_degC"
+    path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def write_motor(folder: Path) -> Path:
+    path = folder / "motor.toml"
+    path.write_text('[motor]\nname = "car"\n', encoding="utf-8")
+    return path
+
+
+def text_of(pdf: Path) -> str:
+    return "".join("".join(page.extract_text() for page in PdfReader(pdf).pages).split())
+
+
+@pytest.fixture
+def unset(monkeypatch):
+    """Write an empty page in place of the PDF, where only its name is of interest."""
+    monkeypatch.setattr(job, "write_pdf", lambda report, content, path: path.write_bytes(b"%PDF"))
+
+
+def test_the_cards_are_those_of_the_command_and_of_the_thesis():
+    assert tuple(TEST_TYPES) == TYPES
+    assert TEST_TYPES["general"].stem == "GeneralInformationTest"
+    assert TEST_TYPES["energy"].missing({"speed_rpm", "dc_power_W"}) == ()
+    (need,) = TEST_TYPES["energy"].missing({"speed_rpm", "dc_voltage_V"})
+    assert need.meaning == "electrical power"
+    assert "winding_degC" in TEST_TYPES["thermal"].channels
+    assert TEST_TYPES["virtual"].needs_reference
+
+
+def test_a_report_is_named_after_its_test_and_holds_the_same_in_pdf_csv_and_json(tmp_path):
+    test = write_drive(tmp_path / "Test_2022_12_07_001.csv")
+    (outcome,) = make_report("general", CAR, [test], tmp_path / "Reports")
+    assert [path.name for path in outcome.written] == [
+        f"GeneralInformationTest_2022_12_07_001.{ending}" for ending in ("pdf", "csv", "json")
+    ]
+    # 1000 W over 30 s and 300 m: 30000 J = 8.3333 Wh, 27.778 Wh/km
+    text = text_of(outcome.pdf)
+    assert "Test_2022_12_07_001" in text
+    assert "27.778Wh/km" in text
+    table = list(csv.DictReader(io.StringIO(outcome.csv.read_text("utf-8-sig"))))
+    (row,) = [r for r in table if r["quantity"] == "Consumption"]
+    assert float(row["value"]) == pytest.approx(30000 / 3600 / 0.3)
+    assert row["unit"] == "Wh/km"
+    content = json.loads(outcome.json.read_text("utf-8"))
+    assert content["date"] == "2022-12-07"
+    assert content["date_from"] == "file name"
+    assert content["sources"][0]["sha256"] in content["identity"]
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "stem"),
+    [
+        ("Test_2023_06_23_14_16_08.csv", "", "2023_06_23_14_16_08"),
+        ("run20240229-007.csv", "", "2024_02_29_007"),
+        ("run.csv", "Start: 20/11/2025 18:02:33\n", "2025_11_20_001"),
+        ("run.csv", "Start: 03/04/2025 18:02:33\n", "2001_09_09_001"),  # March or April: mtime
+        ("Test_2023_02_30.csv", "", "2001_09_09_001"),  # there is no such day
+    ],
+)
+@pytest.mark.usefixtures("unset")
+def test_the_date_comes_from_the_name_else_the_header_else_the_file(tmp_path, name, head, stem):
+    test = write_drive(tmp_path / name)
+    test.write_text(head + test.read_text("utf-8"), encoding="utf-8")
+    os.utime(test, (1e9, 1e9))  # 2001-09-09 01:46:40 UTC
+    (outcome,) = make_report("general", CAR, [test], tmp_path / "out")
+    assert outcome.error is None
+    assert outcome.pdf.name == f"GeneralInformationTest_{stem}.pdf"
+
+
+@pytest.mark.usefixtures("unset")
+def test_another_test_of_the_same_name_takes_the_next_number_and_the_same_its_own(tmp_path):
+    (tmp_path / "other").mkdir()
+    one = write_drive(tmp_path / "Test_2022_12_07_001.csv")
+    two = write_drive(tmp_path / "other" / "Test_2022_12_07_001.csv", current_A=5.0)
+    first, second, again = make_report("general", CAR, [one, two, one], tmp_path / "out")
+    assert second.pdf.name == "GeneralInformationTest_2022_12_07_001_001.pdf"
+    assert again.pdf == first.pdf
+    assert json.loads(first.json.read_text())["table"][0]["value"] == pytest.approx(30 / 3600)
+    assert json.loads(second.json.read_text())["table"][0]["value"] == pytest.approx(15 / 3600)
+
+
+@pytest.mark.usefixtures("unset")
+def test_a_report_of_unknown_origin_is_not_overwritten(tmp_path):
+    kept = tmp_path / "GeneralInformationTest_2022_12_07_001.pdf"
+    kept.write_bytes(b"by hand")
+    (outcome,) = make_report(
+        "general", CAR, [write_drive(tmp_path / "Test_2022_12_07_001.csv")], tmp_path
+    )
+    assert kept.read_bytes() == b"by hand"
+    assert outcome.pdf.name == "GeneralInformationTest_2022_12_07_001_001.pdf"
+
+
+@pytest.mark.usefixtures("unset")
+def test_a_folder_is_done_as_far_as_it_can_be_and_the_rest_is_named(tmp_path, capsys):
+    folder = tmp_path / "day"
+    (folder / "afternoon").mkdir(parents=True)
+    write_drive(folder / "Test_2022_12_07_001.csv")
+    write_drive(folder / "afternoon" / "Test_2022_12_07_002.csv", current_A=7.0)
+    (folder / "Test_2022_12_07_003.csv").write_bytes(b"\x89PNG no table at all")
+    (folder / "README.txt").write_text("notes")
+    (folder / "photo.jpg").write_bytes(b"\xff\xd8")
+    words = ["report", "--type", "energy", "--json", "--out", str(tmp_path / "out")]
+    code = main([*words, str(write_motor(tmp_path)), str(folder)])
+    said = capsys.readouterr()
+    reports = json.loads(said.out)["reports"]
+    assert code == 1
+    assert [Path(r["file"]).name for r in reports] == [
+        f"Test_2022_12_07_00{n}.csv" for n in (1, 3, 2)
+    ]
+    assert ["error" in r for r in reports] == [False, True, False]
+    assert reports[1]["error"]["problem"]
+    assert len(list((tmp_path / "out").glob("*.pdf"))) == 2
+    assert "README.txt, photo.jpg" in said.err
+
+
+@pytest.mark.usefixtures("unset")
+def test_a_second_pass_over_the_folder_does_not_report_on_its_own_reports(tmp_path):
+    write_drive(tmp_path / "Test_2022_12_07_001.csv")
+    for _ in range(2):
+        outcomes = make_report("general", CAR, [tmp_path], tmp_path)
+        assert [outcome.error for outcome in outcomes] == [None]
+
+
+def test_a_folder_without_bench_files_is_an_error_with_exit_code_1(tmp_path, capsys):
+    (tmp_path / "empty").mkdir()
+    motor = write_motor(tmp_path)
+    assert main(["report", "--type", "general", str(motor), str(tmp_path / "empty")]) == 1
+    assert "none in it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--type", "virtual"],
+        ["--type", "real"],
+        ["--type", "general", "--run", "run"],
+        ["--type", "energy", "--reference", "other.csv"],
+        ["--type", "virtual", "--reference", "other.csv", "--run", "run"],
+        ["--type", "real", "--reference", "other.csv", "--tolerance", "winding_degC"],
+    ],
+)
+def test_wrong_use_ends_with_exit_code_2(tmp_path, words):
+    test = write_drive(tmp_path / "Test_2022_12_07_001.csv")
+    assert main(["report", *words, str(write_motor(tmp_path)), str(test)]) == 2
+
+
+def test_a_missing_speed_ends_with_exit_code_1_and_says_what_to_map(tmp_path, capsys):
+    test = tmp_path / "Test_2022_12_07_001.csv"
+    test.write_text("time_s,dc_power_W\n0,1\n1,1\n2,1\n")
+    words = ["report", "--type", "energy", "--out", str(tmp_path), str(write_motor(tmp_path))]
+    assert main([*words, str(test)]) == 1
+    assert "vehicle_speed_km_per_h or speed_rpm" in capsys.readouterr().out
+
+
+def test_a_file_that_is_replaced_while_it_is_read_gets_no_report(tmp_path, monkeypatch):
+    test = write_drive(tmp_path / "Test_2022_12_07_001.csv")
+
+    def read_and_replace(path, motor):
+        record = read_test(path, motor)
+        write_drive(test, current_A=99.0)
+        return record
+
+    monkeypatch.setattr(job, "read_test", read_and_replace)
+    (outcome,) = make_report("general", CAR, [test], tmp_path / "out")
+    assert outcome.error is not None
+    assert "replaced while it was read" in outcome.error.problem
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_hostile_names_act_neither_in_pdf_nor_in_csv_nor_on_the_terminal(tmp_path, capsys):
+    test = write_drive(tmp_path / f"{HOSTILE}.csv")
+    motor = tmp_path / "motor.toml"
+    motor.write_text(f"[motor]\nname = {json.dumps('@SUM(1) ' + HOSTILE)}\n", encoding="utf-8")
+    words = ["report", "--type", "general", "--out", str(tmp_path / "out"), str(motor), str(test)]
+    assert main(words) == 0
+    said = capsys.readouterr()
+    assert "\x1b" not in said.out + said.err
+    (pdf,) = (tmp_path / "out").glob("*.pdf")
+    text = text_of(pdf)
+    for word in ("#panic()", "$a_1$", "*b*", "<script>", "@SUM(1)", "=HYPERLINK"):
+        assert word in text
+    (table,) = (tmp_path / "out").glob("*.csv")
+    for row in csv.reader(io.StringIO(table.read_text("utf-8-sig"))):
+        assert not any(cell.lstrip()[:1] in ("=", "@", "+") for cell in row)
+        assert not any("\x1b" in cell for cell in row)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("=1+1", "'=1+1"),
+        ("  @SUM(A1)", "  '@SUM(A1)"),
+        ("a;=1+1", "a;'=1+1"),  # a cell of its own where the delimiter is a semicolon
+        ("a\t-1", "a -1"),  # the tab is gone, so nothing begins behind it
+        ("\uff1d1", "'\uff1d1"),
+        ("speed - rpm", "speed - rpm"),
+    ],
+)
+def test_texts_that_a_spreadsheet_would_run_get_an_apostrophe(text, expected):
+    assert neutral(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [(0.0039, "0.0039"), (247.11654, "247.12"), (-3.0, "-3"), (None, "–"), (float("nan"), "–"),
+     (1234567.0, "1.23e+06"), (100.0, "100"), (-0.0, "0")],
+)  # fmt: skip
+def test_numbers_are_printed_with_five_digits(value, expected):
+    assert number(value) == expected
+
+
+def test_a_long_word_can_break_and_an_endless_text_ends():
+    assert printed("x" * 300).replace("\u200b", "") == "x" * 300
+    assert max(map(len, printed("x" * 300).split("\u200b"))) <= 40
+    assert printed("word " * 1000).endswith("…")
+
+
+def test_both_prototypes_from_the_command_line(tmp_path, capsys):
+    data = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
+    code = main(
+        ["report", "--type", "real", "--json", "--tolerance", "winding_degC=2",
+         "--reference", str(data / "Road_2024_03_05_001.csv.gz"), "--out", str(tmp_path),
+         str(data / "motor.toml"), str(data / "Test_2024_03_05_001.csv.gz")]
+    )  # fmt: skip
+    (report,) = json.loads(capsys.readouterr().out)["reports"]
+    assert code == 0
+    table = {row["name"]: row["value"] for row in report["table"]}
+    assert table["offset_s"] == pytest.approx(-37.4, abs=0.3)  # stamps of 0.2 and 1 s
+    assert len(report["sources"]) == 2
+    pdf = tmp_path / "SemiRealVsRealPrototypeValidation_2024_03_05_001.pdf"
+    assert "biased" in text_of(pdf)
+
+
+@pytest.mark.usefixtures("unset")
+def test_reports_from_records_in_memory(tmp_path):
+    record = read_test(write_drive(tmp_path / "a.csv"), CAR)
+    memory = type(record)("in memory", record.channels)
+    (outcome,) = make_report("energy", CAR, [memory], tmp_path / "out")
+    assert outcome.error is None
+    assert np.isfinite(outcome.report.result.energy_kWh)

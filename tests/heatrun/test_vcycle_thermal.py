@@ -1,0 +1,204 @@
+"""Thermal Behaviour Analysis: split of the losses, equilibrium, the network of a run."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import xarray
+
+from heatrun.bench.record import Record
+from heatrun.errors import InputError
+from heatrun.motor import Motor
+from heatrun.vcycle import build_report
+from heatrun.vcycle.equilibrium import equilibrium
+from heatrun.vcycle.loss_split import split_losses
+from heatrun.vcycle.run_draws import read_draws
+from heatrun.vcycle.simulated import simulate_run
+
+MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
+TRUTH = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062}
+INSTRUMENTS = ("power_gain", "sensor_gain", "sensor_offset", "ambient_offset")
+NUM_DRAWS = 500
+
+
+def warming(*, tau_s: float, hours: float, noise_K: float = 0.1, rounding_K: float = 0.0) -> Record:
+    """A rise of 80 K that settles with one time constant."""
+    rng = np.random.default_rng(5)
+    time_s = np.arange(0.0, 3600.0 * hours + 1.0, 2.0)
+    winding = 20.0 + 80.0 * (1.0 - np.exp(-time_s / tau_s)) + noise_K * rng.normal(size=time_s.size)
+    if rounding_K:
+        winding = rounding_K * np.round(winding / rounding_K)
+    return Record(
+        "warming",
+        {"time_s": time_s, "winding_degC": winding, "ambient_degC": np.full(time_s.size, 20.0)},
+    )
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A run folder whose posterior lies closely around the truth, in the form of a calibration."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    rng = np.random.default_rng(6)
+    entries = {name: {"value": value, "fixed": False} for name, value in TRUTH.items()}
+    nuisances = {name: {"value": 0.0, "fixed": True} for name in INSTRUMENTS}
+    result = {
+        "format": "heatrun-fit/1",
+        "motor": {"name": "reference"},
+        "models": {
+            "second": {
+                "parameters": entries,
+                "nuisances": {**nuisances, "Tw_start[duty]": {"value": 20.0, "fixed": False}},
+                "noise": {"kind": "correlated", "sd_K": 0.2, "white_K": 0.02},
+            }
+        },
+        "tests": [{"sha256": "of the calibration", "role": "calibration"}],
+    }
+    (folder / "fit.json").write_text(json.dumps(result), encoding="utf-8")
+    (folder / "manifest.json").write_text("{}", encoding="utf-8")
+    draws = {
+        name: (("chain", "draw"), value * (1.0 + 0.005 * rng.normal(size=(1, NUM_DRAWS))))
+        for name, value in TRUTH.items()
+    }
+    xarray.Dataset(draws).to_netcdf(
+        folder / "posterior_second.nc", group="posterior", engine="h5netcdf"
+    )
+    return folder
+
+
+def test_the_losses_split_as_the_thesis_has_it():
+    # line 12 of the published worksheet: 74.18334424 A at 22 degC and 521.843 W
+    record = Record(
+        "worksheet",
+        {
+            "time_s": np.array([0.0, 0.1]),
+            "phase_current_A": np.full(2, 74.18334424),
+            "losses_W": np.full(2, 521.843),
+            "winding_degC": np.array([22.0, 22.0]),
+        },
+    )
+    split = split_losses(record, MOTOR)
+    # R = 0.0062 (234.5 + 22)/(234.5 + 25) = 0.00612832 ohm; 3 I^2 R = 101.1756 W
+    assert split.joule_W == pytest.approx(101.1756, abs=1e-4)
+    assert split.other_W == pytest.approx(521.843 - 101.1756, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("tau_s", "hours", "expected"),
+    [
+        # gradients are 80/tau exp(-t/tau): 0.0 K/h after 4 h of 15 min ...
+        (900.0, 4.0, True),
+        # ... and 80 * 2 exp(-3) = 8 to 22 K/h over the last hour of 1.5 h of 30 min
+        (1800.0, 1.5, False),
+        (1800.0, 0.5, None),
+    ],
+)
+def test_equilibrium_of_an_exponential(tau_s, hours, expected):
+    found = equilibrium(warming(tau_s=tau_s, hours=hours), MOTOR, "winding_degC")
+    assert found.is_reached is expected
+
+
+def test_gradients_are_those_of_the_exponential():
+    found = equilibrium(warming(tau_s=1800.0, hours=1.5), MOTOR, "winding_degC")
+    # least squares over a half hour of one time constant: the mean slope weighted towards the
+    # middle; the slope at the middle, 160 exp(-t/tau) K/h at 45 and 75 min, bounds it within 3 %
+    for gradient, middle_min in zip(found.gradients_K_per_h, (45.0, 75.0), strict=True):
+        assert gradient == pytest.approx(160.0 * np.exp(-middle_min / 30.0), rel=0.03)
+
+
+def test_the_moment_of_equilibrium_is_told_even_if_the_load_goes_afterwards():
+    record = warming(tau_s=600.0, hours=3.0)
+    cold = np.where(record.time_s > 7200.0, 60.0 * (1 - np.exp(-(record.time_s - 7200) / 600)), 0.0)
+    cooled = Record("cooled", {**record.channels, "winding_degC": record["winding_degC"] - cold})
+    found = equilibrium(cooled, MOTOR, "winding_degC")
+    assert found.is_reached is False
+    # the slope is 480 exp(-t/10 min) K/h; the mean over the half hour from 60 min on is below 1
+    assert found.first_reached_s is not None
+    assert 5400.0 <= found.first_reached_s <= 7200.0
+
+
+def test_coarse_readings_leave_equilibrium_undecided_rather_than_wrong():
+    # 1.5 K in the last hour, written in whole degrees: one step or two, 0 to 3 K/h by their place
+    rng = np.random.default_rng(7)
+    time_s = np.arange(0.0, 7200.0, 10.0)
+    winding = np.round(100.2 + 1.5 * time_s / 3600.0 + 0.02 * rng.normal(size=time_s.size))
+    record = Record(
+        "coarse",
+        {"time_s": time_s, "winding_degC": winding, "ambient_degC": np.full(time_s.size, 20.0)},
+    )
+    found = equilibrium(record, MOTOR, "winding_degC")
+    assert found.is_reached is None
+    assert min(found.errors_K_per_h) > 0.3  # a step of 1 K in half an hour
+
+
+def test_a_report_without_a_temperature_of_the_machine_says_what_to_map():
+    record = Record("cold", {"time_s": np.arange(5.0), "ambient_degC": np.full(5, 20.0)})
+    with pytest.raises(InputError, match="winding_degC"):
+        build_report("thermal", MOTOR, record)
+
+
+def test_a_report_without_resistance_keeps_the_temperatures_and_says_why():
+    report = build_report("thermal", Motor("bare"), warming(tau_s=600.0, hours=0.2))
+    assert "no_loss_split" in {f.id for f in report.findings}
+    assert {drawing.name for drawing in report.drawings} == {"temperatures"}
+
+
+def test_the_network_of_a_run_meets_the_truth_of_an_independent_simulator(run, bench, generator):
+    record = bench(generator.duty(1800.0), seed=21)
+    found = simulate_run(run, record, MOTOR)
+    # noise of a 20 s mean: drift 0.2 K, rounding 1 K over 20 readings 0.06 K; parameters 0.5 %
+    assert found.rmse_K < 0.5
+    assert found.coverage_95 > 0.85
+    assert not found.is_seen
+    truth = generator.simulate(
+        generator.reference_motor(), generator.duty(1800.0), sample_s=1.0, steps_per_sample=20
+    )
+    stator = np.interp(found.time_s, truth.time_s, truth.stator_degC)
+    low, high = found.nodes_95_degC["stator"]
+    assert np.mean((stator >= low) & (stator <= high)) > 0.9
+    # what the winding gives to the stator is (Tw - Tsr)/Req_w by definition
+    flow = (found.nodes_degC["winding"] - found.nodes_degC["stator"]) / TRUTH["Req_w"]
+    assert found.flows_W["winding", "stator"] == pytest.approx(flow, abs=0.02 * np.max(flow))
+
+
+def test_the_thermal_report_shows_the_run_and_the_virtual_one_compares(run, bench, generator):
+    record = bench(generator.duty(1800.0), seed=21)
+    report = build_report("thermal", MOTOR, record, run=run)
+    names = {row.name for row in report.rows}
+    assert {"rmse_K", "coverage_percent", "stator_end_degC", "P_ws_end_W", "P_se_end_W"} <= names
+    assert {"against", "flows", "losses"} <= {drawing.name for drawing in report.drawings}
+    for drawing in report.drawings:
+        assert drawing.draw().axes
+    assert any("heatrun sheet" in text for _, text in report.definitions)
+    virtual = build_report("virtual", MOTOR, record, run=run, tolerances={"winding_degC": 1.0})
+    (winding,) = virtual.result.judged
+    assert winding.verdict == "agrees"
+    assert winding.share_in_band is not None
+    assert winding.share_in_band > 0.85
+
+
+def test_draws_leave_out_starts_and_keep_fixed_values(run):
+    draws = read_draws(run, num_draws=50, seed=0)
+    assert set(draws.values) == {*TRUTH, *INSTRUMENTS}
+    assert np.ptp(draws.values["power_gain"]) == 0.0
+    assert np.std(draws.values["Ceq_w"]) > 0.0
+
+
+@pytest.mark.parametrize("damage", ["posterior", "format", "effect"])
+def test_a_damaged_run_is_an_error_of_ours(run, damage):
+    if damage == "posterior":
+        (run / "posterior_second.nc").write_bytes(b"no netcdf")
+    else:
+        result = json.loads((run / "fit.json").read_text("utf-8"))
+        if damage == "format":
+            del result["models"]["second"]["noise"]
+        else:
+            result["models"]["second"]["parameters"]["speed_cooling.g"] = {
+                "value": 1.0,
+                "fixed": True,
+            }
+        (run / "fit.json").write_text(json.dumps(result), encoding="utf-8")
+    with pytest.raises(InputError, match="run"):
+        read_draws(run, num_draws=50, seed=0)

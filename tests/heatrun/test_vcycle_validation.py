@@ -1,0 +1,222 @@
+"""Two prototypes on one manoeuvre: a known offset and a known bias come back."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from heatrun.bench.read import read_record
+from heatrun.bench.record import Record
+from heatrun.errors import InputError, UsageError
+from heatrun.motor import Motor
+from heatrun.motorfile import load_motor
+from heatrun.vcycle import Reference, build_report, read_reference
+from heatrun.vcycle.pair import pair_records
+from heatrun.vcycle.tolerances import parse_tolerances
+from heatrun.vcycle.validation import validate
+
+PROTOTYPES = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
+MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
+CORNERS_S = [0, 60, 65, 200, 204, 380, 390, 520, 523, 700]
+POWER_W = [0, 0, 8000, 8000, -3000, -3000, 5000, 5000, 500, 500]
+
+
+def manoeuvre(
+    offset_s: float = 0.0, *, step_s: float = 1.0, bias_K: float = 0.0, seed: int = 1, **more: float
+) -> Record:
+    """One drive as a logger that started `offset_s` before it sees it."""
+    rng = np.random.default_rng(seed)
+    clock = np.arange(0.0, 650.0, step_s)
+    moment = clock - offset_s
+    power = np.interp(moment, CORNERS_S, POWER_W)
+    winding = 30.0 + 25.0 * (1.0 - np.exp(-np.clip(moment - 60.0, 0.0, None) / 150.0))
+    return Record(
+        f"logger_{seed}",
+        {
+            "time_s": clock,
+            "dc_power_W": power
+            + more.get("power_zero_W", 0.0)
+            + 20.0 * rng.normal(size=clock.size),
+            "winding_degC": winding + bias_K + 0.1 * rng.normal(size=clock.size),
+        },
+    )
+
+
+@pytest.mark.parametrize("offset_s", [12.3, -40.0, 0.0])
+def test_a_known_offset_and_a_known_bias_come_back(offset_s):
+    test, other = manoeuvre(), manoeuvre(offset_s, bias_K=2.0, seed=2)
+    found = validate(test, Reference(other), MOTOR)
+    # A logger that started 12.3 s earlier must be moved back by them.
+    assert found.pair.offset.offset_s == pytest.approx(-offset_s, abs=found.pair.offset.sd_s)
+    assert found.pair.offset.sd_s < 0.6  # two stamps of 1 s: sqrt(2/12)
+    winding = next(s for s in found.signals if s.channel == "winding_degC")
+    # standard error of the mean of two noises of 0.1 K over 600 samples: 0.006 K
+    assert winding.bias == pytest.approx(-2.0, abs=0.03)
+    assert winding.rmse == pytest.approx(2.0, abs=0.03)
+    assert winding.verdict == "agrees"  # 5 K by default
+
+
+def test_the_offset_does_not_depend_on_bias_and_scale():
+    other = manoeuvre(12.3, seed=2)
+    scaled = Record("scaled", {**other.channels, "dc_power_W": 0.7 * other["dc_power_W"] + 900.0})
+    plain = pair_records(manoeuvre(), other, MOTOR).offset.offset_s
+    assert pair_records(manoeuvre(), scaled, MOTOR).offset.offset_s == pytest.approx(
+        plain, abs=0.05  # the refinement stops at a hundredth of the 1 s step
+    )  # fmt: skip
+
+
+def test_a_tolerance_decides_between_agrees_biased_and_differs():
+    test, other = manoeuvre(), manoeuvre(bias_K=2.0, seed=2)
+
+    def verdict(tolerance: float) -> str:
+        found = validate(
+            test, Reference(other), MOTOR, tolerances={"winding_degC": tolerance}, offset_s=0.0
+        )
+        return next(s.verdict for s in found.signals if s.channel == "winding_degC")
+
+    assert verdict(3.0) == "agrees"
+    assert verdict(1.0) == "biased"  # off by 2 K, spread by 0.14 K
+    assert verdict(0.05) == "differs"
+
+
+def test_the_energies_of_a_power_are_compared():
+    test, other = manoeuvre(), manoeuvre(power_zero_W=360.0, seed=2)
+    found = validate(test, Reference(other), MOTOR, offset_s=0.0)
+    power = next(s for s in found.signals if s.channel == "dc_power_W")
+    assert power.energy_kWh is not None
+    # 360 W over the 649 s in common; noise of 28 W over 650 samples: 1.1 W of it
+    assert power.energy_kWh[1] - power.energy_kWh[0] == pytest.approx(360 * 649 / 3.6e6, rel=0.01)
+    assert power.bias == pytest.approx(-360.0, abs=4.0)
+
+
+def test_a_finer_record_is_averaged_over_the_samples_of_the_coarser():
+    found = pair_records(manoeuvre(step_s=0.1), manoeuvre(12.3, seed=2), MOTOR)
+    assert "the test is averaged" in found.method
+    assert found.offset.offset_s == pytest.approx(-12.3, abs=found.offset.sd_s)
+    assert float(np.median(np.diff(found.time_s))) == pytest.approx(1.0)
+
+
+def test_records_that_do_not_overlap_are_refused():
+    with pytest.raises(InputError, match="do not overlap"):
+        validate(manoeuvre(), Reference(manoeuvre(seed=2)), MOTOR, offset_s=1e4)
+
+
+def test_records_of_another_manoeuvre_are_refused():
+    rng = np.random.default_rng(3)
+    noise = Record("noise", {"time_s": np.arange(650.0), "dc_power_W": rng.normal(size=650)})
+    with pytest.raises(InputError, match="records of one manoeuvre"):
+        validate(manoeuvre(), Reference(noise), MOTOR)
+
+
+def test_records_without_a_common_signal_are_refused():
+    other = Record("other", {"time_s": np.arange(650.0), "torque_Nm": np.arange(650.0)})
+    with pytest.raises(InputError, match="a signal that both records hold"):
+        validate(manoeuvre(), Reference(other), MOTOR)
+
+
+def test_a_manoeuvre_that_repeats_is_ambiguous_and_said():
+    clock = np.arange(0.0, 1200.0)
+    wave = Record("wave", {"time_s": clock, "dc_power_W": 1000.0 * np.sin(clock / 20.0)})
+    found = pair_records(wave, wave, MOTOR)
+    assert "offset_ambiguous" in {f.id for f in found.findings}
+
+
+def test_a_slow_signal_alone_leaves_the_offset_uncertain_and_said():
+    rng = np.random.default_rng(4)
+    clock = np.arange(0.0, 3600.0, 10.0)
+
+    def drift(name: str) -> Record:
+        course = 30.0 + 4.0 * np.sin(clock / 1500.0)
+        return Record(
+            name, {"time_s": clock, "winding_degC": course + 0.7 * rng.normal(size=clock.size)}
+        )
+
+    found = pair_records(drift("one"), drift("two"), MOTOR)
+    # noise of 0.7 K against a slope of 4/1500 K/s over 360 samples
+    assert found.offset.sd_s > 5.0
+    assert abs(found.offset.offset_s) < 4.0 * found.offset.sd_s
+    assert "offset_uncertain" in {f.id for f in found.findings}
+
+
+def test_a_tolerance_for_a_signal_that_is_not_shared_is_said():
+    found = validate(
+        manoeuvre(), Reference(manoeuvre(seed=2)), MOTOR, tolerances={"torque_Nm": 1.0}
+    )
+    assert "tolerance_not_used" in {f.id for f in found.findings}
+
+
+@pytest.mark.parametrize("text", ["winding_degC", "winding_degC=", "winding_degC=-1", "T=3"])
+def test_a_tolerance_that_is_none_is_wrong_use(text):
+    with pytest.raises(UsageError, match="--tolerance"):
+        parse_tolerances([text])
+
+
+def test_the_bundled_prototypes_give_back_what_was_hidden_in_the_logger():
+    truth = json.loads((PROTOTYPES / "truth.json").read_text("utf-8"))["road_logger"]
+    motor = load_motor(PROTOTYPES / "motor.toml")
+    test = read_record(PROTOTYPES / "Test_2024_03_05_001.csv.gz", motor)
+    other = read_reference(PROTOTYPES / "Road_2024_03_05_001.csv.gz", motor)
+    report = build_report("real", motor, test, reference=other, tolerances={"winding_degC": 2.0})
+    found = report.result.pair.offset
+    assert found.offset_s == pytest.approx(-truth["started_earlier_s"], abs=found.sd_s)
+    signals = {s.channel: s for s in report.result.signals}
+    # readings rounded to 1 K with noise of 0.2 K, 1026 of them; slow enough to hang together
+    assert signals["winding_degC"].bias == pytest.approx(-truth["winding_reads_high_K"], abs=0.1)
+    # noise of 0.3 A over 1026 samples, and ramps of 100 A/s seen at two rates
+    assert signals["dc_current_A"].bias == pytest.approx(-truth["current_zero_A"], abs=0.1)
+    assert signals["winding_degC"].verdict == "biased"
+    assert signals["vehicle_speed_km_per_h"].verdict == "agrees"
+    assert "winding (biased)" in report.summary
+
+
+def test_the_bundled_prototypes_can_be_made_again_and_match_their_checksums(tmp_path):
+    subprocess.run(
+        [sys.executable, "-B", PROTOTYPES / "generate.py", "--out", tmp_path],
+        check=True,
+        capture_output=True,
+    )
+    stated = dict(
+        re.findall(
+            r"\| `([^`]+)` \| `([0-9a-f]{64})` \|", (PROTOTYPES / "README.md").read_text("utf-8")
+        )
+    )
+    assert {path.name for path in tmp_path.iterdir()} == set(stated)
+    for name, digest in stated.items():
+        made, kept = (tmp_path / name).read_bytes(), (PROTOTYPES / name).read_bytes()
+        assert hashlib.sha256(kept).hexdigest() == digest, name
+        if name.endswith(".gz"):  # another build of zlib packs the same text differently
+            made, kept = gzip.decompress(made), gzip.decompress(kept)
+        assert made == kept, name
+
+
+def test_what_drove_a_simulation_is_no_evidence(tmp_path):
+    test = manoeuvre()
+    drive = {"phase_current_A": 50.0 + 0.01 * test["dc_power_W"], "losses_W": test["dc_power_W"]}
+    test = Record("bench", {**test.channels, **drive, "ambient_degC": np.full(650, 20.0)})
+    columns = {
+        **{n: test[n] for n in ("time_s", "phase_current_A", "losses_W", "ambient_degC")},
+        "winding_degC": test["winding_degC"] + 1.0,
+        "winding_95_low_degC": test["winding_degC"] - 1.0,
+        "winding_95_high_degC": test["winding_degC"] + np.where(np.arange(650) < 325, 1.0, -0.5),
+        "copper_loss_W": np.zeros(650),
+        "other_loss_W": np.zeros(650),
+    }
+    path = tmp_path / "bench_virtual.csv"
+    np.savetxt(path, np.stack(list(columns.values()), 1), delimiter=",", comments="",
+               header=",".join(columns), fmt="%.6f")  # fmt: skip
+    motor = Motor("mapped", columns={"winding_degC": "T_w [degC]"})  # of the bench's own file
+    found = validate(test, read_reference(path, motor), motor)
+    verdicts = {s.channel: s.verdict for s in found.signals}
+    assert verdicts["losses_W"] == verdicts["phase_current_A"] == "input"
+    winding = next(s for s in found.signals if s.channel == "winding_degC")
+    assert winding.bias == pytest.approx(-1.0, abs=1e-6)  # as written to six decimals
+    assert winding.share_in_band == pytest.approx(0.5, abs=0.01)  # half of the samples by make
+    assert [s.channel for s in found.judged] == ["winding_degC"]
