@@ -16,8 +16,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -58,6 +61,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "view")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
+    tour(options.out)
     rows = [measure(num, options.out) for num in options.samples]
     found = {
         "command": "make study-view",
@@ -73,45 +77,66 @@ def main() -> None:
     print(text(found))
 
 
-def measure(num_samples: int, out: Path) -> dict[str, float]:
-    """Return the figures for a record of `num_samples` samples, all channels shown."""
+@contextmanager
+def viewed(folder: Path) -> Iterator[tuple[str, Any, int]]:
+    """Serve a folder; give the address, a page of a browser and the server's process id."""
     from playwright.sync_api import sync_playwright
 
     chromium = shutil.which("chromium") or shutil.which("google-chrome")
     if chromium is None:
         sys.exit("No Chromium is found; install it and run this again.")
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        write_record(folder / "long.parquet", num_samples)
-        (folder / "motor.toml").write_text('[motor]\nname = "long records"\n')
-        log = folder / "log"
+        log = Path(temporary) / "log"
         with log.open("w") as file:
             server = subprocess.Popen(
                 [sys.executable, "-m", "heatrun.cli", "view", str(folder), "--no-browser",
-                 "--port", "0", "--out", str(folder / "runs")], stderr=file,
+                 "--port", "0", "--out", str(Path(temporary) / "runs")], stderr=file,
             )  # fmt: skip
         try:
             url = wait_for_url(log, server)
-            empty = resident_MB(server.pid)
             with sync_playwright() as playwright:
                 browser = playwright.chromium.launch(
                     executable_path=chromium, args=["--no-sandbox"]
                 )
-                page = browser.new_page(viewport={"width": 1366, "height": 800})
-                page.goto(url)
-                begun = time.perf_counter()
-                page.get_by_label("long.parquet").first.check()
-                page.locator(".bk-Figure").first.wait_for(timeout=300_000)
-                opened = time.perf_counter() - begun
-                time.sleep(2.0)
-                page.screenshot(path=out / f"view_{num_samples}.png")
-                first, drawn = zooms(page)
-                page.screenshot(path=out / f"view_{num_samples}_zoomed.png")
-                memory = resident_MB(server.pid)
+                yield url, browser.new_page(viewport={"width": 1366, "height": 800}), server.pid
                 browser.close()
         finally:
             server.terminate()
             server.wait(20)
+
+
+def tour(out: Path) -> None:
+    """Write screenshots of bundled tests, light and dark, with the cursor over a plot."""
+    with viewed(ROOT / "data" / "synthetic") as (url, page, _):
+        for theme in ("default", "dark"):
+            page.goto(f"{url}?test=duty_90min.csv.gz&type=thermal&theme={theme}")
+            figure = page.locator(".bk-Figure").first
+            figure.wait_for(timeout=300_000)
+            time.sleep(2.0)
+            box = figure.bounding_box()
+            page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.5 * box["height"])
+            time.sleep(1.0)
+            page.screenshot(path=out / f"signals_{'dark' if theme == 'dark' else 'light'}.png")
+
+
+def measure(num_samples: int, out: Path) -> dict[str, float]:
+    """Return the figures for a record of `num_samples` samples, all channels shown."""
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        write_record(folder / "long.parquet", num_samples)
+        (folder / "motor.toml").write_text('[motor]\nname = "long records"\n')
+        with viewed(folder) as (url, page, process):
+            empty = resident_MB(process)
+            page.goto(url)
+            begun = time.perf_counter()
+            page.get_by_label("long.parquet").first.check()
+            page.locator(".bk-Figure").first.wait_for(timeout=300_000)
+            opened = time.perf_counter() - begun
+            time.sleep(2.0)
+            page.screenshot(path=out / f"view_{num_samples}.png")
+            first, drawn = zooms(page)
+            page.screenshot(path=out / f"view_{num_samples}_zoomed.png")
+            memory = resident_MB(process)
     return {
         "samples": num_samples,
         "open_s": round(opened, 2),
