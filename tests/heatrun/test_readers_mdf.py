@@ -125,7 +125,7 @@ def test_a_step_can_be_given_and_not_a_finer_one(path):
     record = read_record(path, Motor("M", raster_s=5.0))
     assert record.time_s.tolist() == [0.0, 5.0, 10.0, 15.0]
     np.testing.assert_allclose(record["winding_degC"][1:3], [30.0, 40.0], atol=1e-12)
-    with pytest.raises(InputError, match=r"raster_s = 0.5 s is finer than the 1 s .*'ambient"):
+    with pytest.raises(InputError, match=r"raster_s = 0.5 s is finer than the 1 s .*'winding"):
         read_record(path, Motor("M", raster_s=0.5))
 
 
@@ -166,7 +166,7 @@ def test_few_channels_of_many_need_a_fraction_of_the_file(tmp_path):
     assert record.time_s.size == time.size
     assert len(record.unused) == 197
     # 4 arrays of 200 are 2 %; the fragments in which the library reads are the rest.
-    assert peak < 0.5 * size
+    assert peak < 0.4 * size
 
 
 def test_units_of_the_file_are_converted_and_must_agree(path):

@@ -63,8 +63,10 @@ def read_measurement(
     while True:  # a column of zeros may free its channel for another column
         zeros = _zeros(series)
         mapped = map_columns(header.table(1, zeros=zeros), columns, where=where, is_part=is_part)
-        needed = [name for name in mapped.columns.values() if name in header.channels]
-        needed = [name for name in dict.fromkeys(needed) if name not in series]
+        # The winding first: of several slowest channels the first gives the times.
+        order = sorted(mapped.columns, key=lambda channel: channel != "winding_degC")
+        needed = dict.fromkeys(mapped.columns[channel] for channel in order)
+        needed = [name for name in needed if name in header.channels and name not in series]
         if not needed:
             break
         _require_readable(header, mapped, columns, where)
