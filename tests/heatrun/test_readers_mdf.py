@@ -125,8 +125,23 @@ def test_a_step_can_be_given_and_not_a_finer_one(path):
     record = read_record(path, Motor("M", raster_s=5.0))
     assert record.time_s.tolist() == [0.0, 5.0, 10.0, 15.0]
     np.testing.assert_allclose(record["winding_degC"][1:3], [30.0, 40.0], atol=1e-12)
-    with pytest.raises(InputError, match=r"raster_s = 0.5 s is finer than the 1 s .*'ambient"):
+    with pytest.raises(InputError, match=r"raster_s = 0.5 s is finer than the 1 s .*'winding"):
         read_record(path, Motor("M", raster_s=0.5))
+
+
+def test_the_motor_file_gives_the_step(path, tmp_path):
+    file = tmp_path / "motor.toml"
+    file.write_text('[motor]\nname = "M"\nraster_s = 5.0\n')
+    motor = load_motor(file)
+    assert read_record(drive_and_temperatures(path), motor).time_s.size == 4
+    table = tmp_path / "run.csv"
+    table.write_text("time_s,winding_degC\n0,20\n1,21\n2,22\n")
+    record = read_record(table, motor)
+    assert record.time_s.size == 3
+    assert any("raster_s = 5 is for MDF and TDMS" in note for note in record.notes)
+    file.write_text('[motor]\nname = "M"\nraster_s = -1\n')
+    with pytest.raises(InputError, match="raster_s above 0"):
+        load_motor(file)
 
 
 def test_products_are_formed_before_averaging(path):
@@ -166,7 +181,7 @@ def test_few_channels_of_many_need_a_fraction_of_the_file(tmp_path):
     assert record.time_s.size == time.size
     assert len(record.unused) == 197
     # 4 arrays of 200 are 2 %; the fragments in which the library reads are the rest.
-    assert peak < 0.5 * size
+    assert peak < 0.4 * size
 
 
 def test_units_of_the_file_are_converted_and_must_agree(path):
@@ -296,7 +311,7 @@ def test_a_cut_file_is_refused(path, whole, capfd):
 
 @settings(
     max_examples=300,
-    deadline=5000,  # a file of 25 kB that takes seconds is followed in circles
+    deadline=20_000,  # a file of 25 kB that takes seconds is followed in circles
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(

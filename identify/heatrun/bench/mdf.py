@@ -8,6 +8,7 @@ fails returns the raw values without a word. Attachments and bus traffic stay un
 from __future__ import annotations
 
 import contextlib
+import traceback
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any, BinaryIO
@@ -67,7 +68,11 @@ def open_mdf(stream: BinaryIO, where: str) -> Iterator[Measurement]:
             "add_array_components": False,
             "use_display_names": False,
         }
-        file: Any = MDF(source, **options)
+        try:
+            file: Any = MDF(source, **options)
+        except Exception as error:
+            _close_half_open(error)
+            raise
         file.configure(read_fragment_size=FRAGMENT_BYTES)
     try:
         with reading(WHAT, where):
@@ -83,6 +88,15 @@ def open_mdf(stream: BinaryIO, where: str) -> Iterator[Measurement]:
     finally:
         with reading(WHAT, where):
             file.close()
+
+
+def _close_half_open(error: Exception) -> None:
+    """Close what the library leaves half open; at its deletion it would complain on stderr."""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        held: Any = frame.f_locals.get("self")
+        if type(held).__module__.startswith("asammdf") and hasattr(held, "close"):
+            with contextlib.suppress(Exception):
+                held.close()
 
 
 def _check_version(stream: BinaryIO, where: str) -> None:

@@ -79,12 +79,12 @@ class Header:
     Attributes:
         channels: Column name to the channel behind it; numbers only.
         texts: Column name to what it holds instead of numbers.
-        time: The column of time; its values are not yet known.
+        time: The column of time, its values not yet known; None if the file gives no times.
     """
 
     channels: Mapping[str, StoredChannel]
     texts: Mapping[str, str]
-    time: Column
+    time: Column | None
 
     def table(
         self,
@@ -105,7 +105,9 @@ class Header:
             time_s: Times [s], shape (size,).
         """
         blank = {True: np.broadcast_to(0.0, (size,)), False: np.broadcast_to(1.0, (size,))}
-        columns = [replace(self.time, values=blank[False] if time_s is None else time_s)]
+        columns = []
+        if self.time is not None:
+            columns.append(replace(self.time, values=blank[False] if time_s is None else time_s))
         for name, stored in self.channels.items():
             label, unit = split_name(stored.name)
             samples = (values or {}).get(name, blank[name in zeros])

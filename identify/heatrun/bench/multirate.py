@@ -62,9 +62,13 @@ def read_measurement(
     series: dict[str, Series] = {}
     while True:  # a column of zeros may free its channel for another column
         zeros = _zeros(series)
+        if series and all(one.time_s is None for one in series.values()):
+            header = replace(header, time=None)
         mapped = map_columns(header.table(1, zeros=zeros), columns, where=where, is_part=is_part)
-        needed = [name for name in mapped.columns.values() if name in header.channels]
-        needed = [name for name in dict.fromkeys(needed) if name not in series]
+        # The winding first: of several slowest channels the first gives the times.
+        order = sorted(mapped.columns, key=lambda channel: channel != "winding_degC")
+        needed = dict.fromkeys(mapped.columns[channel] for channel in order)
+        needed = [name for name in needed if name in header.channels and name not in series]
         if not needed:
             break
         _require_readable(header, mapped, columns, where)
@@ -89,7 +93,7 @@ def read_measurement(
         channels, found_gaps = averaged(axes, own, time_s, base, where)
         findings = (*found_gaps, *_late_products(channels, phases, losses, where))
         notes = (*notes, raster_note(axes, time_s, base))
-    if axes[0].has_times and "time_s" not in channels and "time_s" in mapped.columns:
+    if "time_s" not in channels and "time_s" in mapped.columns:
         channels = {"time_s": time_s} | channels
     about = replace(
         header.table(time_s.size), reader=measurement.reader, findings=measurement.findings
@@ -130,8 +134,10 @@ def read_all(measurement: Measurement, *, where: str) -> Table:
         for axis in axes
         for name, samples in axis.values.items()
     }
+    if not axes[0].has_times:
+        header = replace(header, time=None)
     whole = header.table(time_s.size, values, time_s=time_s)
-    kept = {*values, header.time.name} if axes[0].has_times else {*values}
+    kept = {*values, header.time.name if header.time else ""}
     return Table(
         tuple(column for column in whole.columns if column.name in kept),
         {**header.texts, **refused},

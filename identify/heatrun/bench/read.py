@@ -120,6 +120,9 @@ def read_record(
             sha256 = hashlib.sha256(data).hexdigest()
             table = _read_bytes(data, where)
             mapped = map_columns(table, columns, where=where, is_part=is_part)
+            if raster_s is not None:
+                unused = f"raster_s = {raster_s:g} is for MDF and TDMS; the file keeps its times."
+                mapped = replace(mapped, notes=(*mapped.notes, unused))
     channels = dict(mapped.channels)
     time_s, time_notes = _time(mapped, table, rate_Hz, where)
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}

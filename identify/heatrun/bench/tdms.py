@@ -7,6 +7,7 @@ not opened, since it may belong to another recording.
 from __future__ import annotations
 
 import contextlib
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, BinaryIO
@@ -14,7 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..errors import InputError
-from .foreign import damaged, reading
+from .foreign import BrokenFileError, damaged, reading
 from .header import split_name
 from .labels import columns_of, suffix_unit
 from .maps import COLUMN_MAPS
@@ -79,6 +80,7 @@ def open_tdms(
         findings = check_segments(stream, where)
         stream.seek(0)
         file: Any = TdmsFile.open(stream)
+        _check_lengths(file, stream.seek(0, io.SEEK_END))
         labels = (split_name((columns or {}).get("time_s", ""))[0], *TIME_LABELS)
         clocks = {group.name: _clock(group, labels) for group in file.groups()}
         origin = _origin(file, clocks)
@@ -101,6 +103,22 @@ def open_tdms(
     finally:
         with reading(WHAT, where):
             file.close()
+
+
+def _check_lengths(file: Any, size: int) -> None:
+    """Refuse channels whose stated lengths do not fill their segments; the library would fit them.
+
+    Only the last segment of a recording that was not closed may hold less, see `check_segments`.
+    """
+    for segment in file._reader._segments:  # the public status tells of the last segment alone
+        if segment.final_chunk_lengths_override is not None and not segment.segment_incomplete:
+            raise BrokenFileError(
+                f"a segment at byte {segment.position} whose channels state another length"
+            )
+    for group in file.groups():
+        for channel in group.channels():
+            if len(channel) > size:
+                raise BrokenFileError(f"{len(channel)} samples of '{channel.name}' in {size} bytes")
 
 
 def _clock(group: Any, labels: Sequence[str]) -> Clock:
