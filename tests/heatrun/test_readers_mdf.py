@@ -101,7 +101,7 @@ def test_the_commands_take_a_file(path, capsys):
     assert np.array_equal(by_mdf.blocks.measured, by_csv.blocks.measured)
 
 
-def test_faster_channels_are_averaged_onto_the_slowest(path):
+def test_faster_channels_are_averaged_onto_the_winding(path):
     record = read_record(drive_and_temperatures(path))
     assert np.array_equal(record.time_s, SLOW)
     low, high = SLOW[1:-1] - 0.5, SLOW[1:-1] + 0.5
@@ -118,6 +118,22 @@ def test_faster_channels_are_averaged_onto_the_slowest(path):
     assert finding.values["count"] == 5
     assert record.unused == ("state", "note")
     assert any("0.1 s (phase_current_A, losses_W)" in note for note in record.notes)
+
+
+def test_slower_inputs_are_joined_and_the_winding_stays(path):
+    written(
+        path,
+        ("Room", [signal("ambient_degC", 20.0 + SLOW[::5], SLOW[::5])]),
+        ("Rig", [signal("winding_degC", SLOW**2)]),
+    )
+    record = read_record(path)
+    assert np.array_equal(record.time_s, SLOW)
+    assert np.array_equal(record["winding_degC"], SLOW**2)
+    inner = SLOW[1:15]  # the last sample of the room stands at 15 s
+    np.testing.assert_allclose(record["ambient_degC"][1:15], 20.0 + inner, atol=1e-12)
+    assert np.isnan(record["ambient_degC"][16:]).all()
+    assert [one.id for one in record.findings] == ["raster_joined", "raster_not_covered"]
+    assert read_record(path, Motor("M", raster_s=5.0)).time_s.tolist() == [0.0, 5.0, 10.0, 15.0]
 
 
 def test_a_step_can_be_given_and_not_a_finer_one(path):
