@@ -309,6 +309,31 @@ def hostile(data, packed):
     yield "states", patched(packed, zipped + 8, "<Q", 60_000)
 
 
+def unsorted(data):
+    """Two groups in one block of data, each record behind the number of its group."""
+    changed = bytearray(data)
+    (first, _), groups = blocks(data, b"##DG"), blocks(data, b"##CG")
+    records = b"".join(
+        struct.pack("<Bdd", number, time, number * time) for time in SLOW for number in (1, 2)
+    )
+    struct.pack_into("<Q", changed, first + 24, 0)  # no next group of data
+    struct.pack_into("<Q", changed, first + 40, len(data))
+    changed[first + 56] = 1  # length of the number [bytes]
+    struct.pack_into("<Q", changed, groups[0] + 24, groups[1])
+    for number, at in enumerate(groups, start=1):
+        struct.pack_into("<Q", changed, links_of(data, at)[-1] + 8, number)
+    return bytes(changed) + struct.pack("<4s4xQQ", b"##DT", 24 + len(records), 0) + records
+
+
+def test_unsorted_records_are_sorted(path):
+    groups = ("A", [signal("winding_degC", SLOW)]), ("B", [signal("losses_W", SLOW)])
+    data = written(path, *groups).read_bytes()
+    path.write_bytes(unsorted(data + bytes(-len(data) % 8)))
+    record = read_record(path)
+    assert np.array_equal(record["winding_degC"], SLOW)
+    assert np.array_equal(record["losses_W"], 2.0 * SLOW)
+
+
 def test_a_hostile_file_is_refused_before_it_is_followed(path, whole):
     for problem, data in hostile(whole["plain"], whole["packed"]):
         path.write_bytes(data)
