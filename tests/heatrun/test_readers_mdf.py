@@ -301,6 +301,9 @@ def hostile(data, packed):
     yield "where none may be", patched(data, channel + 24, "<Q", group)
     yield "samples of", patched(data, about_group + 8, "<Q", 10**15)
     yield "a channel at bytes", patched(data, about_channel + 4, "<I", 2**31)
+    times = links_of(data, blocks(data, b"##CN")[0])[-1] + 8
+    assert data[times] == 2  # the channel of times
+    yield "a channel at bytes", patched(data, times + 4, "<I", 60_000)
     yield "a number of", patched(patched(data, about_channel + 8, "<I", 96),
                                  about_group + 24, "<I", 2**20)  # fmt: skip
     yield "ends beyond", patched(data, channel + 8, "<Q", 2**60)
