@@ -46,7 +46,7 @@ class Motor:
         columns: Canonical channel to `"column in the file [unit]"`.
         parameters: Overrides of prior or value by parameter name.
         raster_s: Step that MDF and TDMS channels are averaged to [s], or None for the samples of
-            the slowest channel.
+            the winding.
         sha256: Digest of the motor file, empty if made in memory.
         path: The motor file, empty if made in memory.
     """

@@ -101,7 +101,7 @@ def test_the_commands_take_a_file(path, capsys):
     assert np.array_equal(by_mdf.blocks.measured, by_csv.blocks.measured)
 
 
-def test_faster_channels_are_averaged_onto_the_slowest(path):
+def test_faster_channels_are_averaged_onto_the_winding(path):
     record = read_record(drive_and_temperatures(path))
     assert np.array_equal(record.time_s, SLOW)
     low, high = SLOW[1:-1] - 0.5, SLOW[1:-1] + 0.5
@@ -118,6 +118,22 @@ def test_faster_channels_are_averaged_onto_the_slowest(path):
     assert finding.values["count"] == 5
     assert record.unused == ("state", "note")
     assert any("0.1 s (phase_current_A, losses_W)" in note for note in record.notes)
+
+
+def test_slower_inputs_are_joined_and_the_winding_stays(path):
+    written(
+        path,
+        ("Room", [signal("ambient_degC", 20.0 + SLOW[::5], SLOW[::5])]),
+        ("Rig", [signal("winding_degC", SLOW**2)]),
+    )
+    record = read_record(path)
+    assert np.array_equal(record.time_s, SLOW)
+    assert np.array_equal(record["winding_degC"], SLOW**2)
+    inner = SLOW[1:15]  # the last sample of the room stands at 15 s
+    np.testing.assert_allclose(record["ambient_degC"][1:15], 20.0 + inner, atol=1e-12)
+    assert np.isnan(record["ambient_degC"][16:]).all()
+    assert [one.id for one in record.findings] == ["raster_joined", "raster_not_covered"]
+    assert read_record(path, Motor("M", raster_s=5.0)).time_s.tolist() == [0.0, 5.0, 10.0, 15.0]
 
 
 def test_a_step_can_be_given_and_not_a_finer_one(path):
@@ -285,12 +301,40 @@ def hostile(data, packed):
     yield "where none may be", patched(data, channel + 24, "<Q", group)
     yield "samples of", patched(data, about_group + 8, "<Q", 10**15)
     yield "a channel at bytes", patched(data, about_channel + 4, "<I", 2**31)
+    times = links_of(data, blocks(data, b"##CN")[0])[-1] + 8
+    assert data[times] == 2  # the channel of times
+    yield "a channel at bytes", patched(data, times + 4, "<I", 60_000)
     yield "a number of", patched(patched(data, about_channel + 8, "<I", 96),
                                  about_group + 24, "<I", 2**20)  # fmt: skip
     yield "ends beyond", patched(data, channel + 8, "<Q", 2**60)
     yield "links", patched(data, channel + 16, "<Q", 2**40)
     yield "compressed bytes that promise", patched(packed, zipped + 8, "<Q", 2**40)
     yield "states", patched(packed, zipped + 8, "<Q", 60_000)
+
+
+def unsorted(data):
+    """Two groups in one block of data, each record behind the number of its group."""
+    changed = bytearray(data)
+    (first, _), groups = blocks(data, b"##DG"), blocks(data, b"##CG")
+    records = b"".join(
+        struct.pack("<Bdd", number, time, number * time) for time in SLOW for number in (1, 2)
+    )
+    struct.pack_into("<Q", changed, first + 24, 0)  # no next group of data
+    struct.pack_into("<Q", changed, first + 40, len(data))
+    changed[first + 56] = 1  # length of the number [bytes]
+    struct.pack_into("<Q", changed, groups[0] + 24, groups[1])
+    for number, at in enumerate(groups, start=1):
+        struct.pack_into("<Q", changed, links_of(data, at)[-1] + 8, number)
+    return bytes(changed) + struct.pack("<4s4xQQ", b"##DT", 24 + len(records), 0) + records
+
+
+def test_unsorted_records_are_sorted(path):
+    groups = ("A", [signal("winding_degC", SLOW)]), ("B", [signal("losses_W", SLOW)])
+    data = written(path, *groups).read_bytes()
+    path.write_bytes(unsorted(data + bytes(-len(data) % 8)))
+    record = read_record(path)
+    assert np.array_equal(record["winding_degC"], SLOW)
+    assert np.array_equal(record["losses_W"], 2.0 * SLOW)
 
 
 def test_a_hostile_file_is_refused_before_it_is_followed(path, whole):

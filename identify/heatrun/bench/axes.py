@@ -17,7 +17,7 @@ RMS_QUANTITY = "phase current"
 """Averaged as root mean square: it is the square that heats."""
 
 STEP_SLACK = 1.001
-"""A raster may be finer than the slowest channel by the tolerance of a clock, one in a thousand."""
+"""Steps that differ by the tolerance of a clock, one in a thousand, count as equal."""
 
 
 @dataclass(frozen=True)
@@ -85,32 +85,33 @@ def axes_of(series: Mapping[str, Series], where: str) -> list[Axis]:
 
 
 def common_times(
-    axes: Sequence[Axis], raster_s: float | None, where: str
+    axes: Sequence[Axis], lead: Axis | None, raster_s: float | None, where: str
 ) -> tuple[np.ndarray, Axis | None]:
     """Return the common times [s], shape (time,), and the axis whose own they are, if any.
 
     Args:
         axes: The axes.
-        raster_s: Step of the common times [s]; None for the times of the slowest axis.
+        lead: The axis whose samples must not be multiplied; None for the slowest.
+        raster_s: Step of the common times [s]; None for the times of that axis.
         where: The file, for messages.
 
     Raises:
-        InputError: If times do not increase, or the step is finer than the slowest axis.
+        InputError: If times do not increase, or the step is finer than the leading axis.
     """
     for axis in axes:
         require_increasing(axis.time_s, f"{where}, channel '{next(iter(axis.values))}'")
-    slowest = max(axes, key=lambda axis: median_step_s(axis.time_s))
+    lead = lead or max(axes, key=lambda axis: median_step_s(axis.time_s))
     if raster_s is None:
-        return slowest.time_s, slowest
-    step_s = median_step_s(slowest.time_s)
+        return lead.time_s, lead
+    step_s = median_step_s(lead.time_s)
     if raster_s * STEP_SLACK < step_s:
         raise InputError(
             f"raster_s = {raster_s:g} s is finer than the {step_s:g} s between the samples of "
-            f"'{next(iter(slowest.values))}'.",
+            f"'{next(iter(lead.values))}'.",
             where=where,
             remedy=f"Give raster_s = {step_s:g} or more, or leave it out.",
         )
-    return raster(slowest.time_s, raster_s), None
+    return raster(lead.time_s, raster_s), None
 
 
 def averaged(
@@ -135,25 +136,41 @@ def averaged(
         if axis is base:
             channels |= held
             continue
+        if median_step_s(axis.time_s) > STEP_SLACK * median_step_s(time_s):
+            findings.append(_joined(axis, held, time_s, where))
         for key, values in held.items():
             is_rms = CHANNEL[key].quantity == RMS_QUANTITY
             channels[key] = means_around(axis.time_s, values, time_s, is_rms=is_rms)
-            missing = np.isnan(channels[key])
-            if missing.any():
-                count = int(missing.sum())
-                findings.append(
-                    Finding(
-                        id="raster_not_covered",
-                        severity="warning",
-                        message=f"At {count} of {time_s.size} times, the first at "
-                        f"{time_s[missing][0]:.9g} s, no samples cover half of the interval around "
-                        "it. They count as missing.",
-                        where=f"{where}, {key}",
-                        remedy="Check where the channel was not recorded.",
-                        values={"count": count, "from_s": float(time_s[missing][0])},
-                    )
-                )
+            if np.isnan(channels[key]).any():
+                findings.append(_not_covered(key, channels[key], time_s, where))
     return channels, tuple(findings)
+
+
+def _joined(axis: Axis, held: Mapping[str, np.ndarray], time_s: np.ndarray, where: str) -> Finding:
+    step_s = median_step_s(axis.time_s)
+    return Finding(
+        id="raster_joined",
+        severity="note",
+        message=f"Samples come each {step_s:g} s, the time axis has steps of "
+        f"{median_step_s(time_s):g} s; between the samples stand straight lines.",
+        where=f"{where}, {', '.join(held)}",
+        remedy=f"Give raster_s = {step_s:g} in [motor] to have samples alone.",
+        values={"step_s": step_s},
+    )
+
+
+def _not_covered(key: str, values: np.ndarray, time_s: np.ndarray, where: str) -> Finding:
+    missing = np.isnan(values)
+    count, first_s = int(missing.sum()), float(time_s[missing][0])
+    return Finding(
+        id="raster_not_covered",
+        severity="warning",
+        message=f"At {count} of {time_s.size} times, the first at {first_s:.9g} s, no samples "
+        "cover half of the interval around it. They count as missing.",
+        where=f"{where}, {key}",
+        remedy="Check where the channel was not recorded.",
+        values={"count": count, "from_s": first_s},
+    )
 
 
 def raster_note(axes: Sequence[Axis], time_s: np.ndarray, base: Axis | None) -> str:

@@ -25,6 +25,10 @@ from .schema import CHANNEL
 from .table import Table
 from .units import find_unit
 
+OUTPUT = "winding_degC"
+"""The channel that a fit compares: its samples are never multiplied by interpolation. Inputs are
+joined by straight lines in any case, see `heatrun.bench.reduction`."""
+
 
 def read_measurement(
     measurement: Measurement,
@@ -43,19 +47,20 @@ def read_measurement(
         columns: `[columns]` of the motor file.
         where: The file, for messages.
         is_part: As `heatrun.bench.channels.map_columns`.
-        raster_s: Step of the time axis [s]; by default the samples of the slowest needed channel
-            are the axis, and channels of a single rate stay as they are.
+        raster_s: Step of the time axis [s]; by default the samples of the winding are the axis,
+            without a winding those of the slowest channel. Channels of a single rate stay as they
+            are.
         phases: As `heatrun.bench.derive.derive`.
         losses: As `heatrun.bench.derive.derive`.
 
     Returns:
         What the file says about itself, as a table without its samples, and the channels: in
-        canonical units, averaged where they are faster than the axis; `time_s` only if the file
-        gives times.
+        canonical units, means around the times of the axis; `time_s` only if the file gives
+        times.
 
     Raises:
         InputError: If what is needed is no number, units contradict each other, the raster is
-            finer than a channel, or times do not increase where rates differ.
+            finer than the winding's, or times do not increase where rates differ.
     """
     columns = columns or {}
     header = header_of(measurement, columns)
@@ -65,8 +70,8 @@ def read_measurement(
         if series and all(one.time_s is None for one in series.values()):
             header = replace(header, time=None)
         mapped = map_columns(header.table(1, zeros=zeros), columns, where=where, is_part=is_part)
-        # The winding first: of several slowest channels the first gives the times.
-        order = sorted(mapped.columns, key=lambda channel: channel != "winding_degC")
+        # The winding first: messages about an axis name its first channel.
+        order = sorted(mapped.columns, key=lambda channel: channel != OUTPUT)
         needed = dict.fromkeys(mapped.columns[channel] for channel in order)
         needed = [name for name in needed if name in header.channels and name not in series]
         if not needed:
@@ -89,7 +94,8 @@ def read_measurement(
     time_s = axes[0].time_s
     if len(axes) > 1 or (raster_s is not None and axes[0].has_times):
         own, notes = _derive_at_full_rate(own, phases, losses)
-        time_s, base = common_times(axes, raster_s, where)
+        lead = next((one for one, held in zip(axes, own, strict=True) if OUTPUT in held), None)
+        time_s, base = common_times(axes, lead, raster_s, where)
         channels, found_gaps = averaged(axes, own, time_s, base, where)
         findings = (*found_gaps, *_late_products(channels, phases, losses, where))
         notes = (*notes, raster_note(axes, time_s, base))
@@ -128,7 +134,7 @@ def read_all(measurement: Measurement, *, where: str) -> Table:
     axes = axes_of(dict(zip(names, found, strict=True)), where)
     time_s, base = axes[0].time_s, axes[0]
     if len(axes) > 1:
-        time_s, base = common_times(axes, None, where)
+        time_s, base = common_times(axes, None, None, where)
     values = {
         name: samples if axis is base else means_around(axis.time_s, samples, time_s)
         for axis in axes
