@@ -13,9 +13,9 @@ LONG_MS = 180_000
 
 def _open(tab, served, *tests: str) -> None:
     tab.goto(served.url)
+    tab.wait_for_function("() => window.Bokeh?.documents[0]?.is_idle")
     for test in tests:
         tab.get_by_label(test).first.check()
-        tab.wait_for_function("name => document.body.innerText !== ''", arg=test)
     if tests:
         tab.locator(".bk-Figure").first.wait_for()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -11,24 +10,22 @@ from urllib.parse import urlencode
 
 import panel as pn
 
-from ..bench import Finding
-from ..bench.checks import check_record
 from ..bench.schema import CHANNELS
 from ..errors import InputError
-from ..motor import Motor
-from ..motorfile import load_motor
 from ..vcycle import TEST_TYPES, Kind
 from .calibrating import calibrating
 from .discovering import discovering
 from .folder import Folder
+from .frame import asked, asked_look, framed
 from .jobs import JobQueue
-from .look import DARK, LIGHT, Look, css, pane_css, tabs_css
+from .look import pane_css, tabs_css
+from .reading import Reading, read_tests
 from .reporting import Reporting
 from .runs import Run, runs_under
 from .signals import Signals
 from .store import Opened, RecordStore
 from .uploads import BoundedDropper, keep_upload
-from .words import error_message, findings_html, message, table
+from .words import error_message, message
 
 WATCH_MS = 2000
 """How often the files that are shown are looked at for changes."""
@@ -37,19 +34,6 @@ NO_MOTOR = "(none: known column names)"
 NO_RUN = "(none)"
 UPLOADED = "uploaded/"
 
-SWITCH = """
-const url = new URL(window.location);
-url.searchParams.set("theme", theme);
-window.location = url;
-"""
-"""Loads the page again in the other colours; what is chosen stands in its address."""
-
-
-class LocalTemplate(pn.template.VanillaTemplate):
-    """The plain template without fonts from elsewhere."""
-
-    _resources: dict[str, Any] = {}  # noqa: RUF012
-
 
 class Page:
     """A tab.
@@ -57,7 +41,6 @@ class Page:
     Attributes:
         view: The page.
         opened: The tests that are shown.
-        motor: The motor file that counts, or None.
     """
 
     def __init__(
@@ -70,13 +53,12 @@ class Page:
         max_upload_bytes: int,
     ) -> None:
         self.folder, self.out = folder, out
-        self.opened: list[Opened] = []
-        self.motor: Motor | None = None
+        self.opened: tuple[Opened, ...] = ()
         self._uploads = uploads
         self._store = store
         self._runs: dict[str, Run] = {}
         self._generation = 0
-        self.look = _look()
+        self.look = asked_look()
 
         self._motor_choice = pn.widgets.Select(name="Motor file", sizing_mode="stretch_width")
         self._type = pn.widgets.Select(
@@ -107,7 +89,7 @@ class Page:
             dynamic=False,
             stylesheets=[tabs_css(self.look)],
         )
-        self.view = self._template()
+        self.view = framed(self.look, self._sidebar(), [self._banner, self._tabs])
         self.list_folder()
         self._choose_as_in_address()
         self._motor_choice.param.watch(lambda _: self.open_tests(), "value")
@@ -195,13 +177,11 @@ class Page:
 
     def _choose_as_in_address(self) -> None:
         """Take up the choices of the page's address, as far as there are such files."""
-        asked = {name: [v.decode("utf-8", "replace") for v in values]
-                 for name, values in (pn.state.session_args or {}).items()}  # fmt: skip
         for widget, name in self._addressed():
-            for value in asked.get(name, [])[:1]:
+            for value in asked(name)[:1]:
                 if value in widget.values:
                     widget.value = value
-        self._tests.value = [name for name in asked.get("test", []) if name in self.tests]
+        self._tests.value = [name for name in asked("test") if name in self.tests]
 
     def _addressed(self) -> list[tuple[Any, str]]:
         return [(self._motor_choice, "motor"), (self._type, "type"), (self._run, "run")]
@@ -229,14 +209,15 @@ class Page:
         document = pn.state.curdoc
         self._tabs.loading = True
 
+        motor = self._motor_choice.value
+        motor_name = None if motor in (None, NO_MOTOR) else str(motor)
+
         def work() -> None:
-            opened, problems, motor = self._read(names)
-            findings = [each for record in opened for each in check_record(record.record, motor)] \
-                if motor else []  # fmt: skip
+            reading = read_tests(names, motor_name, self.path, self._store)
 
             def show() -> None:
                 if generation == self._generation:
-                    self._take(opened, motor, findings, problems)
+                    self._take(reading)
 
             if document is None:
                 show()
@@ -248,39 +229,10 @@ class Page:
         else:
             threading.Thread(target=work, daemon=True, name="heatrun reader").start()
 
-    def _read(self, names: Sequence[str]) -> tuple[list[Opened], list[str], Motor | None]:
-        opened: list[Opened] = []
-        problems: list[str] = []
-        motor = None
-        try:
-            path = self.motor_path
-            motor = load_motor(path) if path else None
-        except InputError as error:
-            return [], [error_message(error)], None
-        for name in names:
-            try:
-                opened.append(self._store.open(self.path(name), motor))
-            except InputError as error:
-                problems.append(error_message(error))
-            except MemoryError:
-                problems.append(message("error", f"{name}: the memory does not suffice for it."))
-        return opened, problems, motor
-
-    def _take(
-        self,
-        opened: list[Opened],
-        motor: Motor | None,
-        findings: Sequence[Finding],
-        problems: Sequence[str],
-    ) -> None:
-        self.opened, self.motor = opened, motor
-        self._banner.object = "".join(problems)
-        if motor is None:
-            self._checks.object = message("warning", "Choose a motor file: checks need it.")
-        elif not opened:
-            self._checks.object = message("note", "Choose tests on the left.")
-        else:
-            self._checks.object = findings_html(findings) + _notes(opened)
+    def _take(self, reading: Reading) -> None:
+        self.opened = reading.opened
+        self._banner.object = reading.problems
+        self._checks.object = reading.checks
         self._choose_channels()
         self._tabs.loading = False
 
@@ -344,24 +296,8 @@ class Page:
                 "`heatrun view` on the folder of your tests.",
             )
 
-    def _template(self) -> LocalTemplate:
-        template = LocalTemplate(
-            title="heatrun",
-            theme="dark" if self.look.is_dark else "default",
-            sidebar_width=330,
-            header_background=self.look.paper,
-            header_color=self.look.ink,
-            busy_indicator=None,
-            raw_css=[css(self.look)],
-        )
-        other = "default" if self.look.is_dark else "dark"
-        switch = pn.widgets.Button(name="Light" if self.look.is_dark else "Dark", width=70)
-        switch.js_on_click(args={"theme": other}, code=SWITCH)
-        header: Any = template.header
-        sidebar: Any = template.sidebar
-        main: Any = template.main
-        header.append(switch)
-        sidebar.extend([
+    def _sidebar(self) -> list[Any]:
+        return [
             self.pane(f"<p class='faded'>{escape(str(self.folder.root))}</p>"),
             self._motor_choice,
             self._type,
@@ -373,21 +309,4 @@ class Page:
             pn.Column(self._channels, max_height=260, scroll=True, sizing_mode="stretch_width"),
             self.pane("<h3>Other files</h3>"),
             self._dropper,
-        ])  # fmt: skip
-        main.extend([self._banner, self._tabs])
-        return template
-
-
-def _look() -> Look:
-    words = pn.state.session_args.get("theme", []) if pn.state.session_args else []
-    return DARK if words and words[0] == b"dark" else LIGHT
-
-
-def _notes(opened: Sequence[Opened]) -> str:
-    rows = [(each.record.name, note) for each in opened for note in each.record.notes]
-    rows += [
-        (each.record.name, f"Columns that are not used: {', '.join(each.record.unused)}")
-        for each in opened
-        if each.record.unused
-    ]
-    return "<h3>How the files were read</h3>" + table(("test", "note"), rows) if rows else ""
+        ]
