@@ -222,6 +222,7 @@ def test_a_simulated_record_carries_its_band_along(run, bench, generator, tmp_pa
     found = build_report("virtual", MOTOR, read_record(test, MOTOR), reference=reference).result
     assert found.pair.offset.offset_s == reference.starts_at_s
     (winding,) = found.judged
-    assert winding.bias == pytest.approx(0.0, abs=0.3)  # half of the drift noise and rounding
+    # the start is read to 1 K, so it is off by up to 0.5 K, which the stator keeps for half an hour
+    assert winding.bias == pytest.approx(0.0, abs=0.6)
     assert winding.share_in_band is not None
     assert winding.share_in_band > 0.6  # of 2 s means, whose rounding is not in a band of 20 s
