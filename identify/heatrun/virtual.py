@@ -32,10 +32,12 @@ def simulate_file(
         path: The test whose currents, losses and sink drive the model.
         order: First or second order.
         folder: Where `NAME_virtual.csv` goes.
-        seed: Unused by the median course; kept with the run for bands.
+        seed: Of the draws behind the bands, which a run gives: columns such as
+            `winding_95_low_degC`, with the noise of a block mean.
 
     Returns:
-        Name of the file, number of rows, and the error to a measured winding where there is one.
+        Name of the file, number of rows, the error to a measured winding where there is one, and
+        why there are no bands where there are none.
 
     Raises:
         InputError: If parameters are missing, or the record lacks a channel.
@@ -45,6 +47,9 @@ def simulate_file(
     require(record, ["phase_current_A", "losses_W", f"{motor.sink}_degC"])
     measured = record.channels.get("winding_degC")
     table = simulate_record(motor, values, record, order)
+    lacking = "a TOML file of parameters says nothing of their uncertainty"
+    if Path(source).is_dir():
+        table, lacking = _with_bands(table, Path(source), record, motor, order, seed)
     target = folder / f"{record.name}_virtual.csv"
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -59,7 +64,39 @@ def simulate_file(
     if measured is not None and np.any(np.isfinite(measured)):
         virtual = np.interp(record.time_s, table["time_s"], table["winding_degC"])
         rmse = float(np.sqrt(np.nanmean((measured - virtual) ** 2)))
-    return {"file": str(target), "num_rows": len(table), "rmse_K": rmse, "test": record.name}
+    return {
+        "file": str(target),
+        "num_rows": len(table),
+        "rmse_K": rmse,
+        "test": record.name,
+        "no_bands": lacking,
+    }
+
+
+def _with_bands(
+    table: pd.DataFrame, run: Path, record: Record, motor: Motor, order: Order, seed: int
+) -> tuple[pd.DataFrame, str]:
+    """Add 95 % limits of winding and stator after the draws of a run, or the reason for none.
+
+    The limits are known by block; what is carried to the steps is their distance to the median,
+    which moves slowly, also where the temperature does not.
+    """
+    from .vcycle.simulated import simulate_run
+
+    try:
+        found = simulate_run(run, _with_start(record, motor), motor, order=order, seed=seed)
+    except InputError as error:
+        return table, str(error)
+    bands = {"winding": (found.median_degC, found.total_95_degC)}
+    if "stator" in found.nodes_degC:
+        bands["stator"] = (found.nodes_degC["stator"], found.nodes_95_degC["stator"])
+    columns = {
+        f"{node}_95_{side}_degC": table[f"{node}_degC"]
+        + np.interp(table["time_s"], found.time_s, limit - median)
+        for node, (median, limits) in bands.items()
+        for side, limit in zip(("low", "high"), limits, strict=True)
+    }
+    return table.assign(**columns), ""
 
 
 def simulate_record(
@@ -74,11 +111,7 @@ def simulate_record(
         record: Currents, losses and sink.
         order: First or second order.
     """
-    if "winding_degC" not in record:
-        # the sink stands in as the start temperature; nothing else reads it
-        sink = record[f"{motor.sink}_degC"]
-        record = replace(record, channels={**record.channels, "winding_degC": sink})
-    blocks = reduce(record, motor)
+    blocks = reduce(_with_start(record, motor), motor)
     model = Model.of(order, motor)
     known = parameters(model, motor, [blocks]).by_test[0]
     full = {name: parameter.centre for name, parameter in known.items()}
@@ -99,6 +132,14 @@ def simulate_record(
     for (start, end), flow in trace.flow.items():
         columns[f"flow_{start}_{end}_W"] = np.asarray(flow)
     return pd.DataFrame(columns)[inside].reset_index(drop=True)
+
+
+def _with_start(record: Record, motor: Motor) -> Record:
+    """A record whose sink stands in for a winding that was not measured, as start temperature."""
+    if "winding_degC" in record:
+        return record
+    sink = record[f"{motor.sink}_degC"]
+    return replace(record, channels={**record.channels, "winding_degC": sink})
 
 
 def parameters_from(source: Path, order: Order) -> dict[str, float]:

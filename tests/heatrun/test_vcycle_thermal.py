@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray
 
+from heatrun.bench.read import read_record
 from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
-from heatrun.vcycle import build_report
+from heatrun.vcycle import build_report, read_reference
 from heatrun.vcycle.equilibrium import equilibrium
 from heatrun.vcycle.loss_split import split_losses
 from heatrun.vcycle.run_draws import read_draws
 from heatrun.vcycle.simulated import simulate_run
+from heatrun.virtual import simulate_file
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
 TRUTH = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062}
@@ -202,3 +206,23 @@ def test_a_damaged_run_is_an_error_of_ours(run, damage):
         (run / "fit.json").write_text(json.dumps(result), encoding="utf-8")
     with pytest.raises(InputError, match="run"):
         read_draws(run, num_draws=50, seed=0)
+
+
+def test_a_simulated_record_carries_its_band_along(run, bench, generator, tmp_path):
+    record = bench(generator.duty(1800.0), seed=21)
+    test = tmp_path / "bench.csv"
+    pd.DataFrame(dict(record.channels)).to_csv(test, index=False)
+    made = simulate_file(MOTOR, str(run), test, "second", tmp_path, seed=0)
+    assert made["no_bands"] == ""
+    reference = read_reference(Path(made["file"]), MOTOR)
+    assert set(reference.bands) == {"winding_degC", "stator_degC"}
+    low, high = reference.bands["winding_degC"]
+    # noise of 0.2 K alone gives 0.8 K, parameters of 0.5 % at most a few more
+    assert np.all((high - low > 0.5) & (high - low < 6.0))
+    found = build_report("virtual", MOTOR, read_record(test, MOTOR), reference=reference).result
+    assert found.pair.offset.offset_s == reference.starts_at_s
+    (winding,) = found.judged
+    # the start is read to 1 K, so it is off by up to 0.5 K, which the stator keeps for half an hour
+    assert winding.bias == pytest.approx(0.0, abs=0.6)
+    assert winding.share_in_band is not None
+    assert winding.share_in_band > 0.6  # of 2 s means, whose rounding is not in a band of 20 s

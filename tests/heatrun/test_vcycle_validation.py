@@ -210,10 +210,11 @@ def test_what_drove_a_simulation_is_no_evidence(tmp_path):
         "other_loss_W": np.zeros(650),
     }
     path = tmp_path / "bench_virtual.csv"
-    np.savetxt(path, np.stack(list(columns.values()), 1), delimiter=",", comments="",
-               header=",".join(columns), fmt="%.6f")  # fmt: skip
+    rows = np.stack(list(columns.values()), 1)[2:]  # such a file begins after its first step
+    np.savetxt(path, rows, delimiter=",", comments="", header=",".join(columns), fmt="%.6f")
     motor = Motor("mapped", columns={"winding_degC": "T_w [degC]"})  # of the bench's own file
     found = validate(test, read_reference(path, motor), motor)
+    assert found.pair.offset.offset_s == 2.0  # a reader counts time from the first sample
     verdicts = {s.channel: s.verdict for s in found.signals}
     assert verdicts["losses_W"] == verdicts["phase_current_A"] == "input"
     winding = next(s for s in found.signals if s.channel == "winding_degC")

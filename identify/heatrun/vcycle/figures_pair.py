@@ -20,7 +20,7 @@ def overlay(
 ) -> Figure:
     """Return one signal of both prototypes, and their difference with the tolerance."""
     name = row.channel
-    figure, (top, bottom) = stacked([1.75, 1.0])
+    figure, (top, bottom) = stacked([1.55, 0.85])
     if name in bands:
         top.fill_between(pair.time_s / 60.0, *bands[name], color=CYCLE[0], alpha=0.2, lw=0,
                          label="95 % band of the reference")  # fmt: skip

@@ -29,6 +29,16 @@ FIGURES = (
 )
 """Name, wording and unit of the figures, in the order of the table."""
 
+NEEDS = {
+    "energy_kWh": ("power",),
+    "energy_without_regeneration_kWh": ("power",),
+    "distance_km": ("speed",),
+    "consumption_Wh_per_km": ("power", "speed"),
+    "consumption_without_regeneration_Wh_per_km": ("power", "speed"),
+    "reduction_percent": ("power",),
+}
+"""What each figure is made of."""
+
 DEFINITIONS = (
     ("Energy", "∫ P dt, what was drawn less what was fed back."),
     (
@@ -147,7 +157,8 @@ def general_information(
     values = (net, drawn, distance, consumption, without, reduction)
     for (name, _, _), value in zip(FIGURES, values, strict=True):
         if value is None and name not in undefined:
-            undefined[name] = " and ".join(f"no {what} in the record" for what in lacking)
+            missing = [f"no {what}" for what in NEEDS[name] if what in lacking]
+            undefined[name] = f"{' and '.join(missing)} in the record"
     longest = max(integrals.values(), key=lambda i: i.covered_s, default=None)
     return GeneralInformation(
         *values,

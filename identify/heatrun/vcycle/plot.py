@@ -17,6 +17,9 @@ SYMBOLS = ("u_d", "u_q", "i_d", "i_q")
 """Names that are no words."""
 
 WIDTH_IN = 7.2
+LEGEND_CHARACTERS, MARK_CHARACTERS = 120, 7
+"""Characters of 7 pt that fit across a panel, and how many of them the mark of a label takes."""
+
 MAX_POINTS = 3000
 """Points of a line: several per pixel of the printed width."""
 
@@ -67,11 +70,17 @@ def finish(axes: Sequence[Axes], *, is_over_time: bool = True) -> None:
         handles, labels = axis.get_legend_handles_labels()
         if labels:
             axis.legend(
-                handles, labels, fontsize=7, frameon=False, ncols=min(4, len(labels)),
+                handles, labels, fontsize=7, frameon=False, ncols=_num_columns(labels),
                 loc="lower left", bbox_to_anchor=(0.0, 0.99), borderaxespad=0.1,
             )  # fmt: skip
     if is_over_time:
         axes[-1].set_xlabel("time [min]")
+
+
+def _num_columns(labels: Sequence[str]) -> int:
+    """So many columns of a legend as fit over a panel; each is as wide as its longest label."""
+    longest = max(len(label) for label in labels) + MARK_CHARACTERS
+    return max(1, min(4, len(labels), LEGEND_CHARACTERS // longest))
 
 
 def unit(channel: str, *, is_difference: bool = False) -> str:

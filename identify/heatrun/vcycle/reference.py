@@ -19,8 +19,8 @@ from .simulated import Simulated
 from .unchanged import refuse_changed
 
 SIDES = ("low", "high")
-ONLY_SIMULATED = ("copper_loss_W", "other_loss_W")
-"""Columns that `heatrun simulate` writes and no bench measures."""
+SIMULATED = ("time_s", "copper_loss_W", "other_loss_W")
+"""Columns that `heatrun simulate` writes; no bench measures the last two."""
 
 Limits = tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]]
 
@@ -33,14 +33,15 @@ class Reference:
         record: On its own clock.
         bands: Lower and upper 95 % limit by channel, on the record's time axis.
         inputs: Channels that drove a simulation, and say nothing of how good it is.
-        is_on_clock_of_test: Whether it was simulated along the time of a bench test.
+        starts_at_s: Where the first sample of a simulated file lies on the clock of the bench test
+            that it was simulated along [s]; None for any other record.
         run: The run folder that was driven by the test; empty for a file.
     """
 
     record: Record
     bands: Mapping[str, Limits] = field(default_factory=dict)
     inputs: frozenset[str] = frozenset()
-    is_on_clock_of_test: bool = False
+    starts_at_s: float | None = None
     run: str = ""
 
 
@@ -68,12 +69,12 @@ def read_reference(path: Path, motor: Motor) -> Reference:
         if channel.name in record and all(name in columns for name in names):
             low, high = (np.asarray(columns[name], dtype=float) for name in names)
             bands[channel.name] = (low, high)
-    is_simulated = all(name in columns for name in ONLY_SIMULATED)
+    is_simulated = all(name in columns for name in SIMULATED)
     return Reference(
         record=record,
         bands=bands,
         inputs=driving(motor) if is_simulated else frozenset(),
-        is_on_clock_of_test=is_simulated,
+        starts_at_s=float(columns["time_s"][0]) if is_simulated else None,
     )
 
 
@@ -94,7 +95,6 @@ def reference_of_run(simulated: Simulated, run: Path, motor: Motor) -> Reference
         record=Record(f"run {run.name}", channels),
         bands=bands,
         inputs=driving(motor),
-        is_on_clock_of_test=True,
         run=str(run),
     )
 

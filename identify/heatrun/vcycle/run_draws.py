@@ -38,29 +38,32 @@ class RunDraws:
     calibration_sha256: frozenset[str]
 
 
-def read_draws(run: Path, *, num_draws: int, seed: int) -> RunDraws:
+def read_draws(run: Path, *, num_draws: int, seed: int, order: Order | None = None) -> RunDraws:
     """Read the posterior of a run.
 
     Args:
         run: A folder that `heatrun calibrate` wrote.
         num_draws: Number of draws to pick.
         seed: Of the pick.
+        order: Of the network; the higher one that the run holds if None.
 
     Raises:
-        InputError: If the folder is no run, misses a file, or its network was extended by effects.
+        InputError: If the folder is no run, misses a file, or holds effects or parameters of
+            one test.
     """
     from .. import archive
 
     result = load_result(run)
     try:
-        order: Order = "second" if "second" in result["models"] else "first"
+        order = order or ("second" if "second" in result["models"] else "first")
         model: dict[str, Any] = result["models"][order]
         group = archive.read(run / f"posterior_{order}.nc")["posterior"]
         entries = {**model["parameters"], **model["nuisances"]}
         names = [n for n in entries if n.partition("[")[0] not in STARTS]
         _refuse_effects(run, names)
         sizes = [np.asarray(group[n]).size for n in names if not entries[n]["fixed"]]
-        picked = np.random.default_rng([seed, 7]).integers(0, min(sizes), num_draws)
+        num_kept = min(sizes, default=1)  # nothing to pick from where everything was fixed
+        picked = np.random.default_rng([seed, 7]).integers(0, num_kept, num_draws)
         values = {
             name: np.full(num_draws, float(entries[name]["value"]))
             if entries[name]["fixed"]
@@ -91,8 +94,8 @@ def _refuse_effects(run: Path, names: list[str]) -> None:
     extra = [name for name in names if name not in ALL_NAMES]
     if extra:
         raise InputError(
-            f"the run's network was extended by effects ({', '.join(extra)}), which a report does "
-            "not simulate.",
+            f"the run holds what another test does not take over ({', '.join(extra)}): effects, or "
+            "parameters of one test.",
             where=str(run),
             remedy="Pass a run of `heatrun calibrate`.",
         )

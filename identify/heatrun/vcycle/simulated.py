@@ -82,7 +82,13 @@ class Simulated:
 
 
 def simulate_run(
-    run: Path, record: Record, motor: Motor, *, num_draws: int = NUM_DRAWS, seed: int = 0
+    run: Path,
+    record: Record,
+    motor: Motor,
+    *,
+    order: Order | None = None,
+    num_draws: int = NUM_DRAWS,
+    seed: int = 0,
 ) -> Simulated:
     """Simulate a test with the draws of a run.
 
@@ -93,13 +99,14 @@ def simulate_run(
         run: A folder that `heatrun calibrate` wrote.
         record: With the channels that a calibration needs.
         motor: The machine.
+        order: Of the network; the higher one that the run holds if None.
         num_draws: Number of draws.
         seed: Of draws, start and noise.
 
     Raises:
         InputError: If the run cannot be read, or the record lacks a channel.
     """
-    draws = read_draws(run, num_draws=num_draws, seed=seed)
+    draws = read_draws(run, order=order, num_draws=num_draws, seed=seed)
     blocks = reduce(record, motor)
     model = Model.of(draws.order, motor)
     rng = np.random.default_rng([seed, 11])

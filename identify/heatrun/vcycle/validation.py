@@ -50,37 +50,44 @@ def validate(
         reference: The other prototype's.
         motor: The machine.
         tolerances: By channel, in its unit (K for temperatures).
-        offset_s: What is added to the reference's clock [s]; searched if None, and 0 for a run
-            that the test itself drove.
+        offset_s: What is added to the reference's clock [s]; searched if None; a run that the
+            test itself drove brings its own.
 
     Raises:
         InputError: If they share no signal or no time, or the offset cannot be found.
     """
-    if offset_s is None and reference.run:
-        offset_s = 0.0
-    pair = pair_records(test, reference.record, motor, offset_s=offset_s)
-    if offset_s is None and reference.is_on_clock_of_test:
-        pair = _on_clock_of_test(pair, test, reference, motor)
+    pair = _aligned(test, reference, motor, offset_s)
     bands = bands_on_axis(reference, pair)
     signals = compare_signals(pair, tolerances, bands, reference.inputs)
     findings = (*pair.findings, *_not_used(tolerances, pair))
     return Validation(pair, signals, bands, findings)
 
 
-def _on_clock_of_test(pair: Pair, test: Record, reference: Reference, motor: Motor) -> Pair:
-    """Without an offset where the search finds no more than a step of a simulated record.
+def _aligned(test: Record, reference: Reference, motor: Motor, offset_s: float | None) -> Pair:
+    """The pair at an offset that is given, brought along by the reference, or found.
 
-    The inputs in such a record are means over the step before each stamp, its temperatures are
-    those at the stamp: half a step of offset in the inputs is none of the temperatures.
+    The inputs in a simulated record are means over the step before each stamp, its temperatures
+    those at the stamp: a search by the inputs is off by half a step for the temperatures. So the
+    offset that such a record brings along holds where the search is within a step of it.
     """
-    found_s = pair.offset.offset_s
-    if abs(found_s) > median_step(samples(reference.record)[0]):
+    if offset_s is not None:
+        return pair_records(test, reference.record, motor, offset_s=offset_s)
+    if reference.run:
+        pair = pair_records(test, reference.record, motor, offset_s=0.0)
+        return _by(pair, "none to be found: the test itself drove the run")
+    pair = pair_records(test, reference.record, motor)
+    found_s, known_s = pair.offset.offset_s, reference.starts_at_s
+    if known_s is None or abs(found_s - known_s) > median_step(samples(reference.record)[0]):
         return pair
-    pair = pair_records(test, reference.record, motor, offset_s=0.0)
-    method = (
-        f"none: the reference was simulated on the clock of a test (a search gives {found_s:+.2f} "
-        "s, within its step)"
+    pair = pair_records(test, reference.record, motor, offset_s=known_s)
+    return _by(
+        pair,
+        "the first stamp of the reference, which was simulated on the clock of a test (a search "
+        f"gives {found_s:+.2f} s, within a step of it)",
     )
+
+
+def _by(pair: Pair, method: str) -> Pair:
     return replace(pair, offset=replace(pair.offset, method=method))
 
 

@@ -81,7 +81,7 @@ def validation_report(
                 "with the tolerance shaded.",
                 partial(overlay, found.pair, signal, found.bands),
             )
-            for signal in found.signals
+            for signal in _evidence_first(found)
             if signal.verdict != "not comparable"
         ),
         findings=(*record.findings, *reference.record.findings, *found.findings),
@@ -125,7 +125,7 @@ def _rows(found: Validation, reference: Reference) -> tuple[Row, ...]:
 
 
 def _tables(found: Validation) -> tuple[Table, ...]:
-    lines = tuple(_line(signal) for signal in found.signals)
+    lines = tuple(_line(signal) for signal in _evidence_first(found))
     bases = sorted({s.tolerance.basis for s in found.signals if s.tolerance.basis})
     tables = [Table("Signal by signal", DIFFERENCE_COLUMNS, lines,
                     f"Tolerances: {'; '.join(bases)}.")]  # fmt: skip
@@ -137,6 +137,10 @@ def _tables(found: Validation) -> tuple[Table, ...]:
     if energies:
         tables.append(Table("Energy over the time in common", ENERGY_COLUMNS, energies))
     return tuple(tables)
+
+
+def _evidence_first(found: Validation) -> list[SignalComparison]:
+    return sorted(found.signals, key=lambda signal: signal not in found.judged)
 
 
 def _line(signal: SignalComparison) -> Line:
