@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from ..errors import InputError
-from ..run_folder import dump
 
 
 def say(sentence: str) -> None:
@@ -32,9 +31,13 @@ def bar() -> Iterator[Callable[[str, float], None]]:
 
 def print_error(error: InputError, *, as_json: bool) -> None:
     """Print an error as a message, or as JSON with the same words."""
+    from ..run_folder import dump
+
     if as_json:
-        print(dump({"error": {"problem": error.problem, "where": error.where,
-                              "remedy": error.remedy}}))  # fmt: skip
+        described = {"problem": error.problem, "where": error.where, "remedy": error.remedy}
+        # standard output may be what cannot be written
+        with suppress(OSError):
+            print(dump({"error": described}), flush=True)
     print(f"heatrun: {printable(str(error))}", file=sys.stderr)
 
 
