@@ -81,7 +81,14 @@ def rewrite_sheet(run: Path, folder: Path) -> list[Path]:
             remedy="Calibrate again.",
         ) from error
     folder.mkdir(parents=True, exist_ok=True)
-    written = _write(result, tables, draws, folder)
+    try:
+        written = _write(result, tables, draws, folder)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"the run does not hold what a sheet needs ({type(error).__name__}: {error}).",
+            where=str(run),
+            remedy="Calibrate again with this version.",
+        ) from error
     if lock is not None:
         drop_partials(run)
         list_again(run)
