@@ -129,7 +129,7 @@ class Checkpoint:
 def _read(path: Path) -> dict[str, np.ndarray] | None:
     """Return what a chunk holds, or None if it is not there or damaged."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             chunk = {name: file[name] for name in CONTENT}
         state_of(chunk)
     except Exception:  # a damaged file raises nearly anything in there
