@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import os
+import errno
 import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from .checkpoint import whole
 from .posterior import Posterior
 
 
@@ -42,10 +43,16 @@ def groups(posterior: Posterior) -> Any:
 
 
 def write(posterior: Posterior, path: Path) -> None:
-    """Write the groups as NetCDF, whole or not at all."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    groups(posterior).to_netcdf(str(partial), engine="h5netcdf")
-    partial.replace(path)
+    """Write the groups as NetCDF, whole or not at all.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    with whole(path) as partial:
+        try:
+            groups(posterior).to_netcdf(str(partial), engine="h5netcdf")
+        except RuntimeError as error:  # how HDF5 says that a disk is full
+            raise OSError(errno.EIO, f"HDF5: {error}", str(path)) from error
 
 
 def read(path: Path) -> Any:

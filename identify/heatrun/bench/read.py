@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
 import hashlib
-import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +17,7 @@ from .constants import constant_notes, resistance_conflict
 from .derive import derive
 from .formats import opened
 from .multirate import read_all, read_measurement
+from .open_file import read_file, unzip
 from .record import Record, Source
 from .table import Table
 from .timegrid import exact_grid, from_first_sample
@@ -36,6 +35,11 @@ OTHER_FORMATS = {
     b"\x80\x04": "a Python pickle",
     b"\x80\x05": "a Python pickle",
     b"%PDF": "a PDF document",
+    b"\xfd7zXZ\x00": "an xz archive",
+    b"BZh": "a bzip2 archive",
+    b"\x28\xb5\x2f\xfd": "a zstd archive",
+    b"7z\xbc\xaf\x27\x1c": "a 7z archive",
+    b"Rar!": "a RAR archive",
 }
 """First bytes of files that are no table for heatrun, and what they are."""
 
@@ -66,7 +70,7 @@ def read_raw(path: str | Path) -> Table:
     with opened(path) as measurement:
         if measurement is not None:
             return read_all(measurement, where=str(path))
-    return _read_bytes(_bytes(path), str(path))
+    return _read_bytes(read_file(path), str(path))
 
 
 def read_record(
@@ -116,7 +120,7 @@ def read_record(
                 losses=losses,
             )
         else:
-            data = _bytes(path)
+            data = read_file(path)
             sha256 = hashlib.sha256(data).hexdigest()
             table = _read_bytes(data, where)
             mapped = map_columns(table, columns, where=where, is_part=is_part)
@@ -151,38 +155,9 @@ def _digest(path: str | Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _bytes(path: str | Path) -> bytes:
-    where = str(path)
-    try:
-        data = Path(path).read_bytes()
-    except IsADirectoryError as error:
-        raise InputError(
-            "Expected a file, got a directory.", where=where, remedy="Name the files in it."
-        ) from error
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(
-            f"The file cannot be opened ({reason}).", where=where, remedy="Check the path."
-        ) from error
-    if not data:
-        raise InputError(
-            "Expected a table, got an empty file.",
-            where=where,
-            remedy="Copy the file again from the bench.",
-        )
-    return data
-
-
 def _read_bytes(data: bytes, where: str) -> Table:
     if data.startswith(GZIP):
-        try:
-            data = gzip.decompress(data)
-        except (OSError, EOFError, zlib.error) as error:
-            raise InputError(
-                f"The gzip file is damaged or cut ({error}).",
-                where=where,
-                remedy="Copy the file again from the bench.",
-            ) from error
+        data = unzip(data, where)
         table = _reader(data, where)(data, where)
         return replace(table, reader=f"{table.reader}, gzip")
     return _reader(data, where)(data, where)
@@ -195,7 +170,7 @@ def _reader(data: bytes, where: str) -> Callable[[bytes, str], Table]:
             raise InputError(
                 f"Expected CSV, MAT, Parquet, MDF or TDMS, got {kind}.",
                 where=where,
-                remedy=REMEDIES.get(start, "Export the recording as CSV."),
+                remedy=REMEDIES.get(start, "Export the recording as CSV; only gzip is unpacked."),
             )
     if data.startswith(HDF5) or data[HDF5_OFFSET:].startswith(HDF5):
         from .mat import read_hdf5

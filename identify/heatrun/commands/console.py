@@ -6,10 +6,9 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from ..errors import InputError
-from ..run_folder import dump
 
 PROGRESS = "HEATRUN_PROGRESS"
 """Environment variable; `json` makes the progress on stderr lines of JSON, for programs."""
@@ -45,9 +44,13 @@ def _tell(sentence: str, share: float) -> None:
 
 def print_error(error: InputError, *, as_json: bool) -> None:
     """Print an error as a message, or as JSON with the same words."""
+    from ..run_folder import dump
+
     if as_json:
-        print(dump({"error": {"problem": error.problem, "where": error.where,
-                              "remedy": error.remedy}}))  # fmt: skip
+        described = {"problem": error.problem, "where": error.where, "remedy": error.remedy}
+        # standard output may be what cannot be written
+        with suppress(OSError):
+            print(dump({"error": described}), flush=True)
     print(f"heatrun: {printable(str(error))}", file=sys.stderr)
 
 
