@@ -64,3 +64,41 @@ def test_blackjax_and_long_chains_agree_too(found, ensemble):
         assert largest(z)[0] < FAR, largest(z)
         # the errors are right only if the z values are of size one
         assert 0.6 < np.sqrt(np.mean([v**2 for row in z.values() for v in row.values()])) < 1.5
+
+
+def test_weighted_draws_agree_with_the_ensemble(found, ensemble):
+    """A tenth of a standard deviation: the delta method knows nothing of a tail without draws."""
+    weighted = ensemble.weighted
+    assert weighted.is_sound
+    mean = weighted.weights @ weighted.vectors
+    sd = np.sqrt(weighted.weights @ (weighted.vectors - mean) ** 2)
+    spread = ensemble.flat.std(axis=0)
+    assert np.all(np.abs(mean - ensemble.flat.mean(axis=0)) < 0.1 * spread)
+    assert np.all(np.abs(np.log(sd / spread)) < 0.1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_weighted_draws_find_a_long_tail_or_say_that_they_did_not(found, seed, monkeypatch):
+    """One coordinate falls off four times as slowly to one side, as white noise near zero does."""
+    from heatrun import proposal
+
+    left, right = 2.0, 0.5  # standard deviations of the two halves, in those of the fit
+
+    def evaluate(_, vectors):
+        x = (vectors - found.vector) @ np.linalg.inv(np.linalg.cholesky(found.covariance)).T
+        last = np.where(x[:, -1] < 0, x[:, -1] / left, x[:, -1] / right)
+        return -0.5 * np.sum(x[:, :-1] ** 2, axis=1) - 0.5 * last**2
+
+    monkeypatch.setattr(proposal, "evaluate", evaluate)
+    weighted = proposal.importance_sample(found, seed=seed)
+    if not weighted.is_sound:
+        return
+    x = (weighted.vectors - found.vector) @ np.linalg.inv(np.linalg.cholesky(found.covariance)).T
+    mean = weighted.weights @ x[:, -1]
+    spread = np.sqrt(weighted.weights @ (x[:, -1] - mean) ** 2)
+    # of a split normal with halves a and b: mean (b - a) sqrt(2/pi), second moment a^2 - ab + b^2
+    expected = (right - left) * np.sqrt(2 / np.pi)
+    width = np.sqrt(left**2 - left * right + right**2 - expected**2)
+    # 16384 draws, of which the tail gets a share that keeps a sd good to a few per cent
+    assert abs(mean - expected) < 0.1 * width, (mean, expected)
+    assert abs(np.log(spread / width)) < 0.1, (spread, width)
