@@ -78,6 +78,7 @@ def effective_draws(made: dict, small: bool) -> list[Row]:
     rows = []
 
     def row(name, taken, draws, target=None):
+        draws = draws.reshape(2, -1, draws.shape[-1])  # one chain in two halves, for R-hat
         about = archive.monte_carlo({str(i): draws[..., i] for i in range(draws.shape[-1])}, (0.5,))
         size = min(row["ess_bulk"][0] for row in about.values())
         detail = f"{size:.0f} effective draws in {duration(taken)}, compiling not counted"

@@ -47,7 +47,7 @@ def simulations() -> list[dict]:
 
 def posteriors(found) -> dict:
     """Draw by all samplers; return statistics, z values of all pairs, and what each took."""
-    long = {"num_warmup": 1000, "num_draws": 5000, "num_chains": 4}
+    long = {"num_warmup": 500, "num_draws": 2000, "num_chains": 4}
     statistics, about = {}, {}
 
     def take(name, draw):
@@ -71,8 +71,8 @@ def posteriors(found) -> dict:
     take("emcee", by_emcee)
     take("numpyro NUTS", lambda: by(chains.by_numpyro))
     take("blackjax NUTS", lambda: by(chains.by_blackjax))
-    take("4096 weighted draws", lambda: by_weights(4096))
-    take("65536 weighted draws", lambda: by_weights(65_536))
+    take("4 x 4096 weighted draws", lambda: by_weights(4096))
+    take("4 x 32768 weighted draws", lambda: by_weights(32_768))
     pairs = {}
     labels = list(statistics)
     for i, one in enumerate(labels):
