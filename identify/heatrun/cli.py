@@ -10,7 +10,7 @@ from importlib import import_module
 from .commands import COMMANDS
 from .commands.exit_codes import DONE, INTERRUPTED, NOT_ALLOWED, WRONG_USE
 from .errors import InputError, UsageError
-from .runtime import cache_compilations
+from .runtime import cache_compilations, one_thread_for_small_matrices
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -23,6 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(words)
     options.command_line = " ".join(["heatrun", *words])
     cache_compilations()
+    one_thread_for_small_matrices()
 
     try:
         return int(options.run_command(options))

@@ -22,10 +22,9 @@ import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-import heatrun  # noqa: F401  (sets XLA's options before JAX is used)
-
 sys.path.insert(0, str(Path(__file__).parent))
 
+import as_the_commands  # noqa: F401
 import growth
 import likelihoods
 import processes
