@@ -13,7 +13,7 @@ from .commands import COMMANDS
 from .commands.exit_codes import DONE, INTERRUPTED, NOT_ALLOWED, WRONG_USE
 from .commands.interrupt import SENTENCE, ends_at_once
 from .errors import InputError, UsageError, of_file
-from .runtime import cache_compilations
+from .runtime import cache_compilations, one_thread_for_small_matrices
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,6 +37,7 @@ def _call(options: argparse.Namespace) -> int:
     from .commands.console import print_error
 
     cache_compilations()
+    one_thread_for_small_matrices()
     as_json = getattr(options, "json", False)
     try:
         code = int(options.run_command(options))

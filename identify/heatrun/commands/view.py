@@ -37,6 +37,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "--max-upload-MB", type=int, default=200, metavar="MB", help="sum of uploads of a page"
     )
     words.add_out(parser, "folder of the runs (default: results/runs)")
+    parser.set_defaults(handles_interrupt=True)
     return parser
 
 
