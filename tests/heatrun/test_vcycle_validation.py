@@ -129,21 +129,32 @@ def test_a_manoeuvre_that_repeats_is_ambiguous_and_said():
     assert "offset_ambiguous" in {f.id for f in found.findings}
 
 
+def drift(name: str, rng: np.random.Generator, noise_K: float) -> Record:
+    """A slow course of 4 K under white noise, a sample every 10 s for an hour."""
+    clock = np.arange(0.0, 3600.0, 10.0)
+    course = 30.0 + 4.0 * np.sin(clock / 1500.0) + noise_K * rng.normal(size=clock.size)
+    return Record(name, {"time_s": clock, "winding_degC": course})
+
+
 def test_a_slow_signal_alone_leaves_the_offset_uncertain_and_said():
     rng = np.random.default_rng(4)
-    clock = np.arange(0.0, 3600.0, 10.0)
-
-    def drift(name: str) -> Record:
-        course = 30.0 + 4.0 * np.sin(clock / 1500.0)
-        return Record(
-            name, {"time_s": clock, "winding_degC": course + 0.7 * rng.normal(size=clock.size)}
-        )
-
-    found = pair_records(drift("one"), drift("two"), MOTOR)
     # noise of 0.7 K against a slope of 4/1500 K/s over 360 samples
+    found = pair_records(drift("one", rng, 0.7), drift("two", rng, 0.7), MOTOR)
     assert found.offset.sd_s > 5.0
     assert abs(found.offset.offset_s) < 4.0 * found.offset.sd_s
     assert "offset_uncertain" in {f.id for f in found.findings}
+
+
+@pytest.mark.slow
+def test_the_stated_uncertainty_of_the_offset_is_that_of_its_errors():
+    scores = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        found = pair_records(drift("one", rng, 0.5), drift("two", rng, 0.5), MOTOR).offset
+        scores.append(found.offset_s / found.sd_s)
+    # 95 % of the standard deviations of 40 scores lie in 0.78 ... 1.22 where the truth is 1; the
+    # likelihood counts noise that is in both records once, so a third more is allowed above
+    assert 0.78 < np.std(scores) < 1.6
 
 
 def test_a_tolerance_for_a_signal_that_is_not_shared_is_said():

@@ -19,6 +19,9 @@ TEMPLATE = "report.typ"
 LONGEST_TEXT = 900
 """Characters of a text in the PDF; a longer one ends in an ellipsis, the JSON holds all of it."""
 
+LONGEST_VALUE = 28
+"""Characters of a word in the column of the values; a longer one stands among the notes."""
+
 LONG_WORD = re.compile(r"\S{20,}")
 BREAKS_AFTER = re.compile(r"([_\-./\\,;:=+@]|.{40})(?=.)")
 BREAK = "\u200b"  # a place where a line may break, without a sign
@@ -97,7 +100,10 @@ def printed(text: str) -> str:
 
 
 def _row(row: Row) -> list[str]:
-    return [printed(row.label), number(row.value), row.unit, printed(row.note)]
+    value, note = number(row.value), printed(row.note)
+    if len(value) > LONGEST_VALUE:  # it would take the room of the notes
+        value, note = "", f"{value}; {note}" if note else value
+    return [printed(row.label), value, row.unit, note]
 
 
 def _table(table: Table) -> dict[str, Any]:

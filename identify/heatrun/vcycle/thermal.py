@@ -209,7 +209,7 @@ def _calibration(
 ) -> tuple[str, str]:
     """Which command turns this test into parameters, or takes them up."""
     file = shlex.quote(motor.path or "MOTOR.toml")
-    test = shlex.quote(record.sources[0].path if record.sources else "TEST")
+    test = shlex.quote("+".join(source.path for source in record.sources) or "TEST")
     if run is not None:
         sheet = f"heatrun sheet {shlex.quote(str(run))}"
         return "Calibration", f"Parameters and their uncertainty: {sheet}"
