@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import json
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -86,13 +85,18 @@ class JobQueue:
             return sum(not each.is_over for each in before)
 
     def cancel(self, job: Job) -> None:
-        """Stop a command as Ctrl-C does; what it has sampled so far is kept for the next time."""
+        """End a command at once; what it has sampled so far is kept for the next time.
+
+        SIGTERM and not SIGINT, which a server that was started in the background hands down as
+        ignored. Nothing is lost: a run folder bears the end of its process at any moment.
+        """
         with self._changed:
             if job.state == "waiting":
                 job.state = "cancelled"
             elif job.state == "running":
                 job.state = "cancelled"
-                _interrupt(job.process)
+                if job.process is not None:
+                    job.process.terminate()
             self._changed.notify_all()
 
     def close(self) -> None:
@@ -124,16 +128,6 @@ def _start(words: Sequence[str]) -> subprocess.Popen[str]:
         errors="replace",
         env={**os.environ, PROGRESS: "json", "PYTHONIOENCODING": "utf-8"},
     )
-
-
-def _interrupt(process: subprocess.Popen[str] | None) -> None:
-    if process is None or process.poll() is not None:
-        return
-    if sys.platform == "win32":
-        process.terminate()
-    else:
-        process.send_signal(signal.SIGINT)
-    threading.Timer(10.0, process.kill).start()
 
 
 def _follow(job: Job) -> None:
