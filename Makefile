@@ -12,7 +12,7 @@ demo: $(VENV)/ready
 	$(BIN)/heatrun demo
 
 test: $(VENV)/ready
-	$(BIN)/pytest -m "not slow and not notebook"
+	$(BIN)/pytest -n auto --dist loadfile -m "not slow and not notebook"
 
 test-slow: $(VENV)/ready
 	$(BIN)/pytest -m "slow or notebook"
