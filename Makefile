@@ -5,7 +5,8 @@ BIN := $(VENV)/bin
 # A second Python for `make test-latest`: the newest there is above 3.11.
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
-.PHONY: demo test test-slow test-latest lint types check bench study-discovery notebooks lock clean
+.PHONY: demo test test-slow test-latest lint types check bench study-crosschecks study-discovery \
+  study-view notebooks lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -32,9 +33,15 @@ check: lint types test
 bench: $(VENV)/ready
 	$(BIN)/python tests/benchmarks/run.py
 
+study-crosschecks: $(VENV)/ready
+	$(BIN)/python tests/crosschecks/study.py
+
 study-discovery: $(VENV)/ready
 	$(BIN)/python tests/studies/discovery.py
 	$(BIN)/python tests/studies/discovery_time.py
+
+study-view: $(VENV)/ready
+	$(BIN)/python tests/studies/view_speed.py
 
 notebooks: $(VENV)/ready
 	$(BIN)/pytest -m notebook

@@ -24,7 +24,7 @@ from .model import Model, Order
 from .motor import Motor
 from .posterior import Posterior, sample
 from .predict import Prediction, predict
-from .problem import Problem
+from .problem import Problem, predict_batch
 from .result import assemble, describe_model, describe_test
 from .run_folder import RunFolder, environment
 
@@ -182,9 +182,8 @@ def reduction_error(found: Fit, test: Test, motor: Motor) -> float:
             z[position] = found.z[names.index(slot.name)]
     means = []
     for blocks in (test.blocks, finer):
-        observation = blocks.observation()
-        values = problem.data.priors.values(problem.structure.form, jnp.asarray(z), 0)
-        means.append(np.asarray(problem.model.block_means(values, observation)))
+        data = replace(problem.data, tests=(blocks.observation(),))
+        means.append(np.asarray(predict_batch(problem.structure, data, jnp.asarray(z[None]))[0])[0])
     num = min(part.size for part in means)
     seen = test.blocks.is_observed[:num]
     return float(np.max(np.abs(means[0][:num] - means[1][:num])[seen]))

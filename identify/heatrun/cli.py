@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext, suppress
 from importlib import import_module
 
 from .commands import COMMANDS
 from .commands.exit_codes import DONE, INTERRUPTED, NOT_ALLOWED, WRONG_USE
-from .errors import InputError, UsageError
-from .runtime import cache_compilations
+from .commands.interrupt import SENTENCE, ends_at_once
+from .errors import InputError, UsageError, of_file
+from .runtime import cache_compilations, one_thread_for_small_matrices
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -20,25 +23,60 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: The words after `heatrun`; those of the process if None.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
-    options = _parser().parse_args(words)
-    options.command_line = " ".join(["heatrun", *words])
-    cache_compilations()
+    with ends_at_once():
+        options = _parser().parse_args(words)
+        options.command_line = " ".join(["heatrun", *words])
+    # a command that serves until it is stopped says `set_defaults(handles_interrupt=True)`
+    handles_interrupt = getattr(options, "handles_interrupt", False)
+    with nullcontext() if handles_interrupt else ends_at_once():
+        return _call(options)
 
+
+def _call(options: argparse.Namespace) -> int:
+    """Run the command of the options and turn what it raises into messages and exit codes."""
+    from .commands.console import print_error
+
+    cache_compilations()
+    one_thread_for_small_matrices()
+    as_json = getattr(options, "json", False)
     try:
-        return int(options.run_command(options))
+        code = int(options.run_command(options))
+        sys.stdout.flush()
     except UsageError as error:
         print(f"heatrun: {error}", file=sys.stderr)
         return WRONG_USE
     except InputError as error:
-        from .commands.console import print_error
-
-        print_error(error, as_json=getattr(options, "json", False))
+        print_error(error, as_json=as_json)
         return NOT_ALLOWED
     except KeyboardInterrupt:
-        print("heatrun: interrupted; the same command goes on from here.", file=sys.stderr)
+        print(SENTENCE, end="", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
+        _drop_output()
         return DONE
+    except OSError as error:
+        print_error(of_file(error), as_json=as_json)
+        _drop_output()
+        return NOT_ALLOWED
+    except MemoryError:
+        print_error(
+            InputError(
+                "the job needs more memory than there is.",
+                remedy="Give fewer or shorter records, or records at a lower rate.",
+            ),
+            as_json=as_json,
+        )
+        return NOT_ALLOWED
+    return code
+
+
+def _drop_output() -> None:
+    """Throw away what standard output could not take, or Python fails on it again at its end."""
+    with suppress(OSError):
+        sys.stdout.flush()
+        return
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -22,3 +22,18 @@ class InputError(ValueError):
 
 class UsageError(ValueError):
     """The command or function was called in a way it does not offer. Exit code 2."""
+
+
+def of_file(error: OSError) -> InputError:
+    """Return the message of a file that the system did not let be read or written.
+
+    Args:
+        error: What the system raised, such as for a full disk.
+    """
+    named = error.filename
+    return InputError(
+        f"a file could not be read or written: {error.strerror or error}.",
+        where=named.decode(errors="replace") if isinstance(named, bytes) else str(named or ""),
+        remedy="Make room or choose another folder; the same command goes on from what was "
+        "finished.",
+    )

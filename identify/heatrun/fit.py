@@ -162,7 +162,9 @@ class _State:
 
 def _white(level: float) -> Noise:
     """Return white noise of a level [K]."""
-    return Noise(jnp.asarray(0.0), jnp.asarray(1.0), jnp.asarray(level))
+    # with a dtype: a plain Python number is another type to the compiler, which would then
+    # compile the search once for this noise and once for that of `_noise`
+    return Noise(*(jnp.asarray(number, dtype=float) for number in (0.0, 1.0, level)))
 
 
 def _implied_level(problem: Problem, z: np.ndarray) -> float:

@@ -45,6 +45,8 @@ class Motor:
         wheel_radius_m: Rolling radius [m], or None.
         columns: Canonical channel to `"column in the file [unit]"`.
         parameters: Overrides of prior or value by parameter name.
+        raster_s: Step that MDF and TDMS channels are averaged to [s], or None for the samples of
+            the winding.
         sha256: Digest of the motor file, empty if made in memory.
         path: The motor file, empty if made in memory.
     """
@@ -62,5 +64,6 @@ class Motor:
     wheel_radius_m: float | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
     parameters: Mapping[str, ParameterOverride] = field(default_factory=dict)
+    raster_s: float | None = None
     sha256: str = ""
     path: str = ""

@@ -21,7 +21,15 @@ INSULATION_CLASSES = ("A", "E", "B", "F", "H", "N", "R")
 """Letters of IEC 60085, in the order of their temperature."""
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "motor": ("name", "phases", "losses", "sink", "insulation_class", "rated_speed_rpm"),
+    "motor": (
+        "name",
+        "phases",
+        "losses",
+        "sink",
+        "insulation_class",
+        "rated_speed_rpm",
+        "raster_s",
+    ),
     "winding": (
         "material",
         "resistance_coefficient_degC",
@@ -33,6 +41,11 @@ KEYS: dict[str, tuple[str, ...]] = {
 """Sections with a fixed set of keys; `[columns]` and `[parameters.NAME]` have their own."""
 
 OVERRIDE_KEYS = ("fixed", "value", "relative_sd", "sd", "per_test")
+
+LARGEST = 10**30
+"""Beyond it no quantity of a motor means anything in any unit."""
+
+MOST_PHASES = 99
 
 Limits = tuple[float, float, str]
 POSITIVE: Limits = (0.0, math.inf, "above 0")
@@ -88,6 +101,7 @@ def load_motor(path: str | Path) -> Motor:
         wheel_radius_m=_number(vehicle, "wheel_radius_m", POSITIVE, at_vehicle),
         columns=_columns(_section(content, "columns", where), where),
         parameters=_parameters(_section(content, "parameters", where), where),
+        raster_s=_number(motor, "raster_s", POSITIVE, at),
         sha256=hashlib.sha256(data).hexdigest(),
         path=where,
     )
@@ -114,7 +128,7 @@ def _parse(data: bytes, where: str) -> Mapping[str, Any]:
             where=where,
             remedy="Save the motor file as UTF-8.",
         ) from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # ValueError: an integer of 5000 digits
         raise InputError(
             f"The motor file is no valid TOML: {error}.",
             where=where,
@@ -145,7 +159,11 @@ def _check_keys(content: Mapping[str, Any], known: tuple[str, ...], where: str, 
 
 def _shown(value: Any) -> str:
     kinds = {str: "the text", bool: "the truth value", int: "the number", float: "the number"}
-    return f"{kinds.get(type(value), type(value).__name__)} {value!r}"
+    kind = kinds.get(type(value), type(value).__name__)
+    try:
+        return f"{kind} {value!r:.60}"
+    except ValueError:  # Python writes no integer of more than 4300 digits
+        return f"{kind} of more than 4300 digits"
 
 
 def _text(section: Mapping[str, Any], key: str, where: str) -> str:
@@ -182,6 +200,8 @@ def _number(section: Mapping[str, Any], key: str, limits: Limits, where: str) ->
             where=where,
             remedy=f"Write {key} = 1.0, without quotes and unit.",
         )
+    if isinstance(value, int) and abs(value) > LARGEST:  # an integer may be too large for a float
+        raise InputError(f"Expected {key} {spoken}, got {_shown(value)}.", where=where)
     # Not `value <= low`: NaN must be refused too.
     if not (low < value < high):
         raise InputError(f"Expected {key} {spoken}, got {value:g}.", where=where)
@@ -194,6 +214,10 @@ def _or_default(value: float | None, default: float) -> float:
 
 def _phases(motor: Mapping[str, Any], where: str) -> int:
     value = motor.get("phases", Motor.phases)
+    if isinstance(value, int) and value > MOST_PHASES:
+        raise InputError(
+            f"Expected at most {MOST_PHASES} phases, got {_shown(value)}.", where=where
+        )
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise InputError(
             f"Expected a whole number of phases above 0, got {_shown(value)}.",

@@ -61,6 +61,7 @@ def from_scores(z: Float[Array, " 3"], slow: Float[Array, ""] | float = 1.0) -> 
     return Noise(slow * sd, time, white)
 
 
+@jax.jit
 def whiten(
     residual: Float[Array, "block ..."], noise: Noise, blocks: Observation
 ) -> tuple[Float[Array, "block ..."], Float[Array, ""]]:
@@ -99,6 +100,7 @@ def whiten(
     return whitened, jnp.sum(log_sd)
 
 
+@jax.jit
 def log_density(
     residual: Float[Array, " block"], noise: Noise, blocks: Observation
 ) -> Float[Array, ""]:

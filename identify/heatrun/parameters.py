@@ -162,7 +162,7 @@ class ParameterSet:
             sd=jnp.asarray([slot.parameter.sd for slot in self.slots]),
             fixed=tuple(
                 {
-                    name: jnp.asarray(parameter.fixed)
+                    name: jnp.asarray(parameter.fixed, dtype=float)
                     for name, parameter in parameters.items()
                     if parameter.fixed is not None
                 }

@@ -45,7 +45,7 @@ class Posterior:
     Attributes:
         fit: What was sampled.
         vectors: Scores of parameters and noise, shape (chain, draw, all); a chain is one of the
-            ensembles, thinned and its walkers in a row.
+            ensembles, thinned, one walker after the other.
         log_density: Unnormalised log posterior, shape (chain, draw).
         method: How they were drawn.
         weighted: The weighted draws that came first.
@@ -133,12 +133,20 @@ def sample(
             )
         if (convergence.is_enough and num_steps >= 2 * CHUNK) or num_steps >= most_steps:
             break
-    thin = max(1, chains.shape[0] * chains.shape[1] * num_walkers // NUM_KEPT)
     density = np.stack([ensemble.density()[drop:] for ensemble in ensembles])
-    kept = chains.reshape(NUM_ENSEMBLES, -1, size)[:, ::thin]
-    return Posterior(
-        fit, kept, density.reshape(NUM_ENSEMBLES, -1)[:, ::thin], "emcee", weighted, convergence
-    )
+    return Posterior(fit, keep(chains), keep(density), "emcee", weighted, convergence)
+
+
+def keep(draws: Float[np.ndarray, "ensemble step walker ..."]) -> np.ndarray:
+    """Return about `NUM_KEPT` draws, shape (ensemble, draw, ...): whole steps, walker by walker.
+
+    Every n-th of all draws in a row would be the same few walkers wherever n and their number
+    share a divisor. One walker after the other, so that whoever looks for the autocorrelation of
+    the rows finds it.
+    """
+    every = max(1, draws.shape[0] * draws.shape[1] * draws.shape[2] // NUM_KEPT)
+    by_walker = np.swapaxes(draws[:, ::every], 1, 2)
+    return by_walker.reshape(draws.shape[0], -1, *draws.shape[3:])
 
 
 def weighted_draws(fit: Fit, *, seed: int = 0) -> Posterior:

@@ -108,7 +108,7 @@ class Problem:
             priors=self.parameters.priors(),
             tests=tuple(test.observation() for test in self.tests),
             slow_noise=jnp.asarray(self.noise_kind == "correlated", dtype=float),
-            temper=jnp.asarray(self.temper),
+            temper=jnp.asarray(self.temper, dtype=float),
         )
 
     @property

@@ -23,7 +23,7 @@ DEGREES_OF_FREEDOM = 8.0
 """Tails of the proposal: heavier than those of the posterior, so that weights stay bounded."""
 
 NUM_ADAPTATIONS = 3
-"""Rounds in which the proposal is moved to the weighted draws of the round before."""
+"""Rounds in which the proposal gains a component, moved to the weighted draws so far."""
 
 PARETO_LIMIT = 0.7
 """Largest Pareto shape at which weighted draws can be trusted (Vehtari et al., 2024)."""
@@ -70,40 +70,58 @@ def importance_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weig
 
     Args:
         fit: Optima and covariance.
-        num_draws: Number of draws.
+        num_draws: Number of draws of each round.
         seed: Of the draws.
 
     Reference: A. Vehtari, D. Simpson, A. Gelman, Y. Yao, J. Gabry, Pareto Smoothed Importance
-        Sampling, Journal of Machine Learning Research 25 (2024) 72.
+        Sampling, Journal of Machine Learning Research 25 (2024) 72; J.-M. Cornuet, J.-M. Marin,
+        A. Mira, C. P. Robert, Adaptive Multiple Importance Sampling, Scandinavian Journal of
+        Statistics 39 (2012) 798-812 (the weights over all rounds); E. L. Ionides, Truncated
+        Importance Sampling, Journal of Computational and Graphical Statistics 17 (2008) 295-311
+        (the cut at the root of the number of draws).
     """
     rng = np.random.default_rng(seed)
     centres, factors = _mixture(fit)
-    weighted = _draw(fit, centres, factors, num_draws, rng)
+    vectors = _draw(centres, factors, num_draws, rng)
+    log_density = evaluate(fit, vectors)
+    weighted = _weigh(vectors, log_density, centres, factors)
     for _ in range(NUM_ADAPTATIONS if len(centres) == 1 else 0):
-        if weighted.effective_size < 5 * centres.shape[1]:
-            break
-        # one component: move it to the weighted mean and shape, which follow the skew of the
-        # noise; a tenth of the first shape keeps it from collapsing on a few heavy draws
-        mean = weighted.weights @ weighted.vectors
+        # one more component at the weighted mean and shape, which follow the skew of the noise;
+        # weights are cut there, so that one heavy draw does not decide, and a tenth of the first
+        # shape keeps it from collapsing
+        weights = np.minimum(weighted.weights, weighted.weights.size**-0.5)
+        weights = weights / np.sum(weights)
+        mean = weights @ weighted.vectors
         shift = weighted.vectors - mean
-        shape = (shift * weighted.weights[:, None]).T @ shift
+        shape = (shift * weights[:, None]).T @ shift
         shape = 0.9 * shape + 0.1 * fit.covariance
-        again = _draw(fit, mean[None], np.linalg.cholesky(shape)[None], num_draws, rng)
-        if again.effective_size < weighted.effective_size:
-            break
-        weighted = again
+        centres = np.concatenate([centres, mean[None]])
+        factors = np.concatenate([factors, np.linalg.cholesky(shape)[None]])
+        more = _draw(centres[-1:], factors[-1:], num_draws, rng)
+        vectors = np.concatenate([vectors, more])
+        log_density = np.concatenate([log_density, evaluate(fit, more)])
+        weighted = _weigh(vectors, log_density, centres, factors)
     return weighted
 
 
 def _draw(
-    fit: Fit, centres: np.ndarray, factors: np.ndarray, num: int, rng: np.random.Generator
-) -> Weighted:
-    """Draw from a mixture of Student t distributions and weigh by the posterior."""
+    centres: np.ndarray, factors: np.ndarray, num: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Draw from a mixture of Student t distributions."""
     which = rng.integers(len(centres), size=num)
     normal = rng.standard_normal((num, centres.shape[1]))
     scale = np.sqrt(DEGREES_OF_FREEDOM / rng.chisquare(DEGREES_OF_FREEDOM, num))
-    vectors = centres[which] + np.einsum("nij,nj->ni", factors[which], normal) * scale[:, None]
-    log_density = evaluate(fit, vectors)
+    return centres[which] + np.einsum("nij,nj->ni", factors[which], normal) * scale[:, None]
+
+
+def _weigh(
+    vectors: np.ndarray, log_density: np.ndarray, centres: np.ndarray, factors: np.ndarray
+) -> Weighted:
+    """Weigh the draws of all rounds by the posterior over the mixture of all their components.
+
+    No round is thrown away: choosing the one with the most effective draws would be choosing the
+    one that missed a tail.
+    """
     log_weight = log_density - _log_mixture(vectors, centres, factors)
     log_weight = np.where(np.isfinite(log_weight), log_weight, -np.inf)
     total = float(np.asarray(logsumexp(log_weight)))
@@ -112,7 +130,7 @@ def _draw(
         log_density=log_density,
         weights=np.exp(log_weight - total),
         pareto_k=pareto_shape(log_weight),
-        log_evidence=total - float(np.log(num)),
+        log_evidence=total - float(np.log(log_weight.size)),
     )
 
 

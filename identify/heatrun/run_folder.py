@@ -14,6 +14,7 @@ import os
 import platform
 import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -21,10 +22,15 @@ from typing import Any
 
 import numpy as np
 
-from .checkpoint import write_whole
+from .checkpoint import PARTIAL, drop_partials, write_whole
 from .errors import InputError
+from .folder_lock import FolderLock
 
 MANIFEST = "manifest.json"
+CHECKPOINTS = "checkpoints"
+IDENTITY = "identity"
+"""File with the digest of what an unfinished run is about."""
+
 PACKAGES = ("heatrun", "jax", "optimistix", "diffrax", "emcee", "numpy", "pandas", "arviz")
 
 
@@ -35,10 +41,14 @@ class RunFolder:
     Attributes:
         path: Where it will be.
         partial: Where it is until it is whole.
+        note: What became of an earlier attempt at this place; empty if there was none.
+        lock: Held on `partial` while this process works in it.
     """
 
     path: Path
     partial: Path
+    note: str = ""
+    lock: FolderLock | None = None
 
     @classmethod
     def begin(cls, path: Path, identity: Mapping[str, Any]) -> RunFolder:
@@ -49,59 +59,113 @@ class RunFolder:
             identity: What makes the run what it is: inputs with digests, settings, seed.
 
         Raises:
-            InputError: If the destination is no run, or cannot be written to.
+            InputError: If the destination is no run, cannot be written to, or another process
+                is writing it.
         """
-        if path.exists() and not (path / MANIFEST).is_file():
-            raise InputError(
-                f"{path} exists and is not a run of heatrun (it has no {MANIFEST}).",
-                remedy="Choose another --out.",
-            )
-        partial = path.with_name(path.name + ".partial")
         digest = hashlib.sha256(dump(identity).encode()).hexdigest()
-        mark = partial / "identity"
+        partial = path.with_name(path.name + PARTIAL)
         try:
-            if partial.exists() and (not mark.is_file() or mark.read_text() != digest):
-                shutil.rmtree(partial)
-            partial.mkdir(parents=True, exist_ok=True)
-            write_whole(mark, digest.encode())
+            lock = FolderLock.take(partial)
+            _settle(path)
+            if path.exists() and not (path / MANIFEST).is_file():
+                _drop_if_empty(partial)
+                raise InputError(
+                    f"{path} exists and is not a run of heatrun (it has no {MANIFEST}).",
+                    remedy="Choose another --out.",
+                )
+            note = _make_ready(partial, digest)
         except OSError as error:
             raise InputError(
                 f"the run folder cannot be written: {error.strerror}.",
                 where=str(path.parent),
                 remedy="Choose a writable folder with --out.",
             ) from error
-        return cls(path, partial)
+        return cls(path, partial, note, lock)
 
     @property
     def checkpoints(self) -> Path:
         """Folder of the sampler's checkpoints."""
-        return self.partial / "checkpoints"
+        return self.partial / CHECKPOINTS
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
         """Write a JSON file, whole or not at all."""
         write_whole(self.partial / name, (dump(content) + "\n").encode())
 
     def finish(self, manifest: Mapping[str, Any]) -> Path:
-        """Write the manifest, drop the checkpoints and give the folder its name."""
-        files = sorted(
-            p for p in self.partial.rglob("*")
-            if p.is_file() and "checkpoints" not in p.parts and p.name != "identity"
-        )  # fmt: skip
-        listing = {
-            str(p.relative_to(self.partial)): hashlib.sha256(p.read_bytes()).hexdigest()
-            for p in files
-        }
-        self.write_json(MANIFEST, {**manifest, "files": listing})
-        shutil.rmtree(self.checkpoints, ignore_errors=True)
-        (self.partial / "identity").unlink(missing_ok=True)
+        """Write the manifest, give the folder its name and drop the checkpoints.
+
+        In this order, a kill in between costs no work: without a manifest the next start goes on
+        from the checkpoints, and under its name the folder is whole.
+        """
+        self.write_json(MANIFEST, {**manifest, "files": listing(self.partial)})
         if self.path.exists():
-            old = self.path.with_name(f".{self.path.name}.{os.getpid()}.old")
-            self.path.replace(old)
-            self.partial.replace(self.path)
-            shutil.rmtree(old)
-        else:
-            self.partial.replace(self.path)
+            self.path.replace(_replaced(self.path))
+        self.partial.replace(self.path)
+        _settle(self.path)
+        if self.lock is not None:
+            self.lock.release()
         return self.path
+
+
+def listing(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 digests of the files of a run by their names in its folder."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    names = {str(path.relative_to(folder)): path for path in files}
+    return {
+        name: hashlib.sha256(path.read_bytes()).hexdigest()
+        for name, path in names.items()
+        if name not in (MANIFEST, IDENTITY)
+        and not name.startswith(f"{CHECKPOINTS}{os.sep}")
+        and not path.name.endswith(PARTIAL)
+    }
+
+
+def _replaced(path: Path) -> Path:
+    """Return where an earlier run waits while a new one takes its name."""
+    return path.with_name(f".{path.name}.replaced")
+
+
+def _settle(path: Path) -> None:
+    """Bring to its end what a kill within `RunFolder.finish` left."""
+    old = _replaced(path)
+    if (path / MANIFEST).is_file():
+        shutil.rmtree(path / CHECKPOINTS, ignore_errors=True)
+        (path / IDENTITY).unlink(missing_ok=True)
+        shutil.rmtree(old, ignore_errors=True)
+    elif (old / MANIFEST).is_file() and not path.exists():
+        old.replace(path)
+
+
+def _make_ready(partial: Path, digest: str) -> str:
+    """Mark a folder as the place of a run, emptied if it held another; return what was there."""
+    mark = partial / IDENTITY
+    drop_partials(partial)
+    entries = list(partial.iterdir())
+    if entries and not mark.is_file():
+        raise InputError(
+            f"{partial} holds something that is no unfinished run of heatrun.",
+            remedy="Move it away, or choose another --out.",
+        )
+    if not entries:
+        note = ""
+    elif mark.read_bytes() == digest.encode():
+        note = f"taking up the unfinished run in {partial}"
+        (partial / MANIFEST).unlink(missing_ok=True)
+    else:
+        note = f"dropping the unfinished run in {partial}: its inputs or settings were others"
+        # the mark goes last: what a kill leaves is still known as ours
+        for entry in entries:
+            if entry.is_dir():
+                shutil.rmtree(entry)
+            elif entry != mark:
+                entry.unlink()
+    write_whole(mark, digest.encode())
+    return note
+
+
+def _drop_if_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def environment() -> dict[str, Any]:
@@ -122,17 +186,13 @@ def load_result(path: Path) -> dict[str, Any]:
     """Return `fit.json` of a run folder.
 
     Raises:
-        InputError: If the folder is no run or the file is damaged.
+        InputError: If the folder is no run, or the file is damaged or was changed.
     """
-    file = path / "fit.json"
-    if not (path / MANIFEST).is_file() or not file.is_file():
-        raise InputError(
-            f"{path} is not a run folder: it holds no {MANIFEST} and fit.json.",
-            remedy="Pass the folder that `heatrun calibrate --out` wrote.",
-        )
     try:
-        result = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        result = json.loads(read_listed(path, "fit.json"))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(
             f"fit.json cannot be read: {error}.", where=str(path), remedy="Calibrate again."
         ) from error
@@ -143,6 +203,46 @@ def load_result(path: Path) -> dict[str, Any]:
             remedy="Calibrate again with this version.",
         )
     return result
+
+
+def read_listed(run: Path, name: str) -> bytes:
+    """Return a file of a run, which is what the manifest says.
+
+    Args:
+        run: The run folder.
+        name: Name of the file in it.
+
+    Raises:
+        InputError: If the folder is no run, or the file is missing, damaged or was changed.
+    """
+    if not (run / MANIFEST).is_file() or not (run / "fit.json").is_file():
+        raise InputError(
+            f"{run} is not a run folder: it holds no {MANIFEST} and fit.json.",
+            remedy="Pass the folder that `heatrun calibrate --out` wrote.",
+        )
+    try:
+        listed = json.loads((run / MANIFEST).read_bytes())["files"][name]
+        content = (run / name).read_bytes()
+    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
+        raise InputError(
+            f"{name} or the {MANIFEST} that lists it cannot be read "
+            f"({type(error).__name__}: {error}).",
+            where=str(run),
+            remedy="Calibrate again.",
+        ) from error
+    if hashlib.sha256(content).hexdigest() != listed:
+        raise InputError(
+            f"{name} is not the file that the run wrote: its SHA-256 is not that in {MANIFEST}.",
+            where=str(run),
+            remedy="Bring the file back, or calibrate again.",
+        )
+    return content
+
+
+def list_again(run: Path) -> None:
+    """Bring the manifest of a run up to date after files of it were written again."""
+    manifest = json.loads((run / MANIFEST).read_bytes())
+    write_whole(run / MANIFEST, (dump({**manifest, "files": listing(run)}) + "\n").encode())
 
 
 def _plain(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,10 @@ import numpy as np
 import pandas as pd
 
 from .calibrate import Calibration
-from .checkpoint import write_whole
+from .checkpoint import drop_partials, write_whole
 from .errors import InputError
-from .run_folder import dump, load_result
+from .folder_lock import FolderLock
+from .run_folder import dump, list_again, load_result, read_listed
 from .sheet.bands import band_table
 from .sheet.content import sheet_content
 from .sheet.figures import draw
@@ -58,22 +60,44 @@ def rewrite_sheet(run: Path, folder: Path) -> list[Path]:
     from . import archive
 
     result = load_result(run)
-    order = "second" if "second" in result["models"] else "first"
+    is_same = folder.resolve() == run.resolve()
+    lock = FolderLock.take(run) if is_same else None
     try:
+        order = "second" if "second" in result["models"] else "first"
         tables = [
-            (test["name"], test["role"], pd.read_csv(run / f"course_{number}.csv"))
+            (test["name"], test["role"], _course(run, number))
             for number, test in enumerate(result["tests"], start=1)
         ]
+        read_listed(run, f"posterior_{order}.nc")
         group = archive.read(run / f"posterior_{order}.nc")["posterior"]
-    except (OSError, ValueError) as error:
+        free = [n for n, e in result["models"][order]["parameters"].items() if not e["fixed"]]
+        draws = {name: np.asarray(group[name]).ravel() for name in free}
+    except InputError:
+        raise
+    except Exception as error:  # what is no run of ours fails in nearly any way
         raise InputError(
-            f"a file of the run cannot be read: {error}.", where=str(run),
+            f"a file of the run cannot be read ({type(error).__name__}: {error}).",
+            where=str(run),
             remedy="Calibrate again.",
-        ) from error  # fmt: skip
-    free = [n for n, e in result["models"][order]["parameters"].items() if not e["fixed"]]
-    draws = {name: np.asarray(group[name]).ravel() for name in free}
+        ) from error
     folder.mkdir(parents=True, exist_ok=True)
-    return _write(result, tables, draws, folder)
+    try:
+        written = _write(result, tables, draws, folder)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"the run does not hold what a sheet needs ({type(error).__name__}: {error}).",
+            where=str(run),
+            remedy="Calibrate again with this version.",
+        ) from error
+    if lock is not None:
+        drop_partials(run)
+        list_again(run)
+        lock.release()
+    return written
+
+
+def _course(run: Path, number: int) -> pd.DataFrame:
+    return pd.read_csv(io.BytesIO(read_listed(run, f"course_{number}.csv")))
 
 
 def _write(

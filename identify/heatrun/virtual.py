@@ -8,17 +8,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 
+from lptn import Trace, growth_rate
+
 from .bench import Record, read_record, require
+from .bench.blocks import Blocks
 from .bench.reduction import reduce
 from .checkpoint import write_whole
 from .errors import InputError
-from .model import ALL_NAMES, Model, Order, parameters
+from .model import ALL_NAMES, NETWORK, Model, Order, parameters
 from .motor import Motor
 from .run_folder import load_result
+
+LARGEST = 1e30
+"""Beyond it no parameter means anything in any unit, and its square is no float64."""
+
+MELTING_DEGC = 1085.0
+"""Melting point of copper [degC]: a simulation that passes it says nothing about a machine."""
 
 
 def simulate_file(
@@ -117,7 +127,16 @@ def simulate_record(
     full = {name: parameter.centre for name, parameter in known.items()}
     full |= {name: p.fixed for name, p in known.items() if p.fixed is not None}
     full |= {name: value for name, value in values.items() if name in full}
-    trace = model.simulate({n: jnp.asarray(v) for n, v in full.items()}, blocks.inputs)
+    physical = {n: jnp.asarray(v) for n, v in full.items()}
+    try:
+        trace = model.simulate(physical, blocks.inputs)
+    except ValueError as error:
+        raise InputError(
+            str(error), where=record.name,
+            remedy="Give a record at a higher rate, or look whether the units of the parameters "
+            "are J/K and K/W.",
+        ) from error  # fmt: skip
+    _refuse_runaway(model, physical, blocks, trace)
     inside = np.asarray(trace.time[1:]) <= record.duration_s + 1e-9
     columns: dict[str, Any] = {"time_s": np.asarray(trace.time[1:]) + blocks.first_s}
     columns["phase_current_A"] = np.sqrt(np.asarray(blocks.inputs.current_squared))
@@ -142,6 +161,35 @@ def _with_start(record: Record, motor: Motor) -> Record:
     return replace(record, channels={**record.channels, "winding_degC": sink})
 
 
+def _refuse_runaway(
+    model: Model, values: Mapping[str, jax.Array], blocks: Blocks, trace: Trace
+) -> None:
+    """Refuse a simulation that leaves the temperatures at which there is a machine.
+
+    Raises:
+        InputError: With whether the copper feeds itself.
+    """
+    hottest = np.max(np.stack([np.asarray(T) for T in trace.temperature.values()]), axis=0)
+    is_beyond = ~(hottest < MELTING_DEGC)  # NaN too
+    if not is_beyond.any():
+        return
+    first = int(np.argmax(is_beyond))
+    squared = float(np.max(np.asarray(blocks.inputs.current_squared)))
+    growth = growth_rate(model.network(values), model.losses(values), squared)
+    reason = (
+        f"At {np.sqrt(squared):.0f} A it runs away: the copper loss rises faster with the "
+        "temperature than the heat that leaves."
+        if growth > 0.0
+        else "The losses are too large for these resistances."
+    )
+    raise InputError(
+        f"the model passes {MELTING_DEGC:.0f} degC, where copper melts, after "
+        f"{float(trace.time[first]):.0f} s. {reason}",
+        where=blocks.name,
+        remedy="Check the units of current (rms), losses (W) and parameters (J/K, K/W).",
+    )
+
+
 def parameters_from(source: Path, order: Order) -> dict[str, float]:
     """Return parameters by name from a run folder or a TOML file.
 
@@ -149,22 +197,39 @@ def parameters_from(source: Path, order: Order) -> dict[str, float]:
         InputError: If there is neither, or a parameter is missing or misnamed.
     """
     if source.is_dir():
-        models = load_result(source)["models"]
+        models = load_result(source).get("models")
+        if not isinstance(models, dict):
+            raise InputError(
+                "the run's fit.json holds no models.", where=str(source),
+                remedy="Calibrate again.",
+            )  # fmt: skip
         if order not in models:
             raise InputError(
                 f"the run holds no {order} order, only {', '.join(models)}.",
                 where=str(source),
                 remedy="Pass --model, or calibrate with --model both.",
             )
-        return {n: float(e["value"]) for n, e in models[order]["parameters"].items()}
+        try:
+            return {n: float(e["value"]) for n, e in models[order]["parameters"].items()}
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(
+                f"the run's fit.json does not hold parameters ({type(error).__name__}: {error}).",
+                where=str(source),
+                remedy="Calibrate again.",
+            ) from error
     try:
         content = tomllib.loads(source.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(
             f"expected a run folder or a TOML file of parameters: {error}.", where=str(source),
             remedy="Write lines such as Ceq_w = 666.75.",
         ) from error  # fmt: skip
     content = content.get("parameters", content)
+    if not isinstance(content, dict):
+        raise InputError(
+            "expected a section [parameters].", where=str(source),
+            remedy="Write lines such as Ceq_w = 666.75.",
+        )  # fmt: skip
     needed = ("Ceq", "Req") if order == "first" else ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
     missing = [name for name in needed if name not in content]
     unknown = [name for name in content if name not in ALL_NAMES]
@@ -181,4 +246,14 @@ def parameters_from(source: Path, order: Order) -> dict[str, float]:
         raise InputError(
             f"{', '.join(bad)}: expected a number.", where=str(source), remedy="Write 666.75."
         )
+    known = {p.name for p in (*NETWORK["first"], *NETWORK["second"])} | {"Rs0"}
+    for name, value in content.items():
+        # compared before it becomes a float, which a number of 400 digits cannot
+        if not abs(value) < LARGEST or (name in known and not value > 0):
+            raise InputError(
+                f"{name} = {value!s:.40}: expected a number"
+                f"{' above 0' if name in known else ''} below {LARGEST:g}.",
+                where=str(source),
+                remedy="Write 666.75.",
+            )
     return {name: float(value) for name, value in content.items()}

@@ -12,6 +12,7 @@ from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, cop
 from .network import Network, first_order, second_order
 from .sensor import Sensor
 from .simulate import Trace, longest_step, reading, reference, simulate
+from .stability import growth_rate
 
 __all__ = [
     "ALUMINIUM_COEFFICIENT",
@@ -27,6 +28,7 @@ __all__ = [
     "block_means",
     "copper_loss",
     "first_order",
+    "growth_rate",
     "longest_step",
     "reading",
     "reference",

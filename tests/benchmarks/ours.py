@@ -49,6 +49,22 @@ def likelihood(record):
     return jax.jit(jax.vmap(one))
 
 
+def reading(record) -> np.ndarray:
+    """Return the reading at the samples for the truth."""
+    from duty_record import TRUTH
+
+    network, losses, start = build(TRUTH)
+    return np.asarray(lptn.reading(network, losses, inputs_of(record), start))[1:]
+
+
+def exact_reading(record) -> np.ndarray:
+    """As `reading`, by the reference simulation."""
+    from duty_record import TRUTH
+
+    network, losses, start = build(TRUTH)
+    return np.asarray(lptn.reference(network, losses, inputs_of(record), start).reading)[1:]
+
+
 def jacobian(record):
     """Return residuals and their derivatives in the four network parameters, compiled."""
     inputs, measured = inputs_of(record), jnp.asarray(record["measured"])

@@ -39,6 +39,37 @@ def c_likelihood(record: dict[str, np.ndarray], folder: Path) -> Likelihood | No
     return likelihood
 
 
+def numba_reading(record: dict[str, np.ndarray]) -> Callable | None:
+    """Return the reading at the samples by numba, or None where it is not installed."""
+    try:
+        from numba import njit
+    except ImportError:
+        return None
+
+    @njit(cache=False)
+    def run(I2, P, T0, h, p):
+        a, b, gw, gs, c = 1.0 / p[0], 1.0 / p[1], 1.0 / p[2], 1.0 / p[3], 3.0 * p[4] / 259.5
+        Tw = Ts = p[5]
+        out = np.empty(P.size)
+        for n in range(P.size):
+            k = c * I2[n]
+            copper, flow = k * (234.5 + Tw), gw * (Tw - Ts)
+            w1, s1 = a * (copper - flow), b * (P[n] - copper + flow - gs * (Ts - T0[n]))
+            mw, ms = Tw + 0.5 * h * w1, Ts + 0.5 * h * s1
+            copper, flow = k * (234.5 + mw), gw * (mw - ms)
+            w2, s2 = a * (copper - flow), b * (P[n] - copper + flow - gs * (ms - T0[n]))
+            ew, es = Tw + h * (2.0 * w2 - w1), Ts + h * (2.0 * s2 - s1)
+            copper, flow = k * (234.5 + ew), gw * (ew - es)
+            w3, s3 = a * (copper - flow), b * (P[n] - copper + flow - gs * (es - T0[n]))
+            Tw += h / 6.0 * (w1 + 4.0 * w2 + w3)
+            Ts += h / 6.0 * (s1 + 4.0 * s2 + s3)
+            out[n] = Tw
+        return out
+
+    return lambda p: run(record["current_squared"], record["losses"], record["ambient"],
+                         record["step"], np.asarray(p))  # fmt: skip
+
+
 def numba_likelihood(record: dict[str, np.ndarray]) -> Likelihood | None:
     """As `c_likelihood`, compiled by numba; None where numba is not installed."""
     try:

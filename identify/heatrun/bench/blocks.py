@@ -85,7 +85,7 @@ class Blocks:
             weight=jnp.asarray(self.weight),
             position=jnp.asarray(self.position),
             rounding_variance=jnp.asarray(self.rounding_K**2 / 12.0 / np.maximum(self.count, 1.0)),
-            block_s=jnp.asarray(self.block_s),
+            block_s=jnp.asarray(self.block_s, dtype=float),
         )
 
 

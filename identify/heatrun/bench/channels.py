@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,6 +28,7 @@ class MappedColumns:
         findings: Doubts about the mapping.
         unused: Columns that became no channel.
         rate_Hz: Sampling rate that `[columns]` gives in place of a time column [Hz], or None.
+        columns: Canonical name to the name of the column that became it.
     """
 
     channels: Mapping[str, np.ndarray]
@@ -35,6 +36,7 @@ class MappedColumns:
     findings: tuple[Finding, ...] = ()
     unused: tuple[str, ...] = ()
     rate_Hz: float | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
 
 
 def map_columns(
@@ -88,6 +90,7 @@ def map_columns(
         tuple(mapping.findings),
         (*unused, *table.text_columns),
         rate_Hz,
+        {name: column.name for name, column in mapping.taken.items()},
     )
 
 

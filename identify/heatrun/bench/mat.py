@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import io
+import math
 from collections import Counter
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from .header import split_name
 from .mat5 import DamagedFileError, read_variables
+from .open_file import LARGEST_NUMBERS
 from .record import Finding
 from .table import Column, Table
 
@@ -60,20 +64,47 @@ def read_hdf5(data: bytes, where: str) -> Table:
 
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
-            variables = {
-                name: _value(item)
-                for name, item in file.items()
-                if not name.startswith("#")  # MATLAB's own tables of references
-            }
+            # names that begin so are MATLAB's own tables of references
+            names = [name for name in map(str, file) if not name.startswith("#")]
+            _check_size(file, names)
+            variables = {name: _value(file, name) for name in names}
     except Exception as error:  # a damaged file raises nearly anything in there
         raise _damaged(where, f"{type(error).__name__}: {error}") from error
     return _table(variables, "MAT 7.3 (HDF5)", where)
 
 
-def _value(item: object) -> np.ndarray | str:
+def _own(file: Any, name: str) -> Any:
+    """Return the item of a name if all of it lies in this file, else None.
+
+    Links, virtual and external data sets name other files, which whoever wrote this one may not
+    have a right to.
+    """
+    import h5py
+
+    if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+        return None
+    item = file[name]
+    is_elsewhere = isinstance(item, h5py.Dataset) and (item.is_virtual or item.external)
+    return None if is_elsewhere else item
+
+
+def _check_size(file: Any, names: Sequence[str]) -> None:
+    """Refuse data sets that are larger unpacked than memory is meant to hold."""
+    import h5py
+
+    items = [_own(file, name) for name in names]
+    size = sum(math.prod(item.shape or (0,)) for item in items if isinstance(item, h5py.Dataset))
+    if size > LARGEST_NUMBERS:
+        raise ValueError(f"{size} numbers, more than the {LARGEST_NUMBERS} that are read")
+
+
+def _value(file: Any, name: str) -> np.ndarray | str:
     """Return the numbers of an HDF5 item, or what it is instead."""
     import h5py
 
+    item = _own(file, name)
+    if item is None:
+        return "link to another file"
     if not isinstance(item, h5py.Dataset):
         return "struct or object"
     kind = item.attrs.get("MATLAB_class", b"double")

@@ -14,6 +14,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from .open_file import LARGEST_BYTES
+
 HEADER_BYTES = 128
 TAG_BYTES = 8
 COMPRESSED, MATRIX = 15, 14
@@ -62,18 +64,31 @@ def read_variables(data: bytes) -> dict[str, np.ndarray | str]:
     if order is None:
         raise DamagedFileError("its header names no byte order")
     variables: dict[str, np.ndarray | str] = {}
+    room = LARGEST_BYTES
     for kind, content in _elements(memoryview(data)[HEADER_BYTES:], order):
         if kind == COMPRESSED:
-            try:
-                content = memoryview(zlib.decompress(content))
-            except zlib.error as error:
-                raise DamagedFileError(f"a compressed variable is damaged ({error})") from error
+            content = _unpacked(content, room)
+            room -= len(content)
             kind, content = next(_elements(content, order), (0, content))
         if kind == MATRIX and len(content):
             name, value = _variable(content, order)
             if name:  # MATLAB keeps what objects refer to in an array without a name
                 variables[name] = value
     return variables
+
+
+def _unpacked(content: memoryview, room: int) -> memoryview:
+    """Return a variable unpacked into at most `room` bytes."""
+    machine = zlib.decompressobj()
+    try:
+        unpacked = machine.decompress(content, room + 1)
+    except zlib.error as error:
+        raise DamagedFileError(f"a compressed variable is damaged ({error})") from error
+    if len(unpacked) > room:
+        raise DamagedFileError(f"its variables take more than {LARGEST_BYTES // 2**20} MB")
+    if not machine.eof:
+        raise DamagedFileError("a compressed variable is cut")
+    return memoryview(unpacked)
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import json
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from .header import split_name
+from .open_file import LARGEST_NUMBERS
 from .table import Column, Table
 
 NANOSECONDS = 1e-9
@@ -38,8 +40,8 @@ def read_parquet(data: bytes, where: str) -> Table:
             remedy='Run: pip install "heatrun[parquet]"',
         ) from error
     try:
-        table = pyarrow.parquet.read_table(io.BytesIO(data))
-        columns, texts = [], {}
+        table, texts = _numbers_of(pyarrow.parquet.ParquetFile(io.BytesIO(data)))
+        columns = []
         for field, chunks in zip(table.schema, table.columns, strict=True):
             name = "time" if _is_unnamed_time(field) else field.name
             values, note = _values(chunks, field.type)
@@ -64,6 +66,34 @@ def read_parquet(data: bytes, where: str) -> Table:
             remedy="Check that the export contains the samples.",
         )
     return Table(tuple(columns), texts, {}, (), (), "Parquet")
+
+
+def _numbers_of(file) -> tuple[Any, dict[str, str]]:
+    """Return the columns that may hold numbers as a table, and the types of the others by name.
+
+    Texts are not unpacked: a few kilobytes of them can stand for any length.
+    """
+    kinds = file.schema_arrow
+    wanted = [field.name for field in kinds if _is_number(field.type)]
+    texts = {field.name: f"{field.type}" for field in kinds if not _is_number(field.type)}
+    size = file.metadata.num_rows * len(wanted)
+    if size > LARGEST_NUMBERS:
+        raise ValueError(f"{size} numbers, more than the {LARGEST_NUMBERS} that are read")
+    return file.read(columns=wanted), texts
+
+
+def _is_number(kind) -> bool:
+    from pyarrow import types
+
+    readable = (
+        types.is_timestamp,
+        types.is_duration,
+        types.is_boolean,
+        types.is_integer,
+        types.is_floating,
+        types.is_decimal,
+    )
+    return any(test(kind) for test in readable)
 
 
 def _is_unnamed_time(field) -> bool:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
 import hashlib
-import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +15,9 @@ from .channels import MappedColumns, map_columns
 from .claims import positive_rate
 from .constants import constant_notes, resistance_conflict
 from .derive import derive
+from .formats import opened
+from .multirate import read_all, read_measurement
+from .open_file import read_file, unzip
 from .record import Record, Source
 from .table import Table
 from .timegrid import exact_grid, from_first_sample
@@ -27,28 +28,49 @@ HDF5_OFFSET = 512  # MATLAB writes its own header of this size in front
 OTHER_FORMATS = {
     b"PK\x03\x04": "a zip archive or spreadsheet",
     b"\xd0\xcf\x11\xe0": "an old spreadsheet",
-    b"MDF     ": "an MDF measurement file",
-    b"TDSm": "a TDMS measurement file",
+    b"MDF     ": "a packed MDF measurement file",
+    b"UnFinMF ": "a packed MDF measurement file",
+    b"TDSm": "a packed TDMS measurement file",
+    b"TDSh": "the index of a TDMS file",
     b"\x80\x04": "a Python pickle",
     b"\x80\x05": "a Python pickle",
     b"%PDF": "a PDF document",
+    b"\xfd7zXZ\x00": "an xz archive",
+    b"BZh": "a bzip2 archive",
+    b"\x28\xb5\x2f\xfd": "a zstd archive",
+    b"7z\xbc\xaf\x27\x1c": "a 7z archive",
+    b"Rar!": "a RAR archive",
 }
 """First bytes of files that are no table for heatrun, and what they are."""
+
+REMEDIES = {
+    b"MDF     ": "Unpack it first.",
+    b"UnFinMF ": "Unpack it first.",
+    b"TDSm": "Unpack it first.",
+    b"TDSh": "Give the TDMS file itself.",
+}
+"""What to do about them; for all others, export the recording as CSV."""
 
 
 def read_raw(path: str | Path) -> Table:
     """Read a bench file under its own column names.
 
     The format is told from the content: text (CSV and the like), MATLAB 5 and 7.3, Parquet; each
-    of them also compressed by gzip.
+    of them also compressed by gzip; MDF 4 and TDMS.
 
     Args:
         path: The file.
 
+    Returns:
+        The columns; of MDF and TDMS every channel, on the time axis of the slowest.
+
     Raises:
         InputError: If the file cannot be read as a table of numbers.
     """
-    return _read_bytes(_bytes(path), str(path))
+    with opened(path) as measurement:
+        if measurement is not None:
+            return read_all(measurement, where=str(path))
+    return _read_bytes(read_file(path), str(path))
 
 
 def read_record(
@@ -82,13 +104,32 @@ def read_record(
     where = str(path)
     if rate_Hz is not None:
         positive_rate(rate_Hz, where)
-    data = _bytes(path)
-    table = _read_bytes(data, where)
-    mapped = map_columns(table, motor.columns if motor else None, where=where, is_part=is_part)
+    columns = motor.columns if motor else None
+    phases, losses = (motor.phases, motor.losses) if motor else (3, "balance")
+    raster_s = motor.raster_s if motor else None
+    with opened(path, columns) as measurement:
+        if measurement is not None:
+            sha256 = _digest(path)
+            table, mapped = read_measurement(
+                measurement,
+                columns,
+                where=where,
+                is_part=is_part,
+                raster_s=raster_s,
+                phases=phases,
+                losses=losses,
+            )
+        else:
+            data = read_file(path)
+            sha256 = hashlib.sha256(data).hexdigest()
+            table = _read_bytes(data, where)
+            mapped = map_columns(table, columns, where=where, is_part=is_part)
+            if raster_s is not None:
+                unused = f"raster_s = {raster_s:g} is for MDF and TDMS; the file keeps its times."
+                mapped = replace(mapped, notes=(*mapped.notes, unused))
     channels = dict(mapped.channels)
     time_s, time_notes = _time(mapped, table, rate_Hz, where)
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
-    phases, losses = (motor.phases, motor.losses) if motor else (3, "balance")
     channels, derived = derive(channels, phases=phases, losses=losses)
     test = name or _stem(Path(path))
     conflict = resistance_conflict(table.constants, motor, where)
@@ -96,7 +137,7 @@ def read_record(
     return Record(
         name=test,
         channels=channels,
-        sources=(Source(where, hashlib.sha256(data).hexdigest(), table.reader),),
+        sources=(Source(where, sha256, table.reader),),
         notes=(
             *table.notes,
             *constant_notes(table.constants),
@@ -109,38 +150,14 @@ def read_record(
     )
 
 
-def _bytes(path: str | Path) -> bytes:
-    where = str(path)
-    try:
-        data = Path(path).read_bytes()
-    except IsADirectoryError as error:
-        raise InputError(
-            "Expected a file, got a directory.", where=where, remedy="Name the files in it."
-        ) from error
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(
-            f"The file cannot be opened ({reason}).", where=where, remedy="Check the path."
-        ) from error
-    if not data:
-        raise InputError(
-            "Expected a table, got an empty file.",
-            where=where,
-            remedy="Copy the file again from the bench.",
-        )
-    return data
+def _digest(path: str | Path) -> str:
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _read_bytes(data: bytes, where: str) -> Table:
     if data.startswith(GZIP):
-        try:
-            data = gzip.decompress(data)
-        except (OSError, EOFError, zlib.error) as error:
-            raise InputError(
-                f"The gzip file is damaged or cut ({error}).",
-                where=where,
-                remedy="Copy the file again from the bench.",
-            ) from error
+        data = unzip(data, where)
         table = _reader(data, where)(data, where)
         return replace(table, reader=f"{table.reader}, gzip")
     return _reader(data, where)(data, where)
@@ -151,9 +168,9 @@ def _reader(data: bytes, where: str) -> Callable[[bytes, str], Table]:
     for start, kind in OTHER_FORMATS.items():
         if data.startswith(start):
             raise InputError(
-                f"Expected CSV, MAT or Parquet, got {kind}.",
+                f"Expected CSV, MAT, Parquet, MDF or TDMS, got {kind}.",
                 where=where,
-                remedy="Export the recording as CSV.",
+                remedy=REMEDIES.get(start, "Export the recording as CSV; only gzip is unpacked."),
             )
     if data.startswith(HDF5) or data[HDF5_OFFSET:].startswith(HDF5):
         from .mat import read_hdf5

@@ -164,14 +164,16 @@ def _inputs(
     rated = motor.rated_speed_rpm
     current_squared = mean("phase_current_A", power=2)
     inputs = Inputs(
-        step=jnp.asarray(step),
+        step=jnp.asarray(step, dtype=float),
         current_squared=current_squared,
         losses=mean("losses_W"),
         ambient=mean(f"{motor.sink}_degC"),
         speed=speed,
         coolant=coolant,
         fan=fan,
-        rated_speed=jnp.asarray(fastest if rated is None else rated * 2 * math.pi / 60),
+        rated_speed=jnp.asarray(
+            fastest if rated is None else rated * 2 * math.pi / 60, dtype=float
+        ),
         rated_current=jnp.sqrt(jnp.maximum(jnp.max(current_squared), 1e-12)),
     )
     return inputs, tuple(notes)

@@ -44,6 +44,7 @@ def read_text(data: bytes, where: str) -> Table:
     text, encoding = decode(data, where)
     layout = find_layout(text, where)
     body = data_lines(text, layout, where)
+    del text  # a gigabyte of it would be held while the cells are read
     frame = _parse(body.text, layout, where)
     columns: list[Column] = []
     texts: dict[str, str] = {}
@@ -86,11 +87,11 @@ def read_text(data: bytes, where: str) -> Table:
     return Table(tuple(columns), texts, {}, tuple(notes), tuple(findings), reader)
 
 
-def _parse(body: str, layout: Layout, where: str) -> pd.DataFrame:
+def _parse(body: bytes, layout: Layout, where: str) -> pd.DataFrame:
     """Return the cells of the body; columns that are not all numbers stay texts."""
     try:
         return pd.read_csv(
-            io.StringIO(body),
+            io.BytesIO(body),
             sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
             decimal=layout.decimal,
             header=None,

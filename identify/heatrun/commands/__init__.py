@@ -4,5 +4,8 @@ A command loads, calls, writes and prints; it computes nothing itself. Its file 
 slow to import inside `run`, so that `heatrun --help` answers at once.
 """
 
-COMMANDS = ("check", "calibrate", "compare", "discover", "simulate", "report", "sheet", "demo")
+COMMANDS = (
+    "check", "calibrate", "compare", "discover", "simulate", "report", "sheet", "export", "view",
+    "demo",
+)  # fmt: skip
 """Names of the commands in the order of the help; each is a module of this package."""

@@ -89,6 +89,8 @@ def calibrate_into_folder(
     for duty in getattr(options, "rating", ()):
         parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
     folder = RunFolder.begin(path, identity)
+    if folder.note:
+        say(folder.note)
     with bar() as progress:
         found = calibrate(
             motor,

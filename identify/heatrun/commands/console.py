@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from ..errors import InputError
-from ..run_folder import dump
+
+PROGRESS = "HEATRUN_PROGRESS"
+"""Environment variable; `json` makes the progress on stderr lines of JSON, for programs."""
 
 
 def say(sentence: str) -> None:
@@ -18,6 +22,9 @@ def say(sentence: str) -> None:
 @contextmanager
 def bar() -> Iterator[Callable[[str, float], None]]:
     """Show a bar on stderr that is told a sentence and the share done."""
+    if os.environ.get(PROGRESS) == "json":
+        yield _tell
+        return
     from tqdm import tqdm
 
     with tqdm(total=100, disable=None, file=sys.stderr, leave=False, unit="%") as shown:
@@ -30,11 +37,20 @@ def bar() -> Iterator[Callable[[str, float], None]]:
         yield progress
 
 
+def _tell(sentence: str, share: float) -> None:
+    line = json.dumps({"share": round(share, 4), "doing": sentence})
+    print(line, file=sys.stderr, flush=True)
+
+
 def print_error(error: InputError, *, as_json: bool) -> None:
     """Print an error as a message, or as JSON with the same words."""
+    from ..run_folder import dump
+
     if as_json:
-        print(dump({"error": {"problem": error.problem, "where": error.where,
-                              "remedy": error.remedy}}))  # fmt: skip
+        described = {"problem": error.problem, "where": error.where, "remedy": error.remedy}
+        # standard output may be what cannot be written
+        with suppress(OSError):
+            print(dump({"error": described}), flush=True)
     print(f"heatrun: {printable(str(error))}", file=sys.stderr)
 
 

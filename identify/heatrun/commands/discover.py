@@ -64,6 +64,8 @@ def run(options: argparse.Namespace) -> int:
         "seed": options.seed,
     }
     folder = RunFolder.begin(path, identity)
+    if folder.note:
+        say(folder.note)
     with bar() as progress:
         job = run_job(
             motor,

@@ -11,6 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from ..checkpoint import whole
+
 COLOURS = {"first": "#D55E00", "second": "#0072B2", "measured": "#222222", "stator": "#009E73"}
 """Okabe and Ito's palette, which colour-blind readers can tell apart."""
 
@@ -146,7 +148,8 @@ def plain(name: str) -> str:
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG."""
+    """Write a figure as PNG, whole or not at all."""
     FigureCanvasAgg(figure)
-    figure.savefig(path, dpi=160, metadata={"Software": None})
+    with whole(path) as partial:
+        figure.savefig(partial, format="png", dpi=160, metadata={"Software": None})
     return path

@@ -12,7 +12,7 @@ from typing import Any
 
 import typst
 
-from ..checkpoint import write_whole
+from ..checkpoint import PARTIAL, write_whole
 
 
 def typeset(template: str, content: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
@@ -24,7 +24,9 @@ def typeset(template: str, content: Mapping[str, Any], figures: Sequence[Path], 
         figures: PNG files, in the order in which they are to appear.
         path: Where it goes; written whole or not at all.
     """
-    with tempfile.TemporaryDirectory() as name:
+    # beside the document, so that the next start in the folder clears it away after a kill
+    beside = {"dir": path.parent, "prefix": f".{path.name}.", "suffix": PARTIAL}
+    with tempfile.TemporaryDirectory(**beside) as name:
         folder = Path(name)
         source = resources.files("heatrun.sheet") / "templates" / template
         (folder / template).write_text(source.read_text(encoding="utf-8"), encoding="utf-8")

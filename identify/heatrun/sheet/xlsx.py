@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import xlsxwriter
 
+from ..checkpoint import write_whole
 from .content import sheet_content
 
 CONSTANTS = ("B", "Ro_rif", "To_rif", "Rs", "Ts", "phases", "Tamb_med")
@@ -28,7 +29,6 @@ def write_xlsx(
         tables: Name, role and courses of each test; the first fills the worksheet.
         path: Where it goes; written whole or not at all.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     content = sheet_content(result)
     # text from outside is never a formula, a link or a number
     options = {
@@ -36,8 +36,10 @@ def write_xlsx(
         "strings_to_urls": False,
         "strings_to_numbers": False,
         "nan_inf_to_errors": False,
+        "in_memory": True,
     }
-    with xlsxwriter.Workbook(str(partial), options) as book:
+    buffer = io.BytesIO()
+    with xlsxwriter.Workbook(buffer, options) as book:
         bold = book.add_format({"bold": True})
         _parameters(book, bold, result, content)
         _correlation(book, bold, result)
@@ -50,7 +52,7 @@ def write_xlsx(
         _rows(book, "Findings", bold, ["severity", "finding"], content["findings"])
         name, _, table = tables[0]
         _worksheet(book, bold, result, name, table)
-    partial.replace(path)
+    write_whole(path, buffer.getvalue())
     return path
 
 

@@ -1,0 +1,141 @@
+"""The folder that the live view shows: what is in it, and nothing outside it."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import InputError
+from ..run_folder import MANIFEST
+
+SUFFIXES = frozenset(
+    (".csv", ".tsv", ".txt", ".dat", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms")
+)
+"""Endings of the files that are offered as tests, also with .gz behind them."""
+
+MAX_DEPTH = 3
+"""Levels of folders that are searched, the folder itself included."""
+
+MAX_ENTRIES = 5000
+"""Directory entries that are looked at; a folder with more is cut, and the page says so."""
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """Size [byte] and time of change [ns] of a file: another one means another content."""
+
+    num_bytes: int
+    changed_ns: int
+
+    @classmethod
+    def of(cls, path: Path) -> Stamp:
+        """Return the stamp of a file; that of nothing (-1, -1) where there is no file."""
+        try:
+            status = path.stat()
+        except OSError:
+            return cls(-1, -1)
+        return cls(status.st_size, status.st_mtime_ns)
+
+
+@dataclass(frozen=True)
+class Listing:
+    """What a folder holds, by name relative to it.
+
+    Attributes:
+        tests: Bench files.
+        motors: Motor files: TOML with a table `[motor]`.
+        is_cut: Whether there was more than is looked at.
+    """
+
+    tests: tuple[str, ...]
+    motors: tuple[str, ...]
+    is_cut: bool
+
+
+class Folder:
+    """A folder of tests and motor files.
+
+    Attributes:
+        root: The folder, with links resolved.
+    """
+
+    def __init__(self, root: Path) -> None:
+        if not root.is_dir():
+            raise InputError(
+                "Expected a folder with tests and a motor file, and there is none.",
+                where=str(root),
+                remedy="Name an existing folder: heatrun view DIR.",
+            )
+        self.root = root.resolve()
+
+    def path(self, name: str) -> Path:
+        """Return the path of a file in the folder.
+
+        Args:
+            name: Relative to the folder.
+
+        Raises:
+            InputError: If it is not a file, or lies outside the folder by `..`, by an absolute
+                path or through a link.
+        """
+        try:
+            found = (self.root / name).resolve()
+            if found.is_relative_to(self.root) and found.is_file():
+                return found
+        except (OSError, ValueError):  # a name that no file can have
+            pass
+        raise InputError(
+            "Expected a file in the folder that is shown; this is none.",
+            where=repr(name),
+            remedy="Put the file into the folder, or start heatrun view on its folder.",
+        )
+
+    def list(self) -> Listing:
+        """Return what the folder holds; runs, hidden files and links that lead out are left out."""
+        tests: list[str] = []
+        motors: list[str] = []
+        num_seen = 0
+        for path in self._files():
+            num_seen += 1
+            if num_seen > MAX_ENTRIES:
+                break
+            name = path.relative_to(self.root).as_posix()
+            if _ending(path) in SUFFIXES:
+                tests.append(name)
+            elif path.suffix.lower() == ".toml" and _is_motor(path):
+                motors.append(name)
+        return Listing(tuple(sorted(tests)), tuple(sorted(motors)), num_seen > MAX_ENTRIES)
+
+    def _files(self) -> Iterator[Path]:
+        for where, folders, files in os.walk(self.root):
+            here = Path(where)
+            depth = len(here.relative_to(self.root).parts) + 1
+            folders[:] = sorted(
+                name
+                for name in folders
+                if depth < MAX_DEPTH
+                and not name.startswith(".")
+                and not name.endswith(".partial")
+                and not (here / name / MANIFEST).exists()
+            )
+            for name in sorted(files):
+                path = here / name
+                if name.startswith(".") or not path.resolve().is_relative_to(self.root):
+                    continue
+                yield path
+
+
+def _ending(path: Path) -> str:
+    name = path.name.lower().removesuffix(".gz")
+    return Path(name).suffix
+
+
+def _is_motor(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return "motor" in tomllib.loads(file.read(1 << 20).decode("utf-8"))
+    except (OSError, ValueError):
+        return False

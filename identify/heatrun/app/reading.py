@@ -1,0 +1,85 @@
+"""The chosen tests read and checked, for a thread beside the page."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..bench.checks import check_record
+from ..errors import InputError
+from ..motor import Motor
+from ..motorfile import load_motor
+from .store import Opened, RecordStore
+from .words import error_message, findings_html, message, table
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What became of the chosen tests.
+
+    Attributes:
+        opened: Those that could be read.
+        problems: Why the others could not, as HTML.
+        checks: Findings and how the files were read, as HTML.
+    """
+
+    opened: tuple[Opened, ...]
+    problems: str
+    checks: str
+
+
+def read_tests(
+    names: Sequence[str],
+    motor_name: str | None,
+    path: Callable[[str], Path],
+    store: RecordStore,
+) -> Reading:
+    """Read tests; one that cannot be read is named, and the others are.
+
+    Args:
+        names: Tests as the page lists them.
+        motor_name: The motor file as the page lists it, or None.
+        path: Returns the file of a name, or raises InputError.
+        store: Holds what was read before.
+    """
+    opened: list[Opened] = []
+    problems: list[str] = []
+    findings = []
+    try:
+        motor = None if motor_name is None else load_motor(path(motor_name))
+    except InputError as error:
+        return Reading((), error_message(error), message("warning", "The motor file is at fault."))
+    for name in names:
+        try:
+            test = store.open(path(name), motor)
+            findings += check_record(test.record, motor) if motor else []
+            opened.append(test)
+        except InputError as error:
+            problems.append(error_message(error))
+        except MemoryError:
+            problems.append(message("error", f"{name}: the memory does not suffice for it."))
+        except Exception as error:
+            traceback.print_exc()
+            words = f"{name}: an error of heatrun itself ({error!r}); the terminal has the details."
+            problems.append(message("error", words))
+    return Reading(tuple(opened), "".join(problems), _checks(opened, motor, findings))
+
+
+def _checks(opened: Sequence[Opened], motor: Motor | None, findings: Sequence) -> str:
+    if not opened:
+        return message("note", "Choose tests on the left.")
+    if motor is None:
+        return message("warning", "Choose a motor file: checks need it.") + _notes(opened)
+    return findings_html(findings) + _notes(opened)
+
+
+def _notes(opened: Sequence[Opened]) -> str:
+    rows = [(each.record.name, note) for each in opened for note in each.record.notes]
+    rows += [
+        (each.record.name, f"Columns that are not used: {', '.join(each.record.unused)}")
+        for each in opened
+        if each.record.unused
+    ]
+    return "<h3>How the files were read</h3>" + table(("test", "note"), rows) if rows else ""

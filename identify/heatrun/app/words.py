@@ -1,0 +1,129 @@
+"""Sentences and tables of the page as HTML; everything that comes from a file is escaped."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from typing import Any
+
+from ..bench import Finding
+from ..errors import InputError
+
+
+def message(kind: str, text: str) -> str:
+    """Return a framed sentence.
+
+    Args:
+        kind: `"error"`, `"warning"` or `"note"`.
+        text: Plain text.
+    """
+    return f'<p class="{kind}">{escape(text)}</p>'
+
+
+def error_message(error: InputError) -> str:
+    """Return what was expected, what came, where and what to do."""
+    where = f"<b>{escape(error.where)}</b>: " if error.where else ""
+    return f'<p class="error">{where}{escape(error.problem)} {escape(error.remedy)}</p>'
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a table; cells that are no text are set as numbers."""
+    cells = "".join(f"<th>{escape(each)}</th>" for each in head)
+    body = "".join("<tr>" + "".join(map(_cell, row)) + "</tr>" for row in rows)
+    return f"<table><tr>{cells}</tr>{body}</table>"
+
+
+def findings_html(findings: Sequence[Finding]) -> str:
+    """Return findings, the gravest first."""
+    if not findings:
+        return message("note", "No findings: the records are as a fit wants them.")
+    order = {"error": 0, "warning": 1, "note": 2}
+    ranked = sorted(findings, key=lambda finding: order[finding.severity])
+    return "".join(
+        message(f.severity, f"{f'[{f.test}] ' if f.test else ''}{f.sentence()} ({f.id})")
+        for f in ranked
+    )
+
+
+def calibration_html(result: Mapping[str, Any]) -> str:
+    """Return the heart of `fit.json`: verdict, parameters with ranges, errors, comparison."""
+    parts = [f"<h3>{escape(result['verdict']['sentence'])}</h3>"]
+    for order, model in result["models"].items():
+        parts.append(f"<h3>{escape(order.capitalize())} order</h3>")
+        parts.append(
+            table(
+                ("parameter", "value", "95 % range", "unit", "identified by these tests"),
+                (
+                    (name, entry["value"], _range(entry["interval_95"]), entry["unit"],
+                     f"{entry['identifiability']}: {entry['why']}")
+                    for name, entry in model["parameters"].items()
+                ),
+            )
+        )  # fmt: skip
+        parts.append(
+            table(
+                ("test", "role", "RMSE [K]", "largest [K]", "inside the 95 % band"),
+                (
+                    (row["test"], row["role"], row["rmse_K"], row["max_K"],
+                     f"{100 * row['coverage_95']:.0f} %")
+                    for row in model["residuals"]
+                ),
+            )
+        )  # fmt: skip
+        parts.append(f"<p class='faded'>{escape(model['posterior']['verdict'])}</p>")
+    if result.get("comparison"):
+        parts += [f"<p>{escape(sentence)}</p>" for sentence in result["comparison"]["words"]]
+    return "".join(parts)
+
+
+def discovery_html(result: Mapping[str, Any]) -> str:
+    """Return the heart of `discovery.json`: verdict, what was found, where, every candidate."""
+    parts = [f"<h3>{escape(result['verdict'].upper())}: {escape(result['sentence'])}</h3>"]
+    for effect in result["effects"]:
+        alike = ", ".join(effect["equivalents"])
+        parts.append(f"<p><b>{escape(effect['id'])}</b></p>")
+        parts.append(
+            table(
+                ("parameter", "value", "95 % range", "unit"),
+                (
+                    (name, p["value"], _range(p["interval_95"]), p["unit"])
+                    for name, p in effect["parameters"].items()
+                ),
+            )
+        )
+        if alike:
+            parts.append(message("warning", f"These tests cannot tell it from {alike}."))
+    gaps = [
+        (label, gap["rmse_before_K"], gap["rmse_after_K"], gap["noise_floor_K"])
+        for label, gap in (("calibration", result["calibration"]), ("held out", result["holdout"]))
+        if gap is not None
+    ]
+    parts.append(table(("tests", "RMSE before [K]", "after [K]", "noise [K]"), gaps))
+    if result["where"]:
+        parts.append("<h3>Where model and measurement disagree</h3>")
+        parts.append(
+            table(
+                ("test", "from [min]", "to [min]", "node", "missing", "95 % range"),
+                (
+                    (span["test"], span["from_s"] / 60, span["to_s"] / 60, span["node"],
+                     _missing(span), _range(span["interval_95"]))
+                    for span in result["where"]
+                ),
+            )
+        )  # fmt: skip
+    return "".join(parts)
+
+
+def _missing(span: Mapping[str, Any]) -> str:
+    unit = "K" if "missing_K" in span else "W"
+    return f"{span[f'missing_{unit}']:+.3g} {unit}"
+
+
+def _range(interval: Sequence[float]) -> str:
+    return f"{interval[0]:.4g} … {interval[1]:.4g}"
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float | int) and not isinstance(value, bool):
+        return f'<td class="number">{value:.4g}</td>'
+    return f"<td>{escape(str(value))}</td>"

@@ -1,0 +1,68 @@
+"""`heatrun export`: a run's model and record for other programs."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from . import words
+from .console import printable, say
+from .exit_codes import DONE
+
+
+def add_parser(commands: Any) -> argparse.ArgumentParser:
+    """Add the command's words to the subparsers `commands`."""
+    parser = commands.add_parser("export", help="a run for MATLAB, Simulink and Octave")
+    parser.add_argument("run", type=Path, metavar="RUN")
+    parser.add_argument(
+        "--to", choices=("mat",), required=True, help="mat: prova.mat with the script run_prova.m"
+    )
+    parser.add_argument(
+        "--test", metavar="NAME", help="test of the run (default: the first calibrated on)"
+    )
+    parser.add_argument(
+        "--model", choices=("first", "second"), help="order (default: second where there is one)"
+    )
+    parser.add_argument(
+        "--corrected",
+        action="store_true",
+        help="apply to Pd and Te the corrections of losses and sink that the run found",
+    )
+    words.add_out(parser, "folder for the files (default: the run itself)")
+    words.add_json(parser)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the files and print what is in them."""
+    from ..export import export_mat
+    from ..run_folder import dump
+
+    written = export_mat(
+        options.run,
+        folder=options.out,
+        test=options.test,
+        order=options.model,
+        is_corrected=options.corrected,
+    )
+    for note in written["notes"]:
+        say(note)
+    for finding in written["findings"]:
+        sentence = f"{finding['where']}: {finding['message']} {finding['remedy']}"
+        print(f"warning {printable(sentence)}", file=sys.stderr)
+    if options.json:
+        print(dump(written))
+        return DONE
+    samples = written["variables"]["t"]["shape"][0]
+    print(
+        f"{len(written['variables'])} variables, {samples} samples of "
+        f"{printable(written['test'])}, {written['order']} order"
+    )
+    print(
+        f"RMSE of Tw to Tw_m: {written['rmse_K']:.4f} K by heatrun "
+        f"({written['rmse_reading_K']:.4f} K with the sensor's error that the run found)"
+    )
+    print("\n".join(printable(path) for path in written["files"]))
+    return DONE

@@ -1,0 +1,19 @@
+"""A run's model and record for other programs: the MAT file of the thesis' Simulink model."""
+
+from __future__ import annotations
+
+from .course import Course, simulate_variables
+from .mat import export_mat, mat_bytes
+from .rerun import RunTest, read_run_test
+from .variables import Corrections, thesis_variables
+
+__all__ = [
+    "Corrections",
+    "Course",
+    "RunTest",
+    "export_mat",
+    "mat_bytes",
+    "read_run_test",
+    "simulate_variables",
+    "thesis_variables",
+]

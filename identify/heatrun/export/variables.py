@@ -1,0 +1,168 @@
+"""The variables of `prova.mat`, under the names of the thesis and in its shapes.
+
+Reference: G. Agostino, Powertrain Retrofit kit testing and thermal modeling, Politecnico di
+    Torino, 2023, sections 4.3 to 4.5 and figure 10.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..bench.record import Record
+from ..errors import InputError
+from ..model import Order
+from ..motor import Motor
+
+UNITS: Mapping[str, str] = {
+    "B": "degC",
+    "Ceqsr": "J/K",
+    "Ceqw": "J/K",
+    "Is": "A",
+    "Pd": "W",
+    "Reqsr": "K/W",
+    "Reqw": "K/W",
+    "Rrif": "ohm",
+    "Te": "degC",
+    "Trif": "degC",
+    "Tso": "degC",
+    "Two": "degC",
+    "Tw_m": "degC",
+    "t": "s",
+}
+"""Every variable of the file with its unit, in the order of the thesis."""
+
+SCALARS = {
+    "first": {"Ceqw": "Ceq", "Reqw": "Req", "Two": "Tw_start"},
+    "second": {
+        "Ceqsr": "Ceq_sr",
+        "Ceqw": "Ceq_w",
+        "Reqsr": "Req_sr",
+        "Reqw": "Req_w",
+        "Tso": "Tsr_start",
+        "Two": "Tw_start",
+    },
+}
+"""Name in the file and name of the parameter. The thesis names the two of its first-order model
+Ceq,w and Req,w as well."""
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """Errors of instruments that a run allows for and `prova.mat` has no variables for.
+
+    Attributes:
+        power_gain: Relative correction of the losses [1].
+        torque_offset: Correction of the torque [N m].
+        ambient_offset: Correction of the sink temperature [K].
+        sensor_gain: Relative error of the measured rise [1].
+        sensor_offset: Offset of the winding sensor [K].
+    """
+
+    power_gain: float = 0.0
+    torque_offset: float = 0.0
+    ambient_offset: float = 0.0
+    sensor_gain: float = 0.0
+    sensor_offset: float = 0.0
+
+    @classmethod
+    def of(cls, values: Mapping[str, float]) -> Corrections:
+        """Return the corrections among values by parameter name."""
+        names = cls.__dataclass_fields__
+        return cls(**{name: values[name] for name in names if name in values})
+
+    def reading(self, winding: np.ndarray, sink: np.ndarray) -> np.ndarray:
+        """Return what the sensor reads [degC] of a winding [degC] above a true sink [degC]."""
+        return winding + self.sensor_gain * (winding - sink) + self.sensor_offset
+
+    def applied(
+        self, variables: Mapping[str, np.ndarray], speed_rpm: np.ndarray | None
+    ) -> dict[str, np.ndarray]:
+        """Return the variables with losses and sink as the run corrects them.
+
+        `Tw_m` stays the reading: it drives nothing, and an offset would take the rounding away
+        by which its noise is judged.
+
+        Args:
+            variables: From `thesis_variables`.
+            speed_rpm: Speed at the samples [rpm]; needed where there is a torque offset.
+        """
+        sink = variables["Te"] + self.ambient_offset
+        losses = (1.0 + self.power_gain) * variables["Pd"]
+        if self.torque_offset and speed_rpm is not None:
+            losses = losses - self.torque_offset * speed_rpm[:, None] * (np.pi / 30.0)
+        return {**variables, "Pd": losses, "Te": sink}
+
+
+def thesis_variables(
+    record: Record, values: Mapping[str, float], motor: Motor, order: Order
+) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Return the variables of `prova.mat` and sentences on what is in them.
+
+    Args:
+        record: The test, which `heatrun.bench.reduction.reduce` accepts; its own samples are used.
+        values: Parameters by name; `Rs0` may be missing in the first order, which has no use
+            for it.
+        motor: Phases, material and reference temperature of the winding, and the sink.
+        order: The first order has no `Ceqsr`, `Reqsr` and `Tso`.
+
+    Returns:
+        Float64 columns of shape (time, 1) and scalars of shape (1, 1), sorted as in the thesis;
+        and notes. NaN stands in `Tw_m` where nothing was read, and nowhere else.
+
+    Raises:
+        InputError: If the losses come from a map, whose Pol is no Pd.
+    """
+    if motor.losses == "map":
+        raise InputError(
+            "Pd in prova.mat is the measured total of the losses, electrical in minus mechanical "
+            'out; this motor has losses = "map", the other losses alone.',
+            where=motor.path or motor.name,
+            remedy="Map a measured balance, or simulate with `heatrun simulate`.",
+        )
+    notes: list[str] = []
+    sink = f"{motor.sink}_degC"
+    columns = {
+        "Is": _bridged(record, "phase_current_A", notes, power=2),
+        "Pd": _bridged(record, "losses_W", notes),
+        "Te": _bridged(record, sink, notes),
+        "Tw_m": record["winding_degC"],
+        "t": record.time_s,
+    }
+    unread = int(np.sum(~np.isfinite(record["winding_degC"])))
+    if unread:
+        notes.append(f"Tw_m is NaN at {unread} samples without a reading.")
+    if motor.sink != "ambient":
+        notes.append(f"Te holds {sink}, the sink of this motor.")
+    scalars = {name: values[parameter] for name, parameter in SCALARS[order].items()}
+    scalars["B"] = motor.resistance_coefficient_degC
+    scalars["Trif"] = motor.reference_temperature_degC
+    resistance = values.get("Rs0", motor.phase_resistance_ohm)
+    if resistance is None:
+        notes.append("Rrif is left out: the phase resistance is not known, and not needed here.")
+    else:
+        scalars["Rrif"] = motor.phases * resistance
+    if motor.phases != 3 and resistance is not None:
+        notes.append(f"Rrif is {motor.phases} times the phase resistance: {motor.phases} phases.")
+    variables = {name: np.asarray(value, float)[:, None] for name, value in columns.items()}
+    variables |= {name: np.full((1, 1), float(value)) for name, value in scalars.items()}
+    return {name: variables[name] for name in UNITS if name in variables}, tuple(notes)
+
+
+def _bridged(record: Record, channel: str, notes: list[str], power: int = 1) -> np.ndarray:
+    """Return a channel without gaps, bridged as the reduction to blocks bridges them.
+
+    There the straight line is drawn through the square of the current, since that is what heats.
+    """
+    values = record[channel]
+    is_read = np.isfinite(values)
+    if np.all(is_read):
+        return values
+    line = np.interp(record.time_s, record.time_s[is_read], values[is_read] ** power)
+    notes.append(
+        f"{int(np.sum(~is_read))} missing samples of {channel} were bridged by straight lines"
+        f"{' through its square' if power == 2 else ''}, as in the run."
+    )
+    return np.where(is_read, values, line ** (1.0 / power))

@@ -1,0 +1,193 @@
+"""The live view as its user sees it: open, choose, zoom, calibrate, download; and its refusals."""
+
+from __future__ import annotations
+
+import http.client
+import shutil
+import socket
+import time
+from urllib.parse import urlsplit
+
+LONG_MS = 180_000
+
+
+def _open(tab, served, *tests: str) -> None:
+    tab.goto(served.url)
+    tab.wait_for_function("() => window.Bokeh?.documents[0]?.is_idle")
+    for test in tests:
+        tab.get_by_label(test).first.check()
+    if tests:
+        tab.locator(".bk-Figure").first.wait_for()
+
+
+def _window(tab) -> tuple[float, float]:
+    return tuple(
+        tab.evaluate(
+            """() => { const found = Object.values(Bokeh.index).flatMap((view) =>
+                 [...view.model.references()]).find((m) => m.type === "Figure");
+               return [found.x_range.start, found.x_range.end]; }"""
+        )
+    )
+
+
+def _text(tab, words: str) -> None:
+    tab.get_by_text(words).first.wait_for(timeout=LONG_MS)
+
+
+def _tab(tab, name: str) -> None:
+    tab.locator(".bk-tab", has_text=name).click()
+
+
+def test_open_choose_zoom_read_and_download(served, tab):
+    _open(tab, served, "duty_30min.csv.gz", "step_30min.csv.gz")
+    whole = _window(tab)
+    plot = tab.locator(".bk-Figure").first
+    box = plot.bounding_box()
+    tab.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    _text(tab, "winding · step_30min")
+    _text(tab, "t = ")
+    for _ in range(8):
+        tab.mouse.wheel(0, -300)
+        time.sleep(0.05)
+    time.sleep(1.0)
+    start, end = _window(tab)
+    assert end - start < 0.7 * (whole[1] - whole[0])
+
+    with tab.expect_download() as download:
+        tab.get_by_text("CSV of this window").click()
+    table = download.value.path().read_text().splitlines()
+    assert table[0].startswith("time_s,phase_current_A duty_30min,phase_current_A step_30min")
+    times = [float(line.split(",")[0]) for line in table[1:]]
+    assert start <= times[0] < start + 0.2
+    assert end - 0.2 < times[-1] <= end
+    assert len(times) > 10 * (end - start) * 0.9  # the file's 10 Hz, not the screen's points
+
+    tab.get_by_label("Test type").select_option(label="Thermal Behaviour Analysis")
+    assert tab.problems == []
+    assert tab.elsewhere == []
+    tab.get_by_role("button", name="Dark").click()
+    tab.wait_for_url("**theme=dark**")
+    tab.locator(".bk-Figure").first.wait_for()
+    assert tab.get_by_label("duty_30min.csv.gz").first.is_checked()
+
+
+def test_calibrate_and_download_the_sheet_and_a_report(served, tab):
+    _open(tab, served, "duty_30min.csv.gz")
+    _tab(tab, "Calibration")
+    tab.get_by_label("Network").first.select_option(label="first order")
+    tab.get_by_role("button", name="Calibrate").click()
+    tab.get_by_role("button", name="Cancel").first.wait_for()
+    _text(tab, "sheet.pdf")
+    _text(tab, "95 % range")
+    with tab.expect_download() as download:
+        tab.get_by_text("sheet.pdf").first.click()
+    assert download.value.path().read_bytes().startswith(b"%PDF")
+    assert (served.out / "duty_30min_calibrate" / "manifest.json").is_file()
+    _tab(tab, "Signals")
+    _text(tab, "simulated, 95 % (first) · duty_30min")
+
+    _tab(tab, "Report")
+    tab.get_by_role("button", name="Make report").click()
+    _text(tab, "GeneralInformationTest")
+    with tab.expect_download() as download:
+        tab.get_by_text("GeneralInformationTest").first.click()
+    assert download.value.path().read_bytes().startswith(b"%PDF")
+    tab.get_by_label("Test type").select_option(label="Energy Consumption")
+    _text(tab, "holds no electrical power, which this test type needs")
+    assert tab.problems == []
+
+
+def test_two_tabs_calibrate_in_turn_and_one_is_cancelled(served, tab):
+    other = tab.context.new_page()
+    _open(tab, served, "duty_30min.csv.gz")
+    _open(other, served, "step_30min.csv.gz")
+    for page in (tab, other):
+        _tab(page, "Calibration")
+        page.get_by_role("button", name="Calibrate").click()
+        time.sleep(1.0)
+    _text(other, "Waiting for 1 other command to end")
+    tab.get_by_role("button", name="Cancel").first.click()
+    _text(tab, "Cancelled. Started again, it goes on")
+    other.get_by_text("Waiting for 1 other").wait_for(state="hidden", timeout=LONG_MS)
+    other.get_by_role("button", name="Cancel").first.click()
+    _text(other, "Cancelled.")
+    assert not (served.out / "step_30min_calibrate").exists()
+
+
+def test_a_file_replaced_while_it_is_shown_is_said(served, tab, bench_data):
+    shutil.copy(bench_data / "duty_30min.csv.gz", served.folder / "replaced.csv.gz")
+    _open(tab, served, "replaced.csv.gz")
+    shutil.copy(bench_data / "step_30min.csv.gz", served.folder / "replaced.csv.gz")
+    _text(tab, "the file has changed or is gone")
+    tab.get_by_role("button", name="Follow changes").click()
+    tab.get_by_text("the file has changed or is gone").wait_for(state="hidden")
+
+
+def test_names_from_files_are_text(served, tab, bench_data):
+    name = "<img src=x onerror=window.hacked=1>"
+    shutil.copy(bench_data / "duty_30min.csv.gz", served.folder / f"{name}.csv.gz")
+    motor = (served.folder / "motor.toml").read_text()
+    (served.folder / "hostile.toml").write_text(motor.replace("IPM-SynRel 2022", name))
+    (served.folder / "bad.csv").write_bytes(b"\x00\xff" * 100)
+    _open(tab, served)
+    tab.get_by_label("Motor file").select_option("hostile.toml")
+    tab.get_by_label(name).first.check()
+    tab.locator(".bk-Figure").first.wait_for()
+    tab.get_by_label("bad.csv").first.check()
+    tab.locator(".error").first.wait_for()
+    for each in ("Checks", "Calibration", "Discovery", "Report", "Signals"):
+        _tab(tab, each)
+        time.sleep(0.3)
+    assert tab.evaluate("window.hacked") is None
+
+
+def test_an_empty_folder_takes_uploads_and_refuses_what_is_none(
+    served_empty, tab, tmp_path, bench_data
+):
+    _open(tab, served_empty)
+    _text(tab, "There are no bench files in")
+    _text(tab, "Choose tests on the left")
+    send = tab.locator("input[type=file]").first
+    send.set_input_files(bench_data / "step_30min.csv.gz")
+    tab.get_by_label("uploaded/step_30min.csv.gz").first.check()
+    tab.locator(".bk-Figure").first.wait_for()
+    program = tmp_path / "run.exe"
+    program.write_bytes(b"MZ")
+    send.set_input_files(program)
+    _text(tab, "Expected a bench file or a motor file")
+
+
+def test_an_address_cannot_name_a_file_outside(served, tab):
+    (served.folder.parent / "secret.csv").write_text("t,Is\n0,1\n")
+    tab.goto(served.url + "?test=../secret.csv&motor=../../etc/passwd&run=..")
+    _text(tab, "Choose tests on the left")
+    assert tab.problems == []
+
+
+def _status(url: str, headers: dict[str, str], path: str = "/") -> int:
+    host, port = urlsplit(url).hostname, urlsplit(url).port
+    connection = http.client.HTTPConnection(host, port, timeout=20)
+    connection.request("GET", path, headers=headers)
+    try:
+        return connection.getresponse().status
+    finally:
+        connection.close()
+
+
+def test_other_hosts_origins_and_networks_are_refused(served):
+    port = urlsplit(served.url).port
+    assert _status(served.url, {}) == 200
+    assert _status(served.url, {"Host": "evil.example"}) == 403
+    upgrade = {
+        "Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
+        "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "bokeh, token",
+    }  # fmt: skip
+    evil = {**upgrade, "Origin": "http://evil.example"}
+    assert _status(served.url, evil, "/ws") == 403
+    for path in ("/../motor.toml", "/static/../../motor.toml", "/static/%2e%2e/%2e%2e/x", "/files"):
+        assert _status(served.url, {}, path) in (400, 403, 404)
+    bound = {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), port)}
+    for address in bound - {"127.0.0.1", "::1", "127.0.1.1"}:
+        with socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET) as probe:
+            probe.settimeout(3)
+            assert probe.connect_ex((address, port)) != 0

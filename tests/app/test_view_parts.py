@@ -1,0 +1,214 @@
+"""Parts of the live view that need no browser."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from heatrun.app.folder import Folder, Stamp
+from heatrun.app.jobs import JobQueue
+from heatrun.app.run_view import run_name
+from heatrun.app.store import RecordStore
+from heatrun.app.trace import GAP, Trace
+from heatrun.app.uploads import BoundedDropper, keep_upload, safe_name
+from heatrun.app.words import discovery_html, error_message, message, table
+from heatrun.errors import InputError
+
+
+def test_a_window_keeps_the_extremes_of_a_long_signal():
+    time_s = np.arange(1_000_000) * 0.1
+    value = np.sin(time_s / 500.0)
+    value[123_456], value[765_432] = 9.0, -9.0
+    t, v = Trace.of("a", "winding_degC", time_s, value).window(0.0, 1e5, 2000)
+    assert t.size < 5000
+    assert v.max() == 9.0
+    assert v.min() == -9.0
+    assert t[np.argmax(v)] == time_s[123_456]
+
+
+def test_a_narrow_window_holds_every_reading():
+    time_s = np.arange(100_000) * 0.1
+    t, v = Trace.of("a", "winding_degC", time_s, time_s * 2).window(50.0, 60.0, 2000)
+    inside = (t >= 50.0) & (t <= 60.0)
+    np.testing.assert_array_equal(t[inside], time_s[500:601])
+    np.testing.assert_array_equal(v, 2 * t)
+
+
+@pytest.mark.parametrize("num_points", [50, 5000])
+def test_a_gap_breaks_the_line(num_points):
+    time_s = np.concatenate([np.arange(1000.0), 3000.0 + np.arange(1000.0)])
+    t, v = Trace.of("a", "winding_degC", time_s, np.ones(2000)).window(0.0, 4000.0, num_points)
+    (broken,) = np.flatnonzero(np.isnan(v))
+    assert t[broken - 1] <= 999.0
+    assert t[broken + 1] >= 3000.0
+
+
+def test_a_slow_sensor_on_a_fast_logger_is_one_line():
+    time_s = np.arange(10_000) * 0.1
+    value = np.full(10_000, np.nan)
+    value[::10] = 20.0
+    trace = Trace.of("a", "winding_degC", time_s, value)
+    _, v = trace.window(0.0, 1000.0, 5000)
+    assert trace.step_s == pytest.approx(1.0)
+    assert GAP > 1.0
+    assert not np.isnan(v).any()
+
+
+def test_time_that_runs_backwards_is_shown_in_order():
+    trace = Trace.of("a", "winding_degC", np.array([0.0, 2.0, 1.0]), np.array([0.0, 20.0, 10.0]))
+    np.testing.assert_array_equal(trace.value, [0.0, 10.0, 20.0])
+
+
+@pytest.mark.parametrize(
+    "name", ["../secret.csv", "/etc/passwd", "a/../../secret.csv", "link.csv", "\0", "", "x" * 5000]
+)
+def test_nothing_outside_the_folder_is_read(tmp_path, name):
+    shown = tmp_path / "shown"
+    shown.mkdir()
+    (tmp_path / "secret.csv").write_text("t,Is\n0,1\n")
+    (shown / "link.csv").symlink_to(tmp_path / "secret.csv")
+    with pytest.raises(InputError, match="in the folder"):
+        Folder(shown).path(name)
+    assert Folder(shown).list().tests == ()
+
+
+def test_a_folder_lists_tests_and_motor_files(folder):
+    (folder / "notes.toml").write_text("[other]\n")
+    (folder / "broken.toml").write_bytes(b"\xff\xfe[motor")
+    (folder / "readme.pdf").write_bytes(b"%PDF")
+    (folder / "day2").mkdir()
+    (folder / "day2" / "cold.CSV").write_text("t\n0\n")
+    listing = Folder(folder).list()
+    assert listing.motors == ("motor.toml",)
+    assert listing.tests == ("day2/cold.CSV", "duty_30min.csv.gz", "step_30min.csv.gz")
+    with pytest.raises(InputError, match="there is none"):
+        Folder(folder / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("sent", "kept"),
+    [
+        ("../../a.csv", "a.csv"),
+        ("C:\\bench\\a.csv", "a.csv"),
+        ("<img src=x onerror=alert(1)>.csv", "_img_src_x_onerror_alert_1__.csv"),
+        (".hidden.csv", "hidden.csv"),
+        ("-rf.csv", "rf.csv"),
+        ("con.csv", "_con.csv"),
+        ("Prüfung 1.csv.gz", "Prüfung_1.csv.gz"),
+        ("a\nb.csv", "a_b.csv"),
+    ],
+)
+def test_names_of_uploads_are_names(sent, kept):
+    assert safe_name(sent) == kept
+
+
+@pytest.mark.parametrize("sent", ["", "...", "run.exe", "page.html", "a.py", "csv"])
+def test_uploads_that_are_no_bench_files_are_refused(sent):
+    with pytest.raises(InputError, match="Expected a bench file"):
+        safe_name(sent)
+
+
+def test_an_upload_never_replaces_another(tmp_path):
+    first = keep_upload(tmp_path, "a.csv", b"one")
+    again = keep_upload(tmp_path, "a.csv", b"one")
+    other = keep_upload(tmp_path, "a.csv", "two")
+    assert first == again
+    assert first.read_bytes() == b"one"
+    assert other.read_bytes() == b"two"
+    assert len(safe_name("x" * 500 + ".csv")) <= 100
+
+
+def test_uploads_end_at_the_limit_whatever_the_browser_sends():
+    refused: list[InputError] = []
+    dropper = BoundedDropper(1_000_000, refused.append)
+
+    def send(name: str, data: bytes, chunk: int, total: int) -> None:
+        event = SimpleNamespace(
+            event_name="upload_event",
+            data={"name": name, "data": data, "chunk": chunk, "total_chunks": total, "type": ""},
+        )
+        dropper._process_event(event)
+
+    send("a.csv", b"x" * 600_000, 1, 1)
+    assert dropper.value["a.csv"] == b"x" * 600_000
+    send("b.csv", b"x" * 300_000, 1, 2)
+    send("b.csv", b"x" * 300_000, 2, 2)
+    assert "b.csv" not in dropper.value
+    assert "exceed 1 MB" in refused[0].problem
+    send("b.csv", b"late", 2, 2)
+    assert "b.csv" not in dropper.value
+
+
+def test_a_large_file_is_refused_before_it_is_read(folder):
+    store = RecordStore(max_file_bytes=1000)
+    with pytest.raises(InputError, match="opens files up to"):
+        store.open(folder / "duty_30min.csv.gz", None)
+
+
+def test_a_file_is_read_once_until_it_changes(folder):
+    store, path = RecordStore(), folder / "duty_30min.csv.gz"
+    first = store.open(path, None)
+    assert store.open(path, None) is first
+    path.write_bytes((folder / "step_30min.csv.gz").read_bytes())
+    assert not first.is_current()
+    assert store.open(path, None) is not first
+    path.unlink()
+    assert Stamp.of(path) == Stamp(-1, -1)
+
+
+def test_what_comes_from_files_is_escaped():
+    bad = "<script>alert(1)</script>"
+    error = InputError(bad, where=bad, remedy=bad)
+    for html in (message("error", bad), error_message(error), table((bad,), [(bad, 1.0)])):
+        assert "<script>" not in html
+        assert "&lt;script&gt;" in html
+    gap = {"rmse_before_K": 1.0, "rmse_after_K": 0.5, "noise_floor_K": 0.4}
+    result = {"verdict": "named", "sentence": bad, "effects": [], "where": []}
+    result |= {"holdout": None, "calibration": gap}
+    assert "<script>" not in discovery_html(result)
+    assert run_name("../../etc/<b>", "x") == "_.._etc__b_"
+    assert run_name("  ", "x") == "x"
+
+
+def _over(job, seconds: float = 60.0):
+    end = time.monotonic() + seconds
+    while not job.is_over and time.monotonic() < end:
+        time.sleep(0.05)
+    return job
+
+
+def test_a_command_runs_once_for_two_tabs_and_its_json_comes_back(folder: Path):
+    queue = JobQueue()
+    words = ["check", str(folder / "motor.toml"), str(folder / "duty_30min.csv.gz")]
+    first, same = queue.submit(words), queue.submit(words)
+    other = queue.submit(["check", str(folder / "motor.toml"), str(folder / "none.csv")])
+    assert first is same
+    assert queue.num_ahead(other) == 1
+    assert _over(first).state == "done"
+    assert first.output["findings"]
+    assert _over(other).state == "failed"
+    assert "cannot be opened" in other.output["error"]["problem"]
+
+
+def test_a_cancelled_command_ends_and_the_next_one_runs(folder: Path):
+    queue = JobQueue()
+    words = ["calibrate", str(folder / "motor.toml"), str(folder / "duty_30min.csv.gz"),
+             "--out", str(folder / "run")]  # fmt: skip
+    slow = queue.submit(words)
+    waiting = queue.submit([*words, "--quick"])
+    while not slow.lines and not slow.is_over:
+        time.sleep(0.05)
+    queue.cancel(waiting)
+    queue.cancel(slow)
+    assert (slow.state, waiting.state) == ("cancelled", "cancelled")
+    assert slow.process is not None
+    assert slow.process.wait(20) != 0
+    assert not (folder / "run").exists()
+    next_one = queue.submit(
+        ["check", str(folder / "motor.toml"), str(folder / "step_30min.csv.gz")]
+    )
+    assert _over(next_one).state == "done"

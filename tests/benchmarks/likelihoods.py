@@ -1,0 +1,97 @@
+"""One likelihood: heatrun beside C, numba, scipy, diffrax and casadi."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import ours
+import rivals
+import solvers
+from duty_record import TRUTH, around
+from rows import Row, median, ratio_row
+
+SECTION = "Likelihood"
+
+
+def by_hand(made: dict, repeats: int) -> list[Row]:
+    """Compare with the same arithmetic written by hand, walkers in the inner loop."""
+    rows = []
+    mine = ours.likelihood(made)
+    with tempfile.TemporaryDirectory() as folder:
+        by_name = {
+            "C": rivals.c_likelihood(made, Path(folder)),
+            "numba": rivals.numba_likelihood(made),
+        }
+        check = around(4)
+        for name, rival in by_name.items():
+            if rival is None:
+                print(f"{name} is not there: skipped")
+                continue
+            np.testing.assert_allclose(rival(check), mine(jnp.asarray(check)), rtol=1e-9)
+            for walkers, target in ((1, 1.1), (32, 2.0), (64, 1.5), (128, 1.5)):
+                theta = around(walkers)
+                on_device = jnp.asarray(theta)
+                rows.append(
+                    ratio_row(
+                        SECTION,
+                        f"likelihood of {walkers} / {name}",
+                        lambda d=on_device: mine(d),
+                        lambda r=rival, t=theta: r(t),
+                        repeats,
+                        target if name == "C" else None,
+                    )
+                )
+        in_c = by_name["C"]
+        if in_c is not None:
+            both, one = ours.jacobian(made), jnp.asarray(TRUTH)
+            rows.append(
+                ratio_row(
+                    SECTION,
+                    "residual and Jacobian (4) / one in C",
+                    lambda: both(one),
+                    lambda: in_c(TRUTH[None]),
+                    repeats,
+                    3.0,
+                )
+            )
+    coloured, many = ours.coloured(made), jnp.asarray(around(64))
+    rows.append(
+        ratio_row(
+            SECTION,
+            "OU + white / white likelihood, 64",
+            lambda: coloured(many),
+            lambda: mine(many),
+            repeats,
+            1.2,
+        )
+    )
+    return rows
+
+
+def by_solvers(made: dict, repeats: int) -> list[Row]:
+    """Compare with what a user would write with a general solver, one parameter set.
+
+    The error is that of the reading against the exact one: a solver that steps over the jumps of
+    the inputs is both slow and wrong.
+    """
+    rows = []
+    mine, one = ours.likelihood(made), jnp.asarray(TRUTH[None])
+    here = median(lambda: mine(one), 3 * repeats)
+    exact = ours.exact_reading(made)
+    error = np.max(np.abs(ours.reading(made) - exact))
+    rows.append(
+        Row(SECTION, "one likelihood, heatrun", here, "s", None, f"reading errs by {error:.0e} K")
+    )
+    for name, build in solvers.SOLVERS.items():
+        reading = build(made)
+        if reading is None:
+            print(f"{name} is not there: skipped")
+            continue
+        error = np.max(np.abs(np.asarray(reading(TRUTH)) - exact))
+        taken = median(lambda r=reading: r(TRUTH), max(2, repeats // 5))
+        detail = f"{taken / here:.0f} x heatrun's time; reading errs by {error:.0e} K"
+        rows.append(Row(SECTION, f"one likelihood, {name}", taken, "s", None, detail))
+    return rows

@@ -1,0 +1,129 @@
+"""Whole processes: cold start and peak memory of each command, and of a record of 28 hours."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import pandas as pd
+from duty_record import record
+from rows import Row
+
+from heatrun.commands import COMMANDS
+
+SECTION = "Processes"
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+LARGE = 1_000_000
+
+# the peak of a child is known to its parent only
+MEASURE = """
+import json, resource, subprocess, sys
+code = subprocess.call(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+print(json.dumps({"code": code, "peak_MB": peak / 1024}))
+"""
+
+
+def run(words: list[str], cache: Path) -> tuple[float, float]:
+    """Return the time [s] and the peak memory [MB] of a command in its own process.
+
+    Args:
+        words: After `heatrun`.
+        cache: Where compilations are kept; empty for a cold start.
+    """
+    environment = {**os.environ, "XDG_CACHE_HOME": str(cache)}
+    environment.pop("JAX_COMPILATION_CACHE_DIR", None)
+    command = [sys.executable, "-m", "heatrun.cli", *words]
+    begin = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-c", MEASURE, *command],
+        check=True, capture_output=True, text=True, env=environment,
+    )  # fmt: skip
+    seconds = time.perf_counter() - begin
+    found = json.loads(done.stdout)
+    if found["code"] != 0:
+        raise RuntimeError(f"heatrun {' '.join(words)} ended with code {found['code']}")
+    return seconds, found["peak_MB"]
+
+
+def help_of_each() -> list[Row]:
+    """Time the help of every command: what a slow import at the top of a file would cost."""
+    with tempfile.TemporaryDirectory() as folder:
+        times = {name: run([name, "--help"], Path(folder))[0] for name in COMMANDS}
+    slowest = max(times, key=lambda name: times[name])
+    detail = ", ".join(f"{name} {1e3 * taken:.0f} ms" for name, taken in times.items())
+    return [Row(SECTION, f"--help of the slowest command ({slowest})", times[slowest], "s", None,
+                detail)]  # fmt: skip
+
+
+def commands() -> list[Row]:
+    """Time each command once from a cold process and an empty cache, and calibrate once more."""
+    motor, duty, short = (
+        str(DATA / name) for name in ("motor.toml", "duty_90min.csv.gz", "duty_30min.csv.gz")
+    )
+    rows = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        out = str(folder / "run")
+        jobs = [
+            ("check, 90 min at 10 Hz", ["check", motor, duty], "check", None),
+            (
+                "calibrate, 90 min at 10 Hz, both orders",
+                ["calibrate", motor, duty, "--out", out],
+                "calibrate",
+                20.0,
+            ),
+            (
+                "the same, compilations kept",
+                ["calibrate", motor, duty, "--out", f"{out} again"],
+                "calibrate",
+                None,
+            ),
+            ("sheet", ["sheet", out], "sheet", None),
+            ("compare --quick", ["compare", motor, short, "--quick"], "compare", None),
+            (
+                "simulate",
+                ["simulate", motor, out, short, "--out", str(folder)],
+                "simulate",
+                None,
+            ),
+            (
+                "discover --quick, 30 min",
+                ["discover", motor, short, "--quick", "--out", f"{out} discovery"],
+                "discover",
+                None,
+            ),
+        ]
+        for what, words, cache, target in jobs:
+            taken, peak = run(words, folder / "cache" / cache)
+            rows.append(Row(SECTION, what, taken, "s", target, f"peak {peak:.0f} MB"))
+    return rows
+
+
+def large_record() -> list[Row]:
+    """Calibrate on a million samples and return time and peak memory."""
+    made = record(LARGE)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        pd.DataFrame(
+            {
+                "t": 0.1 * pd.RangeIndex(LARGE).to_numpy(),
+                "Is": made["current_squared"] ** 0.5,
+                "Pd": made["losses"],
+                "Te": made["ambient"],
+                "Tw_m": made["measured"].round(1),
+            }
+        ).to_csv(folder / "long.csv", index=False, float_format="%.6g")
+        # one name and no folder: the words of a user with one long file
+        words = ["calibrate", str(DATA / "motor.toml"), str(folder / "long.csv"), "--quick"]
+        words += ["--model", "second", "--out", str(folder / "run")]
+        taken, peak = run(words, folder / "cache")
+    return [
+        Row(SECTION, "peak memory, calibrate --quick on 1,000,000 samples", peak, "MB", 1024.0),
+        Row(SECTION, "calibrate --quick on 1,000,000 samples, second order", taken, "s"),
+    ]

@@ -1,0 +1,98 @@
+"""What must not grow: compilations, calls, memory, and the ratio to the same arithmetic in C."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+HEAVY = {
+    "jit(_solve)": 1,  # the search: white noise, settled noise and all starts share it
+    "jit(_objective)": 1,
+    "jit(log_posterior_batch)": 1,
+    "jit(linearise)": 2,  # the record, and the record imagined longer
+    "jit(whiten)": 3,  # residual; Jacobian; Jacobian of the longer record
+    "jit(predict_batch)": 2,  # the steps of the record, and finer ones
+}
+"""Most compilations of a calibration by function."""
+
+
+@pytest.fixture(scope="module")
+def counts():
+    done = subprocess.run(
+        [sys.executable, str(HERE / "counts.py")], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_a_calibration_compiles_each_function_once(counts):
+    found = counts["first"]["compilations"]
+    grown = {name: found.get(name, 0) for name, most in HEAVY.items() if found.get(name, 0) > most}
+    assert not grown, f"compiled more often than {HEAVY}: {grown}"
+    assert found["jit(_solve)"] == 1  # else the names have changed and nothing is watched
+    # the rest are single operations of about 15 ms each
+    assert sum(found.values()) <= 110, found
+
+
+def test_a_second_record_of_the_same_shape_compiles_nothing(counts):
+    assert counts["second"]["compilations"] == {}
+
+
+@pytest.mark.parametrize("record", ["first", "second"])
+def test_a_fit_takes_no_more_searches_and_steps_than_it_needs(record, counts):
+    found = counts[record]
+    # search, one or two rounds of noise and least squares, a last look from all optima
+    assert found["calls"]["search"] <= 5, found["calls"]
+    assert found["steps"] <= 50, found["steps"]  # 36 and 42 of 120
+    # three starts of about 25 evaluations in each round
+    assert found["calls"]["noise"] <= 200, found["calls"]
+
+
+def test_the_likelihood_is_called_for_the_draws_alone(counts):
+    """4096 draws, moved at most three times; ensembles of 64 walkers and their starts."""
+    proposal = 4 * 4096 + 64
+    assert counts["first"]["method"] == "importance"
+    assert counts["first"]["calls"]["likelihood rows"] <= proposal
+    assert counts["emcee"]["calls"]["likelihood rows"] <= proposal + 2 * 64 * (500 + 1)
+
+
+def test_no_array_of_steps_by_walkers_is_written_out(counts):
+    memory = counts["memory"]
+    by_steps = 8 * memory["num_steps"] * memory["num_rows"]
+    by_blocks = 8 * memory["num_blocks"] * memory["num_rows"]
+    # a few arrays of blocks by walkers: modelled means, residuals, whitened ones
+    assert memory["temporary_bytes"] < 6 * by_blocks < by_steps, memory
+
+
+def test_one_likelihood_and_its_jacobian_keep_up_with_c(tmp_path):
+    """Fastest of twenty turns, so that other users of the machine do not count.
+
+    Typical are 0.5 and 2.6. The bounds are generous for slow or wide processors, and below what is
+    lost where the loops are not compiled whole (above 10 and 40).
+    """
+    sys.path.insert(0, str(HERE))
+    import heatrun  # isort: skip  (before JAX)
+    import jax.numpy as jnp
+    import ours
+    import rivals
+    from duty_record import TRUTH, record
+    from rows import in_turns
+
+    assert heatrun.__version__
+    made = record(20_000)
+    in_c = rivals.c_likelihood(made, tmp_path)
+    if in_c is None:
+        pytest.skip("no C compiler")
+    mine, both = ours.likelihood(made), ours.jacobian(made)
+    one = jnp.asarray(TRUTH)
+    for what, call, most in (
+        ("one likelihood", lambda: mine(one[None]), 3.0),
+        ("residual and Jacobian", lambda: both(one), 12.0),
+    ):
+        here, there = in_turns(call, lambda: in_c(TRUTH[None]), 20).min(axis=0)
+        assert here / there < most, f"{what} takes {here / there:.1f} times as long as C"

@@ -1,0 +1,166 @@
+"""The same posterior by emcee, by weighted draws, and by two No-U-Turn samplers of others.
+
+All draw from the log density that `heatrun` fits and samples, in the coordinates of `Fit.vector`
+(standard scores of parameters and noise). The samplers of others see it whitened by the
+covariance of the fit, a linear change that leaves the density as it is.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from heatrun import archive
+from heatrun.bench.joined import read_test
+from heatrun.bench.reduction import reduce
+from heatrun.fit import fit
+from heatrun.fit_result import Fit
+from heatrun.model import Model, Order
+from heatrun.motorfile import load_motor
+from heatrun.noise import NOISE
+from heatrun.problem import Problem, log_posterior
+from heatrun.proposal import Weighted
+
+SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
+
+Statistics = dict[str, dict[str, tuple[float, float]]]
+"""Value and Monte Carlo error of each statistic, by parameter."""
+
+PROBABILITIES = (0.025, 0.5, 0.975)
+
+ACCEPT = 0.95
+"""Share of accepted proposals that step sizes are adapted to. At the customary 0.8 one draw in a
+hundred diverges where the white noise goes to zero, and the tail there is missed."""
+
+
+def fitted(test: str, order: Order) -> Fit:
+    """Return the fit of a bundled record."""
+    motor = load_motor(SYNTHETIC / "motor.toml")
+    blocks = reduce(read_test(SYNTHETIC / f"{test}.csv.gz", motor), motor)
+    return fit(Problem.of(Model.of(order, motor), motor, [blocks]))
+
+
+def names(found: Fit) -> list[str]:
+    """Return the names of the coordinates, noise last."""
+    return [slot.parameter.name for slot in found.slots] + [p.name for p in NOISE]
+
+
+def whitened_density(found: Fit) -> tuple[Callable, Callable]:
+    """Return the log density of whitened coordinates, and the way back to scores."""
+    factor = np.linalg.cholesky(found.covariance)
+    density = partial(log_posterior, found.problem.structure, found.problem.data)
+    centre, matrix = jnp.asarray(found.vector), jnp.asarray(factor)
+
+    def back(y: np.ndarray) -> np.ndarray:
+        return found.vector + np.asarray(y) @ factor.T
+
+    return lambda y: density(centre + matrix @ y), back
+
+
+def by_numpyro(found: Fit, *, num_warmup: int, num_draws: int, num_chains: int, seed: int):
+    """Return draws of numpyro's NUTS in scores, shape (chain, draw, all), and divergences."""
+    from numpyro.infer import MCMC, NUTS
+
+    density, back = whitened_density(found)
+    sampler = MCMC(
+        NUTS(potential_fn=lambda y: -density(y), target_accept_prob=ACCEPT),
+        num_warmup=num_warmup, num_samples=num_draws, num_chains=num_chains,
+        chain_method="sequential", progress_bar=False,
+    )  # fmt: skip
+    start = np.random.default_rng(seed).standard_normal((num_chains, found.vector.size))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of its own internals
+        sampler.run(
+            jax.random.key(seed),
+            init_params=jnp.asarray(start if num_chains > 1 else start[0]),
+            extra_fields=("diverging",),
+        )
+    draws = back(sampler.get_samples(group_by_chain=True))
+    return draws, int(np.sum(sampler.get_extra_fields()["diverging"]))
+
+
+def by_blackjax(found: Fit, *, num_warmup: int, num_draws: int, num_chains: int, seed: int):
+    """As `by_numpyro`, by NUTS of blackjax after its window adaptation."""
+    import blackjax
+
+    density, back = whitened_density(found)
+
+    def one(key, start):
+        warm, run = jax.random.split(key)
+        adaptation = blackjax.window_adaptation(
+            blackjax.nuts, density, target_acceptance_rate=ACCEPT
+        )
+        (state, tuned), _ = adaptation.run(warm, start, num_steps=num_warmup)
+        kernel = blackjax.nuts(density, **tuned)
+
+        def step(state, key):
+            state, info = kernel.step(key, state)
+            return state, (state.position, info.is_divergent)
+
+        return jax.lax.scan(step, state, jax.random.split(run, num_draws))[1]
+
+    start = np.random.default_rng(seed).standard_normal((num_chains, found.vector.size))
+    one = jax.jit(one)
+    results = [
+        one(key, jnp.asarray(row))
+        for key, row in zip(jax.random.split(jax.random.key(seed), num_chains), start, strict=True)
+    ]
+    draws = np.stack([np.asarray(positions) for positions, _ in results])
+    return back(draws), int(sum(np.sum(diverging) for _, diverging in results))
+
+
+def statistics(found: Fit, vectors: np.ndarray) -> Statistics:
+    """Return mean, sd and quantiles with the Monte Carlo errors by ArviZ, and its ESS and R-hat.
+
+    Args:
+        found: Names the coordinates.
+        vectors: Draws in scores, shape (chain, draw, all).
+    """
+    columns = {name: vectors[..., i] for i, name in enumerate(names(found))}
+    return archive.monte_carlo(columns, PROBABILITIES)
+
+
+def weighted_statistics(found: Fit, weighted: Weighted) -> Statistics:
+    """As `statistics`, of weighted draws: errors by the delta method of self-normalised means.
+
+    Reference: A. B. Owen, Monte Carlo theory, methods and examples, chapter 9, section 9.2.
+    """
+    result: Statistics = {}
+    w = weighted.weights
+    for name, x in zip(names(found), weighted.vectors.T, strict=True):
+        mean = float(w @ x)
+        sd = float(np.sqrt(w @ (x - mean) ** 2))
+        influence = {"mean": x - mean, "sd": ((x - mean) ** 2 - sd**2) / (2 * sd)}
+        values = {"mean": mean, "sd": sd}
+        order = np.argsort(x)
+        level = np.cumsum(w[order])
+        for p in PROBABILITIES:
+            value, low, high = (
+                float(np.interp(q, level, x[order])) for q in (p, 0.8 * p, p + 0.2 * (1 - p))
+            )
+            density = (0.2 * (1 - p) + 0.2 * p) / (high - low)
+            values[f"q{100 * p:g}"] = value
+            influence[f"q{100 * p:g}"] = ((x <= value) - p) / density
+        result[name] = {
+            key: (values[key], float(np.sqrt(np.sum(w**2 * influence[key] ** 2)))) for key in values
+        }
+    return result
+
+
+def z_values(one: Statistics, other: Statistics) -> dict[str, dict[str, float]]:
+    """Return differences over their joint Monte Carlo error, by parameter and statistic [1]."""
+    return {
+        name: {
+            key: (one[name][key][0] - other[name][key][0])
+            / float(np.hypot(one[name][key][1], other[name][key][1]))
+            for key in other[name]
+            if key in one[name] and key not in ("ess_bulk", "ess_tail", "rhat")
+        }
+        for name in one
+    }

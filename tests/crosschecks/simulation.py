@@ -1,0 +1,111 @@
+"""The same simulation by `lptn`, by scipy and by diffrax."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import independent
+import jax.numpy as jnp
+import numpy as np
+
+import lptn
+from heatrun.bench.joined import read_test
+from heatrun.bench.reduction import reduce
+from heatrun.motorfile import load_motor
+from lptn.effects.ac_copper_loss import AcCopperLoss
+from lptn.effects.insulation_conductivity import InsulationConductivity
+from lptn.effects.radiation import Radiation
+from lptn.effects.speed_cooling import SpeedCooling
+from lptn.effects.stray_load_loss import StrayLoadLoss
+
+SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
+
+
+def bundled_inputs(test: str, step_s: float, num: int | None = None) -> lptn.Inputs:
+    """Return the inputs of a bundled record on steps of a length [s], the first `num` of them."""
+    motor = load_motor(SYNTHETIC / "motor.toml")
+    full = reduce(read_test(SYNTHETIC / f"{test}.csv.gz", motor), motor, step_s=step_s).inputs
+    assert full.speed is not None
+    return lptn.Inputs(
+        step=full.step,
+        current_squared=full.current_squared[:num],
+        losses=full.losses[:num],
+        ambient=full.ambient[:num],
+        speed=full.speed[:num],
+        rated_speed=full.rated_speed,
+        rated_current=full.rated_current,
+    )
+
+
+def plain(inputs: lptn.Inputs) -> tuple[np.ndarray, np.ndarray]:
+    """Return the edges [s] and the drive of `independent` as plain arrays."""
+    current, speed = np.asarray(inputs.current_squared), np.asarray(inputs.speed)
+    columns = [
+        current,
+        np.asarray(inputs.losses),
+        np.asarray(inputs.ambient),
+        np.abs(speed) / float(inputs.rated_speed),
+        current / float(inputs.rated_current) ** 2,
+    ]
+    edges = float(inputs.step) * np.arange(current.size + 1)
+    return edges, np.stack(columns, axis=1)
+
+
+def cases() -> dict[str, tuple]:
+    """Return by name: network, effects, and the same balance written independently."""
+    p = independent
+    four = lptn.Network(
+        capacitance={node: jnp.asarray(C) for node, C in p.FOUR_C.items()},
+        resistance={link: jnp.asarray(R) for link, R in p.FOUR_R.items()},
+        share={node: jnp.asarray(part) for node, part in p.FOUR_SHARE.items()},
+    )
+    e = {name: jnp.asarray(value) for name, value in p.EFFECTS.items()}
+    effects = (
+        Radiation(eA=e["eA"], node="yoke"),
+        SpeedCooling(g=e["g"], m=e["m"], link=("yoke", "ambient")),
+        AcCopperLoss(k=e["ac"]),
+        StrayLoadLoss(k=e["stray"]),
+        InsulationConductivity(b=e["insulation"], link=("winding", "tooth")),
+    )
+    return {
+        "first order": (lptn.first_order(**p.FIRST), (), p.first_order),
+        "second order": (lptn.second_order(**p.SECOND), (), p.second_order),
+        "four nodes, five effects": (four, effects, p.four_nodes),
+    }
+
+
+def ours(network, effects, inputs, function) -> dict[str, np.ndarray]:
+    """Return temperatures at the edges by node [degC] by `lptn.simulate` or `lptn.reference`."""
+    start = {node: jnp.asarray(20.0) for node in network.nodes}
+    losses = lptn.CopperLosses(Rs0=jnp.asarray(independent.RS0))
+    trace = function(network, losses, inputs, start, effects=effects)
+    return {node: np.asarray(T) for node, T in trace.temperature.items()}
+
+
+NODES = {
+    "first order": ("winding",),
+    "second order": ("winding", "stator"),
+    "four nodes, five effects": ("winding", "tooth", "yoke", "magnet"),
+}
+"""Order of the nodes in `independent`."""
+
+
+def gaps(name: str, inputs: lptn.Inputs) -> dict[str, float]:
+    """Return the largest differences over nodes and edges [K] between ours and theirs."""
+    network, effects, slope = cases()[name]
+    edges, drive = plain(inputs)
+    start = [20.0] * len(NODES[name])
+    theirs = {
+        "scipy DOP853": independent.by_scipy(slope, start, edges, drive),
+        "diffrax Dopri8": independent.by_diffrax(slope, start, edges, drive),
+    }
+    result = {}
+    for label, function in (("simulate", lptn.simulate), ("reference", lptn.reference)):
+        found = ours(network, effects, inputs, function)
+        stacked = np.stack([found[node] for node in NODES[name]], axis=1)
+        for rival, values in theirs.items():
+            result[f"{label} / {rival}"] = float(np.max(np.abs(stacked - values)))
+    result["scipy DOP853 / diffrax Dopri8"] = float(
+        np.max(np.abs(theirs["scipy DOP853"] - theirs["diffrax Dopri8"]))
+    )
+    return result

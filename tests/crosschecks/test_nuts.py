@@ -1,0 +1,104 @@
+"""The same posterior by the No-U-Turn samplers of numpyro and blackjax."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heatrun.posterior import sample
+
+FAR = 4.5
+"""Largest difference in Monte Carlo errors: chance passes it once in 2000 comparisons of 14
+parameters by 5 statistics."""
+
+
+@pytest.fixture(scope="module")
+def ensemble(found):
+    return sample(found, seed=1)
+
+
+def largest(z):
+    return max(((abs(v), name, key) for name, row in z.items() for key, v in row.items()))
+
+
+def test_emcee_and_numpyro_draw_from_the_same_posterior(found, ensemble):
+    pytest.importorskip("numpyro")
+    import chains
+
+    draws, diverging = chains.by_numpyro(found, num_warmup=300, num_draws=500, num_chains=2, seed=4)
+    assert diverging == 0
+    theirs = chains.statistics(found, draws)
+    ours = chains.statistics(found, ensemble.vectors)
+    assert largest(chains.z_values(ours, theirs))[0] < FAR, largest(chains.z_values(ours, theirs))
+    # what is said of the kept draws must hold for them, not only for all that were drawn
+    kept = min(row["ess_bulk"][0] for row in ours.values())
+    assert kept > 0.3 * ensemble.convergence.effective_size
+
+
+def test_a_posterior_that_is_off_would_be_seen(found, ensemble):
+    """A third of a standard deviation, or a spread that is a quarter too wide."""
+    import chains
+
+    ours = chains.statistics(found, ensemble.vectors)
+    sd = ensemble.flat.std(axis=0)
+    shifted = chains.statistics(found, ensemble.vectors + 0.33 * sd)
+    centre = ensemble.flat.mean(axis=0)
+    wide = chains.statistics(found, centre + 1.25 * (ensemble.vectors - centre))
+    assert all(abs(row["mean"]) > FAR for row in chains.z_values(ours, shifted).values())
+    assert all(abs(row["sd"]) > FAR for row in chains.z_values(ours, wide).values())
+
+
+@pytest.mark.slow
+def test_blackjax_and_long_chains_agree_too(found, ensemble):
+    pytest.importorskip("blackjax")
+    pytest.importorskip("numpyro")
+    import chains
+
+    long = {"num_warmup": 1000, "num_draws": 4000, "num_chains": 4}
+    first, none = chains.by_blackjax(found, **long, seed=5)
+    second, neither = chains.by_numpyro(found, **long, seed=6)
+    assert none == neither == 0
+    by_name = [chains.statistics(found, v) for v in (first, second, ensemble.vectors)]
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        z = chains.z_values(by_name[one], by_name[other])
+        assert largest(z)[0] < FAR, largest(z)
+        # the errors are right only if the z values are of size one
+        assert 0.6 < np.sqrt(np.mean([v**2 for row in z.values() for v in row.values()])) < 1.5
+
+
+def test_weighted_draws_agree_with_the_ensemble(found, ensemble):
+    """A tenth of a standard deviation: the delta method knows nothing of a tail without draws."""
+    weighted = ensemble.weighted
+    assert weighted.is_sound
+    mean = weighted.weights @ weighted.vectors
+    sd = np.sqrt(weighted.weights @ (weighted.vectors - mean) ** 2)
+    spread = ensemble.flat.std(axis=0)
+    assert np.all(np.abs(mean - ensemble.flat.mean(axis=0)) < 0.1 * spread)
+    assert np.all(np.abs(np.log(sd / spread)) < 0.1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_weighted_draws_find_a_long_tail_or_say_that_they_did_not(found, seed, monkeypatch):
+    """One coordinate falls off four times as slowly to one side, as white noise near zero does."""
+    from heatrun import proposal
+
+    left, right = 2.0, 0.5  # standard deviations of the two halves, in those of the fit
+
+    def evaluate(_, vectors):
+        x = (vectors - found.vector) @ np.linalg.inv(np.linalg.cholesky(found.covariance)).T
+        last = np.where(x[:, -1] < 0, x[:, -1] / left, x[:, -1] / right)
+        return -0.5 * np.sum(x[:, :-1] ** 2, axis=1) - 0.5 * last**2
+
+    monkeypatch.setattr(proposal, "evaluate", evaluate)
+    weighted = proposal.importance_sample(found, seed=seed)
+    if not weighted.is_sound:
+        return
+    x = (weighted.vectors - found.vector) @ np.linalg.inv(np.linalg.cholesky(found.covariance)).T
+    mean = weighted.weights @ x[:, -1]
+    spread = np.sqrt(weighted.weights @ (x[:, -1] - mean) ** 2)
+    # of a split normal with halves a and b: mean (b - a) sqrt(2/pi), second moment a^2 - ab + b^2
+    expected = (right - left) * np.sqrt(2 / np.pi)
+    width = np.sqrt(left**2 - left * right + right**2 - expected**2)
+    # 16384 draws, of which the tail gets a share that keeps a sd good to a few per cent
+    assert abs(mean - expected) < 0.1 * width, (mean, expected)
+    assert abs(np.log(spread / width)) < 0.1, (spread, width)

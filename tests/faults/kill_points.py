@@ -1,0 +1,139 @@
+"""A small run that is killed before each of its file operations in turn, in processes of its own.
+
+`sys.addaudithook` reports every opening, renaming, making and removing of a file before it
+happens; the n-th is where SIGKILL comes. Nothing here loads JAX, so forking is safe, and each
+kill costs milliseconds.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import signal
+import sys
+from pathlib import Path
+
+import emcee
+import numpy as np
+
+from heatrun.checkpoint import Checkpoint
+from heatrun.run_folder import MANIFEST, RunFolder
+
+EVENTS = ("open", "os.rename", "os.remove", "os.rmdir", "os.mkdir", "shutil.rmtree")
+NUM_CHUNKS = 3
+IDENTITY = {"motor": "m", "seed": 1}
+
+
+class Countdown:
+    """Kills the process at the n-th file operation below a folder."""
+
+    def __init__(self, folder: Path, last: int) -> None:
+        self.folder, self.last, self.count = str(folder), last, 0
+
+    def __call__(self, event: str, arguments: tuple) -> None:
+        if event not in EVENTS or not str(arguments[0]).startswith(self.folder):
+            return
+        if event == "open" and not isinstance(arguments[1], str) and not arguments[2] & os.O_CREAT:
+            return  # reading changes nothing
+        self.count += 1
+        if self.count == self.last:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+def small_run(path: Path, text: str) -> list[int]:
+    """Do what a calibration does with its folder; return the chunks that were taken up."""
+    folder = RunFolder.begin(path, IDENTITY | {"text": text})
+    checkpoint = Checkpoint(folder.checkpoints, "key")
+    taken = len(checkpoint.load())
+    for number in range(taken, NUM_CHUNKS):
+        state = emcee.State(
+            np.full((4, 2), number, dtype=float),
+            log_prob=np.zeros(4),
+            random_state=np.random.RandomState(number).get_state(),
+        )
+        checkpoint.save(number, np.full((5, 4, 2), number, dtype=float), np.zeros((5, 4)), state)
+    chunks = checkpoint.load()
+    folder.write_json("fit.json", {"text": text, "chain": [c["chain"].sum() for c in chunks]})
+    (folder.partial / "figures").mkdir(exist_ok=True)
+    folder.write_json("figures/course.json", {"text": text})
+    folder.finish({"text": text})
+    return [taken]
+
+
+def in_child(job) -> int:
+    """Run a job in a process of its own and return the status that it ended with."""
+    child = os.fork()
+    if child == 0:
+        try:
+            job()
+        except BaseException as error:
+            print(repr(error), file=sys.stderr, flush=True)
+            os._exit(1)
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def state_of(path: Path) -> str:
+    """Return whose whole run lies at a place, `"nothing"`, or `"torn"`."""
+    if not path.exists():
+        return "nothing"
+    try:
+        manifest = json.loads((path / MANIFEST).read_text())
+        for name, digest in manifest["files"].items():
+            if hashlib.sha256((path / name).read_bytes()).hexdigest() != digest:
+                return "torn"
+        present = {
+            str(p.relative_to(path))
+            for p in path.rglob("*")
+            if p.is_file() and p.name not in (MANIFEST, "identity") and "checkpoints" not in p.parts
+        }
+    except (OSError, ValueError, KeyError):
+        return "torn"
+    return manifest["text"] if present == set(manifest["files"]) else "torn"
+
+
+def main(folder: Path) -> None:
+    """Kill at every operation, with and without an earlier run at the place; print what came."""
+    outcomes = []
+    for earlier in ("", "old"):
+        number = 0
+        while True:
+            number += 1
+            home = folder / f"{earlier or 'none'}_{number}"
+            path = home / "run"
+            if earlier:
+                small_run(path, earlier)
+            count = Countdown(home, number)
+
+            def killed(path=path, count=count):
+                sys.addaudithook(count)
+                small_run(path, "new")
+
+            status = in_child(killed)
+            after = state_of(path)
+            kept = len(list((home / "run.partial").rglob("chunk_*.npz")))
+            resumed = in_child(lambda path=path: small_run(path, "new"))
+            left = sorted(p.name for p in home.iterdir())
+            outcomes.append(
+                {
+                    "earlier": earlier,
+                    "operation": number,
+                    "status": status,
+                    "after": after,
+                    "chunks": kept,
+                    "resumed": resumed,
+                    "finally": state_of(path),
+                    "left": left,
+                    "fit": (path / "fit.json").read_text(),
+                }
+            )
+            shutil.rmtree(home)
+            if status == 0:
+                break
+    print(json.dumps(outcomes))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,55 @@
+"""The table of the kill campaign as a file under `results/faults`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from heatrun.run_folder import environment
+
+PHASES = ("reading", "fitting", "sampling", "writing")
+
+
+def write_table(tally: Any, folder: Path, kills: int, seed: int, minutes: float) -> None:
+    """Write `kills.md`.
+
+    Args:
+        tally: What the campaign saw.
+        folder: Where the table goes.
+        kills: How many signals were asked for.
+        seed: Of the campaign.
+        minutes: How long it took.
+    """
+    versions = environment()
+    lines = [
+        "# Calibrations killed and interrupted at random moments",
+        "",
+        f"`make study-faults` (`python tests/faults/campaign.py --kills {kills} --seed {seed}`), "
+        f"{minutes:.0f} minutes, Python {versions['python']}, "
+        + ", ".join(f"{name} {version}" for name, version in versions["packages"].items())
+        + ".",
+        "",
+        "Record: the bundled 30-minute duty at 1 Hz, second order. A run is disturbed up to three "
+        "times, started again with the same command each time, and then left to end. The moments "
+        "hang on the machine's load, so another run of the campaign hits other ones.",
+        "",
+        "| sampler | signal | " + " | ".join(PHASES) + " | all |",
+        "|---|---|" + "---:|" * (len(PHASES) + 1),
+    ]
+    for method in ("quick", "emcee"):
+        for sent in ("SIGKILL", "SIGINT"):
+            counts = [tally.kills[method, phase, sent] for phase in PHASES]
+            cells = " | ".join(str(count) for count in (*counts, sum(counts)))
+            lines.append(f"| {method} | {sent} | {cells} |")
+    lines += [
+        "",
+        f"- {sum(tally.kills.values())} signals struck a running command; "
+        f"{tally.num_finished} runs were brought to an end, {tally.num_resumed} of them from the "
+        "folder of a disturbed one.",
+        "- Faults (a half-written run at the destination, a traceback, a wrong exit code, a "
+        "posterior that differs in any bit from that of the undisturbed run, something left "
+        f"behind): {len(tally.faults)}.",
+    ]
+    lines += [f"    - {fault}" for fault in tally.faults]
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "kills.md").write_text("\n".join(lines) + "\n", encoding="utf-8")

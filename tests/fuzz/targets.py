@@ -1,0 +1,222 @@
+"""What is fed with hostile bytes: each target takes bytes and lets our own errors alone come out.
+
+`TARGETS` holds for each a function and seeds: whole files from which mutation starts. Used by
+the property-based tests and by the coverage-guided campaign.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import struct
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow
+import pyarrow.parquet
+
+from heatrun.bench.read import read_record
+from heatrun.checkpoint import Checkpoint
+from heatrun.errors import InputError
+from heatrun.motorfile import load_motor
+from heatrun.run_folder import load_result
+from heatrun.sheet_of_run import rewrite_sheet
+from heatrun.virtual import parameters_from
+
+FOLDER = Path(tempfile.mkdtemp(prefix="heatrun-fuzz-"))
+REFERENCE = Path(__file__).parents[2] / "data" / "synthetic"
+TABLE = "t,Is,Pd,Te,Tw_m\n0.0,10.5,300.0,21.5,22\n0.5,11.0,310.0,21.5,23\n1.0,-1e1,305.5,21.5,23\n"
+GERMAN = '"Gerät: 1"\nZeit [s];Strom [A];"T Wicklung [°C]"\n0,0;1,5;22,1\n0,5;1,75;22,2\n'
+CLOCK = "time;I;T [degC]\n2024-05-01 10:00:00,5;1;22\n2024-05-01 10:00:01,0;2;23\n"
+MAT_HEADER = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+
+
+@dataclass(frozen=True)
+class Target:
+    """Something that reads bytes.
+
+    Attributes:
+        run: Takes the bytes; anything but a quiet end is a fault.
+        seeds: Whole files.
+    """
+
+    run: Callable[[bytes], None]
+    seeds: tuple[bytes, ...]
+
+
+def record(suffix: str, *, start: bytes = b"") -> Callable[[bytes], None]:
+    """Return a function that reads bytes as a bench file."""
+    path = FOLDER / f"input.{suffix}"
+
+    def run(data: bytes) -> None:
+        path.write_bytes(start + data)
+        with suppress(InputError):
+            found = read_record(path)
+            for name, values in found.channels.items():
+                assert values.dtype == np.float64, name
+                assert values.shape == found.time_s.shape, name
+                assert not np.isinf(values).any(), name
+
+    return run
+
+
+def packed_mat(data: bytes) -> None:
+    """Read bytes as the content of a compressed variable of a MATLAB 5 file."""
+    packed = zlib.compress(data, 1)
+    record("mat")(MAT_HEADER + struct.pack("<II", 15, len(packed)) + packed)
+
+
+def motor(data: bytes) -> None:
+    """Read bytes as a motor file."""
+    path = FOLDER / "motor.toml"
+    path.write_bytes(data)
+    with suppress(InputError):
+        load_motor(path)
+
+
+def channel_map(data: bytes) -> None:
+    """Read bytes as the `[columns]` of a motor file, and a table with it."""
+    path, table = FOLDER / "map.toml", FOLDER / "mapped.csv"
+    path.write_bytes(b'[motor]\nname = "m"\n[columns]\n' + data)
+    table.write_text(GERMAN, encoding="utf-8")
+    with suppress(InputError):
+        read_record(table, load_motor(path))
+
+
+def result(data: bytes) -> None:
+    """Read bytes as the fit.json of a run whose manifest lists it rightly."""
+    run = FOLDER / "run"
+    run.mkdir(exist_ok=True)
+    (run / "fit.json").write_bytes(data)
+    listing = {"files": {"fit.json": hashlib.sha256(data).hexdigest()}}
+    (run / "manifest.json").write_text(json.dumps(listing))
+    with suppress(InputError):
+        rewrite_sheet(run, FOLDER / "again")
+    with suppress(InputError):
+        parameters_from(run, "second")
+
+
+def manifest(data: bytes) -> None:
+    """Read bytes as the manifest of a run."""
+    run = FOLDER / "listed"
+    run.mkdir(exist_ok=True)
+    (run / "fit.json").write_bytes(b"{}")
+    (run / "manifest.json").write_bytes(data)
+    with suppress(InputError):
+        load_result(run)
+
+
+def parameters(data: bytes) -> None:
+    """Read bytes as a TOML file of parameters."""
+    path = FOLDER / "parameters.toml"
+    path.write_bytes(data)
+    with suppress(InputError):
+        values = parameters_from(path, "second")
+        assert all(np.isfinite(value) for value in values.values()), values
+        assert all(values[name] > 0 for name in ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")), values
+
+
+def checkpoint(data: bytes) -> None:
+    """Read bytes as the first chunk of a chain; what is taken up must be whole."""
+    folder = FOLDER / "chunks"
+    folder.mkdir(exist_ok=True)
+    (folder / "chunk_00000.npz").write_bytes(data)
+    for chunk in Checkpoint(folder, "key").load():
+        assert np.isfinite(chunk["chain"]).all()
+        assert chunk["coords"].shape == chunk["chain"].shape[1:]
+
+
+def mat5() -> bytes:
+    """Return a MATLAB 5 file with two vectors, one of them stored in fewer bytes."""
+    import scipy.io
+
+    buffer = io.BytesIO()
+    time = np.arange(8.0)
+    scipy.io.savemat(buffer, {"t": time, "Is": time * 2, "note": "text", "Te": 21.0})
+    return buffer.getvalue()
+
+
+def hdf5() -> bytes:
+    """Return an HDF5 file with two vectors, one of them packed."""
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        file["t"] = np.arange(8.0)
+        file.create_dataset("Is", data=np.ones(8), chunks=(4,), compression="gzip")
+    return buffer.getvalue()
+
+
+def parquet() -> bytes:
+    """Return a small Parquet table."""
+    buffer = io.BytesIO()
+    columns = {"t": np.arange(8.0), "Is": np.ones(8), "name": ["a"] * 8}
+    pyarrow.parquet.write_table(pyarrow.table(columns), buffer)
+    return buffer.getvalue()
+
+
+def chunk() -> bytes:
+    """Return a whole chunk of a chain."""
+    folder = FOLDER / "made"
+    rng = np.random.RandomState(1)
+    chain = rng.standard_normal((3, 4, 2))
+
+    class State:
+        coords = chain[-1]
+        log_prob = np.zeros(4)
+        random_state = rng.get_state()
+
+    Checkpoint(folder, "key").save(0, chain, np.zeros((3, 4)), State())  # type: ignore[arg-type]
+    return (folder / "chunk_00000.npz").read_bytes()
+
+
+def stored(data: bytes) -> bytes:
+    """Return an npz file with its members stored unpacked, where mutation reaches them."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(buffer, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, old.read(name))
+    return buffer.getvalue()
+
+
+FIT = {
+    "format": "heatrun-fit/1",
+    "heatrun_version": "0.1.0",
+    "command": "heatrun calibrate",
+    "seed": 0,
+    "motor": {"name": "m", "losses": "balance", "sink": "ambient"},
+    "verdict": {"order": "second", "sentence": "The second order."},
+    "tests": [
+        {"name": "duty", "role": "calibration", "duration_s": 60.0, "num_samples": 9, "sha256": ""}
+    ],
+    "findings": [{"severity": "note", "where": "x", "message": "y", "remedy": "z"}],
+    "comparison": None,
+    "models": {"second": {"parameters": {"Ceq_w": {"value": 666.0}}}},
+}
+
+TARGETS: dict[str, Target] = {
+    "text": Target(record("csv"), tuple(text.encode() for text in (TABLE, GERMAN, CLOCK))),
+    "gzip": Target(
+        record("csv.gz", start=b"\x1f\x8b"), (zlib.compress(TABLE.encode(), wbits=31)[2:],)
+    ),
+    "mat5": Target(record("mat"), (mat5(),)),
+    "mat5 packed": Target(packed_mat, (mat5()[128:],)),
+    "hdf5": Target(record("mat", start=b"\x89HDF\r\n\x1a\n"), (hdf5()[8:],)),
+    "parquet": Target(record("parquet", start=b"PAR1"), (parquet()[4:],)),
+    "motor file": Target(motor, ((REFERENCE / "motor.toml").read_bytes(),)),
+    "channel map": Target(
+        channel_map, (b'winding_degC = "T Wicklung [degC]"\ntime_s = "rate 10 Hz"\n',)
+    ),
+    "fit.json": Target(result, (json.dumps(FIT).encode(),)),
+    "manifest.json": Target(manifest, (b'{"files": {"fit.json": "00"}}',)),
+    "parameters": Target(
+        parameters, (b"Ceq_w = 666.75\nCeq_sr = 15060.1\nReq_w = 0.14485\nReq_sr = 0.11625\n",)
+    ),
+    "checkpoint": Target(checkpoint, (chunk(), stored(chunk()))),
+}  # fmt: skip

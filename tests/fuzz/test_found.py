@@ -1,0 +1,209 @@
+"""Inputs that once ended in a traceback, a wrong number or without bound; each is a case kept."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import re
+import struct
+import zipfile
+import zlib
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow
+import pyarrow.parquet
+import pytest
+
+from heatrun.bench import mat, mat5, open_file, parquet
+from heatrun.bench.read import read_raw, read_record
+from heatrun.checkpoint import Checkpoint
+from heatrun.errors import InputError
+from heatrun.motorfile import load_motor
+from heatrun.virtual import parameters_from
+
+ROOT = Path(__file__).parents[2]
+GOOD = "Ceq_w = 666.75\nCeq_sr = 15060.1\nReq_w = 0.14485\nReq_sr = 0.11625\n"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"phases = 1{'0' * 5000}",
+        f"phases = 0x{'f' * 5000}",
+        f"rated_speed_rpm = 0x{'f' * 5000}",
+        f"rated_speed_rpm = {10**400}",
+        "phases = 1000000000000",
+        "rated_speed_rpm = -0x" + "f" * 400,
+    ],
+    ids=["digits", "hex", "hex_number", "too_large", "phases", "negative"],
+)
+def test_numbers_of_a_motor_file_beyond_any_machine(line, tmp_path):
+    path = tmp_path / "motor.toml"
+    path.write_text(f'[motor]\nname = "m"\n{line}\n')
+    with pytest.raises(InputError):
+        load_motor(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        GOOD.replace("666.75", "-666.75"),
+        GOOD.replace("0.14485", "0.0"),
+        GOOD.replace("0.14485", "nan"),
+        GOOD.replace("0.14485", "inf"),
+        GOOD.replace("666.75", "9" * 400),
+        f"parameters = 3\n{GOOD}",
+        "a = " + "[" * 3000,
+    ],
+    ids=["negative", "zero", "nan", "inf", "digits", "section", "nested"],
+)
+def test_parameters_that_are_no_parameters(text, tmp_path):
+    path = tmp_path / "parameters.toml"
+    path.write_text(text)
+    with pytest.raises(InputError):
+        parameters_from(path, "second")
+
+
+def test_a_gzip_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
+    monkeypatch.setattr(open_file, "LARGEST_BYTES", 2**20)
+    path = tmp_path / "test.csv.gz"
+    path.write_bytes(gzip.compress(b"1,2\n" * 2**20))
+    with pytest.raises(InputError, match="more than 1 MB unpacked"):
+        read_raw(path)
+
+
+def test_many_small_members_of_a_gzip_file_are_counted_together(tmp_path, monkeypatch):
+    monkeypatch.setattr(open_file, "LARGEST_BYTES", 2**20)
+    path = tmp_path / "test.csv.gz"
+    path.write_bytes(gzip.compress(b"1,2\n" * 2**17) * 3)
+    with pytest.raises(InputError, match="more than 1 MB unpacked"):
+        read_raw(path)
+
+
+def test_a_file_of_two_gigabytes_is_refused_unread(tmp_path):
+    path = tmp_path / "test.csv"
+    with path.open("wb") as file:
+        file.truncate(2**31)
+    with pytest.raises(InputError, match=r"at most 1024 MB, got 2048 MB.*lower rate"):
+        read_raw(path)
+
+
+def test_an_endless_device_is_refused():
+    with pytest.raises(InputError, match="got a device"):
+        read_raw("/dev/zero")
+
+
+@pytest.mark.parametrize("start", [b"\xfd7zXZ\x00", b"BZh9", b"\x28\xb5\x2f\xfd", b"Rar!"])
+def test_archives_are_named_and_left_packed(start, tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_bytes(start + bytes(100))
+    with pytest.raises(InputError, match=r"archive.*only gzip is unpacked"):
+        read_raw(path)
+
+
+def test_a_bomb_in_a_compressed_matlab_variable(tmp_path, monkeypatch):
+    monkeypatch.setattr(mat5, "LARGEST_BYTES", 2**20)
+    packed = zlib.compress(bytes(2**22))
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+    path = tmp_path / "test.mat"
+    path.write_bytes(header + struct.pack("<II", 15, len(packed)) + packed)
+    with pytest.raises(InputError, match="more than 1 MB"):
+        read_raw(path)
+
+
+def test_a_bomb_in_an_hdf5_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(mat, "LARGEST_NUMBERS", 10**6)
+    path = tmp_path / "test.mat"
+    with h5py.File(path, "w") as file:
+        # a thousand gigabytes that take a kilobyte on disk: no chunk is ever written
+        file.create_dataset("t", shape=(2**37,), dtype="f8", chunks=(2**20,), compression="gzip")
+    with pytest.raises(InputError, match="137438953472 numbers"):
+        read_raw(path)
+
+
+def test_data_sets_that_lie_in_other_files_are_not_followed(tmp_path):
+    secret = tmp_path / "secret.h5"
+    with h5py.File(secret, "w") as file:
+        file["t"] = np.arange(5.0)
+    raw = tmp_path / "raw.bin"
+    raw.write_bytes(np.arange(5.0).tobytes())
+    path = tmp_path / "test.mat"
+    with h5py.File(path, "w") as file:
+        file["own"] = np.arange(5.0)
+        file["linked"] = h5py.ExternalLink(str(secret), "t")
+        file.create_dataset("outside", shape=(5,), dtype="f8", external=[(str(raw), 0, 40)])
+        layout = h5py.VirtualLayout(shape=(5,), dtype="f8")
+        layout[:] = h5py.VirtualSource(str(secret), "t", shape=(5,))
+        file.create_virtual_dataset("virtual", layout)
+    table = read_raw(path)
+    assert [column.name for column in table.columns] == ["own"]
+    assert "linked (link to another file)" in table.findings[0].message
+
+
+def test_a_bomb_in_a_parquet_table(tmp_path, monkeypatch):
+    monkeypatch.setattr(parquet, "LARGEST_NUMBERS", 10**6)
+    path = tmp_path / "test.parquet"
+    pyarrow.parquet.write_table(pyarrow.table({"t": np.zeros(2 * 10**6)}), path)
+    with pytest.raises(InputError, match="2000000 numbers"):
+        read_raw(path)
+
+
+def test_a_file_that_grows_while_it_is_read_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "test.csv"
+    path.write_text("time_s,winding_degC\n0,1\n1,2\n")
+    fstat = open_file.os.fstat
+
+    def growing(number):
+        found = fstat(number)
+        with path.open("a") as file:
+            file.write("2,3\n")
+        return found
+
+    monkeypatch.setattr(open_file.os, "fstat", growing)
+    with pytest.raises(InputError, match="changed while it was read"):
+        read_record(path)
+
+
+def test_a_checkpoint_of_a_zip_that_is_no_zip(tmp_path):
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as file:
+        file.writestr("key.npy", b"no array")
+    content = bytearray(buffer.getvalue())
+    # "version needed to extract" of the central directory: 101, which zipfile does not implement
+    content[content.index(b"PK\x01\x02") + 6] = 101
+    (tmp_path / "chunk_00000.npz").write_bytes(content)
+    assert Checkpoint(tmp_path, "key").load() == []
+
+
+def test_a_pickle_in_a_checkpoint_is_not_run(tmp_path):
+    class Evil:
+        def __reduce__(self):
+            return (tmp_path.joinpath("ran").touch, ())
+
+    names = ("key", "chain", "log_density", "coords", "coords_density", "random_keys",
+             "random_rest")  # fmt: skip
+    evil = np.empty(1, dtype=object)
+    evil[0] = Evil()
+    np.savez(tmp_path / "chunk_00000.npz", allow_pickle=True, **dict.fromkeys(names, evil))
+    assert Checkpoint(tmp_path, "key").load() == []
+    assert not (tmp_path / "ran").exists()
+
+
+FORBIDDEN = re.compile(
+    r"\bpickle\b\s*[.(]|\bimport pickle\b|\beval\(|(?<![.\w])exec\(|allow_pickle=True"
+    r"|\bos\.system\b|shell=True|yaml\.load\(|read_pickle|\bmarshal\b|\bshelve\b|__import__\("
+)
+
+
+def test_no_file_of_the_packages_runs_what_it_reads():
+    found = []
+    for package in ("identify", "models"):
+        for path in (ROOT / package).rglob("*.py"):
+            for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+                if FORBIDDEN.search(line):
+                    found.append(f"{path.relative_to(ROOT)}:{number}: {line.strip()}")
+                if "np.load(" in line and "allow_pickle=False" not in line:
+                    found.append(f"{path.relative_to(ROOT)}:{number}: {line.strip()}")
+    assert found == []

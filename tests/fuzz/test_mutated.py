@@ -1,0 +1,52 @@
+"""Whole files with bytes changed, cut, doubled: our own error or a record, nothing else."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+NAMES = ("text", "gzip", "mat5", "mat5 packed", "hdf5", "parquet", "motor file", "channel map",
+         "fit.json", "manifest.json", "parameters", "checkpoint")  # fmt: skip
+TOKENS = (b"\x00", b"\xff\xff\xff\xff", b"1e999", b"nan", b"9" * 400, b'"', b"[", b"{", b"\n",
+          b"\x1b[2J", b"=cmd()", "１²".encode(), b"-0", b"null", b"]]]]", b"\xed\xa0")  # fmt: skip
+"""Pieces at which readers stumble."""
+
+
+@st.composite
+def mutations(draw):
+    """A list of changes, each a place in the file (as a share), what is cut and what is put in."""
+    place = st.floats(0.0, 1.0, exclude_max=True)
+    piece = st.one_of(st.sampled_from(TOKENS), st.binary(max_size=6))
+    return draw(st.lists(st.tuples(place, st.integers(0, 40), piece), min_size=1, max_size=5))
+
+
+def mutated(seed: bytes, changes) -> bytes:
+    for share, cut, piece in changes:
+        start = int(share * len(seed))
+        seed = seed[:start] + piece + seed[start + cut :]
+    return seed
+
+
+def test_every_target_is_named(targets):
+    assert set(NAMES) == set(targets)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_changed_file_gives_our_error_or_a_result(name, targets):
+    target = targets[name]
+
+    @settings(
+        max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow], database=None
+    )
+    @given(st.sampled_from(target.seeds), mutations())
+    def holds(seed, changes):
+        target.run(mutated(seed, changes))
+
+    holds()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_whole_files_are_read(name, targets):
+    for seed in targets[name].seeds:
+        targets[name].run(seed)

@@ -1,0 +1,368 @@
+"""From a run folder to prova.mat and back, bit for bit, or a refusal that says why."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from heatrun import cli
+from heatrun.bench.joined import read_test
+from heatrun.bench.mat5 import read_variables
+from heatrun.bench.read import read_record
+from heatrun.calibrate import calibrate, load_tests, manifest
+from heatrun.checkpoint import write_whole
+from heatrun.errors import InputError
+from heatrun.export import (
+    Corrections,
+    export_mat,
+    read_run_test,
+    simulate_variables,
+    thesis_variables,
+)
+from heatrun.motorfile import load_motor
+from heatrun.run_folder import RunFolder
+from heatrun.sheet.bands import band_table
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+THESIS = ["B", "Ceqsr", "Ceqw", "Is", "Pd", "Reqsr", "Reqw"]
+THESIS += ["Rrif", "Te", "Trif", "Tso", "Two", "Tw_m", "t"]
+FIRST_ORDER = [name for name in THESIS if name not in ("Ceqsr", "Reqsr", "Tso")]
+
+
+CHANNELS = {
+    "time_s": "t",
+    "phase_current_A": "Is",
+    "losses_W": "Pd",
+    "ambient_degC": "Te",
+    "winding_degC": "Tw_m",
+    "speed_rpm": "speed_rpm",
+}
+
+
+def write_csv(record, path):
+    pd.DataFrame({CHANNELS[name]: values for name, values in record.channels.items()}).to_csv(
+        path, index=False
+    )
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, duty, bench, generator):
+    """A folder with a motor file, two records at 1 Hz and a run of the second order on them.
+
+    The duty is the one that other tests fit too, so its compilations are shared.
+    """
+    folder = tmp_path_factory.mktemp("bench_day")
+    shutil.copy(DATA / "motor.toml", folder / "motor.toml")
+    write_csv(duty, folder / "duty.csv")
+    write_csv(bench(generator.constant_load(1800.0), seed=5), folder / "step.csv")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        motor = load_motor("motor.toml")
+        found = calibrate(
+            motor,
+            load_tests(motor, [Path("duty.csv")], [Path("step.csv")]),
+            orders=["second"],
+            method="quick",
+        )
+        run = RunFolder.begin(Path("run"), {})
+        run.write_json("fit.json", found.result)
+        band_table({"second": found.predictions["second"][0]}).to_csv(run.partial / "course_1.csv")
+        run.finish(manifest(found, "", 0))
+    return folder
+
+
+@pytest.fixture
+def day(finished, tmp_path, monkeypatch):
+    """A copy of it to spoil, as the working directory."""
+    shutil.copytree(finished, tmp_path / "day")
+    monkeypatch.chdir(tmp_path / "day")
+    return Path()
+
+
+def edit(path, change):
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(json.dumps(content))
+
+
+def test_every_variable_reads_back_to_the_last_bit(day):
+    written = export_mat(Path("run"), folder=Path("out"))
+    variables = read_variables(Path("out/prova.mat").read_bytes())
+    assert list(variables) == THESIS == list(written["variables"])
+    record = read_record("duty.csv", load_motor("motor.toml"))
+    signals = {
+        "t": record.time_s,
+        "Is": record["phase_current_A"],
+        "Pd": record["losses_W"],
+        "Te": record["ambient_degC"],
+        "Tw_m": record["winding_degC"],
+    }
+    model = json.loads(Path("run/fit.json").read_text())["models"]["second"]
+    found = {n: e["value"] for n, e in {**model["parameters"], **model["nuisances"]}.items()}
+    scalars = {
+        "B": 234.5,
+        "Trif": 25.0,
+        "Rrif": 3 * found["Rs0"],
+        "Ceqw": found["Ceq_w"],
+        "Ceqsr": found["Ceq_sr"],
+        "Reqw": found["Req_w"],
+        "Reqsr": found["Req_sr"],
+        "Two": found["Tw_start[duty]"],
+        "Tso": found["Tsr_start[duty]"],
+    }
+    for name, signal in signals.items():
+        assert variables[name].shape == (record.time_s.size, 1)
+        assert np.array_equal(variables[name][:, 0], signal)
+    for name, value in scalars.items():
+        assert np.array_equal(variables[name], [[value]])
+
+
+def test_our_reader_takes_the_file_for_the_record(day):
+    export_mat(Path("run"), folder=Path("out"))
+    motor = load_motor("motor.toml")
+    original, again = read_record("duty.csv", motor), read_record("out/prova.mat", motor)
+    for channel in again.channels:
+        assert np.array_equal(again[channel], original[channel])
+    assert set(original.channels) - set(again.channels) == {"speed_rpm"}
+    assert again.findings == ()  # above all, no conflict of resistances
+
+
+def test_the_first_order_has_the_names_of_its_own_model(day):
+    def add_first_order(result):
+        nuisances = {**result["models"]["second"]["nuisances"]}
+        del nuisances["Tsr_start[duty]"]
+        network = {"Ceq": {"value": 12500.0}, "Req": {"value": 0.132}}
+        result["models"]["first"] = {"parameters": network, "nuisances": nuisances}
+
+    edit(Path("run/fit.json"), add_first_order)
+    written = export_mat(Path("run"), folder=Path("out"), order="first")
+    variables = read_variables(Path("out/prova.mat").read_bytes())
+    assert list(variables) == FIRST_ORDER
+    assert (variables["Ceqw"], variables["Reqw"]) == (12500.0, 0.132)
+    assert variables["Rrif"] == pytest.approx(3 * 0.0062, rel=1e-15)
+    assert written["order"] == "first"
+
+
+def test_the_file_says_what_the_run_said(day):
+    test = read_run_test(Path("run"))
+    variables, _ = thesis_variables(test.record, test.values, test.motor, test.order)
+    corrections = Corrections.of(test.values)
+    variables = corrections.applied(variables, None)
+    course = simulate_variables(variables)
+    reading = corrections.reading(course.winding, variables["Te"].ravel())
+    of_run = pd.read_csv("run/course_1.csv")["second_winding_degC"].to_numpy()
+    block = np.maximum(np.ceil(course.time / 20.0 - 1e-9).astype(int) - 1, 0)  # blocks of 20 s
+    means = np.bincount(block, reading) / np.bincount(block)
+    # 0.05 K is the limit of what steps of 2 s may change; as much again for the median of the
+    # courses of all draws against the course of the medians
+    assert means == pytest.approx(of_run, abs=0.1)
+
+
+def test_a_held_out_test_starts_at_its_first_readings(day):
+    test = read_run_test(Path("run"), test="step")
+    assert test.is_held_out
+    model = json.loads(Path("run/fit.json").read_text())["models"]["second"]
+    offset = model["nuisances"]["sensor_offset"]["value"]
+    # readings are whole degrees, the first few scatter by one
+    assert test.values["Tw_start"] + offset == pytest.approx(
+        test.record["winding_degC"][:10].mean(), abs=1.0
+    )
+    assert test.values["Tsr_start"] == pytest.approx(test.values["Tw_start"], abs=1e-9)
+
+
+def test_the_same_run_gives_the_same_bytes_again(day):
+    first = export_mat(Path("run"))["files"]
+    before = [Path(file).read_bytes() for file in first]
+    assert export_mat(Path("run"))["files"] == first
+    assert [Path(file).read_bytes() for file in first] == before
+
+
+def test_the_command_prints_one_object(day, capsys):
+    words = ["export", "run", "--to", "mat", "--out", "out", "--test", "step", "--json"]
+    assert cli.main(words) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["test"] == "step"
+    assert printed["variables"]["Is"] == {"shape": [1801, 1], "unit": "A"}
+    assert [Path(file).exists() for file in printed["files"]] == [True, True]
+
+
+def test_a_correction_is_said_and_applied_on_demand(day, capsys):
+    def a_tenth_more(result):
+        result["models"]["second"]["nuisances"]["power_gain"]["value"] = 0.1
+
+    edit(Path("run/fit.json"), a_tenth_more)
+    assert cli.main(["export", "run", "--to", "mat", "--out", "plain"]) == 0
+    assert "power_gain = 0.1" in (said := capsys.readouterr().err)
+    assert "--corrected" in said
+    assert cli.main(["export", "run", "--to", "mat", "--out", "corrected", "--corrected"]) == 0
+    assert "--corrected" not in capsys.readouterr().err
+    plain = read_variables(Path("plain/prova.mat").read_bytes())
+    corrected = read_variables(Path("corrected/prova.mat").read_bytes())
+    assert np.array_equal(corrected["Pd"], 1.1 * plain["Pd"])
+    assert np.array_equal(corrected["Tw_m"], plain["Tw_m"])
+
+
+@pytest.mark.parametrize("name", ["duty.csv", "motor.toml"])
+def test_a_changed_file_is_refused(day, name):
+    with Path(name).open("a") as file:
+        file.write("\n")
+    with pytest.raises(InputError, match=f"{name} has changed since the run: SHA-256"):
+        export_mat(Path("run"), folder=Path("out"))
+    assert not Path("out").exists()
+
+
+def test_a_missing_record_is_refused(day, capsys):
+    Path("duty.csv").unlink()
+    assert cli.main(["export", "run", "--to", "mat"]) == 1
+    said = capsys.readouterr().err
+    assert "duty.csv of this run cannot be read (No such file" in said
+    assert "in the folder that the run was started in" in said
+
+
+def test_what_the_run_has_not_is_refused(day):
+    with pytest.raises(InputError, match="with one of: duty, step"):
+        export_mat(Path("run"), test="other")
+    with pytest.raises(InputError, match="holds no first order, only second"):
+        export_mat(Path("run"), order="first")
+
+
+def test_a_model_with_effects_is_refused(day):
+    def extend(result):
+        parameters = result["models"]["second"]["parameters"]
+        parameters["speed_cooling.gain"] = parameters["Req_sr"]
+
+    edit(Path("run/fit.json"), extend)
+    with pytest.raises(InputError, match=r"effects beyond the second-order .*speed_cooling"):
+        export_mat(Path("run"))
+
+
+@pytest.mark.parametrize("key", ["motor", "tests", "models"])
+def test_a_run_that_lacks_a_part_is_refused(day, key):
+    edit(Path("run/fit.json"), lambda result: result.pop(key))
+    with pytest.raises(InputError, match="lacks what an export needs"):
+        export_mat(Path("run"))
+
+
+@pytest.mark.parametrize(("value", "said"), [("x", "lacks what"), (None, "lacks what"),
+                                             (-1.0, "expected Ceq_w above 0, got -1")])  # fmt: skip
+def test_a_capacity_that_is_none_is_refused(day, value, said):
+    def spoil(result):
+        result["models"]["second"]["parameters"]["Ceq_w"]["value"] = value
+
+    edit(Path("run/fit.json"), spoil)
+    with pytest.raises(InputError, match=said):
+        export_mat(Path("run"))
+
+
+def test_a_run_without_a_calibrated_test_is_refused(day):
+    edit(Path("run/fit.json"), lambda result: result["tests"].pop(0))
+    with pytest.raises(InputError, match="no test that was calibrated on"):
+        export_mat(Path("run"))
+
+
+def test_a_torque_offset_needs_the_speed(day):
+    def add_torque_offset(result):
+        result["models"]["second"]["nuisances"]["torque_offset"] = {"value": 0.5}
+
+    edit(Path("run/fit.json"), add_torque_offset)
+    assert export_mat(Path("run"))["corrections_K"] > 1.0
+    table = pd.read_csv("duty.csv").drop(columns="speed_rpm")
+    table.to_csv("duty.csv", index=False)
+    digest = hashlib.sha256(Path("duty.csv").read_bytes()).hexdigest()
+
+    def without_speed(content):
+        for entry in content.get("tests", content.get("inputs")):
+            if entry["path"] == "duty.csv":
+                entry["sha256"] = digest
+
+    edit(Path("run/fit.json"), without_speed)
+    edit(Path("run/manifest.json"), without_speed)
+    with pytest.raises(InputError, match="torque offset, and this test has no speed"):
+        export_mat(Path("run"))
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"inputs": [{"path": 3}]}', '{"inputs": []}'])
+def test_a_damaged_manifest_is_refused(day, text):
+    Path("run/manifest.json").write_text(text)
+    with pytest.raises(InputError, match=r"manifest\.json"):
+        export_mat(Path("run"))
+
+
+def test_a_file_of_someone_else_is_left_alone(day):
+    out = Path("out")
+    out.mkdir()
+    (out / "prova.mat").write_bytes(b"MATLAB 5.0 MAT-file, Platform: PCWIN64")
+    with pytest.raises(InputError, match="not as heatrun writes it; it is left as it is"):
+        export_mat(Path("run"), folder=out)
+    assert (out / "prova.mat").read_bytes() == b"MATLAB 5.0 MAT-file, Platform: PCWIN64"
+    assert not (out / "run_prova.m").exists()
+
+
+def test_an_edited_script_is_left_alone(day):
+    script = Path(export_mat(Path("run"))["files"][1])
+    script.write_text("% mine")
+    with pytest.raises(InputError, match=r"run_prova\.m exists"):
+        export_mat(Path("run"))
+    assert script.read_text() == "% mine"
+
+
+def test_a_place_that_cannot_be_written_to_is_refused(day):
+    with pytest.raises(InputError, match="cannot be written"):
+        export_mat(Path("run"), folder=Path("motor.toml"))
+
+
+def test_nothing_is_left_half_written(day, monkeypatch):
+    def cut(path, content):
+        write_whole(path, content)
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("heatrun.export.mat.write_whole", cut)
+    with pytest.raises(InputError, match="No space left"):
+        export_mat(Path("run"), folder=Path("out"))
+    assert [path.name for path in Path("out").iterdir()] == ["prova.mat"]
+
+
+def test_a_rate_given_on_the_command_line_is_taken_up(day):
+    table = pd.read_csv("duty.csv").drop(columns="t")
+    table.to_csv("duty.csv", index=False)
+    digest = read_test("duty.csv@1Hz", load_motor("motor.toml")).sources[0].sha256
+
+    def without_time(content):
+        content["command"] = "heatrun calibrate motor.toml duty.csv@1Hz --holdout step.csv"
+        for entry in content.get("tests", content.get("inputs")):
+            if entry["path"] == "duty.csv":
+                entry["sha256"] = digest
+
+    edit(Path("run/fit.json"), without_time)
+    edit(Path("run/manifest.json"), without_time)
+    export_mat(Path("run"), folder=Path("out"))
+    time = read_variables(Path("out/prova.mat").read_bytes())["t"]
+    assert np.array_equal(time[:, 0], np.arange(3601.0))
+
+
+def test_a_test_of_two_loggers_is_read_from_both_files(day, monkeypatch):
+    drive = Path("drive.csv")
+    drive.write_text("Power [W]\n1\n")
+    entry = {"path": "drive.csv", "sha256": hashlib.sha256(drive.read_bytes()).hexdigest()}
+    edit(Path("run/manifest.json"), lambda content: content["inputs"].insert(2, entry))
+    words = "heatrun calibrate motor.toml duty.csv+drive.csv@10Hz --holdout step.csv"
+    edit(Path("run/fit.json"), lambda result: result.update(command=words))
+    asked = []
+
+    def read(text, motor):
+        asked.append(text)
+        return read_test("step.csv" if text == "step.csv" else "duty.csv", motor)
+
+    monkeypatch.setattr("heatrun.export.rerun.read_test", read)
+    read_run_test(Path("run"))
+    assert asked == ["duty.csv+drive.csv@10Hz"]
+    drive.write_text("Power [W]\n2\n")
+    with pytest.raises(InputError, match=r"drive\.csv has changed"):
+        read_run_test(Path("run"))
+    assert read_run_test(Path("run"), test="step").is_held_out  # the other test has one file

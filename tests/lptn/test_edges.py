@@ -1,0 +1,258 @@
+"""The simulation at the edge of what parameters and records can be, against SciPy and formulas."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import lptn
+from lptn import CopperLosses, Inputs
+
+B, T_REF = lptn.COPPER_COEFFICIENT, 25.0
+
+
+def matrix(Ceq_w, Ceq_sr, Req_w, Req_sr, k=0.0, kind="balance"):
+    """A of dT/dt = A T + q for two nodes by hand, stator first, k in W/K."""
+    back = -k if kind == "balance" else 0.0
+    return np.array(
+        [
+            [(-1 / Req_w - 1 / Req_sr) / Ceq_sr, (1 / Req_w + back) / Ceq_sr],
+            [1 / Req_w / Ceq_w, (-1 / Req_w + k) / Ceq_w],
+        ]
+    )
+
+
+def source(Ceq_w, Ceq_sr, Req_w, Req_sr, losses, ambient, k=0.0, kind="balance"):
+    copper = k * B
+    other = losses - copper if kind == "balance" else losses
+    return np.array([(other + ambient / Req_sr) / Ceq_sr, copper / Ceq_w])
+
+
+def constant(num, step, current=0.0, losses=0.0, ambient=20.0):
+    return Inputs(
+        step=jnp.asarray(step),
+        current_squared=jnp.full(num, current**2),
+        losses=jnp.full(num, losses),
+        ambient=jnp.full(num, ambient),
+    )
+
+
+def exact(A, q, start, times):
+    steady = np.linalg.solve(A, -q)
+    return np.stack([steady + expm(A * t) @ (start - steady) for t in times])
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e-1, 1e1, 1e3])
+def test_capacitances_and_resistances_over_six_decades(scale):
+    """A machine of another size: C times a scale, R over it, losses times it; the same course."""
+    values = {
+        "Ceq_w": 666.75 * scale,
+        "Ceq_sr": 15060.1 * scale,
+        "Req_w": 0.14485 / scale,
+        "Req_sr": 0.11625 / scale,
+    }
+    k_reference = 3 * 0.0062 / (B + T_REF) * 120.0**2
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062 * scale))
+    inputs = constant(3000, 1.0, current=120.0, losses=400.0 * scale)
+    trace = lptn.simulate(lptn.second_order(**values), losses, inputs, dict(stator=30, winding=50))
+    A = matrix(**values, k=k_reference * scale)
+    q = source(**values, losses=400.0 * scale, ambient=20.0, k=k_reference * scale)
+    expected = exact(A, q, np.array([30.0, 50.0]), [10.0, 300.0, 3000.0])
+    for node, column in (("stator", 0), ("winding", 1)):
+        got = np.asarray(trace.temperature[node])[[10, 300, 3000]]
+        # (h/tau)^3/24 of a change of 100 K with tau = 92 s: 5e-6 K
+        np.testing.assert_allclose(got, expected[:, column], atol=1e-5)
+
+
+@pytest.mark.parametrize("ratio", [2.0, 10.0, 100.0, 1000.0])
+def test_time_constants_from_one_to_two_up_to_one_to_a_thousand(ratio):
+    tau_w = 30.0
+    values = {"Req_w": 0.15, "Req_sr": 0.12}
+    values |= {"Ceq_w": tau_w / 0.15, "Ceq_sr": ratio * tau_w / 0.12}
+    step = 1.0
+    num = int(3 * ratio * tau_w / step)
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
+    k = float(losses.slope(jnp.asarray(100.0**2)))
+    trace = lptn.simulate(
+        lptn.second_order(**values),
+        losses,
+        constant(num, step, current=100.0, losses=500.0),
+        {"winding": 20.0, "stator": 20.0},
+    )
+    at = np.array([5, 60, num // 2, num])
+    expected = exact(
+        matrix(**values, k=k), source(**values, losses=500.0, ambient=20.0, k=k),
+        np.array([20.0, 20.0]), at * step,
+    )  # fmt: skip
+    got = np.stack([np.asarray(trace.temperature[n])[at] for n in ("stator", "winding")], axis=1)
+    # (h/tau)^3/24 of a change of 60 K with the fast eigenvalue below 1/20 s: 4e-4 K at the worst,
+    # and gone with the fast decay
+    np.testing.assert_allclose(got, expected, atol=5e-4)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_random_machines_against_scipy(seed):
+    """Parameters log-uniform over three decades each way, loads that change, a cold sink."""
+    rng = np.random.default_rng(seed)
+    values = {
+        "Ceq_w": 500.0 * 10 ** rng.uniform(-3, 3),
+        "Ceq_sr": 15000.0 * 10 ** rng.uniform(-3, 3),
+        "Req_w": 0.15 * 10 ** rng.uniform(-3, 3),
+        "Req_sr": 0.12 * 10 ** rng.uniform(-3, 3),
+    }
+    network = lptn.second_order(**values)
+    step = 0.2 * float(lptn.longest_step(network))
+    num = 400
+    # heat that warms a kelvin or so per step, whatever the size of the machine
+    pace = min(values["Ceq_w"], values["Ceq_sr"]) / step * 1e-2
+    power = pace * rng.uniform(1.0, 3.0, num)
+    squared = rng.uniform(0.0, 1.0, num)
+    Rs0 = 0.3 * pace / 3.0
+    losses = CopperLosses(Rs0=jnp.asarray(Rs0))
+    inputs = Inputs(
+        step=jnp.asarray(step),
+        current_squared=jnp.asarray(squared),
+        losses=jnp.asarray(power),
+        ambient=jnp.full(num, -40.0),
+    )
+    trace = lptn.simulate(network, losses, inputs, {"winding": -40.0, "stator": -40.0})
+    state, gaps, largest = np.array([-40.0, -40.0]), [], 1.0
+    for index in range(num):
+        k = 3.0 * Rs0 / (B + T_REF) * squared[index]
+        A = matrix(**values, k=k)
+        q = source(**values, losses=power[index], ambient=-40.0, k=k)
+        state = solve_ivp(
+            lambda t, y, A=A, q=q: A @ y + q, (0.0, step), state, method="DOP853",
+            rtol=1e-12, atol=1e-12,
+        ).y[:, -1]  # fmt: skip
+        got = [float(trace.temperature[n][index + 1]) for n in ("stator", "winding")]
+        gaps.append(np.max(np.abs(state - got)))
+        largest = max(largest, np.max(np.abs(state + 40.0)))
+    # the step is a fifth of the longest, h lambda < 0.2: 0.2^3/24 of the change in a step or so
+    assert np.isfinite(gaps).all()
+    assert max(gaps) < 4e-4 * largest
+
+
+@pytest.mark.parametrize("factor", [1.01, 10.0, 1e3])
+def test_a_step_beyond_the_fast_time_constant_is_refused_in_words(factor):
+    network = lptn.second_order(20.0, 15000.0, 0.05, 0.12)
+    step = factor * float(lptn.longest_step(network))
+    with pytest.raises(ValueError, match=r"longer than the fastest node allows.*finer grid"):
+        lptn.simulate(
+            network, CopperLosses(Rs0=jnp.asarray(0.0062)), constant(10, step),
+            {"winding": 20.0, "stator": 20.0},
+        )  # fmt: skip
+
+
+def test_the_longest_step_that_is_taken_is_still_right():
+    """Stiff at the limit: what the fast node does wrong is bounded and dies away."""
+    values = {"Ceq_w": 20.0, "Ceq_sr": 15000.0, "Req_w": 0.05, "Req_sr": 0.12}
+    network = lptn.second_order(**values)
+    step = 0.999 * float(lptn.longest_step(network))
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
+    k = float(losses.slope(jnp.asarray(1e4)))
+    trace = lptn.simulate(
+        network, losses, constant(4000, step, current=100.0, losses=500.0),
+        {"winding": 20.0, "stator": 20.0},
+    )  # fmt: skip
+    at = np.array([1, 10, 4000])
+    expected = exact(
+        matrix(**values, k=k), source(**values, losses=500.0, ambient=20.0, k=k),
+        np.array([20.0, 20.0]), at * step,
+    )  # fmt: skip
+    got = np.asarray(trace.temperature["winding"])[at]
+    # h/tau = 0.5: the third-order series misses the exponential by 0.5^4/24 = 0.26 % of the
+    # winding's own rise of 10 K in a step
+    np.testing.assert_allclose(got, expected[:, 1], atol=0.03)
+    np.testing.assert_allclose(got[-1], expected[-1, 1], atol=1e-4)
+
+
+@pytest.mark.parametrize(("product", "sign"), [(0.99, -1), (1.01, 1), (3.0, 1)])
+def test_thermal_runaway_begins_where_the_formula_says(product, sign):
+    """One node, losses from a map: dT/dt grows from m I^2 Rs0 Req/(B + Tref) = 1 on."""
+    C, R = 12_500.0, 0.132
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062), kind="map")
+    squared = product / R / float(losses.slope(jnp.asarray(1.0)))
+    rate = lptn.growth_rate(lptn.first_order(C, R), losses, squared)
+    assert rate == pytest.approx((product - 1.0) / (R * C), rel=1e-9)
+    assert np.sign(rate) == sign
+    inputs = constant(2000, 5.0, current=np.sqrt(squared))
+    trace = lptn.simulate(lptn.first_order(C, R), losses, inputs, {"winding": 20.0})
+    pace = np.diff(np.asarray(trace.temperature["winding"]))
+    assert np.sign(pace[-1] - pace[0]) == sign
+    # the growth that the simulation shows is the eigenvalue
+    shown = np.log(pace[-1] / pace[-101]) / (100 * 5.0)
+    assert shown == pytest.approx(rate, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["balance", "map"])
+def test_the_growth_rate_of_two_nodes_is_the_eigenvalue_by_hand(kind, network):
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062), kind=kind)
+    reference = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
+    for current in (0.0, 100.0, 600.0):
+        k = float(losses.slope(jnp.asarray(current**2)))
+        expected = np.linalg.eigvals(matrix(**reference, k=k, kind=kind)).real.max()
+        rate = lptn.growth_rate(network, losses, current**2)
+        assert rate == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("step", [1e-3, 60.0])
+def test_a_thousandth_of_a_second_and_a_minute(step):
+    values = {"Ceq_w": 6667.5, "Ceq_sr": 150601.0, "Req_w": 0.14485, "Req_sr": 0.11625}
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
+    k = float(losses.slope(jnp.asarray(1e4)))
+    num = 20_000 if step < 1.0 else 600
+    trace = lptn.simulate(
+        lptn.second_order(**values), losses, constant(num, step, current=100.0, losses=500.0),
+        {"winding": 20.0, "stator": 20.0},
+    )  # fmt: skip
+    expected = exact(
+        matrix(**values, k=k), source(**values, losses=500.0, ambient=20.0, k=k),
+        np.array([20.0, 20.0]), [num * step],
+    )  # fmt: skip
+    got = [float(trace.temperature[n][-1]) for n in ("stator", "winding")]
+    # a minute: (60/900)^3/24 of 80 K, 1e-3 K, which has decayed by the end; a millisecond:
+    # 20,000 roundings of 1e-16 of 300 K
+    np.testing.assert_allclose(got, expected[0], atol=1e-4 if step > 1.0 else 1e-9)
+
+
+def test_no_current_is_the_passive_network_and_no_losses_the_cooling_curve(network):
+    reference = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
+    for power in (0.0, 300.0):
+        trace = lptn.simulate(
+            network, losses, constant(1000, 2.0, losses=power, ambient=-40.0),
+            {"winding": 120.0, "stator": 60.0},
+        )  # fmt: skip
+        expected = exact(
+            matrix(**reference), source(**reference, losses=power, ambient=-40.0),
+            np.array([60.0, 120.0]), [100.0, 2000.0],
+        )  # fmt: skip
+        got = np.stack(
+            [np.asarray(trace.temperature[n])[[50, 1000]] for n in ("stator", "winding")], axis=1
+        )
+        # (2/92)^3/24 of a change of 100 K: 4e-5 K
+        np.testing.assert_allclose(got, expected, atol=5e-5)
+        assert float(jnp.max(jnp.abs(trace.copper_loss))) == 0.0
+
+
+def test_a_gap_of_one_sample_is_one_long_step(network):
+    """Steps of 1 s with one of 2 s, as where a sample is missing: the same as without the gap."""
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
+    start = {"winding": 20.0, "stator": 20.0}
+    steps = np.ones(600)
+    whole = lptn.simulate(network, losses, constant(600, 1.0, 100.0, 500.0), start)
+    steps = np.delete(steps, 300)
+    steps[299] = 2.0
+    gap = Inputs(
+        step=jnp.asarray(steps),
+        current_squared=jnp.full(599, 1e4),
+        losses=jnp.full(599, 500.0),
+        ambient=jnp.full(599, 20.0),
+    )
+    trace = lptn.simulate(network, losses, gap, start)
+    # the one long step: (2/92)^3/24 of what is left of a change of 30 K
+    assert float(trace.reading[-1]) == pytest.approx(float(whole.reading[-1]), abs=1e-5)
