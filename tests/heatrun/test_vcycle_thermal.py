@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -40,6 +41,13 @@ def warming(*, tau_s: float, hours: float, noise_K: float = 0.1, rounding_K: flo
     )
 
 
+def seal(folder: Path) -> None:
+    """List the files of a run with their digests, as a finished run does."""
+    files = {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.glob("*.*")
+             if p.name != "manifest.json"}  # fmt: skip
+    (folder / "manifest.json").write_text(json.dumps({"files": files}), encoding="utf-8")
+
+
 @pytest.fixture
 def run(tmp_path):
     """A run folder whose posterior lies closely around the truth, in the form of a calibration."""
@@ -61,7 +69,6 @@ def run(tmp_path):
         "tests": [{"sha256": "of the calibration", "role": "calibration"}],
     }
     (folder / "fit.json").write_text(json.dumps(result), encoding="utf-8")
-    (folder / "manifest.json").write_text("{}", encoding="utf-8")
     draws = {
         name: (("chain", "draw"), value * (1.0 + 0.005 * rng.normal(size=(1, NUM_DRAWS))))
         for name, value in TRUTH.items()
@@ -69,6 +76,7 @@ def run(tmp_path):
     xarray.Dataset(draws).to_netcdf(
         folder / "posterior_second.nc", group="posterior", engine="h5netcdf"
     )
+    seal(folder)
     return folder
 
 
@@ -183,6 +191,13 @@ def test_the_thermal_report_shows_the_run_and_the_virtual_one_compares(run, benc
     assert winding.share_in_band > 0.85
 
 
+def test_a_run_that_another_test_drives_beyond_all_temperatures_is_refused(run, bench, generator):
+    record = bench(generator.duty(1800.0), seed=21)
+    amplified = {**record.channels, "losses_W": 1000.0 * record["losses_W"]}  # mW taken for W
+    with pytest.raises(InputError, match="copper melts"):
+        simulate_run(run, Record("amplified", amplified), MOTOR)
+
+
 def test_draws_leave_out_starts_and_keep_fixed_values(run):
     draws = read_draws(run, num_draws=50, seed=0)
     assert set(draws.values) == {*TRUTH, *INSTRUMENTS}
@@ -204,6 +219,7 @@ def test_a_damaged_run_is_an_error_of_ours(run, damage):
                 "fixed": True,
             }
         (run / "fit.json").write_text(json.dumps(result), encoding="utf-8")
+        seal(run)
     with pytest.raises(InputError, match="run"):
         read_draws(run, num_draws=50, seed=0)
 

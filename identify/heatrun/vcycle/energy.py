@@ -41,7 +41,6 @@ def energy_report(motor: Motor, record: Record) -> Report:
             "Electrical power, and the energy drawn so far with and without what was fed back.",
             lambda: energy_course(kept, motor),
         ),
-        Drawing("courses", "The signals behind it over time.", lambda: courses(kept, motor)),
     ]
     if has(record, "torque_Nm", "speed_rpm"):
         drawings.append(
@@ -52,6 +51,9 @@ def energy_report(motor: Motor, record: Record) -> Report:
                 lambda: plane(kept, found_map),
             )
         )
+    drawings.append(
+        Drawing("courses", "The signals behind it over time.", lambda: courses(kept, motor))
+    )
     definitions = information_definitions(found)
     if found_map is not None:
         definitions = (*definitions, ("Efficiency", EFFICIENCY))

@@ -17,6 +17,7 @@ from ..bench.reduction import reduce
 from ..errors import InputError
 from ..model import Model, Order, parameters
 from ..motor import Motor
+from ..virtual import MELTING_DEGC
 from .run_draws import RunDraws, read_draws
 
 NUM_DRAWS = 400
@@ -104,7 +105,7 @@ def simulate_run(
         seed: Of draws, start and noise.
 
     Raises:
-        InputError: If the run cannot be read, or the record lacks a channel.
+        InputError: If the run cannot be read, the record lacks a channel, or a draw runs away.
     """
     draws = read_draws(run, order=order, num_draws=num_draws, seed=seed)
     blocks = reduce(record, motor)
@@ -121,6 +122,7 @@ def simulate_run(
     wanted = {name: jnp.asarray(values[name]) for name in needed}
     course = jax.tree.map(np.asarray, _courses(model, wanted, blocks.observation()))
     reading = course["reading"]
+    _refuse_runaway(course["nodes"], blocks, run)
     variance = draws.noise_sd_K**2 + draws.noise_white_K**2 * BLOCK_S / blocks.block_s
     rounding = blocks.rounding_K**2 / 12.0 / np.maximum(blocks.count, 1.0)
     noisy = reading + np.sqrt(variance + rounding) * rng.standard_normal(reading.shape)
@@ -138,6 +140,19 @@ def simulate_run(
         flows_W={link: np.median(P, axis=0) for link, P in course["flows"].items()},
         flows_95_W={link: _limits(P) for link, P in course["flows"].items()},
     )
+
+
+def _refuse_runaway(nodes: dict[str, np.ndarray], blocks: Blocks, run: Path) -> None:
+    """Refuse draws that leave the temperatures at which there is a machine, and NaN with them."""
+    hottest = np.max(np.stack(list(nodes.values())), axis=0)
+    share = float(np.mean(np.any(~(hottest < MELTING_DEGC), axis=1)))
+    if share > 0.0:
+        raise InputError(
+            f"{share:.0%} of the run's draws pass {MELTING_DEGC:.0f} degC under this test, where "
+            "copper melts.",
+            where=f"{blocks.name}, {run}",
+            remedy="Is the run of this motor? Check the units of current (rms) and losses (W).",
+        )
 
 
 def _start(
