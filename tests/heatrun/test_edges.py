@@ -78,7 +78,9 @@ LOADS = (0, 100, 60, 120, 0, 80, 110, 0)
 
 
 @pytest.mark.parametrize(
-    ("step", "ambient"), [(1.0, -40.0), (10.0, 20.0)], ids=["cold", "ten_seconds"]
+    ("step", "ambient"),
+    [(1.0, -40.0), pytest.param(10.0, 20.0, marks=pytest.mark.slow)],
+    ids=["cold", "ten_seconds"],
 )
 def test_a_cold_chamber_and_a_slow_logger_are_fitted(step, ambient, machine):
     record = simulated(step, 90, LOADS, ambient=ambient)
@@ -92,6 +94,7 @@ def test_a_cold_chamber_and_a_slow_logger_are_fitted(step, ambient, machine):
             assert abs(found.z[position] - z) < 4.0 * sd[position], slot.name
 
 
+@pytest.mark.slow
 def test_gaps_of_one_sample_change_nothing_but_a_little(machine):
     whole = simulated(1.0, 60, LOADS)
     kept = np.ones(whole.time_s.size, dtype=bool)
