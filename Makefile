@@ -5,8 +5,8 @@ BIN := $(VENV)/bin
 # A second Python for `make test-latest`: the newest there is above 3.11.
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
-.PHONY: demo test test-slow test-latest lint types check bench study-crosschecks study-discovery \
-  study-view notebooks lock clean
+.PHONY: demo test test-slow test-latest lint types check bench study-coverage study-crosschecks \
+  study-discovery study-faults study-fuzz study-view audit notebooks lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -42,6 +42,17 @@ study-discovery: $(VENV)/ready
 
 study-view: $(VENV)/ready
 	$(BIN)/python tests/studies/view_speed.py
+
+study-faults: $(VENV)/ready
+	$(BIN)/python tests/faults/campaign.py
+	$(BIN)/python tests/faults/memory.py
+
+study-fuzz: $(VENV)/ready
+	$(BIN)/python tests/fuzz/campaign.py
+
+# Licences of the lock file; known vulnerabilities too where pip-audit is installed.
+audit: $(VENV)/ready
+	$(BIN)/python tests/audit/licences.py
 
 notebooks: $(VENV)/ready
 	$(BIN)/pytest -m notebook

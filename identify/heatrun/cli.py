@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -34,16 +35,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _call(options: argparse.Namespace) -> int:
     """Run the command of the options and turn what it raises into messages and exit codes."""
-    from .commands.console import print_error
+    from .commands.console import print_error, printable
 
     cache_compilations()
     one_thread_for_small_matrices()
     as_json = getattr(options, "json", False)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # a terminal or pipe of few characters is no reason to lose a result; JSON is UTF-8
+        encoding = "utf-8" if as_json else None
+        sys.stdout.reconfigure(encoding=encoding, errors="backslashreplace")
     try:
         code = int(options.run_command(options))
         sys.stdout.flush()
     except UsageError as error:
-        print(f"heatrun: {error}", file=sys.stderr)
+        print(f"heatrun: {printable(str(error))}", file=sys.stderr)
         return WRONG_USE
     except InputError as error:
         print_error(error, as_json=as_json)

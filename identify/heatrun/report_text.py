@@ -93,4 +93,4 @@ def discovery_text(result: Mapping[str, Any]) -> str:
             f"To separate {' and '.join(test['separates'])}: {test['what']} (expected log Bayes "
             f"factor {test['expected_log_bayes_factor']:.0f})"
         )
-    return "\n".join(lines)
+    return "\n".join(_printable(line) for line in lines)

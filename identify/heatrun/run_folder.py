@@ -246,8 +246,11 @@ def list_again(run: Path) -> None:
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, str):
+        # bytes of a file name that are no UTF-8 are carried as halves of characters
+        return value.encode(errors="backslashreplace").decode()
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {_plain(str(key)): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
         return _plain(value.tolist())
     if isinstance(value, list | tuple):

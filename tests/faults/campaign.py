@@ -53,6 +53,11 @@ class Tally:
     faults: list[str] = field(default_factory=list)
 
 
+def listen() -> None:
+    """Let a process be interrupted even where a shell in the background started this one."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 class Command:
     """A command in a process of its own, with the times at which its phases began."""
 
@@ -60,7 +65,11 @@ class Command:
         self.began = {"reading": time.monotonic()}
         self.err: list[str] = []
         self.process = subprocess.Popen(
-            words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+            words,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=listen,
         )
         self._reader = threading.Thread(target=self._read)
         self._reader.start()

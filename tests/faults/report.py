@@ -1,7 +1,8 @@
-"""The table of the kill campaign as a file under `results/faults`."""
+"""The table of the kill campaign as `results/faults/table.md`."""
 
 from __future__ import annotations
 
+import datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ PHASES = ("reading", "fitting", "sampling", "writing")
 
 
 def write_table(tally: Any, folder: Path, kills: int, seed: int, minutes: float) -> None:
-    """Write `kills.md`.
+    """Write `table.md`.
 
     Args:
         tally: What the campaign saw.
@@ -25,7 +26,7 @@ def write_table(tally: Any, folder: Path, kills: int, seed: int, minutes: float)
         "# Calibrations killed and interrupted at random moments",
         "",
         f"`make study-faults` (`python tests/faults/campaign.py --kills {kills} --seed {seed}`), "
-        f"{minutes:.0f} minutes, Python {versions['python']}, "
+        f"{minutes:.0f} minutes, {datetime.date.today().isoformat()}, Python {versions['python']}, "
         + ", ".join(f"{name} {version}" for name, version in versions["packages"].items())
         + ".",
         "",
@@ -52,4 +53,6 @@ def write_table(tally: Any, folder: Path, kills: int, seed: int, minutes: float)
     ]
     lines += [f"    - {fault}" for fault in tally.faults]
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "kills.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    cases = Path(__file__).with_name("cases.md").read_text(encoding="utf-8")
+    text = "\n".join(lines) + "\n\n" + cases
+    (folder / "table.md").write_text(text, encoding="utf-8")

@@ -195,7 +195,9 @@ def test_output_that_cannot_be_written_is_said(inputs):
 
 
 def test_an_interrupt_ends_with_130_and_a_word(inputs, tmp_path):
-    command = subprocess.Popen(words(inputs, tmp_path / "run"), stderr=subprocess.PIPE, text=True)
+    command = subprocess.Popen(
+        words(inputs, tmp_path / "run"), stderr=subprocess.PIPE, text=True, preexec_fn=listening
+    )
     assert command.stderr is not None
     said = ""
     for line in command.stderr:
@@ -222,6 +224,11 @@ def test_a_clock_that_runs_backwards_changes_no_result(tmp_path, monkeypatch):
 
 def test_text_from_files_cannot_steer_the_terminal():
     assert printable("\x1b[2J\x07\u202etest\u2028") == r"\x1b[2J\x07\u202etest\u2028"
+
+
+def listening():
+    """A shell in the background lets its children ignore the interrupt."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def limited():

@@ -131,7 +131,8 @@ def read_record(
     time_s, time_notes = _time(mapped, table, rate_Hz, where)
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
     channels, derived = derive(channels, phases=phases, losses=losses)
-    test = name or _stem(Path(path))
+    # a name goes on to figures, tables and the terminal, where a control character would act
+    test = name or "".join(c if c.isprintable() else "?" for c in _stem(Path(path)))
     conflict = resistance_conflict(table.constants, motor, where)
     findings = (*table.findings, *mapped.findings, *conflict)
     return Record(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import words
-from .console import bar, say
+from .console import bar, printable, say
 from .exit_codes import DONE, NOT_ALLOWED
 from .loading import load
 
@@ -110,7 +110,7 @@ def calibrate_into_folder(
         print(dump({**found.result, "run": str(written)}))
     else:
         print(result_text(found.result))
-        print(f"\nRun folder:      {written}")
+        print(f"\nRun folder:      {printable(str(written))}")
         for name in ("sheet.pdf", "sheet.xlsx", "posterior_second.nc", "figures"):
             if (written / name).exists():
                 print(f"  {name:<14} {written / name}")

@@ -7,7 +7,7 @@ from typing import Any
 
 from . import words
 from .calibrate import calibrate_into_folder
-from .console import say
+from .console import printable, say
 from .exit_codes import DONE, NOT_ALLOWED
 from .loading import load
 
@@ -49,7 +49,6 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(dump({k: found.result[k] for k in ("verdict", "comparison", "findings", "tests")}))
     else:
-        print(
-            "\n".join([found.result["verdict"]["sentence"], *found.result["comparison"]["words"]])
-        )
+        sentences = [found.result["verdict"]["sentence"], *found.result["comparison"]["words"]]
+        print("\n".join(printable(sentence) for sentence in sentences))
     return DONE

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from . import words
-from .console import bar, say
+from .console import bar, printable, say
 from .exit_codes import DONE, NOT_ALLOWED
 from .loading import load
 
@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
         print(dump({**job.result, "run": str(job.path)}))
     else:
         print(discovery_text(job.result))
-        print(f"\nRun folder:      {job.path}")
+        print(f"\nRun folder:      {printable(str(job.path))}")
         for name in ("discovery.pdf", "sheet.pdf", "discovery.json"):
             print(f"  {name:<14} {job.path / name}")
     return DONE

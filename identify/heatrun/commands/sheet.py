@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from . import words
+from .console import printable
 from .exit_codes import DONE
 
 
@@ -28,5 +29,5 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(dump({"files": [str(path) for path in written]}))
     else:
-        print("\n".join(str(path) for path in written))
+        print("\n".join(printable(str(path)) for path in written))
     return DONE

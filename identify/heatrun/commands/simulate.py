@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from . import words
+from .console import printable
 from .exit_codes import DONE
 
 
@@ -42,5 +43,5 @@ def run(options: argparse.Namespace) -> int:
     else:
         for row in rows:
             error = "" if row["rmse_K"] is None else f", {row['rmse_K']:.2f} K RMSE to measured"
-            print(f"{row['file']}: {row['num_rows']} rows{error}")
+            print(f"{printable(row['file'])}: {row['num_rows']} rows{error}")
     return DONE
