@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-DURATIONS_S = (1800.0, 2700.0, 3600.0, 5400.0, 7200.0)
+DURATIONS_S = (1800.0, 3600.0, 5400.0)
 """Lengths of the calibration tests: few, because each length is compiled once."""
 
 KINDS = ("staircase", "constant_load", "duty", "drive_cycle")
