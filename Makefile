@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # A second Python for `make test-latest`: the newest there is above 3.11.
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
-.PHONY: demo test test-slow test-latest lint types check bench study-discovery notebooks lock clean
+.PHONY: demo test test-slow test-latest lint types check bench study-discovery study-coverage notebooks lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -35,6 +35,9 @@ bench: $(VENV)/ready
 study-discovery: $(VENV)/ready
 	$(BIN)/python tests/studies/discovery.py
 	$(BIN)/python tests/studies/discovery_time.py
+
+study-coverage: $(VENV)/ready
+	$(BIN)/python tests/studies/coverage.py
 
 notebooks: $(VENV)/ready
 	$(BIN)/pytest -m notebook
