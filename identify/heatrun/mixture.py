@@ -21,21 +21,29 @@ from .fit_result import Fit
 from .problem import NUM_NOISE, Problem, linearise
 from .restricted import Conditional, conditional_batch
 
-DEGREES_OF_FREEDOM = 8.0
+DEGREES_OF_FREEDOM = 5.0
 """Tails of the draws: heavier than those of the posterior, so that weights stay bounded."""
 
 NUM_FIRST = 2048
 """Draws of the noise from which the kernels are made."""
 
 NUM_KERNELS = 256
-BANDWIDTH = 0.45
-"""Width of a kernel in standard deviations [1]: Silverman's rule for 256 points in 3 dimensions."""
+BANDWIDTH = 0.6
+"""Width of a kernel in standard deviations [1]: Silverman's rule, 0.45 for 256 points in 3
+dimensions, and a third more, because too thin a tail costs more than a broad middle."""
+
+GUARDING = 0.1
+"""Share of the noises drawn from the prior [1], which no tail of their posterior outreaches."""
 
 WIDER = 1.5
 """The first draws of the noise are this much wider than the curvature says [1]."""
 
 FROM_PRIOR = 0.2
 """Share of the first draws of the noise that come from the prior [1]: they find other maxima."""
+
+PARTS = ((0.8, 1.0), (0.2, 2.0))
+"""Shares and widths of the draws around one optimum [1]: where the posterior is skewed, the rounds
+part a narrow from a wide side."""
 
 BATCH = 512
 """Noises that are worked out at once; a full set of draws would not fit the cache."""
@@ -64,7 +72,10 @@ class Kernels:
     def draw(self, num: int, rng: np.random.Generator) -> np.ndarray:
         """Return draws, shape (num, 3)."""
         which = rng.integers(len(self.centres), size=num)
-        return self.centres[which] + _student(num, NUM_NOISE, rng) @ self.factor.T
+        noise_z = self.centres[which] + _student(num, NUM_NOISE, rng) @ self.factor.T
+        is_prior = rng.uniform(size=num) < GUARDING
+        noise_z[is_prior] = rng.standard_normal((int(np.sum(is_prior)), NUM_NOISE))
+        return noise_z
 
     def log_density(self, noise_z: Float[np.ndarray, "draw 3"]) -> Float[np.ndarray, " draw"]:
         """Return the log density [nat]."""
@@ -72,7 +83,8 @@ class Kernels:
         gap = (noise_z @ white.T)[:, None] - (self.centres @ white.T)[None]
         parts = _log_student(np.sum(gap**2, axis=2), NUM_NOISE)
         log_det = np.sum(np.log(np.diag(self.factor)))
-        return np.asarray(logsumexp(parts, axis=1)) - np.log(len(self.centres)) - log_det
+        near = np.asarray(logsumexp(parts, axis=1)) - np.log(len(self.centres)) - log_det
+        return np.logaddexp(np.log1p(-GUARDING) + near, np.log(GUARDING) + _log_prior(noise_z))
 
 
 @dataclass(frozen=True)
@@ -104,8 +116,10 @@ class Branch:
             conditional_batch(problem.data, jnp.asarray(part), *arrays)
             for part in np.split(padded, padded.shape[0] // BATCH)
         ]
-        joined = [np.concatenate([np.asarray(x) for x in each])[:num] for each in zip(*parts)]  # noqa: B905
-        return Conditional(*joined)
+        density, mean, factor = (
+            np.concatenate([np.asarray(part[field]) for part in parts])[:num] for field in range(3)
+        )
+        return Conditional(density, mean, factor)
 
 
 @dataclass(frozen=True)
@@ -133,7 +147,7 @@ class Proposal:
     Attributes:
         problem: What is sampled.
         kernels: Density of the noise.
-        branches: One for each optimum.
+        branches: Some for each optimum.
     """
 
     problem: Problem
@@ -149,14 +163,17 @@ class Proposal:
         for mode in fit.modes:
             residual, jacobian = linearise(problem.structure, problem.data, jnp.asarray(mode))
             numbers = np.asarray(residual), np.asarray(jacobian)
-            share = 1.0 / len(fit.modes)
-            branches.append(Branch(mode, *numbers, share, np.zeros(size), np.eye(size)))
+            for share, scale in PARTS:
+                part = Branch(
+                    mode, *numbers, share / len(fit.modes), np.zeros(size), scale * np.eye(size)
+                )
+                branches.append(part)
         return cls(problem, _first_kernels(fit, branches[0], rng), tuple(branches))
 
     def draw(self, num: int, rng: np.random.Generator) -> Drawn:
         """Return draws of noise and parameters."""
         noise_z = self.kernels.draw(num, rng)
-        given = [branch.given(self.problem, noise_z) for branch in self.branches]
+        given = self._given(noise_z)
         shares = [branch.share for branch in self.branches]
         which = rng.choice(len(shares), size=num, p=shares)
         student = _student(num, self.branches[0].z.size, rng)
@@ -178,6 +195,15 @@ class Proposal:
         parts = np.stack(log_parts)
         log_density = np.asarray(logsumexp(parts, axis=0)) + self.kernels.log_density(noise_z)
         return Drawn(np.concatenate([z, noise_z], axis=1), log_density, np.stack(scaled), parts)
+
+    def _given(self, noise_z: np.ndarray) -> list[Conditional]:
+        """Return what the linear model of each branch says; parts of one optimum share it."""
+        seen: dict[bytes, Conditional] = {}
+        for branch in self.branches:
+            key = branch.z.tobytes()
+            if key not in seen:
+                seen[key] = branch.given(self.problem, noise_z)
+        return [seen[branch.z.tobytes()] for branch in self.branches]
 
     def adapted(self, drawn: Drawn, weights: Float[np.ndarray, " draw"]) -> Proposal:
         """Return the proposal moved to weighted draws.
@@ -215,11 +241,16 @@ def _first_kernels(fit: Fit, branch: Branch, rng: np.random.Generator) -> Kernel
     noise_z[is_prior] = rng.standard_normal((int(np.sum(is_prior)), NUM_NOISE))
     white = np.linalg.solve(factor, (noise_z - fit.noise_z).T)
     near = _log_student(np.sum(white**2, axis=0), NUM_NOISE) - np.sum(np.log(np.diag(factor)))
-    wide = -0.5 * np.sum(noise_z**2, axis=1) - 0.5 * NUM_NOISE * np.log(2.0 * np.pi)
-    drawn_from = np.logaddexp(np.log(1.0 - FROM_PRIOR) + near, np.log(FROM_PRIOR) + wide)
+    drawn_from = np.logaddexp(
+        np.log(1.0 - FROM_PRIOR) + near, np.log(FROM_PRIOR) + _log_prior(noise_z)
+    )
     log_weight = np.asarray(branch.given(fit.problem, noise_z).log_density) - drawn_from
     log_weight = np.where(np.isfinite(log_weight), log_weight, -np.inf)
     return Kernels.over(noise_z, np.exp(log_weight - logsumexp(log_weight)), rng)
+
+
+def _log_prior(noise_z: np.ndarray) -> np.ndarray:
+    return -0.5 * np.sum(noise_z**2, axis=1) - 0.5 * NUM_NOISE * np.log(2.0 * np.pi)
 
 
 def _student(num: int, size: int, rng: np.random.Generator) -> np.ndarray:

@@ -22,7 +22,7 @@ from .problem import log_posterior_batch
 NUM_ADAPTATIONS = 3
 """Most rounds in which the proposal is moved to the weighted draws of the round before."""
 
-ENOUGH = 0.25
+ENOUGH = 0.15
 """Share of effective draws at which no further round is worth its time [1]."""
 
 MORE = 4
@@ -86,12 +86,11 @@ def importance_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weig
         drawn = proposal.draw(num_draws, rng)
         weighted = _weigh(fit, drawn)
         if best is None or weighted.effective_size > best.effective_size:
-            best = weighted
-            source = proposal
+            best, source = weighted, proposal
         if best.is_sound and best.effective_size > ENOUGH * num_draws:
             return best
         proposal = proposal.adapted(drawn, truncated(weighted.weights))
-    if best.is_sound:
+    if best is not None and best.is_sound:
         return best
     # still several times cheaper than the ensembles that would follow
     return _weigh(fit, source.draw(MORE * num_draws, rng))

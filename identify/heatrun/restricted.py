@@ -46,7 +46,7 @@ def restricted_log_likelihood(
     Reference: H. D. Patterson, R. Thompson, Recovery of inter-block information when block sizes
         are unequal, Biometrika 58 (1971) 545-554.
     """
-    return _conditional(data, noise_z, z, residual, jacobian).log_density
+    return jnp.asarray(_conditional(data, noise_z, z, residual, jacobian).log_density)
 
 
 class Conditional(NamedTuple):
@@ -59,9 +59,9 @@ class Conditional(NamedTuple):
         factor: Lower Cholesky factor of their precision, shape (parameter, parameter).
     """
 
-    log_density: Float[Array, "..."]
-    mean: Float[Array, "... parameter"]
-    factor: Float[Array, "... parameter parameter"]
+    log_density: Float[Array | np.ndarray, "..."]
+    mean: Float[Array | np.ndarray, "... parameter"]
+    factor: Float[Array | np.ndarray, "... parameter parameter"]
 
 
 @jax.jit
