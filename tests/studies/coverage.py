@@ -40,6 +40,7 @@ NUM_RECORDS = {
     "large errors, declared": 100,
     "large errors, not declared": 100,
     "errors taken as none": 100,
+    "point samples at 1 Hz": 60,
 }
 """Records of each cell."""
 

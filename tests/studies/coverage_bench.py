@@ -25,8 +25,15 @@ KINDS = ("staircase", "constant_load", "duty", "drive_cycle")
 HELD_OUT = {"staircase": "duty", "constant_load": "staircase", "duty": "drive_cycle",
             "drive_cycle": "duty"}  # fmt: skip
 
-STEPS = 4
-"""Runge-Kutta steps per sample: errors stay under 1e-6 K at 2 s."""
+PERIOD_S = 0.25
+"""Sampling period of the electrical channels [s]. Torque ramps take half a second: point samples
+at 1 Hz would misjudge the energy of a duty of pulses by up to a percent."""
+
+READING_S = 1.0
+"""Time between readings of the winding [s]; the record holds no number in between."""
+
+STEP_S = 0.125
+"""Runge-Kutta step [s], far below what any winding notices."""
 
 POWER_NOISE = 0.01
 POWER_FLOOR_W = 0.5
@@ -109,7 +116,7 @@ class Simulated:
 
     Attributes:
         channels: Canonical channels, each of shape (time,).
-        sensor_degC: What the sensor would read without noise and rounding, shape (time,).
+        sensor_degC: What the sensor would read without noise and rounding, shape (reading,).
         start_degC: True winding and stator temperature at the start.
     """
 
@@ -139,6 +146,7 @@ def run_test(
     errors: Errors,
     noise: SensorNoise,
     rng: np.random.Generator,
+    period_s: float = PERIOD_S,
 ) -> Simulated:
     """Return one test of a machine.
 
@@ -149,28 +157,37 @@ def run_test(
         errors: Constant errors of the bench.
         noise: Of the winding sensor.
         rng: Source of chance.
+        period_s: Sampling period of the electrical channels [s].
     """
     source = bench()
-    period = 2.0 if duration_s > 6000.0 else 1.0
-    profile = getattr(source, kind)(duration_s)
-    truth = source.simulate(machine, profile, sample_s=period, steps_per_sample=STEPS)
+    truth = source.simulate(
+        machine,
+        getattr(source, kind)(duration_s),
+        sample_s=period_s,
+        steps_per_sample=round(period_s / STEP_S),
+    )
     of_winding, of_ambient, of_current, of_power = rng.spawn(4)
     size = truth.time_s.size
-    winding, ambient = truth.winding_degC, truth.ambient_degC
+    is_read = slice(None, None, round(READING_S / period_s))
+    winding, ambient = truth.winding_degC[is_read], truth.ambient_degC[is_read]
     sensor = winding + errors.sensor_gain * (winding - ambient) + errors.sensor_offset
+    reading = np.full(size, np.nan)
+    reading[is_read] = noise.rounded(sensor + noise.draw(truth.time_s[is_read], of_winding))
     power_sd = np.hypot(POWER_FLOOR_W, POWER_NOISE * truth.losses_W)
     power = (truth.losses_W + power_sd * of_power.standard_normal(size)) / (1 + errors.power_gain)
-    cold = ambient - errors.ambient_offset + AMBIENT_SD_K * of_ambient.standard_normal(size)
-    current = np.abs(truth.current_A + CURRENT_SD_A * of_current.standard_normal(size))
+    cold = truth.ambient_degC - errors.ambient_offset
+    cold = cold + AMBIENT_SD_K * of_ambient.standard_normal(size)
     channels = {
         "time_s": truth.time_s,
-        "phase_current_A": current,
+        "phase_current_A": np.abs(
+            truth.current_A + CURRENT_SD_A * of_current.standard_normal(size)
+        ),
         "losses_W": power,
         "ambient_degC": 0.1 * np.rint(cold / 0.1),
-        "winding_degC": noise.rounded(sensor + noise.draw(truth.time_s, of_winding)),
+        "winding_degC": reading,
         "speed_rpm": truth.speed_rpm,
     }
-    start = (float(winding[0]), float(truth.stator_degC[0]))
+    start = (float(truth.winding_degC[0]), float(truth.stator_degC[0]))
     return Simulated(channels, sensor, start)
 
 

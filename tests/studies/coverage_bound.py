@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import jax.numpy as jnp
 import numpy as np
-from coverage_bench import SensorNoise
+from coverage_bench import READING_S, SensorNoise
 
 from heatrun.bench.blocks import Blocks
 from heatrun.problem import Problem, linearise
@@ -53,15 +53,15 @@ def covariance(test: Blocks, noise: SensorNoise) -> np.ndarray:
     The mean of an Ornstein-Uhlenbeck process over a block is correlated with that over another by
     the decay between their samples, summed over both.
     """
-    num = round(test.block_s / test.sample_s)
-    keep = float(np.exp(-test.sample_s / noise.time_s))
+    num = round(test.block_s / READING_S)
+    keep = float(np.exp(-READING_S / noise.time_s))
     sample = np.arange(num)
     size = int(np.sum(test.is_observed))
     within = float(np.mean(keep ** np.abs(sample[:, None] - sample)))
     lag = np.abs(np.arange(size)[:, None] - np.arange(size))
     between = float(np.mean(keep ** sample[::-1])) * float(np.mean(keep ** (sample + 1)))
     correlation = np.where(lag == 0, within, between * keep ** (num * np.maximum(lag - 1, 0)))
-    white = noise.white_sd_K**2 / test.sample_s + noise.resolution_K**2 / 12.0
+    white = noise.white_sd_K**2 / READING_S + noise.resolution_K**2 / 12.0
     level = np.where(test.time[test.is_observed] > 0.5 * test.duration_s, noise.grows, 1.0)
     drift = noise.sd_K**2 * correlation + white / num * np.eye(size)
     return level[:, None] * drift * level

@@ -11,6 +11,7 @@ import numpy as np
 from coverage_bench import (
     HELD_OUT,
     KINDS,
+    PERIOD_S,
     Errors,
     SensorNoise,
     Simulated,
@@ -73,6 +74,7 @@ class Cell:
         is_heavy: Student t noise.
         truncates: The logger cuts off.
         from_prior: Network and noise are drawn from the priors of the fit.
+        period_s: Sampling period of the electrical channels [s].
     """
 
     errors: Mapping[str, float] = field(default_factory=lambda: NONE)
@@ -84,6 +86,7 @@ class Cell:
     is_heavy: bool = False
     truncates: bool = False
     from_prior: bool = False
+    period_s: float = PERIOD_S
 
 
 _DECLARED = {
@@ -103,6 +106,7 @@ CELLS: dict[str, Cell] = {
     "large errors, declared": Cell(LARGE, _DECLARED, knows_resistance=False),
     "large errors, not declared": Cell(LARGE, {}, knows_resistance=False),
     "errors taken as none": Cell(USUAL),
+    "point samples at 1 Hz": Cell(period_s=1.0),
     "prior draws": Cell(USUAL, {}, knows_resistance=False, from_prior=True),
 }
 """Cells by name. Record i of every cell has the same motor, tests, scores of errors and shocks."""
@@ -163,7 +167,7 @@ def make_case(cell: Cell, seed: int, index: int) -> Case:
         parameters=overrides,
     )
     tests = [
-        run_test(machine, name, length, errors, noise, rng)
+        run_test(machine, name, length, errors, noise, rng, cell.period_s)
         for name, length, rng in (
             (kind, duration, of_test),
             (HELD_OUT[kind], 2.0 * duration, of_held_out),

@@ -23,8 +23,9 @@ METHODS = ("laplace", "quick", "emcee")
 
 READING = """\
 Motors at random over a decade in size, cold tests of 30, 60 and 90 min (one to three slow time
-constants, staircase, constant load, duty and drive cycle in turn), 1 Hz, integrated by the
-simulated bench of `data/synthetic`, which shares no code with the packages. Noise of the winding
+constants, staircase, constant load, duty and drive cycle in turn), integrated by the
+simulated bench of `data/synthetic`, which shares no code with the packages. The winding is read at
+1 Hz, the rest at 4 Hz. Noise of the winding
 sensor: Ornstein-Uhlenbeck of 0.1…0.5 K and 5…120 s, white of 0.05…0.2 K per sample, resolution 0.1
 or 1 K; losses with 1 % of noise per sample. Held-out tests are twice as long, of another kind,
 judged on 30 s means. Record i of every cell has the same motor, tests and standard scores of errors
@@ -39,6 +40,8 @@ and noise.
 - *large errors*: losses 2 %, sensor offset 1 K, resistance 3 %; once declared in the motor file,
   once not (heatrun's own priors stand). *errors taken as none*: as declared, but the file says
   exact.
+- *point samples at 1 Hz*: exact instruments, but current and power are sampled once a second
+  without averaging, while torque ramps in half a second.
 - *prior draws*: network and noise drawn from the priors of the fit (network ±30 % about the
   reference motor, stated in the file), 60 min tests: simulation-based calibration.
 
