@@ -37,7 +37,7 @@ study-discovery: $(VENV)/ready
 	$(BIN)/python tests/studies/discovery_time.py
 
 study-coverage: $(VENV)/ready
-	$(BIN)/python tests/studies/coverage.py
+	$(BIN)/python tests/studies/coverage_study.py
 
 notebooks: $(VENV)/ready
 	$(BIN)/pytest -m notebook

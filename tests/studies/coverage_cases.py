@@ -75,6 +75,7 @@ class Cell:
         truncates: The logger cuts off.
         from_prior: Network and noise are drawn from the priors of the fit.
         period_s: Sampling period of the electrical channels [s].
+        prior_test_s: Length of the tests of motors drawn from the prior [s].
     """
 
     errors: Mapping[str, float] = field(default_factory=lambda: NONE)
@@ -87,6 +88,7 @@ class Cell:
     truncates: bool = False
     from_prior: bool = False
     period_s: float = PERIOD_S
+    prior_test_s: float = 3600.0
 
 
 _DECLARED = {
@@ -145,7 +147,7 @@ def make_case(cell: Cell, seed: int, index: int) -> Case:
         machine, priors = _machine_from_prior(of_motor)
         overrides |= priors
         noise = _noise_from_prior(of_plan)
-        duration = 3600.0
+        duration = cell.prior_test_s
     else:
         machine = bench().random_motor(of_motor)
         noise = SensorNoise(
@@ -221,7 +223,7 @@ def run(job: Mapping[str, Any]) -> dict[str, Any]:
         **_described(case, found, true),
         "bound": bound(found.problem, true, case.noise, case.calibration.start_degC),
     }
-    row["laplace"] = {"ranks": ranks(_of_covariance(found), true), "sd": _sd_of(found)}
+    row["laplace"] = {"ranks": ranks(of_covariance(found), true), "sd": _sd_of(found)}
     quick = weighted_draws(found)
     row["quick"] = _judged(quick, held_out, case, true)
     row["quick"]["is_sound"] = quick.is_sound
@@ -275,7 +277,7 @@ def _described(case: Case, found: Fit, true: Mapping[str, float]) -> dict[str, A
     }
 
 
-def _of_covariance(found: Fit) -> dict[str, np.ndarray]:
+def of_covariance(found: Fit) -> dict[str, np.ndarray]:
     """Return draws from the normal that the covariance stands for, in physical units."""
     size = found.problem.num_parameters
     rng = np.random.default_rng(0)

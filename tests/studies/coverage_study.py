@@ -109,7 +109,7 @@ def write(rows: list[dict[str, Any]], out: Path, seed: int) -> None:
     packages = ("heatrun", "jax", "numpy", "scipy", "optimistix", "emcee")
     found = gates(rows)
     content = {
-        "command": f"make study-coverage (coverage.py --seed {seed})",
+        "command": f"make study-coverage (coverage_study.py --seed {seed})",
         "seed": seed,
         "tuning_seed": TUNING_SEED,
         "machine": f"{platform.system()} {platform.machine()}, one thread per process",
