@@ -147,6 +147,7 @@ def run_test(
     noise: SensorNoise,
     rng: np.random.Generator,
     period_s: float = PERIOD_S,
+    stator_above_K: float = 0.0,
 ) -> Simulated:
     """Return one test of a machine.
 
@@ -158,13 +159,16 @@ def run_test(
         noise: Of the winding sensor.
         rng: Source of chance.
         period_s: Sampling period of the electrical channels [s].
+        stator_above_K: Stator over winding at the start, which is at ambient temperature [K].
     """
     source = bench()
+    cold = float(source.Room().temperature(np.zeros(1))[0])
     truth = source.simulate(
         machine,
         getattr(source, kind)(duration_s),
         sample_s=period_s,
         steps_per_sample=round(period_s / STEP_S),
+        start_degC=(cold, cold + stator_above_K),
     )
     of_winding, of_ambient, of_current, of_power = rng.spawn(4)
     size = truth.time_s.size
@@ -175,15 +179,15 @@ def run_test(
     reading[is_read] = noise.rounded(sensor + noise.draw(truth.time_s[is_read], of_winding))
     power_sd = np.hypot(POWER_FLOOR_W, POWER_NOISE * truth.losses_W)
     power = (truth.losses_W + power_sd * of_power.standard_normal(size)) / (1 + errors.power_gain)
-    cold = truth.ambient_degC - errors.ambient_offset
-    cold = cold + AMBIENT_SD_K * of_ambient.standard_normal(size)
+    sink = truth.ambient_degC - errors.ambient_offset
+    sink = sink + AMBIENT_SD_K * of_ambient.standard_normal(size)
     channels = {
         "time_s": truth.time_s,
         "phase_current_A": np.abs(
             truth.current_A + CURRENT_SD_A * of_current.standard_normal(size)
         ),
         "losses_W": power,
-        "ambient_degC": 0.1 * np.rint(cold / 0.1),
+        "ambient_degC": 0.1 * np.rint(sink / 0.1),
         "winding_degC": reading,
         "speed_rpm": truth.speed_rpm,
     }

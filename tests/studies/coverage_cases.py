@@ -76,6 +76,7 @@ class Cell:
         from_prior: Network and noise are drawn from the priors of the fit.
         period_s: Sampling period of the electrical channels [s].
         prior_test_s: Length of the tests of motors drawn from the prior [s].
+        start_sd_K: Standard deviation of stator over winding at the start of each test [K].
     """
 
     errors: Mapping[str, float] = field(default_factory=lambda: NONE)
@@ -89,6 +90,7 @@ class Cell:
     from_prior: bool = False
     period_s: float = PERIOD_S
     prior_test_s: float = 3600.0
+    start_sd_K: float = 0.0
 
 
 _DECLARED = {
@@ -109,6 +111,7 @@ CELLS: dict[str, Cell] = {
     "large errors, not declared": Cell(LARGE, {}, knows_resistance=False),
     "errors taken as none": Cell(USUAL),
     "point samples at 1 Hz": Cell(period_s=1.0),
+    "unevenly soaked": Cell(start_sd_K=1.0),
     "prior draws": Cell(USUAL, {}, knows_resistance=False, from_prior=True),
 }
 """Cells by name. Record i of every cell has the same motor, tests, scores of errors and shocks."""
@@ -168,11 +171,12 @@ def make_case(cell: Cell, seed: int, index: int) -> Case:
         rated_speed_rpm=machine.rated_speed_rpm,
         parameters=overrides,
     )
+    starts = cell.start_sd_K * of_errors.standard_normal(2)
     tests = [
-        run_test(machine, name, length, errors, noise, rng, cell.period_s)
-        for name, length, rng in (
-            (kind, duration, of_test),
-            (HELD_OUT[kind], 2.0 * duration, of_held_out),
+        run_test(machine, name, length, errors, noise, rng, cell.period_s, start)
+        for name, length, rng, start in (
+            (kind, duration, of_test, float(starts[0])),
+            (HELD_OUT[kind], 2.0 * duration, of_held_out, float(starts[1])),
         )
     ]
     return Case(motor, machine, noise, errors, kind, duration, *tests)

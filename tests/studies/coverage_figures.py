@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 CELLS = (
     "as declared", "exact instruments", "slower noise", "stronger noise", "noise that doubles",
     "heavy tails", "truncated", "large errors, declared", "large errors, not declared",
-    "errors taken as none", "point samples at 1 Hz",
+    "errors taken as none", "point samples at 1 Hz", "unevenly soaked",
 )  # fmt: skip
 NOISE = ("noise_sd", "noise_time", "noise_white")
 COLOURS = ("#1f4e79", "#c55a11", "#548235", "#7f6000")

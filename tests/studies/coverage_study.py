@@ -42,12 +42,12 @@ NUM_RECORDS = {
     "large errors, not declared": 30,
     "errors taken as none": 30,
     "point samples at 1 Hz": 30,
+    "unevenly soaked": 30,
 }
 """Records of each cell."""
 
 NUM_EMCEE = {"as declared": 20}
 """Records of a cell on which the ensemble sampler is run as well."""
-
 
 HURRY = {"as declared": 0.75, "prior draws": 0.75}
 """A run that is cut short has these in full before the others [1]."""
@@ -79,6 +79,8 @@ def main() -> None:
             if time.perf_counter() - begin > 60.0 * options.minutes:
                 break
     write(rows, options.out, options.seed)
+    if number_left(rows, options.seed, options.share) == 0:
+        path.unlink()
 
 
 def _run(job: dict[str, Any]) -> dict[str, Any]:
@@ -101,6 +103,11 @@ def jobs(seed: int, share: float) -> Iterator[dict[str, Any]]:
             job = {"cell": cell, "seed": seed, "index": index, "emcee": emcee}
             listed.append((index / num * HURRY.get(cell, 1.0), job))
     yield from (job for _, job in sorted(listed, key=lambda each: each[0]))
+
+
+def number_left(rows: list[dict[str, Any]], seed: int, share: float) -> int:
+    """Return how many records are still to be run."""
+    return sum(1 for _ in jobs(seed, share)) - len(rows)
 
 
 def write(rows: list[dict[str, Any]], out: Path, seed: int) -> None:

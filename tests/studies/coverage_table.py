@@ -42,6 +42,8 @@ and noise.
   exact.
 - *point samples at 1 Hz*: exact instruments, but current and power are sampled once a second
   without averaging, while torque ramps in half a second.
+- *unevenly soaked*: exact instruments, but the stator starts 1 K (standard deviation) from the
+  winding, as the prior of the fit grants; in all other cells both start at ambient temperature.
 - *prior draws*: network and noise drawn from the priors of the fit (network ±30 % about the
   reference motor, stated in the file), 60 min tests: simulation-based calibration.
 
