@@ -54,6 +54,9 @@ study-fuzz: $(VENV)/ready
 audit: $(VENV)/ready
 	$(BIN)/python tests/audit/licences.py
 
+study-coverage: $(VENV)/ready
+	$(BIN)/python tests/studies/coverage_study.py
+
 notebooks: $(VENV)/ready
 	$(BIN)/pytest -m notebook
 

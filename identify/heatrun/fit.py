@@ -108,17 +108,17 @@ def fit(
     is_same = cost - cost[best] < SAME_OPTIMUM * max(1.0, 1e-3 * cost[best])
     rmse_white = _rmse(problem, _linearise(problem, z[best])[0])
 
-    state = _settle(problem, z[best])
+    state = _settle(problem, z[best], num_starts)
     log_evidence = _spread(problem, state).log_evidence
     findings = []
     if _is_junk(problem, state, rmse_white):
         problem = white
-        state = _settle(problem, z[best])
+        state = _settle(problem, z[best], num_starts)
     level = float(_noise(problem, state.noise_z).total())
     excess, is_flagged = misfit_excess(problem.tests, _innovations(problem, state), level)
     if is_flagged:
         problem = replace(problem, temper=excess)
-        state = _settle(problem, state.z)
+        state = _settle(problem, state.z, num_starts)
         findings.append(_misfit(problem, state, excess))
     state, modes = _explore(problem, state, z)
     if not state.is_converged:
@@ -222,7 +222,7 @@ def _linearise(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return np.asarray(residual), np.asarray(jacobian)
 
 
-def _settle(problem: Problem, z: np.ndarray) -> _State:
+def _settle(problem: Problem, z: np.ndarray, num_starts: int) -> _State:
     """Alternate noise and least squares until the scores no longer move."""
     residual, jacobian = _linearise(problem, z)
     noise_z, shift = np.zeros(NUM_NOISE), np.inf
@@ -230,7 +230,7 @@ def _settle(problem: Problem, z: np.ndarray) -> _State:
         noise_z = estimate_noise(problem, z, residual, jacobian)
         noise = _noise(problem, noise_z)
         # as many starts as the search had, all alike: one compilation serves both
-        after, _, _ = _search(problem, noise, np.tile(z, (NUM_STARTS, 1)))
+        after, _, _ = _search(problem, noise, np.tile(z, (num_starts, 1)))
         shift = float(np.max(np.abs(after[0] - z)))
         z = after[0]
         residual, jacobian = _linearise(problem, z)
@@ -256,7 +256,7 @@ def _explore(problem: Problem, state: _State, optima: np.ndarray) -> tuple[_Stat
     z, cost, _ = _search(problem, _noise(problem, state.noise_z), starts)
     best = int(np.argmin(cost))
     if cost[best] < cost[0] - SAME_OPTIMUM:
-        state = _settle(problem, z[best])
+        state = _settle(problem, z[best], len(optima))
     modes = [state.z]
     for index in np.argsort(cost):
         is_new = all(np.max(np.abs(z[index] - mode)) > DISTINCT for mode in modes)

@@ -7,6 +7,9 @@ of a short test from being too small by the degrees of freedom that the fit has 
 
 from __future__ import annotations
 
+from functools import partial
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -43,6 +46,40 @@ def restricted_log_likelihood(
     Reference: H. D. Patterson, R. Thompson, Recovery of inter-block information when block sizes
         are unequal, Biometrika 58 (1971) 545-554.
     """
+    return jnp.asarray(_conditional(data, noise_z, z, residual, jacobian).log_density)
+
+
+class Conditional(NamedTuple):
+    """What the linear model says for one noise, or for many along a leading axis.
+
+    Attributes:
+        log_density: Restricted log likelihood of the noise plus its log prior, up to a constant
+            [nat].
+        mean: Mean of the scores of the parameters under that noise, shape (parameter,).
+        factor: Lower Cholesky factor of their precision, shape (parameter, parameter).
+    """
+
+    log_density: Float[Array | np.ndarray, "..."]
+    mean: Float[Array | np.ndarray, "... parameter"]
+    factor: Float[Array | np.ndarray, "... parameter parameter"]
+
+
+@jax.jit
+def conditional_batch(
+    data: Data,
+    noise_z: Float[Array, "draw 3"],
+    z: Float[Array, " parameter"],
+    residual: Float[Array, " block"],
+    jacobian: Float[Array, "block parameter"],
+) -> Conditional:
+    """Return what the linear model says for many noises; arguments as
+    `restricted_log_likelihood`.
+    """
+    one = partial(_conditional, data, z=z, residual=residual, jacobian=jacobian)
+    return jax.vmap(lambda each: one(noise_z=each))(noise_z)
+
+
+def _conditional(data, noise_z, z, residual, jacobian) -> Conditional:
     noise = noise_module.from_scores(noise_z, data.slow_noise)
     joined = jnp.concatenate([residual[:, None], jacobian], axis=1)
     ends = np.cumsum([test.measured.size for test in data.tests])[:-1]
@@ -59,7 +96,9 @@ def restricted_log_likelihood(
     half = jax.scipy.linalg.solve_triangular(factor, gradient, lower=True)
     squares = jnp.sum(r**2) + jnp.sum(z**2) - jnp.sum(half**2)
     log_det = jnp.sum(jnp.log(jnp.diag(factor)))
-    return -0.5 * squares - log_sd / data.temper - log_det - 0.5 * jnp.sum(noise_z**2)
+    log_density = -0.5 * squares - log_sd / data.temper - log_det - 0.5 * jnp.sum(noise_z**2)
+    step = jax.scipy.linalg.solve_triangular(factor.T, half, lower=False)
+    return Conditional(log_density, z - step, factor)
 
 
 def estimate_noise(

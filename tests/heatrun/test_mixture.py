@@ -1,0 +1,63 @@
+"""The proposal of the weighted draws: it draws from the density that it states."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, norm
+
+from heatrun.mixture import Kernels, Proposal
+from heatrun.proposal import truncated
+
+ERRORS = 5.0
+"""Standard errors of a mean that chance leaves in one case of two million."""
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(4)
+
+
+def mean_is_one(log_ratio):
+    """Whether a target's mean ratio over draws is 1, as it is for two normalised densities."""
+    ratio = np.exp(log_ratio)
+    return abs(ratio.mean() - 1.0) < ERRORS * ratio.std() / np.sqrt(ratio.size)
+
+
+@pytest.fixture
+def kernels(rng):
+    noise_z = rng.standard_normal((500, 3)) * [0.2, 0.8, 1.0] + [0.5, -1.0, 0.0]
+    return Kernels.over(noise_z, np.full(500, 1.0 / 500), rng)
+
+
+def test_kernels_draw_from_their_density(kernels, rng):
+    drawn = kernels.draw(20_000, rng)
+    target = multivariate_normal([0.5, -1.0, 0.0], np.diag([0.2, 0.8, 1.0]) ** 2)
+    assert mean_is_one(target.logpdf(drawn) - kernels.log_density(drawn))
+
+
+def test_kernels_reach_the_tails_of_the_prior(kernels):
+    """Where the tests say nothing of a noise, weights against the prior stay bounded."""
+    far = np.array([[-4.0, 4.0, 4.0]])
+    assert norm.logpdf(far).sum() - kernels.log_density(far)[0] < np.log(10.0) + 1e-9
+
+
+def test_the_proposal_draws_from_its_density(fitted, rng):
+    """Narrow and wide parts, shifted and reshaped by a round, against the normal of the fit."""
+    proposal = Proposal.around(fitted, rng)
+    target = multivariate_normal(fitted.vector, fitted.covariance)
+    for _ in range(2):
+        drawn = proposal.draw(8192, rng)
+        log_ratio = target.logpdf(drawn.vectors) - drawn.log_density
+        assert mean_is_one(log_ratio)
+        weights = np.exp(log_ratio - np.max(log_ratio))
+        proposal = proposal.adapted(drawn, truncated(weights / weights.sum()))
+    assert sum(branch.share for branch in proposal.branches) == pytest.approx(1.0)
+
+
+def test_no_truncated_weight_overwhelms_the_others():
+    weights = np.full(10_000, 1e-4)
+    weights[0] = 1.0
+    cut = truncated(weights / weights.sum())
+    assert cut.sum() == pytest.approx(1.0)
+    assert cut[0] <= 0.02  # a hundredth of the sum before the others are scaled up
