@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from ..errors import InputError
 from ..model import ALL_NAMES, Order
-from ..run_folder import load_result
+from ..run_folder import load_result, read_listed
 
 STARTS = ("Tw_start", "Tsr_start")
 """Parameters of one test, which say nothing of another."""
@@ -57,6 +57,7 @@ def read_draws(run: Path, *, num_draws: int, seed: int, order: Order | None = No
     try:
         order = order or ("second" if "second" in result["models"] else "first")
         model: dict[str, Any] = result["models"][order]
+        read_listed(run, f"posterior_{order}.nc")  # refuses one that was changed
         group = archive.read(run / f"posterior_{order}.nc")["posterior"]
         entries = {**model["parameters"], **model["nuisances"]}
         names = [n for n in entries if n.partition("[")[0] not in STARTS]
