@@ -1,6 +1,6 @@
 """Coverage-guided fuzzing of everything that reads bytes, a process and a time budget for each.
 
-    python tests/fuzz/campaign.py [--seconds 60] [--only NAME] [--results results/fuzz]
+    python tests/fuzz/campaign.py [--seconds 20] [--only NAME] [--results results/fuzz]
 
 A target that raises anything but our own error, hangs for ten seconds or ends its process stops
 there; its input is kept under `found` in the folder of results, to become a test.
@@ -114,7 +114,7 @@ def write_table(rows: list[dict], folder: Path, seconds: int, seed: int) -> None
 def main() -> int:
     """Run all targets, or one of them in this process."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=int, default=60, help="for each target")
+    parser.add_argument("--seconds", type=int, default=20, help="for each target")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", action="append", default=[], metavar="NAME")
     parser.add_argument("--results", type=Path, default=Path("results") / "fuzz")
