@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from coverage_gates import (
+    GROUPS,
     NETWORK,
+    NOISE,
     NUM_BINS,
     TIMES,
     Row,
@@ -27,7 +29,6 @@ CELLS = (
     "heavy tails", "truncated", "large errors, declared", "large errors, not declared",
     "errors taken as none", "point samples at 1 Hz", "unevenly soaked",
 )  # fmt: skip
-NOISE = ("noise_sd", "noise_time", "noise_white")
 COLOURS = ("#1f4e79", "#c55a11", "#548235", "#7f6000")
 
 
@@ -51,7 +52,7 @@ def draw_coverage(rows: Sequence[Row], path: Path) -> None:
     axis.set_yticks(range(len(shown)), ticks)
     axis.invert_yaxis()
     axis.set_xlabel("true value inside the 95 % interval [%], with 95 % binomial limits")
-    axis.legend(loc="lower left")
+    axis.legend(loc="upper left")
     _save(figure, path)
 
 
@@ -63,10 +64,9 @@ def draw_ranks(rows: Sequence[Row], path: Path) -> None:
     figure = Figure(figsize=(10.0, 7.0), layout="constrained")
     axes = figure.subplots(3, 4, sharex=True, sharey=True)
     names = (*NETWORK, *TIMES, *NOISE, "end")
-    groups = (NETWORK, TIMES, NOISE, ("end",))
     for axis, name in zip(axes.ravel(), names, strict=True):
         ranks = rank(drawn, "quick", name)
-        size = next(len(group) for group in groups if name in group)
+        size = next(len(group) for group in GROUPS if name in group)
         low, high = envelope(ranks.size, size)
         axis.axhspan(low, high, color="#dde8dd")
         edges = np.linspace(0.0, 1.0, NUM_BINS + 1)

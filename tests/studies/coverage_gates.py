@@ -14,6 +14,13 @@ Row = dict[str, Any]
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 TIMES = ("tau_winding", "tau_stator", "tau_fast", "tau_slow")
 LEVELS = (0.5, 0.9, 0.95)
+NOISE = ("noise_sd", "noise_time", "noise_white")
+GROUPS = (NETWORK, TIMES, ("end",), NOISE)
+"""Quantities whose rank histograms share an envelope."""
+
+FEWEST = {"all": 400, "prior draws": 200}
+"""Records wanted."""
+
 MISSPECIFIED = ("slower noise", "stronger noise", "noise that doubles", "heavy tails")
 
 NUM_BINS = 10
@@ -83,6 +90,12 @@ def is_inside(ranks: np.ndarray, num_histograms: int) -> bool:
 def gates(rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Return each gate with what was measured, its binomial limits and whether it holds."""
     found = []
+    for cell, wanted in FEWEST.items():
+        num = sum(cell in ("all", row["cell"]) for row in rows)
+        found.append({
+            "what": "records", "cell": cell, "wanted": f"≥ {wanted}", "measured": str(num),
+            "limits": None, "cases": num, "holds": num >= wanted, "is_chance": False,
+        })  # fmt: skip
     for cell in ("as declared", "exact instruments"):
         for method in ("laplace", "quick", "emcee"):
             mine = chosen(rows, cell, method)
@@ -94,17 +107,8 @@ def gates(rows: Sequence[Row]) -> list[dict[str, Any]]:
             if mine:
                 found += _parameters(mine, cell, method, 0.85, 1.0)
     drawn = chosen(rows, "prior draws", "quick")
-    if drawn:
-        for name in NETWORK:
-            ranks = rank(drawn, "quick", name)
-            counts = histogram(ranks)
-            limits = envelope(ranks.size, len(NETWORK))
-            found.append({
-                "what": f"rank histogram of {name}, quick", "cell": "prior draws",
-                "wanted": f"bins of {limits[0]}…{limits[1]}", "cases": ranks.size,
-                "measured": f"{counts.min()}…{counts.max()}", "limits": None,
-                "holds": is_inside(ranks, len(NETWORK)),
-            })  # fmt: skip
+    for group in GROUPS if drawn else ():
+        found += [_histogram(rank(drawn, "quick", name), name, len(group)) for name in group]
     for cell in ("as declared", "exact instruments"):
         mine = chosen(rows, cell, "quick")
         if mine:
@@ -113,6 +117,21 @@ def gates(rows: Sequence[Row]) -> list[dict[str, Any]]:
                                (0.90, 0.98), float(np.mean(shares)), len(mine),
                                _bootstrap(shares)))  # fmt: skip
     return found
+
+
+def _histogram(ranks: np.ndarray, name: str, size: int) -> dict[str, Any]:
+    counts = histogram(ranks)
+    low, high = envelope(ranks.size, size)
+    return {
+        "what": f"rank histogram of {name}, quick",
+        "cell": "prior draws",
+        "wanted": f"bins of {low}…{high}",
+        "measured": f"{counts.min()}…{counts.max()}",
+        "limits": None,
+        "cases": ranks.size,
+        "holds": is_inside(ranks, size),
+        "is_chance": False,
+    }
 
 
 def _parameters(
@@ -144,6 +163,7 @@ def _gate(
         "limits": f"{100 * limits[0]:.1f}…{100 * limits[1]:.1f} %",
         "cases": num,
         "holds": low <= share <= high,
+        "is_chance": limits[0] <= high and limits[1] >= low,
     }
 
 

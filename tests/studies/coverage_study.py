@@ -123,6 +123,7 @@ def write(rows: list[dict[str, Any]], out: Path, seed: int) -> None:
         "python": platform.python_version(),
         "versions": {name: version(name) for name in packages},
         "cpu_s": sum(row["cpu_s"] for row in rows),
+        "planned": sum(NUM_RECORDS.values()),
         "records": {c: sum(r["cell"] == c for r in rows) for c in NUM_RECORDS},
         "gates": found,
     }

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from coverage_gates import (
+    GROUPS,
     LEVELS,
     NETWORK,
     TIMES,
@@ -52,14 +53,26 @@ their guard held or not), *emcee* the ensembles. Fits start from 4 points. Limit
 (Clopper-Pearson).
 """
 
+MISSES = """\
+*Within chance*: the binomial limits reach into what was wanted. What is known of the others:
+
+- Ranks of the noise. heatrun treats the slow part of a block mean as if it were read at one moment;
+  the mean of an Ornstein-Uhlenbeck process over a block is smoother than that. The fitted time
+  comes out too long and the level too low. Intervals of the network become wider than attainable
+  for it (see the widths of *exact instruments* below), not narrower.
+- Bands that hold too many readings. The fit grants every cold start 1 K between stator and winding;
+  all cells but *unevenly soaked* start exactly even.
+"""
+
 
 def table(rows: Sequence[Row], found: Sequence[dict[str, Any]], content: dict[str, Any]) -> str:
     """Return the table as Markdown."""
     lines = [
         "# Are the intervals honest?",
         "",
-        f"`{content['command']}`: {len(rows)} records, seed {content['seed']}, run once with "
-        f"frozen code; tuning used seed {content['tuning_seed']} alone. "
+        f"`{content['command']}`: {len(rows)} records of {content['planned']} planned, seed "
+        f"{content['seed']}, run once with frozen code; "
+        f"tuning used seed {content['tuning_seed']} alone. "
         f"{content['cpu_s'] / 60:.0f} min of one processor, compilation included.",
         "",
         READING,
@@ -69,11 +82,13 @@ def table(rows: Sequence[Row], found: Sequence[dict[str, Any]], content: dict[st
         "|---|---|---|---|---|---|---|",
     ]
     for gate in found:
-        mark = "met" if gate["holds"] else "**MISSED**"
+        missed = "**MISSED**, within chance" if gate["is_chance"] else "**MISSED**"
+        mark = "met" if gate["holds"] else missed
         lines.append(
             f"| {gate['what']} | {gate['cell']} | {gate['wanted']} | {gate['measured']} | "
             f"{gate['limits'] or '–'} | {gate['cases']} | {mark} |"
         )
+    lines += ["", MISSES]
     cells = list(dict.fromkeys(row["cell"] for row in rows))
     lines += ["", "## Coverage of 50, 90 and 95 % intervals [%]", ""]
     names = (*NETWORK, *TIMES, "end")
@@ -172,8 +187,7 @@ def _ranks(rows: Sequence[Row]) -> list[str]:
         "| quantity | counts | inside |",
         "|---|---|---|",
     ]
-    noise = ("noise_sd", "noise_time", "noise_white")
-    for group in (NETWORK, TIMES, noise, ("end",)):
+    for group in GROUPS:
         for name in group:
             ranks = rank(drawn, "quick", name)
             counts = " ".join(str(count) for count in histogram(ranks))
