@@ -59,9 +59,10 @@ MISSES = """\
 - Ranks of the noise. heatrun treats the slow part of a block mean as if it were read at one moment;
   the mean of an Ornstein-Uhlenbeck process over a block is smoother than that. The fitted time
   comes out too long and the level too low. Intervals of the network become wider than attainable
-  for it (see the widths of *exact instruments* below), not narrower.
-- Bands that hold too many readings. The fit grants every cold start 1 K between stator and winding;
-  all cells but *unevenly soaked* start exactly even.
+  for it (see *quick* in the widths of *exact instruments* below), not narrower.
+- Bands that hold too many readings. Supposed cause: the fit grants every cold start 1 K between
+  stator and winding, and all cells but *unevenly soaked* start exactly even. Untested as long as
+  that cell has no row below.
 """
 
 
