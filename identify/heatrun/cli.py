@@ -29,7 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options.command_line = " ".join(["heatrun", *words])
     # a command that serves until it is stopped says `set_defaults(handles_interrupt=True)`
     handles_interrupt = getattr(options, "handles_interrupt", False)
-    with nullcontext() if handles_interrupt else ends_at_once():
+    is_last = arguments is None
+    with nullcontext() if handles_interrupt else ends_at_once(is_last=is_last):
         return _call(options)
 
 

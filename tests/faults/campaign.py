@@ -5,7 +5,7 @@ command each time, then left alone. Whatever lies at the destination must be a w
 exit code and message right, and the posterior the same to the last bit as that of a run that
 nobody disturbed.
 
-    python tests/faults/campaign.py [--kills 40] [--minutes 22] [--seed 2]
+    python tests/faults/campaign.py [--kills 40] [--minutes 22] [--seed 2] [--results FOLDER]
 """
 
 from __future__ import annotations

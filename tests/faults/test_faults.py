@@ -213,6 +213,23 @@ def test_an_interrupt_ends_with_130_and_a_word(inputs, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["run.partial"]
 
 
+def test_an_interrupt_after_the_work_changes_nothing():
+    program = (
+        "import atexit, os, signal, sys\n"
+        "from heatrun import cli\n"
+        "atexit.register(lambda: os.kill(os.getpid(), signal.SIGINT))\n"
+        "sys.argv = ['heatrun', 'check', '/nowhere.toml', 'x.csv']\n"
+        "sys.exit(cli.main())\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True, text=True, check=False, preexec_fn=listening,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert "KeyboardInterrupt" not in done.stderr
+
+
 def test_a_clock_that_runs_backwards_changes_no_result(tmp_path, monkeypatch):
     moment = iter(range(2_000_000_000, 0, -1000))
     monkeypatch.setattr(time, "time", lambda: float(next(moment)))

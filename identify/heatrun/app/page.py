@@ -73,6 +73,7 @@ class Page:
         self._refresh = pn.widgets.Button(name="Look again", width=110)
         self._dropper = BoundedDropper(max_upload_bytes, self._refuse, height=90, width=290)
         self._banner = self.pane("")
+        self._upload_problem = self.pane("")
 
         self.signals = Signals(self.look)
         self._checks = self.pane(message("note", "Choose tests on the left."))
@@ -274,15 +275,17 @@ class Page:
             )
 
     def _keep(self, event: Any) -> None:
+        problems = ""
         for name, content in dict(event.new).items():
             try:
                 keep_upload(self._uploads, name, content)
             except InputError as error:
-                self._banner.object = error_message(error)
+                problems += error_message(error)
+        self._upload_problem.object = problems
         self.list_folder()
 
     def _refuse(self, error: InputError) -> None:
-        self._banner.object = error_message(error)
+        self._upload_problem.object = error_message(error)
 
     def _say_of_folder(self, is_cut: bool, has_tests: bool) -> None:
         if is_cut:
@@ -309,4 +312,5 @@ class Page:
             pn.Column(self._channels, max_height=260, scroll=True, sizing_mode="stretch_width"),
             self.pane("<h3>Other files</h3>"),
             self._dropper,
+            self._upload_problem,
         ]

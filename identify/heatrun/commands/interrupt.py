@@ -15,13 +15,17 @@ SENTENCE = "heatrun: interrupted; the same command goes on from what was finishe
 
 
 @contextmanager
-def ends_at_once() -> Iterator[None]:
+def ends_at_once(*, is_last: bool = False) -> Iterator[None]:
     """Let SIGINT end the process with exit code 130 and one sentence.
 
     The exception that Python raises instead would travel through compiled code, samplers and
     callbacks, of which some print it, some wrap it and some swallow it. Nothing has to be tidied
     up: files are written whole or not at all, and pieces are cleared away at the next start.
     A handler that someone else has set, and threads other than the main one, are left alone.
+
+    Args:
+        is_last: Nothing is done in the process after it; from then on SIGINT is ignored, so that
+            the exit code is that of the work and no library's tidying up is torn.
     """
     is_main = threading.current_thread() is threading.main_thread()
     if not is_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
@@ -31,7 +35,7 @@ def ends_at_once() -> Iterator[None]:
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, signal.SIG_IGN if is_last else signal.default_int_handler)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
