@@ -3,7 +3,8 @@
     make bench
     python tests/benchmarks/run.py [--small] [--only SECTION]
 
-Prints tables with targets and writes `results/bench/table.md` and `table.json`. Ratios are
+Prints tables with targets and writes `results/bench/table.md` and `table.json`; with `--only`
+the rows of one section are measured again and the others kept. Ratios are
 medians of pairs measured in turns, because machines are shared and drift by a factor of two; the
 load stands in the head of the page. A rival that is not installed is skipped with a line, one that
 would take hours is timed per evaluation and marked as extrapolated.
@@ -41,8 +42,8 @@ PACKAGES = ("heatrun", "jax", "jaxlib", "numpy", "scipy", "emcee", "numba", "opt
             "casadi", "numpyro", "blackjax", "pints")  # fmt: skip
 
 
-def measure(small: bool, only: str | None) -> list[Row]:
-    """Run the sections and return their rows."""
+def measure(small: bool, only: str | None) -> tuple[list[Row], dict]:
+    """Run the sections; return their rows, and by section what it took and the load [s, 1]."""
     made = record(4000 if small else NUM)
     repeats, steps = (3, 5) if small else (21, 20)
     sections = {
@@ -61,16 +62,30 @@ def measure(small: bool, only: str | None) -> list[Row]:
             lambda: growth.with_tests(small),
             lambda: growth.with_nodes_and_effects(made),
         ],
-        "processes": [processes.help_of_each]
-        + ([] if small else [processes.commands, processes.large_record]),
+        "processes": [processes.help_of_each] + ([] if small else [processes.commands]),
+        "long": [] if small else [processes.large_record],
     }
-    rows = []
+    rows, runs = [], {}
     for name, calls in sections.items():
-        for call in calls if only in (None, name) else ():
-            begin = time.perf_counter()
+        if only not in (None, name):
+            continue
+        load, begin = os.getloadavg()[0], time.perf_counter()
+        for call in calls:
             rows += call()
-            print(f"· {name}: {time.perf_counter() - begin:.0f} s", file=sys.stderr)
-    return rows
+        taken = time.perf_counter() - begin
+        runs[name] = {"seconds": taken, "load": [load, os.getloadavg()[0]]}
+        print(f"· {name}: {taken:.0f} s", file=sys.stderr)
+    return rows, runs
+
+
+def merged(listed: list[dict], rows: list[Row]) -> list[Row]:
+    """Return the rows of the last benchmark with new ones in the place of their sections'."""
+    fields = [field.name for field in dataclasses.fields(Row)]
+    old = [Row(**{name: row[name] for name in fields}) for row in listed]
+    new = {row.section for row in rows}
+    first = next((i for i, row in enumerate(old) if row.section in new), len(old))
+    after = [row for row in old[first:] if row.section not in new]
+    return old[:first] + rows + after
 
 
 def machine() -> dict:
@@ -104,27 +119,35 @@ def main() -> None:
     parser.add_argument("--small", action="store_true", help="fewer samples and repeats")
     parser.add_argument("--only", help="one section")
     options = parser.parse_args()
-    load, begin = os.getloadavg()[0], time.perf_counter()
-    rows = measure(options.small, options.only)
-    taken = time.perf_counter() - begin
-    text = markdown(rows)
-    print(text)
-    if options.small or options.only:
+    rows, runs = measure(options.small, options.only)
+    print(markdown(rows))
+    if options.small:
         return
-    about = machine() | {"load": [load, os.getloadavg()[0]], "seconds": taken}
+    if options.only:
+        last = json.loads((OUT / "table.json").read_text())
+        rows, runs = merged(last["rows"], rows), last["about"]["runs"] | runs
+    about = machine() | {"runs": runs}
     OUT.mkdir(parents=True, exist_ok=True)
     listed = [{**dataclasses.asdict(row), "missed": row.missed} for row in rows]
     (OUT / "table.json").write_text(json.dumps({"about": about, "rows": listed}, indent=1) + "\n")
+    (OUT / "table.md").write_text(head(about, rows) + markdown(rows) + "\n")
+
+
+def head(about: dict, rows: list[Row]) -> str:
+    """Return what stands above the tables."""
     versions = ", ".join(f"{name} {number}" for name, number in about["versions"].items())
-    missed = sum(row.missed for row in rows)
-    head = (
-        f"# Benchmark\n\n`{about['command']}`, seed {about['seed']}, {about['date']}, "
-        f"{about['processor']}, {about['cores']} cores, Python {about['python']}, {versions}. "
-        f"It took {taken / 60:.0f} min; load of the machine {load:.1f} at the start and "
-        f"{about['load'][1]:.1f} at the end, of which one to two are the benchmark's own. "
-        f"{missed} of {sum(row.target is not None for row in rows)} targets are missed.\n\n"
+    runs = ", ".join(
+        f"{name} {run['seconds'] / 60:.1f} min at {run['load'][0]:.1f} to {run['load'][1]:.1f}"
+        for name, run in about["runs"].items()
     )
-    (OUT / "table.md").write_text(head + text + "\n")
+    missed = sum(row.missed for row in rows)
+    return (
+        f"# Benchmark\n\n`{about['command']}`, seed {about['seed']}, {about['date']}, "
+        f"{about['processor']}, {about['cores']} cores, Python {about['python']}, {versions}.\n\n"
+        f"Time of each section and load of the machine, of which one to two are the benchmark's "
+        f"own: {runs}. {missed} of {sum(row.target is not None for row in rows)} targets are "
+        "missed.\n\n"
+    )
 
 
 if __name__ == "__main__":
