@@ -47,10 +47,9 @@ def cache_compilations() -> None:
 def one_thread_for_small_matrices() -> None:
     """Keep the linear algebra of NumPy and SciPy on one thread; for commands, before NumPy is used.
 
-    Its matrices are small here. On two threads they wait for each other: one step of SciPy's
-    L-BFGS-B in the three parameters of the noise takes 0.6 ms of processor time instead of
-    0.035 ms. JAX has threads of its own. Nothing changes where the user has set
-    OPENBLAS_NUM_THREADS.
+    Its matrices are small here, such as the three parameters of the noise in SciPy's L-BFGS-B:
+    on two threads a step spends most of its time waiting for the other one. JAX has threads of
+    its own. Nothing changes where the user has set OPENBLAS_NUM_THREADS.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 

@@ -35,8 +35,8 @@ Statistics = dict[str, dict[str, tuple[float, float]]]
 PROBABILITIES = (0.025, 0.5, 0.975)
 
 ACCEPT = 0.95
-"""Share of accepted proposals that step sizes are adapted to. At the customary 0.8 one draw in a
-hundred diverges where the white noise goes to zero, and the tail there is missed."""
+"""Share of accepted proposals that step sizes are adapted to. At the customary 0.8 some
+diverge where the white noise goes to zero, and the tail there is missed."""
 
 
 def fitted(test: str, order: Order) -> Fit:
