@@ -5,11 +5,11 @@ from __future__ import annotations
 import gzip
 import json
 import os
-import resource
 import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -195,9 +195,10 @@ def test_output_that_cannot_be_written_is_said(inputs):
 
 
 def test_an_interrupt_ends_with_130_and_a_word(inputs, tmp_path):
-    command = subprocess.Popen(
-        words(inputs, tmp_path / "run"), stderr=subprocess.PIPE, text=True, preexec_fn=listening
-    )
+    with heard():
+        command = subprocess.Popen(
+            words(inputs, tmp_path / "run"), stderr=subprocess.PIPE, text=True
+        )
     assert command.stderr is not None
     said = ""
     for line in command.stderr:
@@ -221,10 +222,10 @@ def test_an_interrupt_after_the_work_changes_nothing():
         "sys.argv = ['heatrun', 'check', '/nowhere.toml', 'x.csv']\n"
         "sys.exit(cli.main())\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True, text=True, check=False, preexec_fn=listening,
-    )  # fmt: skip
+    with heard():
+        done = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=False
+        )
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     assert "KeyboardInterrupt" not in done.stderr
@@ -243,20 +244,25 @@ def test_text_from_files_cannot_steer_the_terminal():
     assert printable("\x1b[2J\x07\u202etest\u2028") == r"\x1b[2J\x07\u202etest\u2028"
 
 
-def listening():
-    """A shell in the background lets its children ignore the interrupt."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+@contextmanager
+def heard():
+    """A shell in the background lets its children ignore the interrupt; here they do not.
 
-
-def limited():
-    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+    Not by `preexec_fn`, which forks: JAX may run in this process.
+    """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.slow
 def test_a_run_on_a_full_disk_stops_with_a_word_and_goes_on(inputs, tmp_path):
     command = words(inputs, tmp_path / "run")
     # the draws take 360 kB
-    full = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=limited)
+    limited = ["bash", "-c", 'ulimit -f 195; exec "$@"', "bash", *map(str, command)]
+    full = subprocess.run(limited, capture_output=True, text=True, check=False)
     assert full.returncode == 1, full.stderr
     assert "could not be read or written" in full.stderr
     assert "Traceback" not in full.stderr
