@@ -58,7 +58,7 @@ study-coverage: $(VENV)/ready
 	$(BIN)/python tests/studies/coverage_study.py
 
 notebooks: $(VENV)/ready
-	$(BIN)/pytest -m notebook
+	$(BIN)/pytest -n auto -m notebook
 
 # Hashes for every platform and Python from 3.11 on, no index addresses.
 lock:
