@@ -84,7 +84,7 @@ def test_a_folder_lists_tests_and_motor_files(folder):
     (folder / "day2" / "cold.CSV").write_text("t\n0\n")
     listing = Folder(folder).list()
     assert listing.motors == ("motor.toml",)
-    assert listing.tests == ("day2/cold.CSV", "duty_30min.csv.gz", "step_30min.csv.gz")
+    assert listing.tests == ("duty_30min.csv.gz", "step_30min.csv.gz", "day2/cold.CSV")
     with pytest.raises(InputError, match="there is none"):
         Folder(folder / "nowhere")
 

@@ -122,7 +122,8 @@ def tour(out: Path) -> None:
 def measure(num_samples: int, out: Path) -> dict[str, float]:
     """Return the figures for a record of `num_samples` samples, all channels shown."""
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
+        folder = Path(temporary) / "long records"
+        folder.mkdir()
         write_record(folder / "long.parquet", num_samples)
         (folder / "motor.toml").write_text('[motor]\nname = "long records"\n')
         with viewed(folder) as (url, page, process):

@@ -107,7 +107,9 @@ class Folder:
                 tests.append(name)
             elif path.suffix.lower() == ".toml" and _is_motor(path):
                 motors.append(name)
-        return Listing(tuple(sorted(tests)), tuple(sorted(motors)), num_seen > MAX_ENTRIES)
+        tests.sort(key=_nearest)
+        motors.sort(key=_nearest)
+        return Listing(tuple(tests), tuple(motors), num_seen > MAX_ENTRIES)
 
     def _files(self) -> Iterator[Path]:
         for where, folders, files in os.walk(self.root):
@@ -126,6 +128,11 @@ class Folder:
                 if name.startswith(".") or not path.resolve().is_relative_to(self.root):
                     continue
                 yield path
+
+
+def _nearest(name: str) -> tuple[int, str]:
+    """Order by depth, then by name: the files of the folder itself come first."""
+    return name.count("/"), name
 
 
 def _ending(path: Path) -> str:

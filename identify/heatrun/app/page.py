@@ -301,7 +301,10 @@ class Page:
 
     def _sidebar(self) -> list[Any]:
         return [
-            self.pane(f"<p class='faded'>{escape(str(self.folder.root))}</p>"),
+            self.pane(
+                f"<p class='faded' title='{escape(str(self.folder.root))}'>"
+                f"Folder {escape(self.folder.root.name)}</p>"
+            ),
             self._motor_choice,
             self._type,
             self.pane("<h3>Tests</h3>"),
