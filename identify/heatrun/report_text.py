@@ -6,21 +6,26 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .bench import Finding
+from .printable import printable
 
 _MARK = {"error": "ERROR  ", "warning": "warning", "note": "note   "}
+
+
+def ranked(findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings, the gravest first."""
+    order = {"error": 0, "warning": 1, "note": 2}
+    return sorted(findings, key=lambda finding: order[finding.severity])
 
 
 def findings_text(findings: Sequence[Finding]) -> str:
     """Return findings, the gravest first, a paragraph each."""
     if not findings:
         return "No findings: the records are as a fit wants them."
-    order = {"error": 0, "warning": 1, "note": 2}
-    ranked = sorted(findings, key=lambda finding: order[finding.severity])
     return "\n".join(
-        _printable(
+        printable(
             f"{_MARK[f.severity]}  {f'[{f.test}] ' if f.test else ''}{f.sentence()}  ({f.id})"
         )
-        for f in ranked
+        for f in ranked(findings)
     )
 
 
@@ -52,11 +57,7 @@ def result_text(result: Mapping[str, Any]) -> str:
             f"  {_MARK[f['severity']]} {f['where']}: {f['message']} {f['remedy']}".rstrip()
             for f in graver
         ]
-    return "\n".join(_printable(line) for line in lines)
-
-
-def _printable(text: str) -> str:
-    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+    return "\n".join(printable(line) for line in lines)
 
 
 def discovery_text(result: Mapping[str, Any]) -> str:
@@ -93,4 +94,4 @@ def discovery_text(result: Mapping[str, Any]) -> str:
             f"To separate {' and '.join(test['separates'])}: {test['what']} (expected log Bayes "
             f"factor {test['expected_log_bayes_factor']:.0f})"
         )
-    return "\n".join(_printable(line) for line in lines)
+    return "\n".join(printable(line) for line in lines)

@@ -7,16 +7,13 @@ noise that changes during the test) is added here.
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import accumulate
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
+from bench_package import bench
 
 DURATIONS_S = (1800.0, 3600.0, 5400.0)
 """Lengths of the calibration tests: few, because each length is compiled once."""
@@ -123,20 +120,6 @@ class Simulated:
     channels: dict[str, np.ndarray]
     sensor_degC: np.ndarray
     start_degC: tuple[float, float]
-
-
-def bench() -> ModuleType:
-    """Return the package of the simulated bench, loaded from its folder."""
-    name = "synthetic_bench"
-    if name not in sys.modules:
-        folder = Path(__file__).parents[2] / "data" / "synthetic" / "generator"
-        spec = importlib.util.spec_from_file_location(name, folder / "__init__.py")
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module
-        spec.loader.exec_module(module)
-    return sys.modules[name]
 
 
 def run_test(

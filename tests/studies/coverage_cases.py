@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from bench_package import bench
 from coverage_bench import (
     HELD_OUT,
     KINDS,
@@ -15,7 +16,6 @@ from coverage_bench import (
     Errors,
     SensorNoise,
     Simulated,
-    bench,
     nearest_duration,
     run_test,
     time_constants,

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-import sys
 import time
 from dataclasses import replace
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
+from bench_package import hidden_bench
 
 import heatrun.runtime  # noqa: F401  (settings of JAX before its first use)
 from heatrun.bench.blocks import Blocks
@@ -47,20 +43,6 @@ PAIRS = (
 )  # fmt: skip
 
 SINGLE = ("speed_cooling", "ac_copper_loss", "iron_loss_in_winding", "standby_loss")
-
-
-def hidden_bench() -> ModuleType:
-    """Return the package of the bench with hidden causes, loaded from its folder."""
-    name = "synthetic_bench"
-    if name not in sys.modules:
-        folder = Path(__file__).parents[2] / "data" / "synthetic" / "generator"
-        spec = importlib.util.spec_from_file_location(name, folder / "__init__.py")
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module
-        spec.loader.exec_module(module)
-    return importlib.import_module(f"{name}.hidden")
 
 
 def jobs(first_seed: int, num_motors: int, num_clean: int) -> list[dict[str, Any]]:

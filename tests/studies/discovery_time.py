@@ -19,7 +19,7 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from discovery_cases import hidden_bench
+from bench_package import hidden_bench
 
 SEED = 77
 OUT = Path("results") / "discovery" / "time.json"

@@ -104,14 +104,16 @@ class JobQueue:
         for job in list(self._jobs):
             self.cancel(job)
 
+    def _next(self) -> Job | None:
+        """Forget what is over and return the first command that waits."""
+        self._jobs = [job for job in self._jobs if not job.is_over]
+        return next((job for job in self._jobs if job.state == "waiting"), None)
+
     def _work(self) -> None:
         while True:
             with self._changed:
-                self._jobs = [job for job in self._jobs if not job.is_over]
-                while not any(job.state == "waiting" for job in self._jobs):
+                while (job := self._next()) is None:
                     self._changed.wait()
-                    self._jobs = [job for job in self._jobs if not job.is_over]
-                job = next(job for job in self._jobs if job.state == "waiting")
                 job.process = _start(job.words)
                 job.state = "running"
             _follow(job)

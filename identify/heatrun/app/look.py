@@ -85,6 +85,5 @@ def pane_css(look: Look) -> str:
     .error {{ border-left: 4px solid #c92a2a; padding: 6px 10px; background: {look.faint}; }}
     .warning {{ border-left: 4px solid #e0a100; padding: 6px 10px; background: {look.faint}; }}
     .note {{ border-left: 4px solid #4f8fca; padding: 6px 10px; background: {look.faint}; }}
-    .swatch {{ display: inline-block; width: 0.8em; height: 0.8em; margin-right: 6px; }}
     .faded {{ opacity: 0.7; }}
     """

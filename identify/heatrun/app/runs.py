@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -29,15 +30,12 @@ class Run:
     @property
     def discovery(self) -> dict[str, Any] | None:
         """What `heatrun discover` found, or None."""
-        return _json(self.path / "discovery.json")
+        return _discovery(self.path, self.stamp)
 
     @property
     def calibration(self) -> dict[str, Any] | None:
         """What `heatrun calibrate` found, or None."""
-        try:
-            return load_result(self.path)
-        except InputError:
-            return None
+        return _calibration(self.path, self.stamp)
 
     @property
     def stamp(self) -> Stamp:
@@ -96,6 +94,20 @@ def runs_under(folders: Sequence[Path]) -> list[Run]:
         for path in folder.glob(f"*/{MANIFEST}")
     }
     return sorted(map(Run, found), key=lambda run: run.stamp.changed_ns, reverse=True)
+
+
+@lru_cache(maxsize=256)
+def _calibration(path: Path, stamp: Stamp) -> dict[str, Any] | None:
+    """Return `fit.json`, checked and parsed once for as long as the manifest stays."""
+    try:
+        return load_result(path)
+    except InputError:
+        return None
+
+
+@lru_cache(maxsize=256)
+def _discovery(path: Path, stamp: Stamp) -> dict[str, Any] | None:
+    return _json(path / "discovery.json")
 
 
 def _json(file: Path) -> dict[str, Any] | None:

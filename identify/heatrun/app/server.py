@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import panel as pn
-from bokeh.server.auth_provider import AuthProvider
+from bokeh.server.auth_provider import NullAuth
 from tornado.web import HTTPError
 
 from ..errors import InputError
@@ -20,7 +19,7 @@ from .store import RecordStore
 LOOPBACK = "127.0.0.1"
 
 
-class OwnHostOnly(AuthProvider):
+class OwnHostOnly(NullAuth):
     """Refuses requests that name another host, such as those of a page that was bound to this one.
 
     The websocket, on which everything but the page's frame travels, checks its origin against the
@@ -31,7 +30,7 @@ class OwnHostOnly(AuthProvider):
         self._hosts = hosts
 
     @property
-    def get_user(self) -> Callable[[Any], Any]:
+    def get_user(self) -> Any:
         """Return the check; there are no users apart."""
 
         def check(handler: Any) -> str:
@@ -42,29 +41,9 @@ class OwnHostOnly(AuthProvider):
         return check
 
     @property
-    def get_user_async(self) -> None:
-        """There is none."""
-
-    @property
-    def login_url(self) -> str:
+    def login_url(self) -> Any:
         """Nobody is ever sent there."""
         return "/"
-
-    @property
-    def get_login_url(self) -> None:
-        """There is none."""
-
-    @property
-    def login_handler(self) -> None:
-        """There is none."""
-
-    @property
-    def logout_url(self) -> None:
-        """There is none."""
-
-    @property
-    def logout_handler(self) -> None:
-        """There is none."""
 
 
 def make_server(

@@ -9,13 +9,11 @@ from pathlib import Path
 
 from ..bench import Record
 from ..bench.joined import read_test
+from ..bench.open_file import LARGEST_BYTES
 from ..bench.read import read_record
 from ..errors import InputError
 from ..motor import Motor
 from .folder import Stamp
-
-MAX_FILE_BYTES = 1 << 30
-"""Largest file that is opened [byte]; reading a text file takes several times its size."""
 
 MAX_STORED_BYTES = 2 << 30
 """Bytes of records that are kept for the next tab or test type; the oldest go first."""
@@ -37,7 +35,7 @@ class Opened:
 class RecordStore:
     """Reads each file once for as long as it does not change."""
 
-    def __init__(self, max_file_bytes: int = MAX_FILE_BYTES) -> None:
+    def __init__(self, max_file_bytes: int = LARGEST_BYTES) -> None:
         self._max_file_bytes = max_file_bytes
         self._kept: OrderedDict[tuple[Path, Stamp, str], Opened] = OrderedDict()
         self._lock = threading.Lock()

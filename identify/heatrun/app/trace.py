@@ -87,10 +87,3 @@ class Trace:
         """Return whether a gap lies between each kept sample and the next."""
         num_gaps = np.concatenate([[0], np.cumsum(np.diff(t) > GAP * self.step_s)])
         return np.diff(num_gaps[kept]) > 0
-
-    def at(self, time_s: float) -> float:
-        """Return the reading nearest to a time."""
-        after = int(np.clip(np.searchsorted(self.time_s, time_s), 1, self.time_s.size - 1))
-        before = after - 1
-        is_before = time_s - self.time_s[before] < self.time_s[after] - time_s
-        return float(self.value[before if is_before else after])

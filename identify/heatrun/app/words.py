@@ -8,6 +8,7 @@ from typing import Any
 
 from ..bench import Finding
 from ..errors import InputError
+from ..report_text import ranked
 
 
 def message(kind: str, text: str) -> str:
@@ -37,11 +38,9 @@ def findings_html(findings: Sequence[Finding]) -> str:
     """Return findings, the gravest first."""
     if not findings:
         return message("note", "No findings: the records are as a fit wants them.")
-    order = {"error": 0, "warning": 1, "note": 2}
-    ranked = sorted(findings, key=lambda finding: order[finding.severity])
     return "".join(
         message(f.severity, f"{f'[{f.test}] ' if f.test else ''}{f.sentence()} ({f.id})")
-        for f in ranked
+        for f in ranked(findings)
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import stat
 import zlib
@@ -69,6 +70,17 @@ def read_file(path: str | Path) -> bytes:
             remedy="Copy the file again from the bench.",
         )
     return data
+
+
+def digest(path: str | Path) -> str:
+    """Return the SHA-256 of a file's bytes as hexadecimal digits; the file is not held in memory.
+
+    Raises:
+        OSError: If it cannot be opened.
+        ValueError: If no file can have this name.
+    """
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def unzip(data: bytes, where: str) -> bytes:

@@ -17,7 +17,7 @@ from .constants import constant_notes, resistance_conflict
 from .derive import derive
 from .formats import opened
 from .multirate import read_all, read_measurement
-from .open_file import read_file, unzip
+from .open_file import digest, read_file, unzip
 from .record import Record, Source
 from .table import Table
 from .timegrid import exact_grid, from_first_sample
@@ -109,7 +109,7 @@ def read_record(
     raster_s = motor.raster_s if motor else None
     with opened(path, columns) as measurement:
         if measurement is not None:
-            sha256 = _digest(path)
+            sha256 = digest(path)
             table, mapped = read_measurement(
                 measurement,
                 columns,
@@ -149,11 +149,6 @@ def read_record(
         findings=tuple(replace(finding, test=test) for finding in findings),
         unused=mapped.unused,
     )
-
-
-def _digest(path: str | Path) -> str:
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _read_bytes(data: bytes, where: str) -> Table:

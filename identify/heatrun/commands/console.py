@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from ..errors import InputError
+from ..printable import printable as printable
 
 PROGRESS = "HEATRUN_PROGRESS"
 """Environment variable; `json` makes the progress on stderr lines of JSON, for programs."""
@@ -52,8 +53,3 @@ def print_error(error: InputError, *, as_json: bool) -> None:
         with suppress(OSError):
             print(dump({"error": described}), flush=True)
     print(f"heatrun: {printable(str(error))}", file=sys.stderr)
-
-
-def printable(text: str) -> str:
-    """Escape control characters, so that a file name cannot steer the terminal."""
-    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)

@@ -6,7 +6,6 @@ every file is compared with the SHA-256 in the manifest before a sample of it is
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import re
@@ -17,6 +16,7 @@ from typing import Any
 
 from ..bench.blocks import Blocks
 from ..bench.joined import read_test
+from ..bench.open_file import digest
 from ..bench.record import Record
 from ..bench.reduction import reduce
 from ..errors import InputError
@@ -207,7 +207,7 @@ def _with_rate(path: str, command: str) -> str:
 
 def _refuse_changed(path: str, expected: str, run: Path, kind: str) -> None:
     try:
-        digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        now = digest(path)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(
@@ -217,10 +217,10 @@ def _refuse_changed(path: str, expected: str, run: Path, kind: str) -> None:
             remedy="Start the command in the folder that the run was started in, "
             "or put the file back.",
         ) from error
-    if digest != expected:
+    if now != expected:
         raise InputError(
             f"the {kind} {path} has changed since the run: SHA-256 {expected[:12]}… then, "
-            f"{digest[:12]}… now.",
+            f"{now[:12]}… now.",
             where=str(run),
             remedy="Put the file of the run back, or calibrate again.",
         )

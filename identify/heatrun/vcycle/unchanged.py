@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable
-from pathlib import Path
 
+from ..bench.open_file import digest
 from ..bench.record import Source
 from ..errors import InputError
 
@@ -21,7 +20,7 @@ def refuse_changed(sources: Iterable[Source]) -> None:
     """
     for source in sources:
         try:
-            now = hashlib.sha256(Path(source.path).read_bytes()).hexdigest()
+            now = digest(source.path)
         except OSError as error:
             raise InputError(
                 f"The file was there and cannot be opened any more ({error.strerror}).",

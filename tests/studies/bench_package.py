@@ -1,0 +1,30 @@
+"""The simulated bench of `data/synthetic`, which is no part of the packages, for the studies."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+NAME = "synthetic_bench"
+
+
+def bench() -> ModuleType:
+    """Return the package of the simulated bench, loaded from its folder."""
+    if NAME not in sys.modules:
+        folder = Path(__file__).parents[2] / "data" / "synthetic" / "generator"
+        spec = importlib.util.spec_from_file_location(NAME, folder / "__init__.py")
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[NAME] = module
+        spec.loader.exec_module(module)
+    return sys.modules[NAME]
+
+
+def hidden_bench() -> ModuleType:
+    """Return the package of the bench with hidden causes, a part of it."""
+    bench()
+    return importlib.import_module(f"{NAME}.hidden")
