@@ -8,6 +8,8 @@ differences.
 
 from __future__ import annotations
 
+from functools import cache
+
 import independent
 import numpy as np
 from numba import njit
@@ -58,10 +60,19 @@ def winding(I2, P, T0, step, p, substeps):
 
 def covariance(blocks: Blocks, sd: float, time: float, white: float) -> np.ndarray:
     """Return the covariance of the block means [K^2]: slow drift, white part, rounding."""
-    index = np.arange(blocks.measured.size)
-    apart = np.abs(index[:, None] - index[None, :]) * blocks.block_s
-    diagonal = white**2 * 20.0 / blocks.block_s + blocks.rounding_K**2 / 12.0 / blocks.count
-    return sd**2 * np.exp(-apart / time) + np.diag(diagonal)
+    counts = np.maximum(blocks.count.astype(int), 1)
+
+    @cache
+    def slow(before: int, after: int, lag: int) -> float:
+        first = (np.arange(before) + 0.5) / before
+        second = lag + (np.arange(after) + 0.5) / after
+        apart = blocks.block_s * np.abs(np.subtract.outer(first, second))
+        return sd**2 * float(np.mean(np.exp(-apart / time)))
+
+    pairs = [[slow(*sorted((m, n)), abs(i - j)) for j, n in enumerate(counts)]
+             for i, m in enumerate(counts)]  # fmt: skip
+    diagonal = white**2 * 20.0 / blocks.block_s + blocks.rounding_K**2 / 12.0 / counts
+    return np.array(pairs) + np.diag(diagonal)
 
 
 def residual_function(blocks: Blocks, noise: tuple[float, float, float]):

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from heatrun.adequacy import ljung_box, low_frequency_excess
-from heatrun.noise import Noise, draw, log_density, whiten
+from heatrun.noise import Noise, draw, log_density, variance_of_mean, whiten
 from heatrun.restricted import restricted_log_likelihood
 
 
@@ -20,23 +20,53 @@ NOISE = Noise(jnp.asarray(0.3), jnp.asarray(45.0), jnp.asarray(0.1))
 
 
 def covariance(observation, noise):
-    """The dense covariance of the block means, from its definition."""
+    """The dense covariance of the block means, from its definition reading by reading."""
     seen = np.asarray(observation.is_observed)
     length = float(observation.block_s)
-    lag = length * np.abs(np.subtract.outer(np.arange(seen.size), np.arange(seen.size)))
-    slow = float(noise.sd) ** 2 * np.exp(-lag / float(noise.time))
+    counts = np.maximum(np.asarray(observation.count).astype(int), 1)
+    block = np.repeat(np.arange(seen.size), counts)
+    times = np.concatenate([length * (j + (np.arange(n) + 0.5) / n) for j, n in enumerate(counts)])
+    averaging = np.zeros((seen.size, times.size))
+    averaging[block, np.arange(times.size)] = 1.0 / counts[block]
+    lag = np.abs(np.subtract.outer(times, times))
+    of_readings = float(noise.sd) ** 2 * np.exp(-lag / float(noise.time))
+    slow = averaging @ of_readings @ averaging.T
     white = float(noise.white) ** 2 * 20.0 / length + np.asarray(observation.rounding_variance)
     return (slow + np.diag(white))[np.ix_(seen, seen)]
 
 
-def test_density_is_that_of_the_dense_covariance(observation):
-    mask = observation.is_observed.at[20:24].set(False)
-    gapped = type(observation)(**{**vars(observation), "is_observed": mask})
+def sampled(observation, counts, **changes):
+    """The first blocks with as many readings in each as `counts` says, in turn."""
+    num = 30
+    cut = {
+        name: getattr(observation, name)[:num]
+        for name in ("measured", "is_observed", "weight", "position", "rounding_variance")
+    }
+    count = jnp.asarray(np.resize(counts, num), dtype=float)
+    return type(observation)(**{**vars(observation), **cut, "count": count, **changes})
+
+
+@pytest.mark.parametrize("counts", [[1], [2], [10], [50], [1, 5, 20, 3]])
+@pytest.mark.parametrize("time", [1.0, 20.0, 45.0, 2000.0])
+def test_density_is_that_of_the_dense_covariance(observation, counts, time):
+    noise = Noise(NOISE.sd, jnp.asarray(time), NOISE.white)
+    mask = jnp.ones(30, dtype=bool).at[20:24].set(False)
+    gapped = sampled(observation, counts, is_observed=mask)
     residual = jnp.asarray(np.random.default_rng(0).normal(size=mask.size))
-    exact = multivariate_normal(cov=covariance(gapped, NOISE)).logpdf(
+    exact = multivariate_normal(cov=covariance(gapped, noise)).logpdf(
         np.asarray(residual)[np.asarray(mask)]
     )
-    assert float(log_density(residual, NOISE, gapped)) == pytest.approx(exact, rel=1e-10)
+    assert float(log_density(residual, noise, gapped)) == pytest.approx(exact, rel=1e-10)
+
+
+@pytest.mark.parametrize("num", [1, 3, 30])
+def test_variance_of_a_mean_is_that_of_the_dense_covariance(observation, num):
+    many = sampled(observation, [50], rounding_variance=jnp.zeros(30))
+    exact = covariance(many, NOISE)[:num, :num].mean()
+    assert variance_of_mean(NOISE, float(observation.block_s), num) == pytest.approx(exact, rel=2e-4)
+    total = Noise(NOISE.sd, NOISE.time, NOISE.white).total()
+    at_20 = variance_of_mean(NOISE, 20.0, 1)
+    assert float(total) ** 2 == pytest.approx(at_20, rel=1e-12)
 
 
 def test_columns_are_whitened_alike(observation):
@@ -46,7 +76,9 @@ def test_columns_are_whitened_alike(observation):
     np.testing.assert_allclose(together, np.stack(apart, axis=1), rtol=1e-12)
 
 
-def test_drawn_noise_has_the_stated_covariance(observation):
+@pytest.mark.parametrize("counts", [[1], [3], [40]])
+def test_drawn_noise_has_the_stated_covariance(observation, counts):
+    observation = sampled(observation, counts)
     errors = np.asarray(draw(jax.random.key(0), NOISE, observation, (4000,)))
     exact = covariance(observation, NOISE)
     sample = np.cov(errors.T)

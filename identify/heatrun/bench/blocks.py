@@ -84,6 +84,7 @@ class Blocks:
             is_observed=jnp.asarray(self.is_observed),
             weight=jnp.asarray(self.weight),
             position=jnp.asarray(self.position),
+            count=jnp.asarray(self.count, dtype=float),
             rounding_variance=jnp.asarray(self.rounding_K**2 / 12.0 / np.maximum(self.count, 1.0)),
             block_s=jnp.asarray(self.block_s, dtype=float),
         )
@@ -98,6 +99,7 @@ class Observation(eqx.Module):
         is_observed: Which blocks hold a reading, shape (block,).
         weight: As `Blocks.weight`.
         position: As `Blocks.position`.
+        count: As `Blocks.count`.
         rounding_variance: Variance of each block's mean from rounding [K^2], shape (block,).
         block_s: Length of a block [s].
     """
@@ -107,5 +109,6 @@ class Observation(eqx.Module):
     is_observed: Bool[Array, " block"]
     weight: Float[Array, "block step"]
     position: Float[Array, "block step"]
+    count: Float[Array, " block"]
     rounding_variance: Float[Array, " block"]
     block_s: Float[Array, ""]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..adequacy import low_frequency_excess
+from ..noise import variance_of_mean
 from .engine import Engine, Refit
 from .saturated import plain_noise
 
@@ -80,7 +81,7 @@ def adequacy(engine: Engine, refit: Refit, closed_K: float = 0.0) -> Adequacy:
         num = int(seen.sum()) // size
         if num:
             slow.append(residual[seen][: num * size].reshape(num, size).mean(axis=1))
-            expected.append(np.full(num, _variance_of_mean(noise, test.block_s, size)))
+            expected.append(np.full(num, variance_of_mean(noise, test.block_s, size)))
     excess, is_excessive = low_frequency_excess(innovations, lengths)
     plain = plain_noise(engine, refit)
     is_slow = float(plain.sd) > RELEVANT_SHARE * float(plain.total())
@@ -93,10 +94,3 @@ def adequacy(engine: Engine, refit: Refit, closed_K: float = 0.0) -> Adequacy:
         noise_K=float(noise.total()),
         closed_K=closed_K,
     )
-
-
-def _variance_of_mean(noise, block_s: float, num: int) -> float:
-    """Return the variance of the mean of blocks in a row [K^2]."""
-    lag = np.abs(np.subtract.outer(np.arange(num), np.arange(num))) * block_s
-    slow = float(noise.sd) ** 2 * np.mean(np.exp(-lag / float(noise.time)))
-    return float(slow + float(noise.white) ** 2 * (20.0 / block_s) / num)
