@@ -22,7 +22,7 @@ from .adequacy import misfit_excess
 from .bench.record import Finding
 from .errors import InputError
 from .fit_result import RESULT, Fit, failed
-from .laplace import Spread, spread, whitened_rows
+from .laplace import Spread, spread, whiten_fit
 from .noise import Noise
 from .problem import (
     NUM_NOISE,
@@ -45,6 +45,9 @@ SAME_OPTIMUM = 0.5
 
 MAX_STEPS = 120
 """Steps of one search; a sound one takes ten to thirty."""
+
+TOLERANCE = 1e-7
+"""Of a search, relative and in prior standard deviations: a thousandth of a narrow posterior's."""
 
 HOPELESS = 1e10
 """Half the sum of squares from which on a start counts as failed [nat]."""
@@ -108,17 +111,17 @@ def fit(
     is_same = cost - cost[best] < SAME_OPTIMUM * max(1.0, 1e-3 * cost[best])
     rmse_white = _rmse(problem, _linearise(problem, z[best])[0])
 
-    state = _settle(problem, z[best], num_starts)
+    state = _settle(problem, z[best])
     log_evidence = _spread(problem, state).log_evidence
     findings = []
     if _is_junk(problem, state, rmse_white):
         problem = white
-        state = _settle(problem, z[best], num_starts)
+        state = _settle(problem, z[best])
     level = float(_noise(problem, state.noise_z).total())
     excess, is_flagged = misfit_excess(problem.tests, _innovations(problem, state), level)
     if is_flagged:
         problem = replace(problem, temper=excess)
-        state = _settle(problem, state.z, num_starts)
+        state = _settle(problem, state.z)
         findings.append(_misfit(problem, state, excess))
     state, modes = _explore(problem, state, z)
     if not state.is_converged:
@@ -191,30 +194,31 @@ def _starts(problem: Problem, num_starts: int, seed: int) -> np.ndarray:
 def _search(
     problem: Problem, noise: Noise, starts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return optima, half sums of squares and numbers of steps from each start."""
-    z, cost, steps = _solve(problem.structure, problem.data, jnp.asarray(starts), noise)
-    cost = np.where(np.asarray(cost) < HOPELESS, np.asarray(cost), np.inf)
-    return np.asarray(z), cost, np.asarray(steps)
+    """Return optima, half sums of squares and numbers of steps from each start.
+
+    One start after the other: together, all would wait for the slowest, and every batch of
+    another size would be compiled anew.
+    """
+    found = [_solve(problem.structure, problem.data, jnp.asarray(z), noise) for z in starts]
+    z, cost, steps = (
+        np.stack([np.asarray(part) for part in parts]) for parts in zip(*found, strict=True)
+    )
+    return z, np.where(cost < HOPELESS, cost, np.inf), steps
 
 
 @partial(jax.jit, static_argnames="structure")
-def _solve(structure: Structure, data: Data, starts: Float[Array, "start all"], noise: Noise):
-    """Return optimum, half its sum of squares, and number of steps for each start."""
-
-    def from_one(start):
-        solution = optx.least_squares(
-            lambda z, args: whitened(structure, args[0], z, args[1]),
-            optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8),
-            start,
-            args=(data, noise),
-            options={"jac": "fwd"},
-            max_steps=MAX_STEPS,
-            throw=False,
-        )
-        cost = 0.5 * jnp.sum(whitened(structure, data, solution.value, noise) ** 2)
-        return solution.value, cost, solution.stats["num_steps"]
-
-    return jax.vmap(from_one)(starts)
+def _solve(structure: Structure, data: Data, start: Float[Array, " all"], noise: Noise):
+    """Return optimum, half its sum of squares, and number of steps."""
+    solution = optx.least_squares(
+        lambda z, args: whitened(structure, args[0], z, args[1]),
+        optx.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE),
+        start,
+        args=(data, noise),
+        options={"jac": "fwd"},
+        max_steps=MAX_STEPS,
+        throw=False,
+    )
+    return solution.value, solution.state.f_info.as_min(), solution.stats["num_steps"]
 
 
 def _linearise(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -222,15 +226,14 @@ def _linearise(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return np.asarray(residual), np.asarray(jacobian)
 
 
-def _settle(problem: Problem, z: np.ndarray, num_starts: int) -> _State:
+def _settle(problem: Problem, z: np.ndarray) -> _State:
     """Alternate noise and least squares until the scores no longer move."""
     residual, jacobian = _linearise(problem, z)
     noise_z, shift = np.zeros(NUM_NOISE), np.inf
     for _ in range(NUM_ROUNDS):
         noise_z = estimate_noise(problem, z, residual, jacobian)
         noise = _noise(problem, noise_z)
-        # as many starts as the search had, all alike: one compilation serves both
-        after, _, _ = _search(problem, noise, np.tile(z, (num_starts, 1)))
+        after, _, _ = _search(problem, noise, z[None])
         shift = float(np.max(np.abs(after[0] - z)))
         z = after[0]
         residual, jacobian = _linearise(problem, z)
@@ -247,22 +250,26 @@ def _is_junk(problem: Problem, state: _State, rmse_white: float) -> bool:
 
 
 def _explore(problem: Problem, state: _State, optima: np.ndarray) -> tuple[_State, np.ndarray]:
-    """Search again from all optima under the final noise; return the state and distinct optima.
+    """Search again from the optima under the final noise; return the state and distinct optima.
 
     Optima that are within `RIVAL` of the best share the posterior and must be sampled too.
     """
-    starts = np.where(np.isfinite(optima), optima, 0.0)
-    starts[0] = state.z
-    z, cost, _ = _search(problem, _noise(problem, state.noise_z), starts)
+    starts = _distinct([state.z, *optima[np.all(np.isfinite(optima), axis=1)]])
+    z, cost, _ = _search(problem, _noise(problem, state.noise_z), np.stack(starts))
     best = int(np.argmin(cost))
     if cost[best] < cost[0] - SAME_OPTIMUM:
-        state = _settle(problem, z[best], len(optima))
-    modes = [state.z]
-    for index in np.argsort(cost):
-        is_new = all(np.max(np.abs(z[index] - mode)) > DISTINCT for mode in modes)
-        if cost[index] < cost[best] + RIVAL and is_new:
-            modes.append(z[index])
-    return state, np.stack(modes)
+        state = _settle(problem, z[best])
+    rivals = [z[index] for index in np.argsort(cost) if cost[index] < cost[best] + RIVAL]
+    return state, np.stack(_distinct([state.z, *rivals]))
+
+
+def _distinct(optima: list[np.ndarray]) -> list[np.ndarray]:
+    """Return the optima without those that an earlier one stands for."""
+    kept: list[np.ndarray] = []
+    for z in optima:
+        if all(np.max(np.abs(z - other)) > DISTINCT for other in kept):
+            kept.append(z)
+    return kept
 
 
 def _noise(problem: Problem, noise_z: np.ndarray) -> Noise:
@@ -270,8 +277,7 @@ def _noise(problem: Problem, noise_z: np.ndarray) -> Noise:
 
 
 def _innovations(problem: Problem, state: _State) -> list[np.ndarray]:
-    parts = whitened_rows(problem, state.noise_z, state.residual)
-    return [part[t.is_observed] for part, t in zip(parts, problem.tests, strict=True)]
+    return whiten_fit(problem, state.noise_z, state.residual, state.jacobian).residuals
 
 
 def _spread(problem: Problem, state: _State) -> Spread:

@@ -46,7 +46,8 @@ def spread(
 
     Reference: D. J. C. MacKay, Information Theory, Inference, and Learning Algorithms, chapter 27.
     """
-    columns = np.concatenate(whitened_rows(problem, noise_z, jacobian))
+    white = whiten_fit(problem, noise_z, residual, jacobian)
+    columns = white.jacobian
     precision = columns.T @ columns / problem.temper + np.eye(problem.num_parameters)
     covariance = np.linalg.inv(precision)
 
@@ -60,29 +61,47 @@ def spread(
     full = np.zeros((size, size))
     full[: problem.num_parameters, : problem.num_parameters] = covariance
     full[problem.num_parameters :, problem.num_parameters :] = _positive_inverse(curvature)
-    mode = _log_posterior(problem, z, noise_z, residual)
+    mode = _log_posterior(problem, z, noise_z, white)
     log_det = float(np.linalg.slogdet(full)[1])
     return Spread(full, type_a, mode + 0.5 * log_det + 0.5 * size * float(np.log(2 * np.pi)))
 
 
-def whitened_rows(problem: Problem, noise_z: np.ndarray, stacked: np.ndarray) -> list[np.ndarray]:
-    """Return rows over all blocks whitened by the noise, by test."""
-    noise = noise_module.from_scores(jnp.asarray(noise_z), problem.data.slow_noise)
-    return [
-        np.asarray(noise_module.whiten(jnp.asarray(part), noise, test)[0])
-        for part, test in zip(problem.split(stacked), problem.data.tests, strict=True)
-    ]
+class Whitened(NamedTuple):
+    """Residuals and their derivative, freed of the noise's correlation.
+
+    Attributes:
+        residuals: Of the observed blocks of each test [1].
+        jacobian: Of the blocks of all tests in a row [1 per score].
+        half_log_det: Half the log determinant of the noise's covariance.
+    """
+
+    residuals: list[np.ndarray]
+    jacobian: Float[np.ndarray, "block parameter"]
+    half_log_det: float
 
 
-def _log_posterior(
-    problem: Problem, z: np.ndarray, noise_z: np.ndarray, residual: np.ndarray
-) -> float:
-    """Return the log posterior from residuals that are already there."""
+def whiten_fit(
+    problem: Problem, noise_z: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
+) -> Whitened:
+    """Return residuals and their derivative whitened by the noise; arguments as `spread`."""
     noise = noise_module.from_scores(jnp.asarray(noise_z), problem.data.slow_noise)
-    density = sum(
-        float(noise_module.log_density(jnp.asarray(part), noise, test))
-        for part, test in zip(problem.split(residual), problem.data.tests, strict=True)
-    )
+    # side by side, so that one compilation serves all who need either
+    joined = problem.split(np.column_stack([residual, jacobian]))
+    rows, half_log_det = [], 0.0
+    for part, test in zip(joined, problem.data.tests, strict=True):
+        white, half = noise_module.whiten(jnp.asarray(part), noise, test)
+        rows.append(np.asarray(white))
+        half_log_det += float(half)
+    seen = [test.is_observed for test in problem.tests]
+    residuals = [white[observed, 0] for white, observed in zip(rows, seen, strict=True)]
+    return Whitened(residuals, np.concatenate(rows)[:, 1:], half_log_det)
+
+
+def _log_posterior(problem: Problem, z: np.ndarray, noise_z: np.ndarray, white: Whitened) -> float:
+    """Return the log posterior at a fit [nat]."""
+    values = np.concatenate(white.residuals)
+    density = -0.5 * float(values @ values) - white.half_log_det
+    density -= 0.5 * values.size * float(np.log(2 * np.pi))
     vector = np.concatenate([z, noise_z])
     prior = -0.5 * float(vector @ vector) - 0.5 * vector.size * float(np.log(2 * np.pi))
     return density / problem.temper + prior

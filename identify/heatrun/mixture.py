@@ -45,7 +45,7 @@ PARTS = ((0.8, 1.0), (0.2, 2.0))
 """Shares and widths of the draws around one optimum [1]: where the posterior is skewed, the rounds
 part a narrow from a wide side."""
 
-BATCH = 512
+BATCH = 64
 """Noises that are worked out at once; a full set of draws would not fit the cache."""
 
 
@@ -183,6 +183,16 @@ class Proposal:
             scaled = branch.shift + student[mine] @ branch.shape.T
             upper = np.swapaxes(linear.factor[mine], 1, 2)
             z[mine] = linear.mean[mine] + np.linalg.solve(upper, scaled[..., None])[..., 0]
+        vectors = np.concatenate([z, noise_z], axis=1)
+        return self._seen(vectors, given)
+
+    def log_density(self, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
+        """Return the log density of vectors from elsewhere [nat]."""
+        return self._seen(vectors, self._given(vectors[:, -NUM_NOISE:])).log_density
+
+    def _seen(self, vectors: np.ndarray, given: list[Conditional]) -> Drawn:
+        """Return vectors with their density; `given` belongs to their noises."""
+        z, noise_z = vectors[:, :-NUM_NOISE], vectors[:, -NUM_NOISE:]
         scaled, log_parts = [], []
         for branch, linear in zip(self.branches, given, strict=True):
             seen = np.einsum("nji,nj->ni", linear.factor, z - linear.mean)
@@ -194,7 +204,7 @@ class Proposal:
             log_parts.append(part + np.log(branch.share))
         parts = np.stack(log_parts)
         log_density = np.asarray(logsumexp(parts, axis=0)) + self.kernels.log_density(noise_z)
-        return Drawn(np.concatenate([z, noise_z], axis=1), log_density, np.stack(scaled), parts)
+        return Drawn(vectors, log_density, np.stack(scaled), parts)
 
     def _given(self, noise_z: np.ndarray) -> list[Conditional]:
         """Return what the linear model of each branch says; parts of one optimum share it."""

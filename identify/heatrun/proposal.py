@@ -31,8 +31,8 @@ MORE = 4
 PARETO_LIMIT = 0.7
 """Largest Pareto shape at which weighted draws can be trusted (Vehtari et al., 2024)."""
 
-BATCH = 64
-"""Draws evaluated at once: more of them fall out of the cache."""
+BATCH = 32
+"""Draws evaluated at once, half an ensemble: more of them fall out of the cache."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,7 @@ class Weighted:
         weights: Normalised importance weights, shape (draw,).
         pareto_k: Shape of the Pareto fit to the largest weights [1].
         log_evidence: Estimate of the log marginal likelihood [nat].
+        proposal: Where they were drawn from.
     """
 
     vectors: Float[np.ndarray, "draw all"]
@@ -52,6 +53,7 @@ class Weighted:
     weights: Float[np.ndarray, " draw"]
     pareto_k: float
     log_evidence: float
+    proposal: Proposal
 
     @property
     def effective_size(self) -> float:
@@ -84,7 +86,7 @@ def importance_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weig
     best = None
     for _ in range(1 + NUM_ADAPTATIONS):
         drawn = proposal.draw(num_draws, rng)
-        weighted = _weigh(fit, drawn)
+        weighted = _weigh(fit, proposal, drawn)
         if best is None or weighted.effective_size > best.effective_size:
             best, source = weighted, proposal
         if best.is_sound and best.effective_size > ENOUGH * num_draws:
@@ -93,7 +95,7 @@ def importance_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weig
     if best is not None and best.is_sound:
         return best
     # still several times cheaper than the ensembles that would follow
-    return _weigh(fit, source.draw(MORE * num_draws, rng))
+    return _weigh(fit, source, source.draw(MORE * num_draws, rng))
 
 
 def truncated(weights: Float[np.ndarray, " draw"]) -> Float[np.ndarray, " draw"]:
@@ -106,7 +108,7 @@ def truncated(weights: Float[np.ndarray, " draw"]) -> Float[np.ndarray, " draw"]
     return cut / np.sum(cut)
 
 
-def _weigh(fit: Fit, drawn: Drawn) -> Weighted:
+def _weigh(fit: Fit, proposal: Proposal, drawn: Drawn) -> Weighted:
     log_density = evaluate(fit, drawn.vectors)
     log_weight = log_density - drawn.log_density
     log_weight = np.where(np.isfinite(log_weight), log_weight, -np.inf)
@@ -117,6 +119,7 @@ def _weigh(fit: Fit, drawn: Drawn) -> Weighted:
         weights=np.exp(log_weight - total),
         pareto_k=pareto_shape(log_weight),
         log_evidence=total - float(np.log(log_weight.size)),
+        proposal=proposal,
     )
 
 

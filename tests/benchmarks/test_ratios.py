@@ -11,11 +11,11 @@ import pytest
 
 HERE = Path(__file__).parent
 HEAVY = {
-    "jit(_solve)": 1,  # the search: white noise, settled noise and all starts share it
+    "jit(_solve)": 1,  # the search: all starts, under white and under settled noise, share it
     "jit(_objective)": 1,
     "jit(log_posterior_batch)": 1,
     "jit(linearise)": 2,  # the record, and the record imagined longer
-    "jit(whiten)": 3,  # residual; Jacobian; Jacobian of the longer record
+    "jit(whiten)": 2,  # residual with Jacobian; Jacobian of the longer record
     "jit(predict_batch)": 2,  # the steps of the record, and finer ones
 }
 """Most compilations of a calibration by function."""
@@ -36,7 +36,7 @@ def test_a_calibration_compiles_each_function_once(counts):
     assert not grown, f"compiled more often than {HEAVY}: {grown}"
     assert found["jit(_solve)"] == 1  # else the names have changed and nothing is watched
     # the rest are single operations of about 15 ms each
-    assert sum(found.values()) <= 110, found
+    assert sum(found.values()) <= 80, found
 
 
 def test_a_second_record_of_the_same_shape_compiles_nothing(counts):
@@ -46,9 +46,9 @@ def test_a_second_record_of_the_same_shape_compiles_nothing(counts):
 @pytest.mark.parametrize("record", ["first", "second"])
 def test_a_fit_takes_no_more_searches_and_steps_than_it_needs(record, counts):
     found = counts[record]
-    # search, one or two rounds of noise and least squares, a last look from all optima
-    assert found["calls"]["search"] <= 5, found["calls"]
-    assert found["steps"] <= 50, found["steps"]  # 36 and 42 of 120
+    # 16 starts, one or two rounds of noise and least squares, a last look from distinct optima
+    assert found["calls"]["search"] <= 21, found["calls"]
+    assert found["steps"] <= 40, found["steps"]  # 24 and 20 of 120
     # three starts of about 25 evaluations in each round
     assert found["calls"]["noise"] <= 200, found["calls"]
 
@@ -65,8 +65,9 @@ def test_no_array_of_steps_by_walkers_is_written_out(counts):
     memory = counts["memory"]
     by_steps = 8 * memory["num_steps"] * memory["num_rows"]
     by_blocks = 8 * memory["num_blocks"] * memory["num_rows"]
-    # a few arrays of blocks by walkers: modelled means, residuals, whitened ones
-    assert memory["temporary_bytes"] < 6 * by_blocks < by_steps, memory
+    # a few arrays of blocks by walkers: modelled means, residuals, whitened ones, what the slow
+    # noise leaves in each
+    assert memory["temporary_bytes"] < 8 * by_blocks < by_steps, memory
 
 
 def test_one_likelihood_and_its_jacobian_keep_up_with_c(tmp_path):

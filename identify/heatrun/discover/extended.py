@@ -11,7 +11,7 @@ import numpy as np
 from .. import noise as noise_module
 from ..adequacy import misfit_excess
 from ..fit_result import RESULT, Fit
-from ..laplace import spread, whitened_rows
+from ..laplace import spread, whiten_fit
 from ..parameters import ParameterSet, collect
 from ..problem import Problem
 from ..restricted import estimate_noise
@@ -43,8 +43,7 @@ def extended_fit(
     z, noise_z = _settle(engine, problem, z, order)
     residual, jacobian = engine.linearise(z, order)
     if not is_adequate:
-        rows = whitened_rows(problem, noise_z, residual)
-        seen = [part[t.is_observed] for part, t in zip(rows, problem.tests, strict=True)]
+        seen = whiten_fit(problem, noise_z, residual, jacobian).residuals
         level = float(noise_module.from_scores(jnp.asarray(noise_z), 0.0).total())
         excess, _ = misfit_excess(problem.tests, seen, level)
         problem = replace(problem, temper=max(1.0, excess))
