@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -21,8 +22,9 @@ from lptn import (
     simulate,
 )
 from lptn.effects import AbstractEffect, build
+from lptn.effects.time_shift import TimeShift
 
-from .bench.blocks import Blocks, Observation
+from .bench.blocks import SLOW_LOGGER_S, Blocks, Observation
 from .effect_parameters import effect_names, effect_parameters, qualified
 from .errors import InputError
 from .motor import Motor
@@ -79,7 +81,7 @@ COLD_START_K = 2.0
 
 ALL_NAMES = (
     "Ceq", "Req", "Ceq_w", "Ceq_sr", "Req_w", "Req_sr", "Rs0", "power_gain", "torque_offset",
-    "sensor_gain", "sensor_offset", "ambient_offset", "Tw_start", "Tsr_start",
+    "sensor_gain", "sensor_offset", "ambient_offset", "load_timing", "Tw_start", "Tsr_start",
 )  # fmt: skip
 """Every name that a motor file may override."""
 
@@ -155,7 +157,7 @@ class Model:
     def built_effects(self, values: Values) -> tuple[AbstractEffect, ...]:
         """Return the effects for values by name."""
         network = self.network(values)
-        return tuple(
+        effects = tuple(
             build(
                 kind,
                 {name: values[qualified(kind, name)] for name in kind.card.parameters},
@@ -163,6 +165,9 @@ class Model:
             )
             for kind in self.effects
         )
+        if "load_timing" in values:
+            return (*effects, TimeShift(values["load_timing"]))
+        return effects
 
     def block_means(self, values: Values, test: Observation) -> Float[Array, " block"]:
         """Return the modelled means over the blocks of a test [degC]."""
@@ -201,7 +206,12 @@ def parameters(model: Model, motor: Motor, tests: Sequence[Blocks]) -> Parameter
         shared.append(_torque(motor, tests))
     by_test = [
         override(
-            [*shared, *_start(model, test), *effect_parameters(model.effects, test.duration_s)],
+            [
+                *shared,
+                *_timing(test),
+                *_start(model, test),
+                *effect_parameters(model.effects, test.duration_s),
+            ],
             motor,
         )
         for test in tests
@@ -242,6 +252,29 @@ def _torque(motor: Motor, tests: Sequence[Blocks]) -> Parameter:
         )
     return Parameter("torque_offset", "N m", "offset of the torque transducer", "instrument",
                      "linear", 0.0, 0.1, "0.1 % of a 100 N m transducer")  # fmt: skip
+
+
+def _of_test(model: Model, test: Blocks) -> list[Parameter]:
+    """Return what belongs to one test: timing, start, and effects by its length."""
+    effects = effect_parameters(model.effects, test.duration_s)
+    return [*_timing(test), *_start(model, test), *effects]
+
+
+def _timing(test: Blocks) -> list[Parameter]:
+    """Return the moment of the load steps, where the logger is too slow to tell it.
+
+    Samples are joined by straight lines, so a step that falls on a sample comes half a period
+    early.
+    """
+    if test.sample_s < SLOW_LOGGER_S:
+        return []
+    return [
+        Parameter(
+            "load_timing", "s", "load later than halfway between two samples", "instrument",
+            "linear", 0.0, test.sample_s / math.sqrt(12.0),
+            f"samples every {test.sample_s:.3g} s: anywhere between two of them", per_test=True,
+        )
+    ]  # fmt: skip
 
 
 def _start(model: Model, test: Blocks) -> list[Parameter]:

@@ -22,11 +22,12 @@ TRUTH = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625
 RS0, B, T_REF = 0.0062, 234.5, 25.0
 
 
-def simulated(step, minutes, currents, *, ambient=20.0, values=TRUTH, pol=300.0, noise=0.1):
+def simulated(step, minutes, currents, *, ambient=20.0, values=TRUTH, pol=300.0, noise=0.1,
+              into=0.5):  # fmt: skip
     """A record of steps of current by matrix exponentials.
 
-    Samples lie in the middle of the intervals of constant current: a load that jumps on a sample
-    is off by half a sample, which a logger of 10 s turns into 6 % of Ceq_w.
+    Samples lie at the share `into` of the intervals of constant current: 0.5 is where straight
+    lines between samples put the jumps, 0 has them on the samples.
     """
     num = int(minutes * 60.0 / step)
     current = np.repeat(currents, -(-num // len(currents)))[:num].astype(float)
@@ -47,11 +48,12 @@ def simulated(step, minutes, currents, *, ambient=20.0, values=TRUTH, pol=300.0,
                     [0.0, 0.0, 0.0],
                 ]
             )
-            flow[key] = expm(A * 0.5 * step)
-        state = flow[key] @ state
+            flow[key] = expm(A * into * step), expm(A * (1.0 - into) * step)
+        before, after = flow[key]
+        state = before @ state
         stator[index], winding[index] = state[:2]
         losses[index] = (pol if on[index] else 0.0) + k * (B + state[1])
-        state = flow[key] @ state
+        state = after @ state
     rng = np.random.default_rng(4)
     return Record(
         "edge",
@@ -78,15 +80,26 @@ LOADS = (0, 100, 60, 120, 0, 80, 110, 0)
 
 
 @pytest.mark.parametrize(
-    ("step", "ambient"),
-    [(1.0, -40.0), pytest.param(10.0, 20.0, marks=pytest.mark.slow)],
-    ids=["cold", "ten_seconds"],
+    ("step", "ambient", "into"),
+    [
+        (1.0, -40.0, 0.5),
+        (10.0, 20.0, 0.0),
+        pytest.param(10.0, 20.0, 0.5, marks=pytest.mark.slow),
+        pytest.param(10.0, 20.0, 1.0, marks=pytest.mark.slow),
+    ],
+    ids=["cold", "jumps_on_samples", "jumps_between_samples", "jumps_after_samples"],
 )
-def test_a_cold_chamber_and_a_slow_logger_are_fitted(step, ambient, machine):
-    record = simulated(step, 90, LOADS, ambient=ambient)
+def test_a_cold_chamber_and_a_slow_logger_are_fitted(step, ambient, into, machine):
+    record = simulated(step, 90, LOADS, ambient=ambient, into=into)
     assert errors_of(record, machine) == set()
     found = fit(Problem.of(Model.of("second", machine), machine, [reduce(record, machine)]))
     sd = np.sqrt(np.diag(found.covariance))
+    timing = found.values().get("load_timing[edge]")
+    if step < 2.0:
+        assert timing is None  # steps of the load are seen when they come
+    else:
+        # by straight lines the load comes halfway between two samples
+        assert timing == pytest.approx((0.5 - into) * step, abs=1.0)
     for position, slot in enumerate(found.slots):
         if slot.name in TRUTH:
             z = float(slot.parameter.score(TRUTH[slot.name]))

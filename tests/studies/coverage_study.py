@@ -46,8 +46,12 @@ NUM_RECORDS = {
 }
 """Records of each cell."""
 
-NUM_EMCEE = {"as declared": 20}
+NUM_EMCEE = {"as declared": 80, "prior draws": 40}
 """Records of a cell on which the ensemble sampler is run as well."""
+
+TASKS = 60
+"""Records after which a process is replaced: what it has compiled for each length of record stays
+in its memory."""
 
 HURRY = {"as declared": 0.75, "prior draws": 0.75}
 """A run that is cut short has these in full before the others [1]."""
@@ -69,7 +73,10 @@ def main() -> None:
     done = {(row["cell"], row["index"]) for row in rows}
     waiting = [j for j in jobs(options.seed, options.share) if (j["cell"], j["index"]) not in done]
     context = multiprocessing.get_context("spawn")  # JAX must not be forked
-    with path.open("a", encoding="utf-8") as file, context.Pool(options.processes) as pool:
+    with (
+        path.open("a", encoding="utf-8") as file,
+        context.Pool(options.processes, maxtasksperchild=TASKS) as pool,
+    ):
         for number, row in enumerate(pool.imap_unordered(_run, waiting)):
             rows.append(row)
             file.write(json.dumps(row) + "\n")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...motor import Motor
+from ..blocks import SLOW_LOGGER_S
 from ..record import Finding, Record
 from .samples import is_measured, median_step, place, samples
 
@@ -151,12 +152,19 @@ def sampling(record: Record, motor: Motor) -> tuple[Finding, ...]:
     usual = median_step(time_s)
     duration_s = float(time_s[-1] - time_s[0])
     is_coarse = usual > COARSE_S
+    timing = (
+        f" When a load step comes is known to ±{usual / 2.0:.3g} s only; the fit estimates it as "
+        "load_timing."
+        if usual >= SLOW_LOGGER_S
+        else ""
+    )
     return (
         Finding(
             "sampling",
             "warning" if is_coarse else "note",
             f"{time_s.size} samples at {usual:.3g} s over {duration_s / 60.0:.1f} min."
-            + (f" Expected at most {COARSE_S:.0f} s: Ceq_w hangs on them." if is_coarse else ""),
+            + (f" Expected at most {COARSE_S:.0f} s: Ceq_w hangs on them." if is_coarse else "")
+            + timing,
             place(record, "time_s", float(time_s[0]), float(time_s[-1])),
             "Export at the logger's own rate." if is_coarse else "",
             values={"num_samples": float(time_s.size), "step_s": usual, "duration_s": duration_s},
