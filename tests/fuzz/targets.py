@@ -16,6 +16,7 @@ import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import h5py
@@ -161,6 +162,50 @@ def parquet() -> bytes:
     return buffer.getvalue()
 
 
+def mdf(compression: int = 0) -> bytes:
+    """Return an MDF 4 file with two rates, a conversion, a text and invalid samples."""
+    import asammdf
+
+    fast, slow = np.arange(0.0, 2.0, 0.1), np.arange(4.0)
+    file = asammdf.MDF(version="4.10")
+    file.append([
+        asammdf.Signal(np.sin(fast), fast, name="phase_current_A", unit="A"),
+        asammdf.Signal((100 * fast).astype("u2"), fast, name="losses_W", unit="W",
+                       invalidation_bits=fast >= 1.5),
+    ])  # fmt: skip
+    file.append(
+        [
+            asammdf.Signal(
+                slow, slow, name="winding", unit="K", conversion={"a": 2.0, "b": 293.15}
+            ),
+            asammdf.Signal(np.full(4, b"abc"), slow, name="note", encoding="utf-8"),
+        ]
+    )
+    path = FOLDER / "made.mf4"
+    file.save(path, overwrite=True, compression=compression)
+    file.close()
+    return path.read_bytes()
+
+
+def tdms() -> bytes:
+    """Return a TDMS file with two groups, a waveform, a text and two segments."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    buffer = io.BytesIO()
+    properties = {"unit_string": "A", "wf_increment": 0.5, "wf_start_offset": 0.0}
+    with TdmsWriter(buffer) as writer:
+        for first in (0.0, 4.0):
+            writer.write_segment(
+                [
+                    ChannelObject("Drive", "phase_current_A", first + np.arange(4.0), properties),
+                    ChannelObject("Rig", "Time", first + np.arange(4.0)),
+                    ChannelObject("Rig", "winding_degC", np.arange(4, dtype=np.int16)),
+                    ChannelObject("Rig", "note", ["a", "b", "c", "d"]),
+                ]
+            )
+    return buffer.getvalue()
+
+
 def chunk() -> bytes:
     """Return a whole chunk of a chain."""
     folder = FOLDER / "made"
@@ -220,3 +265,7 @@ TARGETS: dict[str, Target] = {
     ),
     "checkpoint": Target(checkpoint, (chunk(), stored(chunk()))),
 }  # fmt: skip
+if find_spec("asammdf"):
+    TARGETS["mdf"] = Target(record("mf4", start=b"MDF     "), (mdf()[8:], mdf(2)[8:]))
+if find_spec("nptdms"):
+    TARGETS["tdms"] = Target(record("tdms", start=b"TDSm"), (tdms()[4:],))

@@ -66,6 +66,17 @@ def test_parameters_that_are_no_parameters(text, tmp_path):
         parameters_from(path, "second")
 
 
+@pytest.mark.parametrize("times", [(-1.7e308, 1.7e308, 0.0), (0.0, 1.0, 1.7e308)])
+def test_times_beyond_any_number_count_as_missing_and_are_named(times, tmp_path):
+    path = tmp_path / "absurd.csv"
+    path.write_text("t,Is\n" + "".join(f"{time!r},1\n" for time in times))
+    record = read_record(path)
+    assert not np.isinf(record.time_s).any()
+    assert np.isnan(record.time_s).any() == (times[0] < 0.0)
+    if times[0] < 0.0:
+        assert any("beyond any number" in note for note in record.notes)
+
+
 def test_a_gzip_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
     monkeypatch.setattr(open_file, "LARGEST_BYTES", 2**20)
     path = tmp_path / "test.csv.gz"

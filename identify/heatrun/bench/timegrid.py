@@ -22,13 +22,21 @@ LARGEST_SHARE_OF_STEP = 0.05
 def from_first_sample(time_s: np.ndarray) -> tuple[np.ndarray, str]:
     """Return times counted from the first finite one, and a note if that moved them.
 
+    A time that is infinite, or so far off that the difference is, counts as missing.
+
     Args:
         time_s: Times [s], shape (time,); not all NaN.
     """
     start = float(time_s[np.flatnonzero(np.isfinite(time_s))[0]])
-    if start == 0.0:
-        return time_s, ""
-    return time_s - start, f"time_s counts from the first sample, at {start:.9g} s in the file."
+    with np.errstate(over="ignore"):
+        moved = time_s - start
+    notes = []
+    if start != 0.0:
+        notes.append(f"time_s counts from the first sample, at {start:.9g} s in the file.")
+    absurd = np.isinf(moved)
+    if absurd.any():
+        notes.append(f"{int(absurd.sum())} times are beyond any number and count as missing.")
+    return np.where(absurd, np.nan, moved), " ".join(notes)
 
 
 def exact_grid(time_s: np.ndarray) -> tuple[np.ndarray, str]:
