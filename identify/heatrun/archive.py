@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from .checkpoint import write_whole
 from .posterior import Posterior
+from .whole_files import write_whole
 
 
 def groups(posterior: Posterior) -> Any:

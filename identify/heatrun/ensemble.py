@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from emcee.autocorr import integrated_time
 from jaxtyping import Float
 
 ESS_WANTED = 800.0
@@ -72,6 +71,8 @@ def judge(chains: Float[np.ndarray, "ensemble step walker parameter"]) -> Conver
         Applied Mathematics and Computational Science 5 (2010) 65-80, section 5;
         A. Gelman et al., Bayesian Data Analysis, 3rd ed., section 11.4 (R-hat).
     """
+    from emcee.autocorr import integrated_time  # as in `posterior`: only who samples needs it
+
     _, num_steps, num_walkers, _ = chains.shape
     times = np.mean([integrated_time(chain, quiet=True, tol=0) for chain in chains], axis=0)
     times = np.maximum(np.where(np.isfinite(times), times, num_steps), 1.0)

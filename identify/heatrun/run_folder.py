@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from .checkpoint import PARTIAL, drop_partials, write_whole
 from .errors import InputError
 from .folder_lock import FolderLock
+from .whole_files import PARTIAL, drop_partials, write_whole
 
 MANIFEST = "manifest.json"
 CHECKPOINTS = "checkpoints"

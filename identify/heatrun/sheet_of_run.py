@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from .calibrate import Calibration
-from .checkpoint import drop_partials, write_whole
 from .errors import InputError
 from .folder_lock import FolderLock
 from .run_folder import dump, list_again, load_result, read_listed
@@ -20,6 +19,7 @@ from .sheet.content import sheet_content
 from .sheet.figures import draw
 from .sheet.pdf import write_pdf
 from .sheet.xlsx import write_xlsx
+from .whole_files import drop_partials, write_whole
 
 Tables = Sequence[tuple[str, str, pd.DataFrame]]
 

@@ -18,11 +18,11 @@ from lptn import Trace, growth_rate
 from .bench import Record, read_record, require
 from .bench.blocks import Blocks
 from .bench.reduction import reduce
-from .checkpoint import write_whole
 from .errors import InputError
 from .model import ALL_NAMES, NETWORK, Model, Order, parameters
 from .motor import Motor
 from .run_folder import load_result
+from .whole_files import write_whole
 
 LARGEST = 1e30
 """Beyond it no parameter means anything in any unit, and its square is no float64."""

@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 
 from heatrun import cli
-from heatrun.checkpoint import write_whole
 from heatrun.commands.console import printable
 from heatrun.errors import InputError
 from heatrun.run_folder import RunFolder, list_again, load_result
+from heatrun.whole_files import write_whole
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 IDENTITY = {"motor": "m", "seed": 1}
@@ -112,7 +112,7 @@ def test_a_file_that_does_not_fit_leaves_the_old_one_and_no_piece(tmp_path):
     write_whole(path, b"old")
     program = (
         "import resource, pathlib\n"
-        "from heatrun.checkpoint import write_whole\n"
+        "from heatrun.whole_files import write_whole\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
         f"write_whole(pathlib.Path({str(path)!r}), bytes(5000))\n"
     )

@@ -16,7 +16,6 @@ from heatrun.bench.joined import read_test
 from heatrun.bench.mat5 import read_variables
 from heatrun.bench.read import read_record
 from heatrun.calibrate import calibrate, load_tests, manifest
-from heatrun.checkpoint import write_whole
 from heatrun.errors import InputError
 from heatrun.export import (
     Corrections,
@@ -28,6 +27,7 @@ from heatrun.export import (
 from heatrun.motorfile import load_motor
 from heatrun.run_folder import RunFolder
 from heatrun.sheet.bands import band_table
+from heatrun.whole_files import write_whole
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 THESIS = ["B", "Ceqsr", "Ceqw", "Is", "Pd", "Reqsr", "Reqw"]

@@ -10,8 +10,8 @@ from typing import Any
 
 import panel as pn
 
-from ..checkpoint import write_whole
 from ..errors import InputError
+from ..whole_files import write_whole
 from .folder import SUFFIXES
 
 MAX_NAME = 100

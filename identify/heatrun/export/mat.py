@@ -14,10 +14,10 @@ import scipy.io
 
 from .. import __version__
 from ..bench.record import Finding
-from ..checkpoint import write_whole
 from ..errors import InputError
 from ..model import Order
 from ..result import describe_finding
+from ..whole_files import write_whole
 from .course import simulate_variables
 from .rerun import RunTest, read_run_test
 from .variables import UNITS, Corrections, thesis_variables

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..checkpoint import whole
+from ..whole_files import whole
 
 COLOURS = {"first": "#D55E00", "second": "#0072B2", "measured": "#222222", "stator": "#009E73"}
 """Okabe and Ito's palette, which colour-blind readers can tell apart."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import typst
 
-from ..checkpoint import PARTIAL, write_whole
+from ..whole_files import PARTIAL, write_whole
 
 
 def typeset(template: str, content: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:

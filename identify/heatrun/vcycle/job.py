@@ -8,10 +8,10 @@ from pathlib import Path
 
 from ..bench.joined import read_test
 from ..bench.record import Record
-from ..checkpoint import write_whole
 from ..errors import InputError
 from ..motor import Motor
 from ..run_folder import dump, load_result
+from ..whole_files import write_whole
 from .build import build_report, check_use
 from .card import Kind
 from .content import report_content
