@@ -5,9 +5,10 @@ from __future__ import annotations
 import datetime
 import platform
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -29,6 +30,7 @@ from .result import assemble, describe_model, describe_test
 from .run_folder import RunFolder, environment
 
 Say = Callable[[str], None]
+T = TypeVar("T")
 
 COARSE_K = 0.05
 """Error of the reduction to steps from which on it is worth a warning [K]."""
@@ -131,20 +133,27 @@ def calibrate(
         InputError: If something that the model needs is not given.
     """
     fitted = [test.blocks for test in tests if test.role == "calibration"]
-    posteriors: dict[Order, Posterior] = {}
-    predictions: dict[Order, list[Prediction]] = {}
     findings = [finding for test in tests for finding in test.findings]
+
+    def fit_one(order: Order) -> Fit:
+        return fit(Problem.of(Model.of(order, motor), motor, fitted), seed=seed)
+
     for order in orders:
         say(f"{order} order: least squares from many starts")
-        model = Model.of(order, motor)
-        found = fit(Problem.of(model, motor, fitted), seed=seed)
+    fits = _for_each(orders, fit_one)
+    posteriors: dict[Order, Posterior] = {}
+    for order, found in fits.items():
         findings += found.findings
         say(f"{order} order: sampling the posterior")
         checkpoints = None if folder is None else folder.checkpoints / order
         posterior = sample(found, method=method, seed=seed, folder=checkpoints, progress=progress)
         findings += _sampling_findings(posterior)
         posteriors[order] = posterior
-        predictions[order] = [predict(posterior, test.blocks, seed=seed) for test in tests]
+
+    def predict_all(order: Order) -> list[Prediction]:
+        return [predict(posteriors[order], test.blocks, seed=seed) for test in tests]
+
+    predictions = _for_each(orders, predict_all)
     last = posteriors[orders[-1]].fit
     rows = []
     for test in tests:
@@ -153,12 +162,22 @@ def calibrate(
         if error > COARSE_K:
             findings.append(_coarse(test, error))
     roles = [test.role for test in tests]
-    models = {
-        order: describe_model(posteriors[order], predictions[order], roles, duties)
-        for order in orders
-    }
+
+    def describe(order: Order) -> dict[str, Any]:
+        return describe_model(posteriors[order], predictions[order], roles, duties)
+
+    models: dict[str, Any] = {**_for_each(orders, describe)}
     result = assemble(motor, rows, findings, models, predictions, command=command, seed=seed)
     return Calibration(motor, tuple(tests), posteriors, predictions, result)
+
+
+def _for_each(orders: Sequence[Order], function: Callable[[Order], T]) -> dict[Order, T]:
+    """Return what a function gives for each order, worked out at once.
+
+    Most of it is compilation, which keeps one core busy and lets other threads go on.
+    """
+    with ThreadPoolExecutor() as pool:
+        return dict(zip(orders, pool.map(function, orders), strict=True))
 
 
 def reduction_error(found: Fit, test: Test, motor: Motor) -> float:
