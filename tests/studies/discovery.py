@@ -1,7 +1,8 @@
 """Study of the discovery on benches with hidden causes: `make study-discovery`.
 
 Writes rows, gates, the table per effect and the figures under `results/discovery/`. Seeds from
-1000 on were used to set thresholds; reports use seeds from 50000 on.
+1000 on were used to set thresholds; reports use seeds from 60000 on (those from 50000 on were
+reported before the noise of block means was mended).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from discovery_gates import claims, gates, is_right
 
-REPORTING_SEED = 50_000
+REPORTING_SEED = 60_000
 
 
 def main() -> None:
