@@ -18,6 +18,7 @@ import lptn
 from heatrun.model import Model
 from heatrun.motor import Motor
 from heatrun.problem import Problem, log_posterior_batch
+from heatrun.proposal import BATCH
 from lptn.effects import EFFECTS, AbstractEffect, build
 
 SECTION = "Growth"
@@ -52,11 +53,17 @@ def with_samples(small: bool) -> list[Row]:
 
 
 def with_walkers(made: dict, small: bool) -> list[Row]:
-    """Time one likelihood over growing numbers of parameter sets."""
+    """Time one likelihood over growing numbers of parameter sets, in batches as they are drawn."""
     sizes = [1, 8, 64] if small else [1, 8, 64, 256, 1024]
     mine = ours.likelihood(made)
-    sets = [jnp.asarray(around(num)) for num in sizes]
-    return [_row("walkers", sizes, [median(lambda t=t: mine(t), 3) for t in sets])]
+
+    def in_batches(num: int):
+        parts = np.split(around(num), range(BATCH, num, BATCH))
+        sets = [jnp.asarray(part) for part in parts]
+        return lambda: [mine(part) for part in sets]
+
+    times = [median(in_batches(num), 3) for num in sizes]
+    return [_row(f"walkers, in batches of {BATCH}", sizes, times)]
 
 
 def with_tests(small: bool) -> list[Row]:
