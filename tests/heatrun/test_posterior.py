@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from heatrun import archive
+from heatrun import archive, ensemble_run
 from heatrun.bench.reduction import reduce
 from heatrun.fit import fit
 from heatrun.identifiability import forecast
@@ -108,3 +110,23 @@ def test_groups_carry_units_and_survive_the_file(posterior, tmp_path):
     np.testing.assert_allclose(group["Req_sr"], posterior.values()["Req_sr"])
     table = archive.summary(posterior)
     assert "Ceq_w" in table.index
+
+
+def test_draws_from_a_proposal_that_is_off_are_accepted_as_the_posterior_wants(
+    fitted, posterior, monkeypatch
+):
+    """A third of a standard deviation off and a third wider, and no other move beside it."""
+    weighted = posterior.weighted
+    branches = tuple(
+        replace(branch, shift=branch.shift + 0.33, shape=1.33 * branch.shape)
+        for branch in weighted.proposal.branches
+    )
+    off = replace(weighted, proposal=replace(weighted.proposal, branches=branches))
+    moves = ensemble_run._moves
+    monkeypatch.setattr(ensemble_run, "_moves", lambda weighted: moves(weighted)[-1:])
+    ensemble = ensemble_run.Ensemble.begin(fitted, off, 64, 0, 11, None)
+    ensemble.advance(1500)
+    chain = ensemble.chain()[300:].reshape(-1, fitted.vector.size)
+    sd = posterior.flat.std(axis=0)
+    assert np.max(np.abs(chain.mean(axis=0) - posterior.flat.mean(axis=0)) / sd) < 0.12
+    assert np.max(np.abs(chain.std(axis=0) / sd - 1.0)) < 0.1
