@@ -85,6 +85,9 @@ ALL_NAMES = (
 )  # fmt: skip
 """Every name that a motor file may override."""
 
+OF_ONE_TEST = ("load_timing", "Tw_start", "Tsr_start")
+"""Parameters of one test, which say nothing of another."""
+
 
 @dataclass(frozen=True)
 class Model:

@@ -199,7 +199,9 @@ def test_the_command_prints_one_object(day, capsys):
 
 def test_a_correction_is_said_and_applied_on_demand(day, capsys):
     def a_tenth_more(result):
-        result["models"]["second"]["nuisances"]["power_gain"]["value"] = 0.1
+        nuisances = result["models"]["second"]["nuisances"]
+        nuisances["power_gain"]["value"] = 0.1
+        nuisances["load_timing[duty]"]["value"] = 0.0
 
     edit(Path("run/fit.json"), a_tenth_more)
     assert cli.main(["export", "run", "--to", "mat", "--out", "plain"]) == 0
@@ -211,6 +213,23 @@ def test_a_correction_is_said_and_applied_on_demand(day, capsys):
     corrected = read_variables(Path("corrected/prova.mat").read_bytes())
     assert np.array_equal(corrected["Pd"], 1.1 * plain["Pd"])
     assert np.array_equal(corrected["Tw_m"], plain["Tw_m"])
+
+
+def test_a_load_that_comes_later_is_exported_later(day):
+    def by_half_a_sample(result):
+        for entry in result["models"]["second"]["nuisances"].values():
+            entry["value"] = 0.0
+        result["models"]["second"]["nuisances"]["load_timing[duty]"]["value"] = 0.5
+
+    edit(Path("run/fit.json"), by_half_a_sample)
+    for folder, words in (("plain", []), ("corrected", ["--corrected"])):
+        assert cli.main(["export", "run", "--to", "mat", "--out", folder, *words]) == 0
+    plain = read_variables(Path("plain/prova.mat").read_bytes())
+    corrected = read_variables(Path("corrected/prova.mat").read_bytes())
+    halfway = 0.5 * (plain["Pd"][1:] + plain["Pd"][:-1])
+    np.testing.assert_allclose(corrected["Pd"][1:], halfway, rtol=1e-12)
+    square = 0.5 * (plain["Is"][1:] ** 2 + plain["Is"][:-1] ** 2)
+    np.testing.assert_allclose(corrected["Is"][1:] ** 2, square, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["duty.csv", "motor.toml"])

@@ -63,7 +63,7 @@ def run(tmp_path):
             "second": {
                 "parameters": entries,
                 "nuisances": {**nuisances, "Tw_start[duty]": {"value": 20.0, "fixed": False}},
-                "noise": {"kind": "correlated", "sd_K": 0.2, "white_K": 0.02},
+                "noise": {"kind": "correlated", "sd_K": 0.2, "time_s": 200.0, "white_K": 0.02},
             }
         },
         "tests": [{"sha256": "of the calibration", "role": "calibration"}],

@@ -34,7 +34,9 @@ def bound(
     starts = dict(zip(("Tw_start", "Tsr_start"), start_degC, strict=True))
     slots = problem.parameters.slots
     known = {**true, **starts}
-    z = np.array([float(slot.parameter.score(known[slot.parameter.name])) for slot in slots])
+    z = np.array(
+        [float(slot.parameter.score(known.get(slot.parameter.name, 0.0))) for slot in slots]
+    )
     _, jacobian = linearise(problem.structure, problem.data, jnp.asarray(z))
     factor = np.linalg.cholesky(covariance(problem.tests[0], noise))
     columns = np.linalg.solve(factor, np.asarray(jacobian)[problem.is_observed])

@@ -62,6 +62,7 @@ def main() -> None:
     """Run the study."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=REPORTING_SEED)
+    parser.add_argument("--only", choices=NUM_RECORDS, help="this cell alone")
     parser.add_argument("--share", type=float, default=1.0, help="of the records of each cell")
     parser.add_argument("--minutes", type=float, default=1e9, help="stop after this time")
     parser.add_argument("--processes", type=int, default=1)
@@ -72,7 +73,10 @@ def main() -> None:
     begin = time.perf_counter()
     rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
     done = {(row["cell"], row["index"]) for row in rows}
-    waiting = [j for j in jobs(options.seed, options.share) if (j["cell"], j["index"]) not in done]
+    wanted = [
+        job for job in jobs(options.seed, options.share) if options.only in (None, job["cell"])
+    ]
+    waiting = [job for job in wanted if (job["cell"], job["index"]) not in done]
     context = multiprocessing.get_context("spawn")  # JAX must not be forked
     with (
         path.open("a", encoding="utf-8") as file,
@@ -86,8 +90,9 @@ def main() -> None:
                   f"{row['seconds']:.1f} s", flush=True)  # fmt: skip
             if time.perf_counter() - begin > 60.0 * options.minutes:
                 break
-    write(rows, options.out, options.seed)
-    if number_left(rows, options.seed, options.share) == 0:
+    only = f' --only "{options.only}"' if options.only else ""
+    write(rows, options.out, f"--seed {options.seed}{only}", options.seed, len(wanted))
+    if len(rows) == len(wanted):
         path.unlink()
 
 
@@ -113,25 +118,20 @@ def jobs(seed: int, share: float) -> Iterator[dict[str, Any]]:
     yield from (job for _, job in sorted(listed, key=lambda each: each[0]))
 
 
-def number_left(rows: list[dict[str, Any]], seed: int, share: float) -> int:
-    """Return how many records are still to be run."""
-    return sum(1 for _ in jobs(seed, share)) - len(rows)
-
-
-def write(rows: list[dict[str, Any]], out: Path, seed: int) -> None:
-    """Write rows, summary, table and figures."""
+def write(rows: list[dict[str, Any]], out: Path, words: str, seed: int, planned: int) -> None:
+    """Write rows, summary, table and figures; `words` are those of the command."""
     rows = sorted(rows, key=lambda row: (list(NUM_RECORDS).index(row["cell"]), row["index"]))
     packages = ("heatrun", "jax", "numpy", "scipy", "optimistix", "emcee")
     found = gates(rows)
     content = {
-        "command": f"make study-coverage (coverage_study.py --seed {seed})",
+        "command": f"make study-coverage (coverage_study.py {words})",
         "seed": seed,
         "tuning_seed": TUNING_SEED,
         "machine": f"{platform.system()} {platform.machine()}, one thread per process",
         "python": platform.python_version(),
         "versions": {name: version(name) for name in packages},
         "cpu_s": sum(row["cpu_s"] for row in rows),
-        "planned": sum(NUM_RECORDS.values()),
+        "planned": planned,
         "records": {c: sum(r["cell"] == c for r in rows) for c in NUM_RECORDS},
         "gates": found,
     }

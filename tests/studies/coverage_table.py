@@ -56,13 +56,8 @@ their guard held or not), *emcee* the ensembles. Fits start from 4 points. Limit
 MISSES = """\
 *Within chance*: the binomial limits reach into what was wanted. What is known of the others:
 
-- Ranks of the noise. heatrun treats the slow part of a block mean as if it were read at one moment;
-  the mean of an Ornstein-Uhlenbeck process over a block is smoother than that. The fitted time
-  comes out too long and the level too low. Intervals of the network become wider than attainable
-  for it (see *quick* in the widths of *exact instruments* below), not narrower.
-- Bands that hold too many readings. Supposed cause: the fit grants every cold start 1 K between
-  stator and winding, and all cells but *unevenly soaked* start exactly even. Untested as long as
-  that cell has no row below.
+- *truncated*, end of the held-out test: a logger that cuts off reads half a step low, at the end of
+  the test as at every moment before; the network follows the readings.
 """
 
 

@@ -23,9 +23,9 @@ BLOCK_S = 20.0
 the fast time constant of a traction motor (60...150 s)."""
 
 
-SLOW_LOGGER_S = 2.0
-"""From this sampling period on the moment of a load step counts as unknown [s]: half of it is one
-per cent of a winding's time constant, as much as Ceq_w of a good test is known to."""
+SLOW_LOGGER_S = 1.0
+"""From this sampling period on the moment of a load step counts as unknown [s]: half of it is half
+a per cent of a winding's time constant, half of what Ceq_w of a good test is known to."""
 
 
 @dataclass(frozen=True)

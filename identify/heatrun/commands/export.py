@@ -28,7 +28,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--corrected",
         action="store_true",
-        help="apply to Pd and Te the corrections of losses and sink that the run found",
+        help="apply to Is, Pd and Te the corrections of losses, sink and timing that the run found",
     )
     words.add_out(parser, "folder for the files (default: the run itself)")
     words.add_json(parser)

@@ -71,7 +71,7 @@ def export_mat(
     findings = () if is_corrected else _left_out(corrections, difference, found.record.name)
     if is_corrected:
         variables, plain = corrected, full
-        notes = (*notes, f"Pd and Te are corrected as in the run: {_words(corrections)}.")
+        notes = (*notes, f"Is, Pd and Te are corrected as in the run: {_words(corrections)}.")
     reading = replace(plain, winding=corrections.reading(plain.winding, variables["Te"].ravel()))
     target = folder or run
     script = files("heatrun.export").joinpath("templates", SCRIPT).read_bytes()
@@ -127,11 +127,11 @@ def _left_out(corrections: Corrections, difference: float, test: str) -> tuple[F
         Finding(
             id="corrections_left_out",
             severity="warning",
-            message=f"The run corrects losses and sink ({_words(corrections)}), for which "
+            message=f"The run corrects losses, sink and timing ({_words(corrections)}), for which "
             f"{MAT_FILE} has no variables; the record's own samples take the winding up to "
             f"{difference:.2g} K elsewhere (limit {LARGEST_UNSAID_K} K).",
             where=test,
-            remedy="Pass --corrected to have them applied to Pd and Te.",
+            remedy="Pass --corrected to have them applied to Is, Pd and Te.",
             test=test,
             values={"corrections_K": difference},
         ),
@@ -139,7 +139,8 @@ def _left_out(corrections: Corrections, difference: float, test: str) -> tuple[F
 
 
 def _words(corrections: Corrections) -> str:
-    units = {"power_gain": "", "torque_offset": " N m", "ambient_offset": " K"}
+    units = {"power_gain": "", "torque_offset": " N m", "ambient_offset": " K",
+             "load_timing": " s"}  # fmt: skip
     given = {name: getattr(corrections, name) for name in units}
     return ", ".join(f"{n} = {v:.3g}{units[n]}" for n, v in given.items() if v) or "by nothing"
 

@@ -20,12 +20,10 @@ from ..bench.open_file import digest
 from ..bench.record import Record
 from ..bench.reduction import reduce
 from ..errors import InputError
-from ..model import ALL_NAMES, Model, Order, parameters
+from ..model import ALL_NAMES, OF_ONE_TEST, Model, Order, parameters
 from ..motor import Motor
 from ..motorfile import load_motor
 from ..run_folder import MANIFEST, load_result
-
-STARTS = ("Tw_start", "Tsr_start")
 
 
 @dataclass(frozen=True)
@@ -231,7 +229,7 @@ def _values(model: Mapping[str, Any], test: str, is_held_out: bool, run: Path) -
     entries = {**model["parameters"], **model["nuisances"]}
     values = {n: float(e["value"]) for n, e in entries.items() if "[" not in n}
     own = {_bare(n): float(e["value"]) for n, e in entries.items() if n.endswith(f"[{test}]")}
-    per_test = {_bare(n) for n in entries if "[" in n} - set(STARTS)
+    per_test = {_bare(n) for n in entries if "[" in n} - set(OF_ONE_TEST)
     if is_held_out and per_test:
         raise InputError(
             f"{', '.join(sorted(per_test))} was estimated for each test apart, and {test} was "

@@ -59,6 +59,8 @@ class Corrections:
         ambient_offset: Correction of the sink temperature [K].
         sensor_gain: Relative error of the measured rise [1].
         sensor_offset: Offset of the winding sensor [K].
+        load_timing: How much later the load comes than its samples, joined by straight lines,
+            say [s].
     """
 
     power_gain: float = 0.0
@@ -66,6 +68,7 @@ class Corrections:
     ambient_offset: float = 0.0
     sensor_gain: float = 0.0
     sensor_offset: float = 0.0
+    load_timing: float = 0.0
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> Corrections:
@@ -80,7 +83,7 @@ class Corrections:
     def applied(
         self, variables: Mapping[str, np.ndarray], speed_rpm: np.ndarray | None
     ) -> dict[str, np.ndarray]:
-        """Return the variables with losses and sink as the run corrects them.
+        """Return the variables with losses, sink and the moment of the load as the run has them.
 
         `Tw_m` stays the reading: it drives nothing, and an offset would take the rounding away
         by which its noise is judged.
@@ -93,7 +96,15 @@ class Corrections:
         losses = (1.0 + self.power_gain) * variables["Pd"]
         if self.torque_offset and speed_rpm is not None:
             losses = losses - self.torque_offset * speed_rpm[:, None] * (np.pi / 30.0)
-        return {**variables, "Pd": losses, "Te": sink}
+        time = variables["t"].ravel()
+
+        def later(values: np.ndarray) -> np.ndarray:
+            return np.interp(time - self.load_timing, time, values.ravel())[:, None]
+
+        if not self.load_timing:
+            return {**variables, "Pd": losses, "Te": sink}
+        current = np.sqrt(later(variables["Is"] ** 2))  # its square is what heats
+        return {**variables, "Is": current, "Pd": later(losses), "Te": later(sink)}
 
 
 def thesis_variables(

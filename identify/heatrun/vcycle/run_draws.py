@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
-from ..model import ALL_NAMES, Order
+from ..model import ALL_NAMES, OF_ONE_TEST, Order
+from ..noise import Noise
 from ..run_folder import load_result, read_listed
-
-STARTS = ("Tw_start", "Tsr_start")
-"""Parameters of one test, which say nothing of another."""
 
 
 @dataclass(frozen=True)
@@ -23,17 +22,16 @@ class RunDraws:
 
     Attributes:
         order: The higher order that the run holds.
-        values: Draws by name, fixed parameters as constants, starts left out; shape (draw,) each.
-        noise_sd_K: Slow part of the noise [K].
-        noise_white_K: White part of a 20 s mean [K].
+        values: Draws by name, shape (draw,) each: fixed parameters as constants, those of one
+            test left out.
+        noise: At the fit.
         motor_name: The machine that was calibrated.
         calibration_sha256: Digests of the files that the run was calibrated on.
     """
 
     order: Order
     values: dict[str, Float[np.ndarray, " draw"]]
-    noise_sd_K: float
-    noise_white_K: float
+    noise: Noise
     motor_name: str
     calibration_sha256: frozenset[str]
 
@@ -60,7 +58,7 @@ def read_draws(run: Path, *, num_draws: int, seed: int, order: Order | None = No
         read_listed(run, f"posterior_{order}.nc")  # refuses one that was changed
         group = archive.read(run / f"posterior_{order}.nc")["posterior"]
         entries = {**model["parameters"], **model["nuisances"]}
-        names = [n for n in entries if n.partition("[")[0] not in STARTS]
+        names = [n for n in entries if n.partition("[")[0] not in OF_ONE_TEST]
         _refuse_effects(run, names)
         sizes = [np.asarray(group[n]).size for n in names if not entries[n]["fixed"]]
         num_kept = min(sizes, default=1)  # nothing to pick from where everything was fixed
@@ -74,8 +72,7 @@ def read_draws(run: Path, *, num_draws: int, seed: int, order: Order | None = No
         return RunDraws(
             order=order,
             values=values,
-            noise_sd_K=float(model["noise"]["sd_K"]) * (model["noise"]["kind"] == "correlated"),
-            noise_white_K=float(model["noise"]["white_K"]),
+            noise=_noise(model["noise"]),
             motor_name=str(result["motor"]["name"]),
             calibration_sha256=frozenset(
                 test["sha256"] for test in result["tests"] if test["role"] == "calibration"
@@ -89,6 +86,11 @@ def read_draws(run: Path, *, num_draws: int, seed: int, order: Order | None = No
             where=str(run),
             remedy="Calibrate again.",
         ) from error
+
+
+def _noise(said: dict[str, Any]) -> Noise:
+    sd = float(said["sd_K"]) * (said["kind"] == "correlated")
+    return Noise(*map(jnp.asarray, (sd, float(said["time_s"]), float(said["white_K"]))))
 
 
 def _refuse_effects(run: Path, names: list[str]) -> None:

@@ -11,12 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..bench.blocks import BLOCK_S, Blocks, Observation
+from ..bench.blocks import Blocks, Observation
 from ..bench.record import Record
 from ..bench.reduction import reduce
 from ..errors import InputError
 from ..model import Model, Order, parameters
 from ..motor import Motor
+from ..noise import variance_of_mean
 from ..virtual import MELTING_DEGC
 from .run_draws import RunDraws, read_draws
 
@@ -111,7 +112,7 @@ def simulate_run(
     blocks = reduce(record, motor)
     model = Model.of(draws.order, motor)
     rng = np.random.default_rng([seed, 11])
-    values = {**draws.values, **_start(model, motor, blocks, draws, rng)}
+    values = {**draws.values, **_of_this_test(model, motor, blocks, draws, rng)}
     needed = set(parameters(model, motor, [blocks]).by_test[0])
     if not needed <= set(values):
         raise InputError(
@@ -123,7 +124,7 @@ def simulate_run(
     course = jax.tree.map(np.asarray, _courses(model, wanted, blocks.observation()))
     reading = course["reading"]
     _refuse_runaway(course["nodes"], blocks, run)
-    variance = draws.noise_sd_K**2 + draws.noise_white_K**2 * BLOCK_S / blocks.block_s
+    variance = variance_of_mean(draws.noise, blocks.block_s, 1)
     rounding = blocks.rounding_K**2 / 12.0 / np.maximum(blocks.count, 1.0)
     noisy = reading + np.sqrt(variance + rounding) * rng.standard_normal(reading.shape)
     return Simulated(
@@ -155,20 +156,25 @@ def _refuse_runaway(nodes: dict[str, np.ndarray], blocks: Blocks, run: Path) -> 
         )
 
 
-def _start(
+def _of_this_test(
     model: Model, motor: Motor, blocks: Blocks, draws: RunDraws, rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
-    """Start temperatures: the first reading less the sensor's offset, with its noise."""
+    """What a run cannot know of a test: its start from the first reading, the rest as its prior."""
     offset = draws.values.get("sensor_offset", np.zeros(1))
     num_draws = next(iter(draws.values.values())).size
-    sd = min(float(np.hypot(draws.noise_sd_K, draws.noise_white_K)), 2.0)
+    sd = min(float(draws.noise.total()), 2.0)
     winding = blocks.start_degC - offset + sd * rng.standard_normal(num_draws)
     known = parameters(model, motor, [blocks]).by_test[0]
-    if "Tsr_start" not in known:
-        return {"Tw_start": winding}
-    prior = known["Tsr_start"]
-    below = prior.centre - blocks.start_degC + prior.sd * rng.standard_normal(num_draws)
-    return {"Tw_start": winding, "Tsr_start": winding + below}
+    values = {"Tw_start": winding}
+    if "Tsr_start" in known:
+        prior = known["Tsr_start"]
+        below = prior.centre - blocks.start_degC + prior.sd * rng.standard_normal(num_draws)
+        values["Tsr_start"] = winding + below
+    if "load_timing" in known:
+        prior = known["load_timing"]
+        drawn = np.asarray(prior.value(jnp.asarray(rng.standard_normal(num_draws))))
+        values["load_timing"] = drawn if prior.fixed is None else np.full(num_draws, prior.fixed)
+    return values
 
 
 @partial(jax.jit, static_argnames="model")
