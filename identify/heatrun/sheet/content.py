@@ -101,8 +101,8 @@ def _model(order: str, model: Mapping[str, Any]) -> dict[str, Any]:
             ]
             for row in model["residuals"]
         ],
-        "noise": f"Noise of a 20 s mean: slow part {noise['sd_K']:.3f} K over "
-        f"{noise['time_s']:.0f} s, white part {noise['white_K']:.3f} K."
+        "noise": f"Noise: slow part {noise['sd_K']:.3f} K over "
+        f"{noise['time_s']:.0f} s, white part {noise['white_K']:.3f} K in a 20 s mean."
         if noise["kind"] == "correlated"
         else f"Residuals count as white with {noise['white_K']:.2f} K and weigh "
         f"1/{noise['temper']:.0f}, because the network misfits.",
