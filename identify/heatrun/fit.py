@@ -47,7 +47,7 @@ MAX_STEPS = 120
 """Steps of one search; a sound one takes ten to thirty."""
 
 TOLERANCE = 1e-7
-"""Of a search, relative and in prior standard deviations: a thousandth of a narrow posterior's."""
+"""Of a search, relative and in prior standard deviations; a narrow posterior has 5e-3 of these."""
 
 HOPELESS = 1e10
 """Half the sum of squares from which on a start counts as failed [nat]."""
