@@ -50,6 +50,7 @@ class Tally:
     kills: Counter = field(default_factory=Counter)
     num_finished: int = 0
     num_resumed: int = 0
+    num_early: int = 0
     faults: list[str] = field(default_factory=list)
 
 
@@ -177,6 +178,9 @@ def campaign(folder: Path, num_kills: int, seed: int, limit_s: float) -> Tally:
             command = disturb(words, phase, delay, sent)
             code, said = command.wait(), "".join(command.err)
             where = f"run {number}, {method}, {sent.name} {delay:.2f} s into {phase}"
+            if is_early(sent, code, said):
+                tally.num_early += 1
+                continue
             tally.faults += [f"{where}: {fault}" for fault in judge(out, sent, code, said)]
             if code == 0:
                 break
@@ -200,6 +204,12 @@ def campaign(folder: Path, num_kills: int, seed: int, limit_s: float) -> Tally:
     return tally
 
 
+def is_early(sent: signal.Signals, code: int, said: str) -> bool:
+    """Whether an interrupt struck while Python started, before any line of the package ran."""
+    in_python = "Traceback" in said and "heatrun" not in said
+    return sent is signal.SIGINT and code == -signal.SIGINT and (in_python or not said)
+
+
 def judge(out: Path, sent: signal.Signals, code: int, said: str) -> list[str]:
     """Return what is wrong with how a disturbed command ended."""
     faults = []
@@ -207,7 +217,6 @@ def judge(out: Path, sent: signal.Signals, code: int, said: str) -> list[str]:
         faults.append("a half-written run lies at the destination")
     if "Traceback" in said or "Exception ignored" in said:
         faults.append(f"a traceback was shown: {said[-400:]}")
-    # a signal that comes before the command listens to it, or after its end, is Python's business
     if sent is signal.SIGINT and code not in (0, 130):
         faults.append(f"exit code {code} after an interrupt: {said[-200:]}")
     if code == 130 and "interrupted" not in said:

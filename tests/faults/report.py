@@ -47,6 +47,8 @@ def write_table(tally: Any, folder: Path, kills: int, seed: int, minutes: float)
         f"- {sum(tally.kills.values())} signals struck a running command; "
         f"{tally.num_finished} runs were brought to an end, {tally.num_resumed} of them from the "
         "folder of a disturbed one.",
+        f"- {tally.num_early} interrupts came while Python itself started, before any line of the "
+        "package; they are not counted above.",
         "- Faults (a half-written run at the destination, a traceback, a wrong exit code, a "
         "posterior that differs in any bit from that of the undisturbed run, something left "
         f"behind): {len(tally.faults)}.",
