@@ -81,6 +81,8 @@ def _read(path: Path) -> dict[str, np.ndarray] | None:
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             chunk = {name: file[name] for name in CONTENT}
+        if not all(isinstance(array, np.ndarray) for array in chunk.values()):
+            return None  # NumPy gives members that are no arrays as bytes
         state_of(chunk)
     except Exception:  # a damaged file raises nearly anything in there
         return None

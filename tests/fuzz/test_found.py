@@ -18,7 +18,7 @@ import pytest
 
 from heatrun.bench import mat, mat5, open_file, parquet
 from heatrun.bench.read import read_raw, read_record
-from heatrun.checkpoint import Checkpoint
+from heatrun.checkpoint import CONTENT, Checkpoint
 from heatrun.errors import InputError
 from heatrun.motorfile import load_motor
 from heatrun.virtual import parameters_from
@@ -185,6 +185,17 @@ def test_a_checkpoint_of_a_zip_that_is_no_zip(tmp_path):
     # "version needed to extract" of the central directory: 101, which zipfile does not implement
     content[content.index(b"PK\x01\x02") + 6] = 101
     (tmp_path / "chunk_00000.npz").write_bytes(content)
+    assert Checkpoint(tmp_path, "key").load() == []
+
+
+@pytest.mark.parametrize("name", CONTENT)
+def test_a_member_of_a_checkpoint_that_is_no_array(name, tmp_path, targets):
+    whole = targets["checkpoint"].seeds[1]
+    path = tmp_path / "chunk_00000.npz"
+    with zipfile.ZipFile(io.BytesIO(whole)) as old, zipfile.ZipFile(path, "w") as new:
+        for member in old.namelist():
+            content = old.read(member)
+            new.writestr(member, b"no" + content if member == f"{name}.npy" else content)
     assert Checkpoint(tmp_path, "key").load() == []
 
 
