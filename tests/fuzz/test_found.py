@@ -161,6 +161,25 @@ def test_a_bomb_in_a_parquet_table(tmp_path, monkeypatch):
         read_raw(path)
 
 
+def test_a_row_group_that_claims_more_rows_than_the_table(tmp_path, targets):
+    whole = b"PAR1" + targets["parquet"].seeds[0]
+    claims = []
+    for place in range(len(whole) - 8):  # the count in the footer, as a number of seven bits each
+        changed = whole[:place] + bytes((240, 217, 247, 238)) + whole[place + 4 :]
+        try:
+            about = pyarrow.parquet.read_metadata(io.BytesIO(changed))
+        except Exception:
+            continue
+        if about.num_rows == 8 and about.row_group(0).num_rows > 1e9:
+            claims.append(changed)
+    assert claims
+    path = tmp_path / "claims.parquet"
+    for changed in claims:
+        path.write_bytes(changed)
+        with pytest.raises(InputError, match="rows in its groups, 8 in all"):
+            read_raw(path)
+
+
 def test_a_file_that_grows_while_it_is_read_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "test.csv"
     path.write_text("time_s,winding_degC\n0,1\n1,2\n")

@@ -76,7 +76,11 @@ def _numbers_of(file) -> tuple[Any, dict[str, str]]:
     kinds = file.schema_arrow
     wanted = [field.name for field in kinds if _is_number(field.type)]
     texts = {field.name: f"{field.type}" for field in kinds if not _is_number(field.type)}
-    size = file.metadata.num_rows * len(wanted)
+    about = file.metadata
+    groups = [about.row_group(index).num_rows for index in range(about.num_row_groups)]
+    if min(groups, default=0) < 0 or sum(groups) != about.num_rows:  # pyarrow makes room for them
+        raise ValueError(f"{sum(groups)} rows in its groups, {about.num_rows} in all")
+    size = about.num_rows * len(wanted)
     if size > LARGEST_NUMBERS:
         raise ValueError(f"{size} numbers, more than the {LARGEST_NUMBERS} that are read")
     return file.read(columns=wanted), texts
