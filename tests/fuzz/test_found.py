@@ -124,6 +124,25 @@ def test_a_bomb_in_a_compressed_matlab_variable(tmp_path, monkeypatch):
         read_raw(path)
 
 
+def _element(kind, content):
+    return struct.pack("<II", kind, len(content)) + content + bytes(-len(content) % 8)
+
+
+@pytest.mark.parametrize("place", [0, 1, 2], ids=["flags", "shape", "name"])
+def test_the_head_of_a_matlab_variable_in_floating_point(place, tmp_path):
+    heads = [_element(6, bytes([6, 0, 0, 0] * 2)), _element(5, struct.pack("<2i", 3, 1)),
+             _element(1, b"t")]  # fmt: skip
+    values = _element(9, struct.pack("<3d", 0.0, 1.0, 2.0))
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+    path = tmp_path / "test.mat"
+    path.write_bytes(header + _element(14, b"".join([*heads, values])))
+    assert mat5.read_variables(path.read_bytes())["t"].ravel().tolist() == [0.0, 1.0, 2.0]
+    heads[place] = _element(9, struct.pack("<2d", np.nan, 1.0))
+    path.write_bytes(header + _element(14, b"".join([*heads, values])))
+    with pytest.raises(InputError, match="stored as floating-point numbers"):
+        read_raw(path)
+
+
 def test_a_bomb_in_an_hdf5_file(tmp_path, monkeypatch):
     monkeypatch.setattr(mat, "LARGEST_NUMBERS", 10**6)
     path = tmp_path / "test.mat"

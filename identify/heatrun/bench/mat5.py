@@ -117,12 +117,13 @@ def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
 def _variable(content: memoryview, order: str) -> tuple[str, np.ndarray | str]:
     """Return name and value of a matrix element."""
     parts = _elements(content, order)
-    flags = _numbers(parts, order)
+    flags = _integers(parts, order, "flags")
     if flags.size == 0:
         raise DamagedFileError("a variable has no flags")
     array_class = int(flags[0]) & 0xFF
-    shape = np.empty(0) if array_class == OPAQUE_CLASS else _numbers(parts, order)
-    name = _numbers(parts, order).astype(np.uint8).tobytes().decode("ascii", "replace")
+    opaque = array_class == OPAQUE_CLASS
+    shape = np.empty(0) if opaque else _integers(parts, order, "shape")
+    name = _integers(parts, order, "name").astype(np.uint8).tobytes().decode("ascii", "replace")
     if array_class not in NUMERIC_CLASSES:
         return name, CLASSES.get(array_class, "object")
     if int(flags[0]) & COMPLEX_FLAG:
@@ -132,6 +133,14 @@ def _variable(content: memoryview, order: str) -> tuple[str, np.ndarray | str]:
     if len(sizes) < 2 or min(sizes) < 0 or np.prod(sizes, dtype=float) != values.size:
         raise DamagedFileError(f"variable {name} has {values.size} numbers for a shape {sizes}")
     return name, values.reshape(sizes, order="F")
+
+
+def _integers(parts: Iterator[tuple[int, memoryview]], order: str, what: str) -> np.ndarray:
+    """Return the numbers of the next element, `what` of a variable, which must be integers."""
+    numbers = _numbers(parts, order)
+    if numbers.dtype.kind == "f":
+        raise DamagedFileError(f"the {what} of a variable are stored as floating-point numbers")
+    return numbers
 
 
 def _numbers(parts: Iterator[tuple[int, memoryview]], order: str) -> np.ndarray:
