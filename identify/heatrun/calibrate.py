@@ -135,25 +135,35 @@ def calibrate(
     fitted = [test.blocks for test in tests if test.role == "calibration"]
     findings = [finding for test in tests for finding in test.findings]
 
-    def fit_one(order: Order) -> Fit:
-        return fit(Problem.of(Model.of(order, motor), motor, fitted), seed=seed)
+    roles = [test.role for test in tests]
+    shares = dict.fromkeys(orders, 0.0)
 
-    for order in orders:
+    def one(order: Order) -> _Outcome:
         say(f"{order} order: least squares from many starts")
-    fits = _for_each(orders, fit_one)
-    posteriors: dict[Order, Posterior] = {}
-    for order, found in fits.items():
-        findings += found.findings
+        found = fit(Problem.of(Model.of(order, motor), motor, fitted), seed=seed)
         say(f"{order} order: sampling the posterior")
+
+        def report(sentence: str, share: float) -> None:
+            shares[order] = share
+            if progress is not None:
+                progress(f"{order} order: {sentence}", sum(shares.values()) / len(shares))
+
         checkpoints = None if folder is None else folder.checkpoints / order
-        posterior = sample(found, method=method, seed=seed, folder=checkpoints, progress=progress)
-        findings += _sampling_findings(posterior)
-        posteriors[order] = posterior
+        posterior = sample(found, method=method, seed=seed, folder=checkpoints, progress=report)
+        shares[order] = 1.0
+        predicted = [predict(posterior, test.blocks, seed=seed) for test in tests]
+        described = describe_model(posterior, predicted, roles, duties)
+        return _Outcome(posterior, predicted, described)
 
-    def predict_all(order: Order) -> list[Prediction]:
-        return [predict(posteriors[order], test.blocks, seed=seed) for test in tests]
-
-    predictions = _for_each(orders, predict_all)
+    outcomes = _for_each(orders, one)
+    posteriors: dict[Order, Posterior] = {
+        order: outcome.posterior for order, outcome in outcomes.items()
+    }
+    predictions: dict[Order, list[Prediction]] = {
+        order: outcome.predictions for order, outcome in outcomes.items()
+    }
+    for posterior in posteriors.values():
+        findings += [*posterior.fit.findings, *_sampling_findings(posterior)]
     last = posteriors[orders[-1]].fit
     rows = []
     for test in tests:
@@ -161,20 +171,25 @@ def calibrate(
         rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
         if error > COARSE_K:
             findings.append(_coarse(test, error))
-    roles = [test.role for test in tests]
-
-    def describe(order: Order) -> dict[str, Any]:
-        return describe_model(posteriors[order], predictions[order], roles, duties)
-
-    models: dict[str, Any] = {**_for_each(orders, describe)}
+    models: dict[str, Any] = {order: outcome.described for order, outcome in outcomes.items()}
     result = assemble(motor, rows, findings, models, predictions, command=command, seed=seed)
     return Calibration(motor, tuple(tests), posteriors, predictions, result)
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """What was found for one order."""
+
+    posterior: Posterior
+    predictions: list[Prediction]
+    described: dict[str, Any]
 
 
 def _for_each(orders: Sequence[Order], function: Callable[[Order], T]) -> dict[Order, T]:
     """Return what a function gives for each order, worked out at once.
 
-    Most of it is compilation, which keeps one core busy and lets other threads go on.
+    Most of it is compilation and compiled code, which keeps one core busy and lets other threads
+    go on.
     """
     with ThreadPoolExecutor() as pool:
         return dict(zip(orders, pool.map(function, orders), strict=True))

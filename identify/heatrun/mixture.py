@@ -11,15 +11,21 @@ not linear is followed by moving and reshaping those draws.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
-from scipy.special import gammaln, logsumexp
+from jax.scipy.linalg import solve_triangular
+from jax.scipy.special import logsumexp
+from jaxtyping import Array, Float, Int
+from scipy.special import gammaln
 
+from .batches import in_batches
 from .fit_result import Fit
-from .problem import NUM_NOISE, Problem, linearise
-from .restricted import Conditional, conditional_batch
+from .problem import NUM_NOISE, Data, Problem, linearise
+from .restricted import conditional
 
 DEGREES_OF_FREEDOM = 5.0
 """Tails of the draws: heavier than those of the posterior, so that weights stay bounded."""
@@ -46,11 +52,13 @@ PARTS = ((0.8, 1.0), (0.2, 2.0))
 part a narrow from a wide side."""
 
 BATCH = 64
-"""Noises that are worked out at once; a full set of draws would not fit the cache."""
+"""Draws that are worked out at once; a full set would not fit the cache."""
+
+AS_GIVEN = -1
+"""Stands for a branch where a vector is given and not drawn."""
 
 
-@dataclass(frozen=True)
-class Kernels:
+class Kernels(eqx.Module):
     """A density of the noise's scores as a sum of equal Student t kernels.
 
     Attributes:
@@ -58,8 +66,8 @@ class Kernels:
         factor: Lower Cholesky factor of the kernels' shape.
     """
 
-    centres: Float[np.ndarray, "kernel 3"]
-    factor: Float[np.ndarray, "3 3"]
+    centres: Float[Array, "kernel 3"]
+    factor: Float[Array, "3 3"]
 
     @classmethod
     def over(cls, noise_z: np.ndarray, weights: np.ndarray, rng: np.random.Generator) -> Kernels:
@@ -67,59 +75,56 @@ class Kernels:
         shift = noise_z - weights @ noise_z
         shape = (shift * weights[:, None]).T @ shift + 1e-4 * np.eye(NUM_NOISE)
         picked = rng.choice(weights.size, size=NUM_KERNELS, p=weights)
-        return cls(noise_z[picked], BANDWIDTH * np.linalg.cholesky(shape))
+        factor = BANDWIDTH * np.linalg.cholesky(shape)
+        return cls(jnp.asarray(noise_z[picked]), jnp.asarray(factor))
 
     def draw(self, num: int, rng: np.random.Generator) -> np.ndarray:
         """Return draws, shape (num, 3)."""
         which = rng.integers(len(self.centres), size=num)
-        noise_z = self.centres[which] + _student(num, NUM_NOISE, rng) @ self.factor.T
+        gap = _student(num, NUM_NOISE, rng) @ np.asarray(self.factor).T
+        noise_z = np.asarray(self.centres)[which] + gap
         is_prior = rng.uniform(size=num) < GUARDING
         noise_z[is_prior] = rng.standard_normal((int(np.sum(is_prior)), NUM_NOISE))
         return noise_z
 
-    def log_density(self, noise_z: Float[np.ndarray, "draw 3"]) -> Float[np.ndarray, " draw"]:
+    def log_density(self, noise_z: Float[Array, "*draw 3"]) -> Float[Array, "*draw"]:
         """Return the log density [nat]."""
-        white = np.linalg.inv(self.factor)
-        gap = (noise_z @ white.T)[:, None] - (self.centres @ white.T)[None]
-        parts = _log_student(np.sum(gap**2, axis=2), NUM_NOISE)
-        log_det = np.sum(np.log(np.diag(self.factor)))
-        near = np.asarray(logsumexp(parts, axis=1)) - np.log(len(self.centres)) - log_det
-        return np.logaddexp(np.log1p(-GUARDING) + near, np.log(GUARDING) + _log_prior(noise_z))
+        white = jnp.linalg.inv(self.factor)
+        gap = (noise_z @ white.T)[..., None, :] - self.centres @ white.T
+        parts = _log_student(jnp.sum(gap**2, axis=-1), NUM_NOISE)
+        log_det = jnp.sum(jnp.log(jnp.diag(self.factor)))
+        near = logsumexp(parts, axis=-1) - np.log(self.centres.shape[0]) - log_det
+        return jnp.logaddexp(np.log1p(-GUARDING) + near, np.log(GUARDING) + _log_prior(noise_z))
 
 
-@dataclass(frozen=True)
-class Branch:
-    """The linear model around one optimum, and how its draws are moved and reshaped.
+class Optima(eqx.Module):
+    """The linear models around the optima.
 
     Attributes:
-        z: Scores at the optimum, shape (parameter,).
-        residual: Residuals there [K], shape (block,).
-        jacobian: Their derivative [K per score], shape (block, parameter).
+        z: Scores at the optima.
+        residual: Residuals there [K].
+        jacobian: Their derivative [K per score].
+    """
+
+    z: Float[Array, "optimum parameter"]
+    residual: Float[Array, "optimum block"]
+    jacobian: Float[Array, "optimum block parameter"]
+
+
+class Branches(eqx.Module):
+    """Parts of the density, and how the draws of each are moved and reshaped.
+
+    Attributes:
+        optimum: Which linear model each has.
         share: Share of the draws [1].
-        shift: Mean of the scaled draws, shape (parameter,).
+        shift: Mean of the scaled draws.
         shape: Lower Cholesky factor of their shape.
     """
 
-    z: Float[np.ndarray, " parameter"]
-    residual: Float[np.ndarray, " block"]
-    jacobian: Float[np.ndarray, "block parameter"]
-    share: float
-    shift: Float[np.ndarray, " parameter"]
-    shape: Float[np.ndarray, "parameter parameter"]
-
-    def given(self, problem: Problem, noise_z: Float[np.ndarray, "draw 3"]) -> Conditional:
-        """Return what the linear model says for drawn noises."""
-        num = noise_z.shape[0]
-        padded = np.concatenate([noise_z, np.repeat(noise_z[-1:], -num % BATCH, axis=0)])
-        arrays = [jnp.asarray(a) for a in (self.z, self.residual, self.jacobian)]
-        parts = [
-            conditional_batch(problem.data, jnp.asarray(part), *arrays)
-            for part in np.split(padded, padded.shape[0] // BATCH)
-        ]
-        density, mean, factor = (
-            np.concatenate([np.asarray(part[field]) for part in parts])[:num] for field in range(3)
-        )
-        return Conditional(density, mean, factor)
+    optimum: Int[Array, " branch"]
+    share: Float[Array, " branch"]
+    shift: Float[Array, "branch parameter"]
+    shape: Float[Array, "branch parameter parameter"]
 
 
 @dataclass(frozen=True)
@@ -127,17 +132,19 @@ class Drawn:
     """Draws with their density.
 
     Attributes:
-        vectors: Scores of parameters and noise, shape (draw, all).
-        log_density: Of the proposal [nat], shape (draw,).
-        scaled: The draws as each branch sees them, centred and scaled by its linear model, shape
-            (branch, draw, parameter).
-        log_parts: Log density of each branch [nat], shape (branch, draw).
+        vectors: Scores of parameters and noise.
+        log_density: Of the proposal [nat].
+        scaled: The draws as each branch sees them, centred and scaled by its linear model.
+        log_parts: Log density of each branch [nat].
+        restricted: Log density of the noise alone under the first linear model, up to a constant
+            [nat].
     """
 
     vectors: Float[np.ndarray, "draw all"]
     log_density: Float[np.ndarray, " draw"]
-    scaled: Float[np.ndarray, "branch draw parameter"]
-    log_parts: Float[np.ndarray, "branch draw"]
+    scaled: Float[np.ndarray, "draw branch parameter"]
+    log_parts: Float[np.ndarray, "draw branch"]
+    restricted: Float[np.ndarray, " draw"]
 
 
 @dataclass(frozen=True)
@@ -147,73 +154,78 @@ class Proposal:
     Attributes:
         problem: What is sampled.
         kernels: Density of the noise.
+        optima: Linear models.
         branches: Some for each optimum.
     """
 
     problem: Problem
     kernels: Kernels
-    branches: tuple[Branch, ...]
+    optima: Optima
+    branches: Branches
 
     @classmethod
     def around(cls, fit: Fit, rng: np.random.Generator) -> Proposal:
         """Return the proposal that the linear models around the optima of a fit give."""
-        problem = fit.problem
+        problem, num = fit.problem, len(fit.modes)
+        found = [
+            linearise(problem.structure, problem.data, jnp.asarray(mode)) for mode in fit.modes
+        ]
+        residual, jacobian = (np.stack(parts) for parts in zip(*found, strict=True))
+        optima = Optima(*map(jnp.asarray, (fit.modes, residual, jacobian)))
+        share, scale = (np.tile(part, num) for part in zip(*PARTS, strict=True))
         size = problem.num_parameters
-        branches = []
-        for mode in fit.modes:
-            residual, jacobian = linearise(problem.structure, problem.data, jnp.asarray(mode))
-            numbers = np.asarray(residual), np.asarray(jacobian)
-            for share, scale in PARTS:
-                part = Branch(
-                    mode, *numbers, share / len(fit.modes), np.zeros(size), scale * np.eye(size)
-                )
-                branches.append(part)
-        return cls(problem, _first_kernels(fit, branches[0], rng), tuple(branches))
+        branches = Branches(
+            jnp.asarray(np.repeat(np.arange(num), len(PARTS))),
+            jnp.asarray(share / num),
+            jnp.asarray(np.zeros((share.size, size))),
+            jnp.asarray(scale[:, None, None] * np.eye(size)),
+        )
+        factor = WIDER * np.linalg.cholesky(fit.covariance[size:, size:] + 1e-9 * np.eye(NUM_NOISE))
+        one_place = Kernels(
+            jnp.asarray(np.tile(fit.noise_z, (NUM_KERNELS, 1))), jnp.asarray(factor)
+        )
+        return cls(problem, one_place, optima, branches)._with_kernels(fit.noise_z, factor, rng)
+
+    def _with_kernels(
+        self, centre: np.ndarray, factor: np.ndarray, rng: np.random.Generator
+    ) -> Proposal:
+        """Return it with kernels over the restricted density, from draws around its maximum and
+        the prior.
+        """
+        noise_z = centre + _student(NUM_FIRST, NUM_NOISE, rng) @ factor.T
+        is_prior = rng.uniform(size=NUM_FIRST) < FROM_PRIOR
+        noise_z[is_prior] = rng.standard_normal((int(np.sum(is_prior)), NUM_NOISE))
+        white = np.linalg.solve(factor, (noise_z - centre).T)
+        near = _log_student(np.sum(white**2, axis=0), NUM_NOISE) - np.sum(np.log(np.diag(factor)))
+        drawn_from = np.logaddexp(
+            np.log(1.0 - FROM_PRIOR) + near, np.log(FROM_PRIOR) + _log_prior(noise_z)
+        )
+        z = np.zeros((NUM_FIRST, self.problem.num_parameters))
+        log_weight = self._seen(np.concatenate([z, noise_z], axis=1)).restricted - drawn_from
+        log_weight = np.where(np.isfinite(log_weight), log_weight, -np.inf)
+        weights = np.exp(log_weight - np.max(log_weight))
+        return replace(self, kernels=Kernels.over(noise_z, weights / np.sum(weights), rng))
 
     def draw(self, num: int, rng: np.random.Generator) -> Drawn:
         """Return draws of noise and parameters."""
         noise_z = self.kernels.draw(num, rng)
-        given = self._given(noise_z)
-        shares = [branch.share for branch in self.branches]
-        which = rng.choice(len(shares), size=num, p=shares)
-        student = _student(num, self.branches[0].z.size, rng)
-        z = np.empty_like(student)
-        for index, (branch, linear) in enumerate(zip(self.branches, given, strict=True)):
-            mine = which == index
-            scaled = branch.shift + student[mine] @ branch.shape.T
-            upper = np.swapaxes(linear.factor[mine], 1, 2)
-            z[mine] = linear.mean[mine] + np.linalg.solve(upper, scaled[..., None])[..., 0]
-        vectors = np.concatenate([z, noise_z], axis=1)
-        return self._seen(vectors, given)
+        share = np.asarray(self.branches.share)
+        branch = rng.choice(share.size, size=num, p=share)
+        return self._placed(noise_z, branch, _student(num, self.problem.num_parameters, rng))
 
     def log_density(self, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
         """Return the log density of vectors from elsewhere [nat]."""
-        return self._seen(vectors, self._given(vectors[:, -NUM_NOISE:])).log_density
+        return self._seen(vectors).log_density
 
-    def _seen(self, vectors: np.ndarray, given: list[Conditional]) -> Drawn:
-        """Return vectors with their density; `given` belongs to their noises."""
-        z, noise_z = vectors[:, :-NUM_NOISE], vectors[:, -NUM_NOISE:]
-        scaled, log_parts = [], []
-        for branch, linear in zip(self.branches, given, strict=True):
-            seen = np.einsum("nji,nj->ni", linear.factor, z - linear.mean)
-            white = np.linalg.solve(branch.shape, (seen - branch.shift).T)
-            log_det = np.sum(np.log(np.diagonal(linear.factor, axis1=1, axis2=2)), axis=1)
-            log_det = log_det - np.sum(np.log(np.diag(branch.shape)))
-            part = _log_student(np.sum(white**2, axis=0), z.shape[1]) + log_det
-            scaled.append(seen)
-            log_parts.append(part + np.log(branch.share))
-        parts = np.stack(log_parts)
-        log_density = np.asarray(logsumexp(parts, axis=0)) + self.kernels.log_density(noise_z)
-        return Drawn(vectors, log_density, np.stack(scaled), parts)
+    def _seen(self, vectors: Float[np.ndarray, "draw all"]) -> Drawn:
+        as_given = np.full(vectors.shape[0], AS_GIVEN)
+        return self._placed(vectors[:, -NUM_NOISE:], as_given, vectors[:, :-NUM_NOISE])
 
-    def _given(self, noise_z: np.ndarray) -> list[Conditional]:
-        """Return what the linear model of each branch says; parts of one optimum share it."""
-        seen: dict[bytes, Conditional] = {}
-        for branch in self.branches:
-            key = branch.z.tobytes()
-            if key not in seen:
-                seen[key] = branch.given(self.problem, noise_z)
-        return [seen[branch.z.tobytes()] for branch in self.branches]
+    def _placed(self, noise_z: np.ndarray, branch: np.ndarray, z: np.ndarray) -> Drawn:
+        """Return draws; `z` holds standard draws of their branches, or scores as given."""
+        known = self.problem.data, self.kernels, self.optima, self.branches
+        rows = noise_z, branch, z
+        return Drawn(*in_batches(lambda part: _place(*known, *part), rows, BATCH))
 
     def adapted(self, drawn: Drawn, weights: Float[np.ndarray, " draw"]) -> Proposal:
         """Return the proposal moved to weighted draws.
@@ -224,43 +236,68 @@ class Proposal:
             drawn: From this proposal.
             weights: Normalised, none of them overwhelming.
         """
-        responsible = np.exp(drawn.log_parts - logsumexp(drawn.log_parts, axis=0)) * weights
-        branches = []
-        for branch, scaled, mine in zip(self.branches, drawn.scaled, responsible, strict=True):
+        top = np.max(drawn.log_parts, axis=1, keepdims=True)
+        responsible = np.exp(drawn.log_parts - top)
+        responsible *= (weights / np.sum(responsible, axis=1))[:, None]
+        old = jax.tree.map(np.asarray, self.branches)
+        shares, shifts, shapes = [], [], []
+        for index in range(old.share.size):
+            mine, scaled = responsible[:, index], drawn.scaled[:, index]
             total = float(np.sum(mine))
-            share = (total + 0.05 / len(self.branches)) / 1.05  # none dies out for good
             effective = total**2 / float(np.sum(mine**2)) if total > 0.0 else 0.0
             trust = effective / (effective + 5.0 * scaled.shape[1])
             mean = mine @ scaled / max(total, 1e-300)
             gap = scaled - mean
             shape = (gap * mine[:, None]).T @ gap / max(total, 1e-300)
-            shape = trust * shape + (1.0 - trust) * (branch.shape @ branch.shape.T)
-            shift = trust * mean + (1.0 - trust) * branch.shift
-            branches.append(
-                replace(branch, share=share, shift=shift, shape=np.linalg.cholesky(shape))
-            )
-        return replace(self, branches=tuple(branches))
+            shape = trust * shape + (1.0 - trust) * (old.shape[index] @ old.shape[index].T)
+            shares.append((total + 0.05 / old.share.size) / 1.05)  # none dies out for good
+            shifts.append(trust * mean + (1.0 - trust) * old.shift[index])
+            shapes.append(np.linalg.cholesky(shape))
+        moved = Branches(
+            self.branches.optimum,
+            *(jnp.asarray(np.stack(part)) for part in (shares, shifts, shapes)),
+        )
+        return replace(self, branches=moved)
 
 
-def _first_kernels(fit: Fit, branch: Branch, rng: np.random.Generator) -> Kernels:
-    """Return kernels over the restricted density, from draws around its maximum and the prior."""
-    size = fit.problem.num_parameters
-    factor = WIDER * np.linalg.cholesky(fit.covariance[size:, size:] + 1e-9 * np.eye(NUM_NOISE))
-    noise_z = fit.noise_z + _student(NUM_FIRST, NUM_NOISE, rng) @ factor.T
-    is_prior = rng.uniform(size=NUM_FIRST) < FROM_PRIOR
-    noise_z[is_prior] = rng.standard_normal((int(np.sum(is_prior)), NUM_NOISE))
-    white = np.linalg.solve(factor, (noise_z - fit.noise_z).T)
-    near = _log_student(np.sum(white**2, axis=0), NUM_NOISE) - np.sum(np.log(np.diag(factor)))
-    drawn_from = np.logaddexp(
-        np.log(1.0 - FROM_PRIOR) + near, np.log(FROM_PRIOR) + _log_prior(noise_z)
-    )
-    log_weight = np.asarray(branch.given(fit.problem, noise_z).log_density) - drawn_from
-    log_weight = np.where(np.isfinite(log_weight), log_weight, -np.inf)
-    return Kernels.over(noise_z, np.exp(log_weight - logsumexp(log_weight)), rng)
+@jax.jit
+def _place(
+    data: Data,
+    kernels: Kernels,
+    optima: Optima,
+    branches: Branches,
+    noise_z: Float[Array, "draw 3"],
+    branch: Int[Array, " draw"],
+    z: Float[Array, "draw parameter"],
+):
+    """Return the fields of `Drawn`; arguments as `Proposal._placed`."""
+
+    def one(noise_z, branch, z):
+        linear = jax.vmap(partial(conditional, data, noise_z))(
+            optima.z, optima.residual, optima.jacobian
+        )
+        mean, factor = linear.mean[branches.optimum], linear.factor[branches.optimum]
+        scaled = branches.shift[branch] + branches.shape[branch] @ z
+        drawn = mean[branch] + solve_triangular(factor[branch].T, scaled, lower=False)
+        z = jnp.where(branch == AS_GIVEN, z, drawn)
+        seen = jnp.einsum("bji,bj->bi", factor, z - mean)
+        white = jnp.einsum("bij,bj->bi", jnp.linalg.inv(branches.shape), seen - branches.shift)
+        log_det = _log_det(factor) - _log_det(branches.shape)
+        log_parts = _log_student(jnp.sum(white**2, axis=1), z.size) + log_det
+        log_parts = log_parts + jnp.log(branches.share)
+        log_density = logsumexp(log_parts) + kernels.log_density(noise_z)
+        vector = jnp.concatenate([z, noise_z])
+        return vector, log_density, seen, log_parts, linear.log_density[0]
+
+    return jax.vmap(one)(noise_z, branch, z)
 
 
-def _log_prior(noise_z: np.ndarray) -> np.ndarray:
-    return -0.5 * np.sum(noise_z**2, axis=1) - 0.5 * NUM_NOISE * np.log(2.0 * np.pi)
+def _log_det(factor: Float[Array, "*batch row row"]) -> Float[Array, "*batch"]:
+    return jnp.sum(jnp.log(jnp.diagonal(factor, axis1=-2, axis2=-1)), axis=-1)
+
+
+def _log_prior(noise_z):
+    return -0.5 * (noise_z**2).sum(axis=-1) - 0.5 * NUM_NOISE * np.log(2.0 * np.pi)
 
 
 def _student(num: int, size: int, rng: np.random.Generator) -> np.ndarray:
@@ -269,8 +306,8 @@ def _student(num: int, size: int, rng: np.random.Generator) -> np.ndarray:
     return rng.standard_normal((num, size)) * scale[:, None]
 
 
-def _log_student(square: np.ndarray, size: int) -> np.ndarray:
+def _log_student(square, size: int):
     """Return its log density [nat] for squared distances from its centre."""
     nu = DEGREES_OF_FREEDOM
     constant = gammaln((nu + size) / 2) - gammaln(nu / 2) - 0.5 * size * np.log(nu * np.pi)
-    return constant - 0.5 * (nu + size) * np.log1p(square / nu)
+    return constant - 0.5 * (nu + size) * jnp.log1p(square / nu)

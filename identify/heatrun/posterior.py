@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -117,8 +118,9 @@ def sample(
         for index in range(NUM_ENSEMBLES)
     ]
     while True:
-        for ensemble in ensembles:
-            ensemble.advance(CHUNK)
+        # each on a core of its own: what a step takes is compiled code, which lets others run
+        with ThreadPoolExecutor() as pool:
+            list(pool.map(lambda ensemble: ensemble.advance(CHUNK), ensembles))
         num_steps = ensembles[0].num_steps
         drop = int(BURN_IN * num_steps)
         chains = np.stack([ensemble.chain()[drop:] for ensemble in ensembles])

@@ -8,13 +8,14 @@ any burn-in is needed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy.special import logsumexp
 from scipy.stats import genpareto
 
+from .batches import in_batches
 from .fit_result import Fit
 from .mixture import Drawn, Proposal
 from .problem import log_posterior_batch
@@ -124,15 +125,9 @@ def _weigh(fit: Fit, proposal: Proposal, drawn: Drawn) -> Weighted:
 
 
 def evaluate(fit: Fit, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
-    """Return the log posterior of many vectors, in batches of one size (one compilation)."""
+    """Return the log posterior of many vectors."""
     structure, data = fit.problem.structure, fit.problem.data
-    num = vectors.shape[0]
-    padded = np.concatenate([vectors, np.repeat(vectors[-1:], -num % BATCH, axis=0)])
-    parts = [
-        np.asarray(log_posterior_batch(structure, data, jnp.asarray(part)))
-        for part in np.split(padded, padded.shape[0] // BATCH)
-    ]
-    return np.concatenate(parts)[:num]
+    return in_batches(partial(log_posterior_batch, structure, data), vectors, BATCH)
 
 
 def pareto_shape(log_weight: Float[np.ndarray, " draw"]) -> float:

@@ -7,7 +7,6 @@ of a short test from being too small by the degrees of freedom that the fit has 
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -46,11 +45,11 @@ def restricted_log_likelihood(
     Reference: H. D. Patterson, R. Thompson, Recovery of inter-block information when block sizes
         are unequal, Biometrika 58 (1971) 545-554.
     """
-    return jnp.asarray(_conditional(data, noise_z, z, residual, jacobian).log_density)
+    return jnp.asarray(conditional(data, noise_z, z, residual, jacobian).log_density)
 
 
 class Conditional(NamedTuple):
-    """What the linear model says for one noise, or for many along a leading axis.
+    """What the linear model says for one noise.
 
     Attributes:
         log_density: Restricted log likelihood of the noise plus its log prior, up to a constant
@@ -59,27 +58,19 @@ class Conditional(NamedTuple):
         factor: Lower Cholesky factor of their precision, shape (parameter, parameter).
     """
 
-    log_density: Float[Array | np.ndarray, "..."]
-    mean: Float[Array | np.ndarray, "... parameter"]
-    factor: Float[Array | np.ndarray, "... parameter parameter"]
+    log_density: Float[Array, ""]
+    mean: Float[Array, " parameter"]
+    factor: Float[Array, "parameter parameter"]
 
 
-@jax.jit
-def conditional_batch(
+def conditional(
     data: Data,
-    noise_z: Float[Array, "draw 3"],
+    noise_z: Float[Array, " 3"],
     z: Float[Array, " parameter"],
     residual: Float[Array, " block"],
     jacobian: Float[Array, "block parameter"],
 ) -> Conditional:
-    """Return what the linear model says for many noises; arguments as
-    `restricted_log_likelihood`.
-    """
-    one = partial(_conditional, data, z=z, residual=residual, jacobian=jacobian)
-    return jax.vmap(lambda each: one(noise_z=each))(noise_z)
-
-
-def _conditional(data, noise_z, z, residual, jacobian) -> Conditional:
+    """Return what the linear model says; arguments as `restricted_log_likelihood`."""
     noise = noise_module.from_scores(noise_z, data.slow_noise)
     joined = jnp.concatenate([residual[:, None], jacobian], axis=1)
     ends = np.cumsum([test.measured.size for test in data.tests])[:-1]

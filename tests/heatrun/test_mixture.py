@@ -52,7 +52,7 @@ def test_the_proposal_draws_from_its_density(fitted, rng):
         assert mean_is_one(log_ratio)
         weights = np.exp(log_ratio - np.max(log_ratio))
         proposal = proposal.adapted(drawn, truncated(weights / weights.sum()))
-    assert sum(branch.share for branch in proposal.branches) == pytest.approx(1.0)
+    assert proposal.branches.share.sum() == pytest.approx(1.0)
 
 
 def test_no_truncated_weight_overwhelms_the_others():

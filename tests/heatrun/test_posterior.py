@@ -117,10 +117,8 @@ def test_draws_from_a_proposal_that_is_off_are_accepted_as_the_posterior_wants(
 ):
     """A third of a standard deviation off and a third wider, and no other move beside it."""
     weighted = posterior.weighted
-    branches = tuple(
-        replace(branch, shift=branch.shift + 0.33, shape=1.33 * branch.shape)
-        for branch in weighted.proposal.branches
-    )
+    branches = weighted.proposal.branches
+    branches = replace(branches, shift=branches.shift + 0.33, shape=1.33 * branches.shape)
     off = replace(weighted, proposal=replace(weighted.proposal, branches=branches))
     moves = ensemble_run._moves
     monkeypatch.setattr(ensemble_run, "_moves", lambda weighted: moves(weighted)[-1:])

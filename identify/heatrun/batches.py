@@ -1,0 +1,45 @@
+"""Many rows through a compiled function, in batches of one size, several of them at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+Rows = TypeVar("Rows")
+Result = TypeVar("Result")
+
+FEW = 4
+"""Batches below which threads are not worth their start."""
+
+
+def in_batches(function: Callable[[Rows], Result], rows: Rows, size: int) -> Result:
+    """Return what a function gives for rows, as NumPy arrays.
+
+    One size of batch means one compilation; the last batch is filled up with copies of the last
+    row. Compiled code runs on one core and lets other threads run.
+
+    Args:
+        function: Compiled, each row for itself.
+        rows: A pytree of NumPy arrays whose first axis is that of the rows, at least one; what
+            `function` returns is another.
+        size: Rows in a batch.
+    """
+    num = jax.tree.leaves(rows)[0].shape[0]
+
+    def one(start: int) -> Result:
+        picked = np.minimum(np.arange(start, start + size), num - 1)
+        part = jax.tree.map(lambda array: jnp.asarray(array[picked]), rows)
+        return jax.tree.map(np.asarray, function(part))
+
+    starts = range(0, num, size)
+    if len(starts) < FEW:
+        done = [one(start) for start in starts]
+    else:
+        with ThreadPoolExecutor() as pool:
+            done = list(pool.map(one, starts))
+    return jax.tree.map(lambda *arrays: np.concatenate(arrays)[:num], *done)
