@@ -17,7 +17,6 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from . import noise as noise_module
 from .adequacy import misfit_excess
 from .bench.record import Finding
 from .errors import InputError
@@ -117,7 +116,7 @@ def fit(
     if _is_junk(problem, state, rmse_white):
         problem = white
         state = _settle(problem, z[best])
-    level = float(_noise(problem, state.noise_z).total())
+    level = float(problem.noise(state.noise_z).total())
     excess, is_flagged = misfit_excess(problem.tests, _innovations(problem, state), level)
     if is_flagged:
         problem = replace(problem, temper=excess)
@@ -166,7 +165,7 @@ class _State:
 def _white(level: float) -> Noise:
     """Return white noise of a level [K]."""
     # with a dtype: a plain Python number is another type to the compiler, which would then
-    # compile the search once for this noise and once for that of `_noise`
+    # compile the search once for this noise and once for an estimated one
     return Noise(*(jnp.asarray(number, dtype=float) for number in (0.0, 1.0, level)))
 
 
@@ -232,7 +231,7 @@ def _settle(problem: Problem, z: np.ndarray) -> _State:
     noise_z, shift = np.zeros(NUM_NOISE), np.inf
     for _ in range(NUM_ROUNDS):
         noise_z = estimate_noise(problem, z, residual, jacobian)
-        noise = _noise(problem, noise_z)
+        noise = problem.noise(noise_z)
         after, _, _ = _search(problem, noise, z[None])
         shift = float(np.max(np.abs(after[0] - z)))
         z = after[0]
@@ -244,7 +243,7 @@ def _settle(problem: Problem, z: np.ndarray) -> _State:
 
 def _is_junk(problem: Problem, state: _State, rmse_white: float) -> bool:
     """Whether the noise has swallowed the misfit of the network."""
-    time = float(_noise(problem, state.noise_z).time)
+    time = float(problem.noise(state.noise_z).time)
     longest = LONGEST_NOISE * max(test.duration_s for test in problem.tests)
     return _rmse(problem, state.residual) > JUNK_FACTOR * rmse_white + 1e-3 or time > longest
 
@@ -255,7 +254,7 @@ def _explore(problem: Problem, state: _State, optima: np.ndarray) -> tuple[_Stat
     Optima that are within `RIVAL` of the best share the posterior and must be sampled too.
     """
     starts = _distinct([state.z, *optima[np.all(np.isfinite(optima), axis=1)]])
-    z, cost, _ = _search(problem, _noise(problem, state.noise_z), np.stack(starts))
+    z, cost, _ = _search(problem, problem.noise(state.noise_z), np.stack(starts))
     best = int(np.argmin(cost))
     if cost[best] < cost[0] - SAME_OPTIMUM:
         state = _settle(problem, z[best])
@@ -270,10 +269,6 @@ def _distinct(optima: list[np.ndarray]) -> list[np.ndarray]:
         if all(np.max(np.abs(z - other)) > DISTINCT for other in kept):
             kept.append(z)
     return kept
-
-
-def _noise(problem: Problem, noise_z: np.ndarray) -> Noise:
-    return noise_module.from_scores(jnp.asarray(noise_z), problem.data.slow_noise)
 
 
 def _innovations(problem: Problem, state: _State) -> list[np.ndarray]:

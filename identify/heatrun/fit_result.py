@@ -5,11 +5,9 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from . import noise as noise_module
 from .bench.record import Finding
 from .noise import Noise
 from .parameters import Slot
@@ -72,7 +70,7 @@ class Fit:
     @property
     def noise(self) -> Noise:
         """The noise at the fit."""
-        return noise_module.from_scores(jnp.asarray(self.noise_z), self.problem.data.slow_noise)
+        return self.problem.noise(self.noise_z)
 
     @property
     def slots(self) -> tuple[Slot, ...]:

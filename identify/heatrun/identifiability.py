@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import noise as noise_module
 from .bench.blocks import Blocks
 from .fit_result import Fit
 from .parameters import Parameter
 from .posterior import Posterior
-from .problem import linearise
+from .problem import information
 
 Verdict = Literal["identified", "weak", "not identifiable", "fixed"]
 
@@ -93,15 +92,8 @@ def forecast(fit: Fit) -> dict[str, float]:
     tests = list(problem.tests)
     tests[longest] = _extended(test, LONGER_S)
     imagined = replace(problem, tests=tuple(tests))
-    _, jacobian = linearise(imagined.structure, imagined.data, jnp.asarray(fit.z))
-    columns = np.concatenate([
-        np.asarray(noise_module.whiten(jnp.asarray(part), fit.noise, observation)[0])
-        for part, observation in zip(
-            imagined.split(np.asarray(jacobian)), imagined.data.tests, strict=True
-        )
-    ])  # fmt: skip
-    precision = columns.T @ columns / problem.temper + np.eye(problem.num_parameters)
-    sd = np.sqrt(np.diag(np.linalg.inv(precision)))
+    precision = information(imagined.structure, imagined.data, jnp.asarray(fit.z), fit.noise)
+    sd = np.sqrt(np.diag(np.linalg.inv(np.asarray(precision))))
     return {
         slot.name: float(sd[position] * slot.parameter.sd)
         for position, slot in enumerate(problem.parameters.slots)
@@ -115,15 +107,13 @@ def _extended(test: Blocks, duration_s: float) -> Blocks:
     tail = max(1, int(600.0 / float(test.inputs.step)))
 
     def extend(values):
-        if values is None or jnp.ndim(values) != 1:
+        if values.ndim != 1:
             return values
-        return jnp.concatenate([values, jnp.full(num_more * per_block, jnp.mean(values[-tail:]))])
+        values = np.asarray(values)
+        more = np.full(num_more * per_block, np.mean(values[-tail:]))
+        return jnp.asarray(np.concatenate([values, more]))
 
-    inputs = test.inputs
-    for name in ("current_squared", "losses", "ambient", "speed", "coolant", "fan"):
-        if getattr(inputs, name) is not None:
-            more = extend(getattr(inputs, name))
-            inputs = eqx.tree_at(lambda i, n=name: getattr(i, n), inputs, more)
+    inputs = jax.tree.map(extend, test.inputs)
     full = np.nanmax(test.count)
     return replace(
         test,

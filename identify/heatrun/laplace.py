@@ -84,7 +84,7 @@ def whiten_fit(
     problem: Problem, noise_z: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
 ) -> Whitened:
     """Return residuals and their derivative whitened by the noise; arguments as `spread`."""
-    noise = noise_module.from_scores(jnp.asarray(noise_z), problem.data.slow_noise)
+    noise = problem.noise(noise_z)
     # side by side, so that one compilation serves all who need either
     joined = problem.split(np.column_stack([residual, jacobian]))
     rows, half_log_det = [], 0.0

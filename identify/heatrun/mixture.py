@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -20,26 +21,16 @@ import numpy as np
 from jax.scipy.linalg import solve_triangular
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float, Int
-from scipy.special import gammaln
+from scipy.stats import multivariate_t
 
 from .batches import in_batches
 from .fit_result import Fit
+from .kernels import DEGREES_OF_FREEDOM, NUM_KERNELS, Kernels, log_prior, log_student, student
 from .problem import NUM_NOISE, Data, Problem, linearise
 from .restricted import conditional
 
-DEGREES_OF_FREEDOM = 5.0
-"""Tails of the draws: heavier than those of the posterior, so that weights stay bounded."""
-
 NUM_FIRST = 2048
 """Draws of the noise from which the kernels are made."""
-
-NUM_KERNELS = 256
-BANDWIDTH = 0.6
-"""Width of a kernel in standard deviations [1]: Silverman's rule, 0.45 for 256 points in 3
-dimensions, and a third more, because too thin a tail costs more than a broad middle."""
-
-GUARDING = 0.1
-"""Share of the noises drawn from the prior [1], which no tail of their posterior outreaches."""
 
 WIDER = 1.5
 """The first draws of the noise are this much wider than the curvature says [1]."""
@@ -56,45 +47,6 @@ BATCH = 64
 
 AS_GIVEN = -1
 """Stands for a branch where a vector is given and not drawn."""
-
-
-class Kernels(eqx.Module):
-    """A density of the noise's scores as a sum of equal Student t kernels.
-
-    Attributes:
-        centres: Shape (kernel, 3).
-        factor: Lower Cholesky factor of the kernels' shape.
-    """
-
-    centres: Float[Array, "kernel 3"]
-    factor: Float[Array, "3 3"]
-
-    @classmethod
-    def over(cls, noise_z: np.ndarray, weights: np.ndarray, rng: np.random.Generator) -> Kernels:
-        """Return kernels over weighted draws."""
-        shift = noise_z - weights @ noise_z
-        shape = (shift * weights[:, None]).T @ shift + 1e-4 * np.eye(NUM_NOISE)
-        picked = rng.choice(weights.size, size=NUM_KERNELS, p=weights)
-        factor = BANDWIDTH * np.linalg.cholesky(shape)
-        return cls(jnp.asarray(noise_z[picked]), jnp.asarray(factor))
-
-    def draw(self, num: int, rng: np.random.Generator) -> np.ndarray:
-        """Return draws, shape (num, 3)."""
-        which = rng.integers(len(self.centres), size=num)
-        gap = _student(num, NUM_NOISE, rng) @ np.asarray(self.factor).T
-        noise_z = np.asarray(self.centres)[which] + gap
-        is_prior = rng.uniform(size=num) < GUARDING
-        noise_z[is_prior] = rng.standard_normal((int(np.sum(is_prior)), NUM_NOISE))
-        return noise_z
-
-    def log_density(self, noise_z: Float[Array, "*draw 3"]) -> Float[Array, "*draw"]:
-        """Return the log density [nat]."""
-        white = jnp.linalg.inv(self.factor)
-        gap = (noise_z @ white.T)[..., None, :] - self.centres @ white.T
-        parts = _log_student(jnp.sum(gap**2, axis=-1), NUM_NOISE)
-        log_det = jnp.sum(jnp.log(jnp.diag(self.factor)))
-        near = logsumexp(parts, axis=-1) - np.log(self.centres.shape[0]) - log_det
-        return jnp.logaddexp(np.log1p(-GUARDING) + near, np.log(GUARDING) + _log_prior(noise_z))
 
 
 class Optima(eqx.Module):
@@ -119,12 +71,19 @@ class Branches(eqx.Module):
         share: Share of the draws [1].
         shift: Mean of the scaled draws.
         shape: Lower Cholesky factor of their shape.
+        whiten: Its inverse.
     """
 
     optimum: Int[Array, " branch"]
     share: Float[Array, " branch"]
     shift: Float[Array, "branch parameter"]
     shape: Float[Array, "branch parameter parameter"]
+    whiten: Float[Array, "branch parameter parameter"]
+
+    @classmethod
+    def of(cls, optimum, share, shift, shape) -> Branches:
+        """Return branches; arguments as the attributes."""
+        return cls(*map(jnp.asarray, (optimum, share, shift, shape, np.linalg.inv(shape))))
 
 
 @dataclass(frozen=True)
@@ -174,16 +133,14 @@ class Proposal:
         optima = Optima(*map(jnp.asarray, (fit.modes, residual, jacobian)))
         share, scale = (np.tile(part, num) for part in zip(*PARTS, strict=True))
         size = problem.num_parameters
-        branches = Branches(
-            jnp.asarray(np.repeat(np.arange(num), len(PARTS))),
-            jnp.asarray(share / num),
-            jnp.asarray(np.zeros((share.size, size))),
-            jnp.asarray(scale[:, None, None] * np.eye(size)),
+        branches = Branches.of(
+            np.repeat(np.arange(num), len(PARTS)),
+            share / num,
+            np.zeros((share.size, size)),
+            scale[:, None, None] * np.eye(size),
         )
         factor = WIDER * np.linalg.cholesky(fit.covariance[size:, size:] + 1e-9 * np.eye(NUM_NOISE))
-        one_place = Kernels(
-            jnp.asarray(np.tile(fit.noise_z, (NUM_KERNELS, 1))), jnp.asarray(factor)
-        )
+        one_place = Kernels.at(np.tile(fit.noise_z, (NUM_KERNELS, 1)), factor)
         return cls(problem, one_place, optima, branches)._with_kernels(fit.noise_z, factor, rng)
 
     def _with_kernels(
@@ -192,13 +149,13 @@ class Proposal:
         """Return it with kernels over the restricted density, from draws around its maximum and
         the prior.
         """
-        noise_z = centre + _student(NUM_FIRST, NUM_NOISE, rng) @ factor.T
+        noise_z = centre + student(NUM_FIRST, NUM_NOISE, rng) @ factor.T
         is_prior = rng.uniform(size=NUM_FIRST) < FROM_PRIOR
         noise_z[is_prior] = rng.standard_normal((int(np.sum(is_prior)), NUM_NOISE))
-        white = np.linalg.solve(factor, (noise_z - centre).T)
-        near = _log_student(np.sum(white**2, axis=0), NUM_NOISE) - np.sum(np.log(np.diag(factor)))
+        density: Any = multivariate_t.logpdf  # whose stubs take its shape for a number
+        near = density(noise_z, centre, factor @ factor.T, DEGREES_OF_FREEDOM)
         drawn_from = np.logaddexp(
-            np.log(1.0 - FROM_PRIOR) + near, np.log(FROM_PRIOR) + _log_prior(noise_z)
+            np.log(1.0 - FROM_PRIOR) + near, np.log(FROM_PRIOR) + log_prior(noise_z)
         )
         z = np.zeros((NUM_FIRST, self.problem.num_parameters))
         log_weight = self._seen(np.concatenate([z, noise_z], axis=1)).restricted - drawn_from
@@ -211,7 +168,7 @@ class Proposal:
         noise_z = self.kernels.draw(num, rng)
         share = np.asarray(self.branches.share)
         branch = rng.choice(share.size, size=num, p=share)
-        return self._placed(noise_z, branch, _student(num, self.problem.num_parameters, rng))
+        return self._placed(noise_z, branch, student(num, self.problem.num_parameters, rng))
 
     def log_density(self, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
         """Return the log density of vectors from elsewhere [nat]."""
@@ -253,10 +210,7 @@ class Proposal:
             shares.append((total + 0.05 / old.share.size) / 1.05)  # none dies out for good
             shifts.append(trust * mean + (1.0 - trust) * old.shift[index])
             shapes.append(np.linalg.cholesky(shape))
-        moved = Branches(
-            self.branches.optimum,
-            *(jnp.asarray(np.stack(part)) for part in (shares, shifts, shapes)),
-        )
+        moved = Branches.of(old.optimum, *map(np.stack, (shares, shifts, shapes)))
         return replace(self, branches=moved)
 
 
@@ -281,9 +235,9 @@ def _place(
         drawn = mean[branch] + solve_triangular(factor[branch].T, scaled, lower=False)
         z = jnp.where(branch == AS_GIVEN, z, drawn)
         seen = jnp.einsum("bji,bj->bi", factor, z - mean)
-        white = jnp.einsum("bij,bj->bi", jnp.linalg.inv(branches.shape), seen - branches.shift)
+        white = jnp.einsum("bij,bj->bi", branches.whiten, seen - branches.shift)
         log_det = _log_det(factor) - _log_det(branches.shape)
-        log_parts = _log_student(jnp.sum(white**2, axis=1), z.size) + log_det
+        log_parts = log_student(jnp.sum(white**2, axis=1), z.size) + log_det
         log_parts = log_parts + jnp.log(branches.share)
         log_density = logsumexp(log_parts) + kernels.log_density(noise_z)
         vector = jnp.concatenate([z, noise_z])
@@ -294,20 +248,3 @@ def _place(
 
 def _log_det(factor: Float[Array, "*batch row row"]) -> Float[Array, "*batch"]:
     return jnp.sum(jnp.log(jnp.diagonal(factor, axis1=-2, axis2=-1)), axis=-1)
-
-
-def _log_prior(noise_z):
-    return -0.5 * (noise_z**2).sum(axis=-1) - 0.5 * NUM_NOISE * np.log(2.0 * np.pi)
-
-
-def _student(num: int, size: int, rng: np.random.Generator) -> np.ndarray:
-    """Return draws of a standard Student t distribution, shape (num, size)."""
-    scale = np.sqrt(DEGREES_OF_FREEDOM / rng.chisquare(DEGREES_OF_FREEDOM, num))
-    return rng.standard_normal((num, size)) * scale[:, None]
-
-
-def _log_student(square, size: int):
-    """Return its log density [nat] for squared distances from its centre."""
-    nu = DEGREES_OF_FREEDOM
-    constant = gammaln((nu + size) / 2) - gammaln(nu / 2) - 0.5 * size * np.log(nu * np.pi)
-    return constant - 0.5 * (nu + size) * jnp.log1p(square / nu)

@@ -15,7 +15,7 @@ the mean of as many readings, evenly spaced, as the block holds.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -80,13 +80,14 @@ class Noise(eqx.Module):
     time: Float[Array, ""]
     white: Float[Array, ""]
 
+    @jax.jit
     def total(self) -> Float[Array, ""]:
         """Return the standard deviation of a 20 s mean of many readings [K]."""
         slow = self.sd**2 * _slow_means(BLOCK_S / self.time, jnp.asarray(MANY)).variance
         return jnp.sqrt(slow + self.white**2)
 
 
-def from_scores(z: Float[Array, " 3"], slow: Float[Array, ""] | float = 1.0) -> Noise:
+def from_scores(z: Float[Any, "3 ..."], slow: Float[Array, ""] | float = 1.0) -> Noise:
     """Return the noise for standard scores of `NOISE`.
 
     Args:

@@ -12,7 +12,7 @@ import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -54,11 +54,14 @@ class Parameter:
     per_test: bool = False
     fixed: float | None = None
 
-    def value(self, z: Float[Array, "..."]) -> Float[Array, "..."]:
-        """Return the value [unit] for standard scores."""
-        if self.transform == "log":
-            return self.centre * jnp.exp(self.sd * z)
-        return self.centre + self.sd * z
+    def value(self, z: Float[Any, "..."]) -> Float[Any, "..."]:
+        """Return the value [unit] for standard scores, an array of the library that `z` is of."""
+        scaled = self.sd * z
+        if self.transform == "linear":
+            return self.centre + scaled
+        # eager JAX would compile a function for each operation
+        exp = np.exp if isinstance(z, (np.ndarray, np.generic)) else jnp.exp
+        return self.centre * exp(scaled)
 
     def score(self, value: float | np.ndarray) -> np.ndarray:
         """Return the standard score for values [unit]."""
@@ -68,7 +71,7 @@ class Parameter:
 
     def prior_interval_95(self) -> tuple[float, float]:
         """Return the central 95 % of the prior [unit]."""
-        return float(self.value(jnp.asarray(-1.96))), float(self.value(jnp.asarray(1.96)))
+        return float(self.value(np.float64(-1.96))), float(self.value(np.float64(1.96)))
 
 
 @dataclass(frozen=True)
@@ -173,7 +176,7 @@ class ParameterSet:
     def physical(self, z: np.ndarray) -> dict[str, np.ndarray]:
         """Return values by slot name; `z` has shape (..., parameter)."""
         return {
-            slot.name: np.asarray(slot.parameter.value(jnp.asarray(z[..., position])))
+            slot.name: np.asarray(slot.parameter.value(z[..., position]))
             for position, slot in enumerate(self.slots)
         }
 

@@ -135,14 +135,9 @@ def _start_from_readings(
     test = problem.tests[0]
     offset = np.zeros(z.shape[0])
     if "sensor_offset" in names:
-        offset = np.asarray(
-            slots[names.index("sensor_offset")].parameter.value(
-                jnp.asarray(z[:, names.index("sensor_offset")])
-            )
-        )
-    noise = noise_module.from_scores(
-        jnp.asarray(vectors[:, -NUM_NOISE:].T), posterior.fit.problem.data.slow_noise
-    )
+        position = names.index("sensor_offset")
+        offset = slots[position].parameter.value(z[:, position])
+    noise = posterior.fit.problem.noise(vectors[:, -NUM_NOISE:].T)
     sd = np.minimum(np.asarray(noise.total()), 2.0)
     winding = test.start_degC - offset + sd * rng.standard_normal(z.shape[0])
     for position, slot in enumerate(slots):

@@ -121,6 +121,11 @@ class Problem:
         """Names of the tests, for messages."""
         return ", ".join(test.name for test in self.tests)
 
+    def noise(self, noise_z: Float[np.ndarray, "3 ..."]) -> Noise:
+        """Return the noise for its scores."""
+        slow = 1.0 if self.noise_kind == "correlated" else 0.0
+        return noise_module.from_scores(np.asarray(noise_z), slow)
+
     def split(self, stacked: np.ndarray) -> list[np.ndarray]:
         """Split rows over all blocks into one array per test."""
         ends = np.cumsum([test.measured.size for test in self.tests])[:-1]
@@ -202,6 +207,16 @@ def linearise(
 
     value, push = jax.linearize(stacked, z)
     return value, jax.vmap(push, out_axes=-1)(jnp.eye(structure.num_parameters))
+
+
+@partial(jax.jit, static_argnames="structure")
+def information(
+    structure: Structure, data: Data, z: Float[Array, " parameter"], noise: Noise
+) -> Float[Array, "parameter parameter"]:
+    """Return the precision of the scores, prior included, that the linear model gives."""
+    _, push = jax.linearize(lambda z: whitened(structure, data, z, noise), z)
+    jacobian = jax.vmap(push, out_axes=-1)(jnp.eye(structure.num_parameters))
+    return jacobian.T @ jacobian
 
 
 @partial(jax.jit, static_argnames="structure")

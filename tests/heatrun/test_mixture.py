@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from heatrun.mixture import Kernels, Proposal
+from heatrun.kernels import Kernels
+from heatrun.mixture import Proposal
 from heatrun.proposal import truncated
 
 ERRORS = 5.0

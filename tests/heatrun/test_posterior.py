@@ -9,6 +9,7 @@ from heatrun import archive, ensemble_run
 from heatrun.bench.reduction import reduce
 from heatrun.fit import fit
 from heatrun.identifiability import forecast
+from heatrun.mixture import Branches
 from heatrun.model import Model
 from heatrun.posterior import sample
 from heatrun.predict import predict
@@ -118,7 +119,9 @@ def test_draws_from_a_proposal_that_is_off_are_accepted_as_the_posterior_wants(
     """A third of a standard deviation off and a third wider, and no other move beside it."""
     weighted = posterior.weighted
     branches = weighted.proposal.branches
-    branches = replace(branches, shift=branches.shift + 0.33, shape=1.33 * branches.shape)
+    branches = Branches.of(
+        branches.optimum, branches.share, branches.shift + 0.33, 1.33 * branches.shape
+    )
     off = replace(weighted, proposal=replace(weighted.proposal, branches=branches))
     moves = ensemble_run._moves
     monkeypatch.setattr(ensemble_run, "_moves", lambda weighted: moves(weighted)[-1:])

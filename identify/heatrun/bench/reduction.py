@@ -6,7 +6,7 @@ import math
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from lptn import Inputs
 
@@ -136,7 +136,7 @@ def _inputs(
 ) -> tuple[Inputs, tuple[str, ...]]:
     notes: list[str] = []
 
-    def mean(channel: str, power: int = 1) -> Array:
+    def mean(channel: str, power: int = 1) -> np.ndarray:
         values = record[channel] ** power
         finite = np.isfinite(values)
         if not np.any(finite):
@@ -147,7 +147,7 @@ def _inputs(
                 f"{record.name}: {np.sum(~finite)} missing samples of {channel} were bridged by "
                 "straight lines"
             )
-        return jnp.asarray(_interval_means(record.time_s[finite], values[finite], edges))
+        return _interval_means(record.time_s[finite], values[finite], edges)
 
     speed = None
     if "speed_rpm" in record and np.any(np.isfinite(record["speed_rpm"])):
@@ -160,21 +160,21 @@ def _inputs(
         if fan is None and channel in record and np.nanmax(np.abs(record[channel])) > 0:
             largest = 1.0 if channel == "fan" else float(np.nanmax(record[channel]))
             fan = mean(channel) / largest
-    fastest = 1.0 if speed is None else max(float(jnp.max(jnp.abs(speed))), 1e-9)
+    fastest = 1.0 if speed is None else max(float(np.max(np.abs(speed))), 1e-9)
     rated = motor.rated_speed_rpm
     current_squared = mean("phase_current_A", power=2)
     inputs = Inputs(
         step=jnp.asarray(step, dtype=float),
-        current_squared=current_squared,
-        losses=mean("losses_W"),
-        ambient=mean(f"{motor.sink}_degC"),
-        speed=speed,
-        coolant=coolant,
-        fan=fan,
+        current_squared=jnp.asarray(current_squared),
+        losses=jnp.asarray(mean("losses_W")),
+        ambient=jnp.asarray(mean(f"{motor.sink}_degC")),
+        speed=None if speed is None else jnp.asarray(speed),
+        coolant=None if coolant is None else jnp.asarray(coolant),
+        fan=None if fan is None else jnp.asarray(fan),
         rated_speed=jnp.asarray(
             fastest if rated is None else rated * 2 * math.pi / 60, dtype=float
         ),
-        rated_current=jnp.sqrt(jnp.maximum(jnp.max(current_squared), 1e-12)),
+        rated_current=jnp.asarray(np.sqrt(max(np.max(current_squared), 1e-12))),
     )
     return inputs, tuple(notes)
 

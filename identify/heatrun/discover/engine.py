@@ -255,7 +255,7 @@ class Engine:
 
 def _slot_value(slot: Slot, z: float) -> float:
     """Return the value of a slot [its unit] for a score."""
-    return float(slot.parameter.value(jnp.asarray(z)))
+    return float(slot.parameter.value(np.asarray(z)))
 
 
 @partial(jax.jit, static_argnames="model")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import jax.numpy as jnp
 import numpy as np
 
 from .. import noise as noise_module
@@ -44,7 +43,7 @@ def extended_fit(
     residual, jacobian = engine.linearise(z, order)
     if not is_adequate:
         seen = whiten_fit(problem, noise_z, residual, jacobian).residuals
-        level = float(noise_module.from_scores(jnp.asarray(noise_z), 0.0).total())
+        level = float(noise_module.from_scores(np.asarray(noise_z), 0.0).total())
         excess, _ = misfit_excess(problem.tests, seen, level)
         problem = replace(problem, temper=max(1.0, excess))
         z, noise_z = _settle(engine, problem, z, order)
@@ -72,7 +71,7 @@ def _settle(
     residual, jacobian = engine.linearise(z, slots)
     for _ in range(2):
         noise_z = estimate_noise(problem, z[slots], residual, jacobian)
-        noise = noise_module.from_scores(jnp.asarray(noise_z), problem.data.slow_noise)
+        noise = problem.noise(noise_z)
         found = engine.refit(z, slots, noise, problem.temper)
         z, residual, jacobian = found.z, found.residual, found.jacobian
     return z, estimate_noise(problem, z[slots], residual, jacobian)

@@ -172,7 +172,7 @@ def _of_this_test(
         values["Tsr_start"] = winding + below
     if "load_timing" in known:
         prior = known["load_timing"]
-        drawn = np.asarray(prior.value(jnp.asarray(rng.standard_normal(num_draws))))
+        drawn = prior.value(rng.standard_normal(num_draws))
         values["load_timing"] = drawn if prior.fixed is None else np.full(num_draws, prior.fixed)
     return values
 
