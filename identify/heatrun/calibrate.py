@@ -10,9 +10,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-import jax.numpy as jnp
-import numpy as np
-
 from .bench import Finding, Record
 from .bench.blocks import Blocks
 from .bench.checks import check_record
@@ -20,20 +17,17 @@ from .bench.joined import read_test
 from .bench.reduction import reduce
 from .errors import InputError
 from .fit import fit
-from .fit_result import Fit
 from .model import Model, Order
 from .motor import Motor
 from .posterior import Posterior, sample
 from .predict import Prediction, predict
-from .problem import Problem, predict_batch
+from .problem import Problem
+from .reduction_checks import check_reduction
 from .result import assemble, describe_model, describe_test
 from .run_folder import RunFolder, environment
 
 Say = Callable[[str], None]
 T = TypeVar("T")
-
-COARSE_K = 0.05
-"""Error of the reduction to steps from which on it is worth a warning [K]."""
 
 
 class Refused(Exception):
@@ -167,10 +161,9 @@ def calibrate(
     last = posteriors[orders[-1]].fit
     rows = []
     for test in tests:
-        error = reduction_error(last, test, motor)
+        error, found = check_reduction(last, test.record, test.blocks, motor)
         rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
-        if error > COARSE_K:
-            findings.append(_coarse(test, error))
+        findings += found
     models: dict[str, Any] = {order: outcome.described for order, outcome in outcomes.items()}
     result = assemble(motor, rows, findings, models, predictions, command=command, seed=seed)
     return Calibration(motor, tuple(tests), posteriors, predictions, result)
@@ -193,34 +186,6 @@ def _for_each(orders: Sequence[Order], function: Callable[[Order], T]) -> dict[O
     """
     with ThreadPoolExecutor() as pool:
         return dict(zip(orders, pool.map(function, orders), strict=True))
-
-
-def reduction_error(found: Fit, test: Test, motor: Motor) -> float:
-    """Return the largest error of a block mean that the reduction to steps causes [K].
-
-    The test is simulated at the fit on its steps and on steps of a quarter of the length (no
-    shorter than its samples), started alike.
-    """
-    problem = Problem.of(found.problem.model, motor, [test.blocks])
-    step = float(test.blocks.inputs.step)
-    finer = reduce(
-        test.record,
-        motor,
-        step_s=max(step / 4.0, min(test.blocks.sample_s, step)),
-        block_s=test.blocks.block_s,
-    )
-    names = found.problem.parameters.names
-    z = np.zeros(problem.num_parameters)
-    for position, slot in enumerate(problem.parameters.slots):
-        if slot.name in names:
-            z[position] = found.z[names.index(slot.name)]
-    means = []
-    for blocks in (test.blocks, finer):
-        data = replace(problem.data, tests=(blocks.observation(),))
-        means.append(np.asarray(predict_batch(problem.structure, data, jnp.asarray(z[None]))[0])[0])
-    num = min(part.size for part in means)
-    seen = test.blocks.is_observed[:num]
-    return float(np.max(np.abs(means[0][:num] - means[1][:num])[seen]))
 
 
 def manifest(calibration: Calibration, command: str, seed: int) -> dict[str, Any]:
@@ -267,19 +232,6 @@ def _sampling_findings(posterior: Posterior) -> list[Finding]:
             remedy="Add a test that tells the parameters apart, or fix one of them.",
         )
     ]
-
-
-def _coarse(test: Test, error: float) -> Finding:
-    return Finding(
-        id="reduction",
-        severity="warning",
-        message=f"reducing the record to steps of {float(test.blocks.inputs.step):g} s changes "
-        f"the model by up to {error:.2g} K (limit {COARSE_K} K)",
-        where=test.record.name,
-        remedy="The winding is faster than the steps resolve: record faster.",
-        test=test.record.name,
-        values={"reduction_error_K": error},
-    )
 
 
 def default_folder(motor: Motor, tests: Sequence[Test], order: str) -> Path:

@@ -34,6 +34,7 @@ from heatrun.noise import NOISE
 from heatrun.posterior import Posterior, sample, weighted_draws
 from heatrun.predict import predict
 from heatrun.problem import Problem
+from heatrun.reduction_checks import between_samples
 
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 TIMES = ("tau_winding", "tau_stator", "tau_fast", "tau_slow")
@@ -217,14 +218,22 @@ def run(job: Mapping[str, Any]) -> dict[str, Any]:
     cell = CELLS[job["cell"]]
     case = make_case(cell, job["seed"], job["index"])
     begin, cpu = time.perf_counter(), time.process_time()
-    blocks = reduce(Record("calibration", case.calibration.channels), case.motor)
-    held_out = reduce(Record("held out", case.held_out.channels), case.motor, block_s=30.0)
+    records = [
+        Record("calibration", case.calibration.channels),
+        Record("held out", case.held_out.channels),
+    ]
+    blocks = reduce(records[0], case.motor)
+    held_out = reduce(records[1], case.motor, block_s=30.0)
     problem = Problem.of(Model.of("second", case.motor), case.motor, [blocks])
     found = fit(problem, num_starts=NUM_STARTS)
     true = truth(case)
     row: dict[str, Any] = {
         **{name: job[name] for name in ("cell", "index")},
         **_described(case, found, true),
+        "between_K": [
+            between_samples(found, record, test, case.motor)
+            for record, test in zip(records, (blocks, held_out), strict=True)
+        ],
         "bound": bound(found.problem, true, case.noise, case.calibration.start_degC),
     }
     row["laplace"] = {"ranks": ranks(of_covariance(found), true), "sd": _sd_of(found)}

@@ -20,6 +20,8 @@ from coverage_gates import (
     rank,
 )
 
+from heatrun.reduction_checks import BETWEEN_K
+
 METHODS = ("laplace", "quick", "emcee")
 
 READING = """\
@@ -97,6 +99,7 @@ def table(rows: Sequence[Row], found: Sequence[dict[str, Any]], content: dict[st
     lines += ["", "`end`: the reading without noise at the end of the held-out test.", ""]
     lines += _by_duration(rows)
     lines += _prediction(rows, cells)
+    lines += _between(rows)
     lines += _widths(rows, cells)
     lines += _ranks(rows)
     lines += _guards(rows, cells)
@@ -145,6 +148,39 @@ def _prediction(rows: Sequence[Row], cells: Sequence[str]) -> list[str]:
         end = np.median([row["end_sd_K"] for row in mine])
         lines.append(f"| {cell} | {100 * half:.0f} | {100 * share.mean():.1f} | "
                      f"{100 * np.quantile(share, 0.1):.0f} | {end:.2f} |")  # fmt: skip
+    return [*lines, ""]
+
+
+def _between(rows: Sequence[Row]) -> list[str]:
+    """Return coverage where the load was logged slowly, by what heatrun says of it."""
+    slow = [row for row in rows if max(row.get("between_K", [0.0])) > 0.0]
+    if not slow:
+        return []
+    lines = [
+        "## Loads sampled in points, quick",
+        "",
+        f"*Lost*: heatrun's estimate of what the load does between its samples, in one of the two "
+        f"tests, is above its limit of {BETWEEN_K} K (finding `between_samples`).",
+        "",
+        f"| calibrated on | lost | records | estimate [K] | {' | '.join(NETWORK)} | end "
+        "| in the 95 % band |",
+        "|---" * (len(NETWORK) + 6) + "|",
+    ]
+    for is_lost in (False, True):
+        mine = [row for row in slow if (max(row["between_K"]) > BETWEEN_K) == is_lost]
+        if mine:
+            kinds = ", ".join(sorted({row["kind"] for row in mine})).replace("_", " ")
+            largest = [max(row["between_K"]) for row in mine]
+            parts = [
+                f"{100 * coverage(rank(mine, 'quick', name), 0.95):.0f}"
+                for name in (*NETWORK, "end")
+            ]
+            share = np.mean([row["quick"]["share_95"] for row in mine])
+            lines.append(
+                f"| {kinds} | {'yes' if is_lost else 'no'} | {len(mine)} | "
+                f"{np.median(largest):.2f}, at most {max(largest):.2f} | {' | '.join(parts)} | "
+                f"{100 * share:.1f} |"
+            )
     return [*lines, ""]
 
 

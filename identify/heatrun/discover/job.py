@@ -10,9 +10,10 @@ from typing import Any, Literal
 from lptn.effects import AbstractEffect
 
 from .. import archive
-from ..calibrate import Calibration, Test, manifest, reduction_error
+from ..calibrate import Calibration, Test, manifest
 from ..model import Order
 from ..motor import Motor
+from ..reduction_checks import check_reduction
 from ..result import assemble as assemble_fit
 from ..result import describe_model, describe_test
 from ..run_folder import RunFolder
@@ -105,10 +106,11 @@ def _as_calibration(
     predictions = [after for _, after in shown.predictions]
     roles = [test.role for test in tests]
     rows = []
-    for test in tests:
-        error = reduction_error(posterior.fit, test, motor)
-        rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
     findings = [finding for test in tests for finding in test.findings]
+    for test in tests:
+        error, more = check_reduction(posterior.fit, test.record, test.blocks, motor)
+        rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
+        findings += more
     models = {order: describe_model(posterior, predictions, roles)}
     result = assemble_fit(
         motor, rows, findings, dict(models), {order: predictions}, command=command, seed=seed
