@@ -90,8 +90,11 @@ def main() -> None:
                   f"{row['seconds']:.1f} s", flush=True)  # fmt: skip
             if time.perf_counter() - begin > 60.0 * options.minutes:
                 break
-    only = f' --only "{options.only}"' if options.only else ""
-    write(rows, options.out, f"--seed {options.seed}{only}", options.seed, len(wanted))
+    words = f"--seed {options.seed}"
+    if options.only:
+        words += f' --share {options.share:g} --only "{options.only}"'
+    found = [] if options.only else gates(rows)  # they are for all cells
+    write(rows, found, options.out, words, options.seed, len(wanted))
     if len(rows) == len(wanted):
         path.unlink()
 
@@ -118,11 +121,17 @@ def jobs(seed: int, share: float) -> Iterator[dict[str, Any]]:
     yield from (job for _, job in sorted(listed, key=lambda each: each[0]))
 
 
-def write(rows: list[dict[str, Any]], out: Path, words: str, seed: int, planned: int) -> None:
-    """Write rows, summary, table and figures; `words` are those of the command."""
+def write(
+    rows: list[dict[str, Any]],
+    found: list[dict[str, Any]],
+    out: Path,
+    words: str,
+    seed: int,
+    planned: int,
+) -> None:
+    """Write rows, gates, summary, table and figures; `words` are those of the command."""
     rows = sorted(rows, key=lambda row: (list(NUM_RECORDS).index(row["cell"]), row["index"]))
     packages = ("heatrun", "jax", "numpy", "scipy", "optimistix", "emcee")
-    found = gates(rows)
     content = {
         "command": f"make study-coverage (coverage_study.py {words})",
         "seed": seed,

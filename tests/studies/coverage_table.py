@@ -74,21 +74,11 @@ def table(rows: Sequence[Row], found: Sequence[dict[str, Any]], content: dict[st
         f"{content['cpu_s'] / 60:.0f} min of one processor, compilation included.",
         "",
         READING,
-        "## Gates",
-        "",
-        "| what | cell | wanted | measured | 95 % limits | records | |",
-        "|---|---|---|---|---|---|---|",
     ]
-    for gate in found:
-        missed = "**MISSED**, within chance" if gate["is_chance"] else "**MISSED**"
-        mark = "met" if gate["holds"] else missed
-        lines.append(
-            f"| {gate['what']} | {gate['cell']} | {gate['wanted']} | {gate['measured']} | "
-            f"{gate['limits'] or '–'} | {gate['cases']} | {mark} |"
-        )
-    lines += ["", MISSES]
+    if found:
+        lines += _gates(found)
     cells = list(dict.fromkeys(row["cell"] for row in rows))
-    lines += ["", "## Coverage of 50, 90 and 95 % intervals [%]", ""]
+    lines += ["## Coverage of 50, 90 and 95 % intervals [%]", ""]
     names = (*NETWORK, *TIMES, "end")
     lines += [f"| cell | method | records | {' | '.join(names)} |", "|---" * (3 + len(names)) + "|"]
     for cell in cells:
@@ -104,6 +94,23 @@ def table(rows: Sequence[Row], found: Sequence[dict[str, Any]], content: dict[st
     lines += _ranks(rows)
     lines += _guards(rows, cells)
     return "\n".join(lines) + "\n"
+
+
+def _gates(found: Sequence[dict[str, Any]]) -> list[str]:
+    lines = [
+        "## Gates",
+        "",
+        "| what | cell | wanted | measured | 95 % limits | records | |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for gate in found:
+        missed = "**MISSED**, within chance" if gate["is_chance"] else "**MISSED**"
+        mark = "met" if gate["holds"] else missed
+        lines.append(
+            f"| {gate['what']} | {gate['cell']} | {gate['wanted']} | {gate['measured']} | "
+            f"{gate['limits'] or '–'} | {gate['cases']} | {mark} |"
+        )
+    return [*lines, "", MISSES, ""]
 
 
 def _coverage_line(cell: str, method: str, rows: Sequence[Row], names: Sequence[str]) -> str:
