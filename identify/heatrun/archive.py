@@ -53,9 +53,15 @@ def write(posterior: Posterior, path: Path) -> None:
 
 
 def read(path: Path) -> Any:
-    """Return the groups of a NetCDF file."""
-    arviz = _arviz()
-    return arviz.from_netcdf(str(path), engine="h5netcdf")
+    """Return the groups of a NetCDF file, in memory.
+
+    `arviz.from_netcdf` reads the same; but to load ArviZ takes longer than all that a command does
+    with the draws of a run.
+    """
+    import xarray
+
+    with xarray.open_datatree(str(path), engine="h5netcdf") as tree:
+        return tree.load()
 
 
 def summary(posterior: Posterior) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
@@ -40,6 +41,6 @@ def in_batches(function: Callable[[Rows], Result], rows: Rows, size: int) -> Res
     if len(starts) < FEW:
         done = [one(start) for start in starts]
     else:
-        with ThreadPoolExecutor() as pool:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
             done = list(pool.map(one, starts))
     return jax.tree.map(lambda *arrays: np.concatenate(arrays)[:num], *done)

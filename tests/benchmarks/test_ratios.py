@@ -66,8 +66,8 @@ def test_no_array_of_steps_by_walkers_is_written_out(counts):
     by_steps = 8 * memory["num_steps"] * memory["num_rows"]
     by_blocks = 8 * memory["num_blocks"] * memory["num_rows"]
     # a few arrays of blocks by walkers: modelled means, residuals, whitened ones, what the slow
-    # noise leaves in each
-    assert memory["temporary_bytes"] < 8 * by_blocks < by_steps, memory
+    # noise leaves in each; eight of them with JAX 0.10, nearly nine with 0.12
+    assert memory["temporary_bytes"] < 9 * by_blocks < by_steps, memory
 
 
 def test_one_likelihood_and_its_jacobian_keep_up_with_c(tmp_path):

@@ -20,9 +20,15 @@ DATA = Path(__file__).parents[2] / "data"
 SYNTHETIC = DATA / "synthetic"
 RECORDS = {"step_30min": 1800, "step_90min": 5400, "duty_30min": 1800, "duty_90min": 5400}
 
+FLOAT = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
+
 
 def text_of(path: Path) -> str:
     return gzip.decompress(path.read_bytes()).decode("ascii")
+
+
+def numbers(text: str) -> list[float]:
+    return [float(number) for number in FLOAT.findall(text)]
 
 
 def table_of(name: str) -> pd.DataFrame:
@@ -58,7 +64,12 @@ def test_the_hidden_cause_can_be_made_again(tmp_path: Path) -> None:
         kept = SYNTHETIC / "hidden_cause" / path.name
         is_packed = path.suffix == ".gz"  # other versions of zlib pack otherwise
         one, other = (text_of(p) if is_packed else p.read_text("utf-8") for p in (path, kept))
-        assert one == other
+        if path.suffix != ".json":
+            assert one == other
+            continue
+        # how strong the cause must be is searched for: to nine digits with other versions of NumPy
+        assert FLOAT.sub("#", one) == FLOAT.sub("#", other)
+        assert numbers(one) == pytest.approx(numbers(other), rel=1e-8)
     assert len(list(tmp_path.iterdir())) == 5
 
 
