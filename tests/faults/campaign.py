@@ -93,7 +93,7 @@ class Command:
 def words_of(folder: Path, method: str, out: Path) -> list[str]:
     """Return the command that is run again and again."""
     head = [sys.executable, "-m", "heatrun.cli", "calibrate", str(folder / "motor.toml")]
-    tail = [str(folder / "duty.csv"), "--model", "second", "--out", str(out)]
+    tail = [str(folder / "duty.csv"), "--out", str(out)]
     return [*head, *tail, *METHODS[method]]
 
 
@@ -108,14 +108,15 @@ def prepare(folder: Path) -> None:
 def posterior(run: Path) -> dict[str, object]:
     """Return all draws of a run, bit by bit, and the models of its fit.json."""
     content: dict[str, object] = {"models": json.loads((run / "fit.json").read_text())["models"]}
-    with h5py.File(run / "posterior_second.nc") as file:
-        for group in ("posterior", "sample_stats", "observed_data"):
-            for name, values in file[group].items():
-                array = np.asarray(values)
-                # not the bytes of texts, which are addresses
-                content[f"{group}/{name}"] = (
-                    array.tolist() if array.dtype == object else (array.tobytes())
-                )
+    for order in ("first", "second"):
+        with h5py.File(run / f"posterior_{order}.nc") as file:
+            for group in ("posterior", "sample_stats", "observed_data"):
+                for name, values in file[group].items():
+                    array = np.asarray(values)
+                    # not the bytes of texts, which are addresses
+                    content[f"{order}/{group}/{name}"] = (
+                        array.tolist() if array.dtype == object else array.tobytes()
+                    )
     return content
 
 

@@ -30,7 +30,7 @@ def write_table(tally: Any, folder: Path, kills: int, seed: int, minutes: float)
         + ", ".join(f"{name} {version}" for name, version in versions["packages"].items())
         + ".",
         "",
-        "Record: the bundled 30-minute duty at 1 Hz, second order. A run is disturbed up to three "
+        "Record: the bundled 30-minute duty at 1 Hz, both orders. A run is disturbed up to three "
         "times, started again with the same command each time, and then left to end. The moments "
         "hang on the machine's load, so another run of the campaign hits other ones.",
         "",
