@@ -24,7 +24,7 @@ import numpy as np
 
 from .errors import InputError
 from .folder_lock import FolderLock
-from .whole_files import PARTIAL, drop_partials, write_whole
+from .whole_files import PARTIAL, drop_partials, writable, write_whole
 
 MANIFEST = "manifest.json"
 CHECKPOINTS = "checkpoints"
@@ -64,7 +64,7 @@ class RunFolder:
         """
         digest = hashlib.sha256(dump(identity).encode()).hexdigest()
         partial = path.with_name(path.name + PARTIAL)
-        try:
+        with writable("the run folder", path.parent):
             lock = FolderLock.take(partial)
             _settle(path)
             if path.exists() and not (path / MANIFEST).is_file():
@@ -74,12 +74,6 @@ class RunFolder:
                     remedy="Choose another --out.",
                 )
             note = _make_ready(partial, digest)
-        except OSError as error:
-            raise InputError(
-                f"the run folder cannot be written: {error.strerror}.",
-                where=str(path.parent),
-                remedy="Choose a writable folder with --out.",
-            ) from error
         return cls(path, partial, note, lock)
 
     @property

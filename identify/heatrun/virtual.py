@@ -22,7 +22,7 @@ from .errors import InputError
 from .model import ALL_NAMES, NETWORK, Model, Order, parameters
 from .motor import Motor
 from .run_folder import load_result
-from .whole_files import write_whole
+from .whole_files import writable, write_whole
 
 LARGEST = 1e30
 """Beyond it no parameter means anything in any unit, and its square is no float64."""
@@ -61,15 +61,9 @@ def simulate_file(
     if Path(source).is_dir():
         table, lacking = _with_bands(table, Path(source), record, motor, order, seed)
     target = folder / f"{record.name}_virtual.csv"
-    try:
+    with writable("the record", target):
         folder.mkdir(parents=True, exist_ok=True)
         write_whole(target, table.to_csv(index=False, float_format="%.6g").encode())
-    except OSError as error:
-        raise InputError(
-            f"the record cannot be written: {error.strerror}.",
-            where=str(target),
-            remedy="Choose a writable folder with --out.",
-        ) from error
     rmse = None
     if measured is not None and np.any(np.isfinite(measured)):
         virtual = np.interp(record.time_s, table["time_s"], table["winding_degC"])

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from .errors import InputError
+
 PARTIAL = ".partial"
 """End of the name of what is being written."""
 
@@ -42,6 +44,27 @@ def whole(path: Path) -> Iterator[Path]:
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def writable(what: str, place: Path) -> Iterator[None]:
+    """Turn what the system says of a place that cannot be written to into an error for the user.
+
+    Args:
+        what: What is written, such as `"the report"`.
+        place: File or folder.
+
+    Raises:
+        InputError: Instead of an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"{what} cannot be written: {error.strerror}.",
+            where=str(place),
+            remedy="Choose a writable folder with --out.",
+        ) from error
 
 
 def drop_partials(folder: Path) -> None:

@@ -17,7 +17,7 @@ from ..bench.record import Finding
 from ..errors import InputError
 from ..model import Order
 from ..result import describe_finding
-from ..whole_files import write_whole
+from ..whole_files import writable, write_whole
 from .course import simulate_variables
 from .rerun import RunTest, read_run_test
 from .variables import UNITS, Corrections, thesis_variables
@@ -155,16 +155,10 @@ def _describe(name: str, value: np.ndarray) -> dict[str, Any]:
 def _write(folder: Path, contents: Mapping[str, bytes], inputs: tuple[Path, ...]) -> None:
     for name, content in contents.items():
         _refuse_loss(folder / name, content, inputs)
-    try:
+    with writable("the export", folder):
         folder.mkdir(parents=True, exist_ok=True)
         for name, content in contents.items():
             write_whole(folder / name, content)
-    except OSError as error:
-        raise InputError(
-            f"the export cannot be written: {error.strerror}.",
-            where=str(folder),
-            remedy="Choose a writable folder with --out.",
-        ) from error
 
 
 def _refuse_loss(path: Path, content: bytes, inputs: tuple[Path, ...]) -> None:

@@ -11,7 +11,7 @@ from ..bench.record import Record
 from ..errors import InputError
 from ..motor import Motor
 from ..run_folder import dump, load_result
-from ..whole_files import write_whole
+from ..whole_files import writable, write_whole
 from .build import build_report, check_use
 from .card import Kind
 from .content import report_content
@@ -125,17 +125,11 @@ def _write(name: str, report: Report, when: TestDate | None, out: Path) -> Outco
     refuse_changed(report.sources)
     identity = [source.sha256 for source in report.sources] or [report.test]
     content = report_content(report, when)
-    try:
+    with writable("the report", out):
         pdf = reserve(out, report.kind, when, identity)
         content = {"report": pdf.name, "identity": identity, **content}
         table, text = pdf.with_suffix(".csv"), pdf.with_suffix(".json")
         write_pdf(report, content, pdf)
         write_whole(table, csv_table(report).encode("utf-8-sig"))
         write_whole(text, (dump(content) + "\n").encode())
-    except OSError as error:
-        raise InputError(
-            f"The report cannot be written ({error.strerror}).",
-            where=str(out),
-            remedy="Choose a writable folder with --out.",
-        ) from error
     return Outcome(name, pdf, table, text, report, content)
