@@ -188,6 +188,16 @@ def _for_each(orders: Sequence[Order], function: Callable[[Order], T]) -> dict[O
         return dict(zip(orders, pool.map(function, orders), strict=True))
 
 
+def identity(motor: Motor, tests: Sequence[Test], **settings: Any) -> dict[str, Any]:
+    """Return what makes an unfinished run the same as this one: inputs, settings and versions."""
+    return {
+        "motor": motor.sha256,
+        "tests": [[s.sha256 for s in test.record.sources] + [test.role] for test in tests],
+        **settings,
+        **environment(),
+    }
+
+
 def manifest(calibration: Calibration, command: str, seed: int) -> dict[str, Any]:
     """Return what a run folder's manifest says."""
     return {

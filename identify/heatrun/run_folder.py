@@ -146,7 +146,8 @@ def _make_ready(partial: Path, digest: str) -> str:
         note = f"taking up the unfinished run in {partial}"
         (partial / MANIFEST).unlink(missing_ok=True)
     else:
-        note = f"dropping the unfinished run in {partial}: its inputs or settings were others"
+        others = "its inputs, settings or versions were others"
+        note = f"dropping the unfinished run in {partial}: {others}"
         # the mark goes last: what a kill leaves is still known as ours
         for entry in entries:
             if entry.is_dir():

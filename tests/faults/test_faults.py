@@ -69,7 +69,7 @@ def test_an_unfinished_run_is_taken_up_or_dropped_with_a_word(tmp_path):
     assert (same.partial / "fit.json").is_file()
     del same
     other = RunFolder.begin(path, {"seed": 2})
-    assert "its inputs or settings were others" in other.note
+    assert "its inputs, settings or versions were others" in other.note
     assert not (other.partial / "fit.json").exists()
 
 

@@ -68,7 +68,7 @@ def calibrate_into_folder(
         holdout: Paths of the tests that are predicted.
         orders: `"first"`, `"second"` or both.
     """
-    from ..calibrate import calibrate, default_folder, refuse_unwritable
+    from ..calibrate import calibrate, default_folder, identity, refuse_unwritable
     from ..ratings import parse_duty
     from ..report_text import result_text
     from ..run_folder import RunFolder, dump
@@ -79,16 +79,10 @@ def calibrate_into_folder(
     path = options.out or default_folder(motor, tests, options.model)
     refuse_unwritable(path)
     method = "quick" if options.quick else "emcee"
-    identity = {
-        "motor": motor.sha256,
-        "tests": [[s.sha256 for s in test.record.sources] + [test.role] for test in tests],
-        "orders": list(orders),
-        "method": method,
-        "seed": options.seed,
-    }
     for duty in getattr(options, "rating", ()):
         parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
-    folder = RunFolder.begin(path, identity)
+    same = identity(motor, tests, orders=list(orders), method=method, seed=options.seed)
+    folder = RunFolder.begin(path, same)
     if folder.note:
         say(folder.note)
     with bar() as progress:

@@ -39,7 +39,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Search, write the run folder and print the verdict."""
-    from ..calibrate import default_folder, refuse_unwritable
+    from ..calibrate import default_folder, identity, refuse_unwritable
     from ..discover.job import run_job
     from ..discover.library import all_effects
     from ..motorfile import load_motor
@@ -54,16 +54,16 @@ def run(options: argparse.Namespace) -> int:
     path = options.out or default_folder(motor, tests, "discovery")
     refuse_unwritable(path)
     method = "quick" if options.quick else "emcee"
-    identity = {
-        "command": "discover",
-        "motor": motor.sha256,
-        "tests": [[s.sha256 for s in test.record.sources] + [test.role] for test in tests],
-        "effects": [[str(p), hashlib.sha256(p.read_bytes()).hexdigest()] for p in options.effects],
-        "order": options.model,
-        "method": method,
-        "seed": options.seed,
-    }
-    folder = RunFolder.begin(path, identity)
+    same = identity(
+        motor,
+        tests,
+        command="discover",
+        effects=[[str(p), hashlib.sha256(p.read_bytes()).hexdigest()] for p in options.effects],
+        order=options.model,
+        method=method,
+        seed=options.seed,
+    )
+    folder = RunFolder.begin(path, same)
     if folder.note:
         say(folder.note)
     with bar() as progress:
