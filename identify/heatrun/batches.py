@@ -1,9 +1,9 @@
-"""Many rows through a compiled function, in batches of one size, several of them at once."""
+"""A compiled function over many items at once: on all cores, or in batches of one size."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
@@ -11,18 +11,32 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+Item = TypeVar("Item")
 Rows = TypeVar("Rows")
 Result = TypeVar("Result")
 
 FEW = 4
-"""Batches below which threads are not worth their start."""
+"""Items below which threads are not worth their start."""
+
+
+def at_once(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+    """Return what a function gives for each item, worked out on all cores.
+
+    Compiled code runs on one core and lets other threads run; what Python does in between is done
+    by one thread at a time.
+    """
+    listed = list(items)
+    if len(listed) < FEW:
+        return [function(item) for item in listed]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(function, listed))
 
 
 def in_batches(function: Callable[[Rows], Result], rows: Rows, size: int) -> Result:
     """Return what a function gives for rows, as NumPy arrays.
 
     One size of batch means one compilation; the last batch is filled up with copies of the last
-    row. Compiled code runs on one core and lets other threads run.
+    row.
 
     Args:
         function: Compiled, each row for itself.
@@ -37,10 +51,5 @@ def in_batches(function: Callable[[Rows], Result], rows: Rows, size: int) -> Res
         part = jax.tree.map(lambda array: jnp.asarray(array[picked]), rows)
         return jax.tree.map(np.asarray, function(part))
 
-    starts = range(0, num, size)
-    if len(starts) < FEW:
-        done = [one(start) for start in starts]
-    else:
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            done = list(pool.map(one, starts))
+    done = at_once(one, range(0, num, size))
     return jax.tree.map(lambda *arrays: np.concatenate(arrays)[:num], *done)

@@ -18,6 +18,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from .adequacy import misfit_excess
+from .batches import at_once
 from .bench.record import Finding
 from .errors import InputError
 from .fit_result import RESULT, Fit, failed
@@ -195,13 +196,16 @@ def _search(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return optima, half sums of squares and numbers of steps from each start.
 
-    One start after the other: together, all would wait for the slowest, and every batch of
-    another size would be compiled anew.
+    Each start for itself, on all cores: in one batch, all would wait for the slowest, and every
+    batch of another size would be compiled anew.
     """
-    found = [_solve(problem.structure, problem.data, jnp.asarray(z), noise) for z in starts]
-    z, cost, steps = (
-        np.stack([np.asarray(part) for part in parts]) for parts in zip(*found, strict=True)
-    )
+
+    def one(start: np.ndarray) -> tuple[np.ndarray, ...]:
+        found = _solve(problem.structure, problem.data, jnp.asarray(start), noise)
+        return tuple(np.asarray(part) for part in found)
+
+    found = at_once(one, starts)
+    z, cost, steps = (np.stack(parts) for parts in zip(*found, strict=True))
     return z, np.where(cost < HOPELESS, cost, np.inf), steps
 
 
