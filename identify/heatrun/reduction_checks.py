@@ -146,7 +146,7 @@ def _lost(record: Record, blocks: Blocks, error: float) -> Finding:
         id="between_samples",
         severity="warning",
         message=f"the load is recorded every {period:.3g} s and changes so fast that every second "
-        f"sample gives another winding temperature than the rest: it may be off by {error:.2g} K "
+        f"sample gives another winding than the rest: its simulation may be off by {error:.2g} K "
         f"(limit {BETWEEN_K} K), which the ranges and bands do not hold.",
         where=blocks.name,
         remedy="Record the load faster, or as means over the logger's period; if these are means, "
