@@ -120,8 +120,8 @@ def calibrate(
         duties: Ratings asked for, as `heatrun.derived.derive`.
         command: As it is to stand in the result.
         folder: Where checkpoints go; None for none.
-        say: Told what is being done.
-        progress: Called with a sentence and the share done while sampling.
+        say: Told what is being done, from the thread that does it.
+        progress: Called with a sentence and the share done while sampling, likewise.
 
     Raises:
         InputError: If something that the model needs is not given.

@@ -17,7 +17,7 @@ PROGRESS = "HEATRUN_PROGRESS"
 
 def say(sentence: str) -> None:
     """Print a sentence about the progress on stderr."""
-    print(f"· {printable(sentence)}", file=sys.stderr)
+    _line(f"· {printable(sentence)}")
 
 
 @contextmanager
@@ -39,8 +39,13 @@ def bar() -> Iterator[Callable[[str, float], None]]:
 
 
 def _tell(sentence: str, share: float) -> None:
-    line = json.dumps({"share": round(share, 4), "doing": sentence})
-    print(line, file=sys.stderr, flush=True)
+    _line(json.dumps({"share": round(share, 4), "doing": sentence}))
+
+
+def _line(text: str) -> None:
+    """Write a line on stderr in one piece: two threads may have something to say."""
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
 
 
 def print_error(error: InputError, *, as_json: bool) -> None:
