@@ -16,7 +16,7 @@ Rows = TypeVar("Rows")
 Result = TypeVar("Result")
 
 FEW = 4
-"""Items below which threads are not worth their start."""
+"""Batches below which threads are not worth their start."""
 
 
 def at_once(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
@@ -25,11 +25,8 @@ def at_once(function: Callable[[Item], Result], items: Iterable[Item]) -> list[R
     Compiled code runs on one core and lets other threads run; what Python does in between is done
     by one thread at a time.
     """
-    listed = list(items)
-    if len(listed) < FEW:
-        return [function(item) for item in listed]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(function, listed))
+        return list(pool.map(function, items))
 
 
 def in_batches(function: Callable[[Rows], Result], rows: Rows, size: int) -> Result:
@@ -51,5 +48,6 @@ def in_batches(function: Callable[[Rows], Result], rows: Rows, size: int) -> Res
         part = jax.tree.map(lambda array: jnp.asarray(array[picked]), rows)
         return jax.tree.map(np.asarray, function(part))
 
-    done = at_once(one, range(0, num, size))
+    starts = range(0, num, size)
+    done = [one(start) for start in starts] if len(starts) < FEW else at_once(one, starts)
     return jax.tree.map(lambda *arrays: np.concatenate(arrays)[:num], *done)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import datetime
 import platform
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
+from .batches import at_once
 from .bench import Finding, Record
 from .bench.blocks import Blocks
 from .bench.checks import check_record
@@ -27,7 +27,6 @@ from .result import assemble, describe_model, describe_test
 from .run_folder import RunFolder, environment
 
 Say = Callable[[str], None]
-T = TypeVar("T")
 
 
 class Refused(Exception):
@@ -149,7 +148,7 @@ def calibrate(
         described = describe_model(posterior, predicted, roles, duties)
         return _Outcome(posterior, predicted, described)
 
-    outcomes = _for_each(orders, one)
+    outcomes = dict(zip(orders, at_once(one, orders), strict=True))
     posteriors: dict[Order, Posterior] = {
         order: outcome.posterior for order, outcome in outcomes.items()
     }
@@ -176,16 +175,6 @@ class _Outcome:
     posterior: Posterior
     predictions: list[Prediction]
     described: dict[str, Any]
-
-
-def _for_each(orders: Sequence[Order], function: Callable[[Order], T]) -> dict[Order, T]:
-    """Return what a function gives for each order, worked out at once.
-
-    Most of it is compilation and compiled code, which keeps one core busy and lets other threads
-    go on.
-    """
-    with ThreadPoolExecutor() as pool:
-        return dict(zip(orders, pool.map(function, orders), strict=True))
 
 
 def identity(motor: Motor, tests: Sequence[Test], **settings: Any) -> dict[str, Any]:

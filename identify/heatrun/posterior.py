@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -11,6 +10,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from .batches import at_once
 from .ensemble import Convergence, judge
 from .fit_result import Fit
 from .proposal import Weighted, importance_sample
@@ -118,9 +118,7 @@ def sample(
         for index in range(NUM_ENSEMBLES)
     ]
     while True:
-        # each on a core of its own: what a step takes is compiled code, which lets others run
-        with ThreadPoolExecutor() as pool:
-            list(pool.map(lambda ensemble: ensemble.advance(CHUNK), ensembles))
+        at_once(lambda ensemble: ensemble.advance(CHUNK), ensembles)
         num_steps = ensembles[0].num_steps
         drop = int(BURN_IN * num_steps)
         chains = np.stack([ensemble.chain()[drop:] for ensemble in ensembles])

@@ -92,14 +92,8 @@ def make_report(
     other = None if reference is None else read_reference(reference, motor)
     if run is not None:
         load_result(run)  # what is wrong with it is wrong for every test, and said once
-    try:
+    with writable("the folder of the reports", out):
         out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"The folder of the reports cannot be made ({error.strerror}).",
-            where=str(out),
-            remedy="Choose a writable folder with --out.",
-        ) from error
     found = tests_in(tests)
     if found.left_out and say is not None:
         say(f"no bench files, left out: {', '.join(path.name for path in found.left_out)}")
