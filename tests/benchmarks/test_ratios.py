@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -14,8 +15,10 @@ HEAVY = {
     "jit(_solve)": 1,  # the search: all starts, under white and under settled noise, share it
     "jit(_objective)": 1,
     "jit(log_posterior_batch)": 1,
-    "jit(linearise)": 2,  # the record, and the record imagined longer
-    "jit(whiten)": 2,  # residual with Jacobian; Jacobian of the longer record
+    "jit(linearise)": 1,
+    "jit(whiten)": 1,  # residual with Jacobian
+    "jit(information)": 1,  # the record imagined longer
+    "jit(_place)": 1,
     "jit(predict_batch)": 2,  # the steps of the record, and finer ones
 }
 """Most compilations of a calibration by function."""
@@ -66,8 +69,10 @@ def test_no_array_of_steps_by_walkers_is_written_out(counts):
     by_steps = 8 * memory["num_steps"] * memory["num_rows"]
     by_blocks = 8 * memory["num_blocks"] * memory["num_rows"]
     # a few arrays of blocks by walkers: modelled means, residuals, whitened ones, what the slow
-    # noise leaves in each; eight of them with JAX 0.10, nearly nine with 0.12
-    assert memory["temporary_bytes"] < 9 * by_blocks < by_steps, memory
+    # noise leaves in each; the compiler of JAX 0.12 keeps one more of them than that of 0.10
+    major, minor = (int(part) for part in version("jax").split(".")[:2])
+    most = 8 if (major, minor) < (0, 12) else 9
+    assert memory["temporary_bytes"] < most * by_blocks < by_steps, memory
 
 
 def test_one_likelihood_and_its_jacobian_keep_up_with_c(tmp_path):
