@@ -111,6 +111,7 @@ def join(
         notes=(*temperature_record.notes, *drive_record.notes, *notes),
         findings=(*temperature_record.findings, *drive_record.findings, *alignment.findings),
         unused=temperature_record.unused + drive_record.unused,
+        mapping=temperature_record.mapping + drive_record.mapping,
     )
     return joined, alignment
 

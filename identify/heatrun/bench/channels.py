@@ -12,7 +12,7 @@ from .claims import NOT_RECORDED, Claim, did_you_mean, parse_claims
 from .labels import columns_of, suffix_unit
 from .mapping import Assignment
 from .maps import COLUMN_MAPS, ColumnMap
-from .record import Finding, Record
+from .record import ColumnReading, Finding, Record, UnitSource
 from .schema import CHANNEL, REQUIRED
 from .table import Column, Table
 from .units import find_unit, require_unit, to_canonical
@@ -29,6 +29,7 @@ class MappedColumns:
         unused: Columns that became no channel.
         rate_Hz: Sampling rate that `[columns]` gives in place of a time column [Hz], or None.
         columns: Canonical name to the name of the column that became it.
+        readings: How each column became its channel.
     """
 
     channels: Mapping[str, np.ndarray]
@@ -37,6 +38,7 @@ class MappedColumns:
     unused: tuple[str, ...] = ()
     rate_Hz: float | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
+    readings: tuple[ColumnReading, ...] = ()
 
 
 def map_columns(
@@ -91,6 +93,7 @@ def map_columns(
         (*unused, *table.text_columns),
         rate_Hz,
         {name: column.name for name, column in mapping.taken.items()},
+        tuple(mapping.readings),
     )
 
 
@@ -180,9 +183,11 @@ def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
                     remedy="Remove the unit from [columns] if the file is right.",
                 )
             )
+    unit_from: UnitSource = "stated"
     if unit is None:
         unit = suffix_unit(column.label, channel)
-    mapping.add(channel, column, unit, "[columns]")
+        unit_from = "name" if unit else "assumed"
+    mapping.add(channel, column, unit, "[columns]", unit_from)
 
 
 def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:
@@ -206,7 +211,13 @@ def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:
                 where=f"{mapping.where}, column '{column.name}'",
                 remedy=f'Decide in [columns]: {channel.name} = "{channel.name} [{channel.unit}]".',
             )
-        mapping.add(channel, column, column.unit or channel.unit, "canonical name")
+        mapping.add(
+            channel,
+            column,
+            column.unit or channel.unit,
+            "canonical name",
+            "stated" if column.unit else "name",
+        )
 
 
 def _num_present(column_map: ColumnMap, pool: Iterable[Column]) -> int:
@@ -241,9 +252,11 @@ def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Colum
             )
             continue
         channel = CHANNEL[name]
-        unit = column.unit or suffix_unit(column.label, channel) or column_map.units.get(label)
+        by_name = suffix_unit(column.label, channel)
+        unit = column.unit or by_name or column_map.units.get(label)
+        unit_from: UnitSource = "stated" if column.unit else "name" if by_name else "assumed"
         try:
-            mapping.add(channel, column, unit, column_map.name)
+            mapping.add(channel, column, unit, column_map.name, unit_from)
         except InputError as error:
             raise InputError(
                 error.problem,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .record import Finding
+from .record import ColumnReading, Finding, UnitSource
 from .schema import Channel
 from .table import Column
 from .units import require_unit, to_canonical
@@ -26,6 +26,7 @@ class Assignment:
         excluded: Canonical names that no column may become.
         notes: One sentence for each channel.
         findings: Doubts about columns.
+        readings: How each column became its channel.
     """
 
     where: str
@@ -34,12 +35,20 @@ class Assignment:
     excluded: set[str] = field(default_factory=set)
     notes: list[str] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
+    readings: list[ColumnReading] = field(default_factory=list)
 
     def wants(self, channel: str) -> bool:
         """Return whether a channel is still to be looked for."""
         return channel not in self.channels and channel not in self.excluded
 
-    def add(self, channel: Channel, column: Column, unit: str | None, source: str) -> None:
+    def add(
+        self,
+        channel: Channel,
+        column: Column,
+        unit: str | None,
+        source: str,
+        unit_from: UnitSource,
+    ) -> None:
         """Take a column for a channel and convert it.
 
         Args:
@@ -47,6 +56,7 @@ class Assignment:
             column: The column.
             unit: Its unit text, None for the canonical unit.
             source: Who says so, for the note.
+            unit_from: How the unit is known.
 
         Raises:
             InputError: If the unit is not one of the channel's quantity.
@@ -57,6 +67,9 @@ class Assignment:
         said = f"in {known.symbol}" if unit else f"no unit given, taken as {known.symbol}"
         read = f", {column.note}" if column.note else ""
         self.notes.append(f"{channel.name} from column '{column.name}' ({source}; {said}{read}).")
+        self.readings.append(
+            ColumnReading(channel.name, column.name, known.symbol, unit_from, source, self.where)
+        )
         self.taken[channel.name] = column
         self.channels[channel.name] = values
         if (

@@ -148,6 +148,7 @@ def read_record(
         ),
         findings=tuple(replace(finding, test=test) for finding in findings),
         unused=mapped.unused,
+        mapping=mapped.readings,
     )
 
 

@@ -10,6 +10,9 @@ import numpy as np
 
 Severity = Literal["error", "warning", "note"]
 
+UnitSource = Literal["stated", "name", "assumed"]
+"""How a unit is known: written for it as a unit, part of the column's name, or neither."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -55,6 +58,28 @@ class Source:
 
 
 @dataclass(frozen=True)
+class ColumnReading:
+    """How one column of a file became a channel.
+
+    Attributes:
+        channel: Canonical name.
+        column: Name of the column in the file.
+        unit: Symbol of the unit that the values were read in.
+        unit_from: How that unit is known.
+        found_by: What says that the column is this channel: `"[columns]"`, `"canonical name"` or
+            the name of a built-in map.
+        file: The file, as the user gave it.
+    """
+
+    channel: str
+    column: str
+    unit: str
+    unit_from: UnitSource
+    found_by: str
+    file: str
+
+
+@dataclass(frozen=True)
 class Record:
     """One bench test on one time axis.
 
@@ -66,6 +91,7 @@ class Record:
         notes: Sentences on what was mapped, converted or derived, in order.
         findings: What the readers found, before any check ran.
         unused: Columns of the files that were not mapped to a channel.
+        mapping: How each column of the files became a channel, in the order of the mapping.
     """
 
     name: str
@@ -74,6 +100,7 @@ class Record:
     notes: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     unused: tuple[str, ...] = ()
+    mapping: tuple[ColumnReading, ...] = ()
 
     def __getitem__(self, channel: str) -> np.ndarray:
         return self.channels[channel]
