@@ -19,7 +19,7 @@ from scipy.stats import beta
 sys.path.insert(0, str(Path(__file__).parent))
 
 from reading_corpus.case import Truth
-from reading_corpus.corpus import causes
+from reading_corpus.corpus import corpus
 from reading_corpus.oracle import (
     ASKED,
     MISREAD,
@@ -62,12 +62,8 @@ def upper_limit(num_hits: int, num_files: int) -> float:
 
 def run() -> list[Outcome]:
     """Read the whole corpus."""
-    outcomes = []
     with tempfile.TemporaryDirectory() as folder:
-        for cases in causes().values():
-            for case in cases:
-                outcomes.append(judge(case, Path(folder), len(outcomes)))
-    return outcomes
+        return [judge(case, Path(folder), number) for number, case in enumerate(corpus())]
 
 
 def share(name: str, hits: int, total: int) -> str:
@@ -95,7 +91,8 @@ def table(outcomes: list[Outcome], note: str = "") -> str:
         "",
         "`make study-readings` (`python tests/readings/study.py`; the corpus is always the same: "
         "loads are seeded with 1000 + a number of the file, noise with 5, bytes with 1), "
-        f"{datetime.date.today().isoformat()}, Python {platform.python_version()}, {versions}. {note}".rstrip(),
+        f"{datetime.date.today().isoformat()}, Python {platform.python_version()}, {versions}. "
+        f"{note}",
         "",
         EXPLAINED,
         "",
@@ -108,6 +105,11 @@ def table(outcomes: list[Outcome], note: str = "") -> str:
         share(
             "files that state everything get a needless question",
             sum(o.verdict == NEEDLESS for o in stated), len(stated),
+        ),
+        share(
+            "files that state everything are read wrongly and stopped by a check of values alone",
+            sum(o.beneath for o in stated),
+            len(stated),
         ),
         share(
             "plain files whose ordinary reading is right get a needless question",

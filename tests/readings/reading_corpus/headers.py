@@ -208,7 +208,7 @@ def spellings() -> Iterator[Case]:
         header = f"{LABELS[channel]} [{text}]"
         channels = FIVE if channel in FIVE else (*FIVE, channel)
         made = sheet(
-            number, rows=300, channels=channels, units={channel: unit},
+            number, rows=200, channels=channels, units={channel: unit},
             headers={channel: comma_quoted(header)},
         )  # fmt: skip
         yield made.case(
@@ -264,7 +264,7 @@ def times() -> Iterator[Case]:
     for number, (header, unit, decimals, step, truth) in enumerate(TIMES):
         place = number % 4 + 8 * (number // 4)
         made = sheet(
-            place, rows=300, step_s=step, units={"time_s": unit}, decimals={"time_s": decimals},
+            place, rows=200, step_s=step, units={"time_s": unit}, decimals={"time_s": decimals},
             headers={"time_s": comma_quoted(header)},
         )  # fmt: skip
         name = f"{header}, numbers in {unit}, every {step:g} s"

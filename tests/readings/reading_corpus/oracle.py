@@ -6,7 +6,7 @@ import re
 import tempfile
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -34,12 +34,14 @@ class Outcome:
         verdict: One of `VERDICTS`.
         said: What heatrun said, or how far the reading is off.
         named: A question or warning named the doubt (see `Case.subject`).
+        beneath: What a check stopped was a wrong reading of what the file states.
     """
 
     case: Case
     verdict: str
     said: str
     named: bool = True
+    beneath: bool = False
 
 
 @cache
@@ -51,13 +53,15 @@ def motor_of(text: str) -> Motor:
         return load_motor(path)
 
 
-def judge(case: Case, folder: Path, number: int = 0) -> Outcome:
+def judge(case: Case, folder: Path, number: int = 0, *, physics: bool = True) -> Outcome:
     """Write the file, read it and compare.
 
     Args:
         case: The file with its truth.
         folder: Where it is written to.
         number: Of the file.
+        physics: Let the checks of the record speak too; without them the readers stand alone, and
+            of the checks only the one for missing channels is made.
     """
     path = case.write(folder, number)
     try:
@@ -65,7 +69,7 @@ def judge(case: Case, folder: Path, number: int = 0) -> Outcome:
             warnings.simplefilter("error")
             motor = motor_of(case.machine.motor_file(case.columns, resistance=case.has_resistance))
             record = read_test(f"{path}{case.at}", motor)
-            findings = check_record(record, motor)
+            findings = check_record(record, motor) if physics else record.findings
     except InputError as error:
         return asked(case, str(error))
     except Exception as error:  # whatever it is, it must not reach the user
@@ -73,11 +77,19 @@ def judge(case: Case, folder: Path, number: int = 0) -> Outcome:
     finally:
         path.unlink(missing_ok=True)
     stops = [finding for finding in findings if finding.severity == "error"]
-    if any(stop.id not in case.true_faults for stop in stops):
-        return asked(case, " / ".join(f"({stop.id}) {stop.sentence()}" for stop in stops))
+    stops = [stop for stop in stops if stop.id not in case.true_faults]
+    said = " / ".join(f"({stop.id}) {stop.sentence()}" for stop in stops)
     if case.truth is Truth.REFUSE:
-        return Outcome(case, MISREAD, f"read as {len(record.time_s)} samples")
+        return (
+            asked(case, said)
+            if stops
+            else Outcome(case, MISREAD, f"read as {len(record.time_s)} samples")
+        )
+    if not physics and (missing := [name for name in case.channels if name not in record]):
+        return asked(case, f"{', '.join(missing)} is missing")
     off, channel = differences(case, record.channels)
+    if stops:
+        return replace(asked(case, said), beneath=bool(off) and case.truth is Truth.READ)
     doubts = [
         f"({finding.id}) {finding.sentence()}"
         for finding in findings

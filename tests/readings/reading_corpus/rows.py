@@ -189,7 +189,7 @@ def tables() -> Iterator[Case]:
         made = sheet(number, rows=200, step_s=1.0)
         change = added(lambda line, lines=lines: "\n".join(lines), [99])
         yield made.case(
-            FILES, f"names again in the middle, {len(lines)} lines", Truth.ASK,
+            FILES, f"names again in the middle: {' / '.join(lines)}", Truth.ASK,
             Layout(rows=change), subject=LINES + "|names|table|header",
         )  # fmt: skip
     for number, (channel, second, unit) in enumerate((

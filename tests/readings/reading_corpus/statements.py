@@ -34,7 +34,7 @@ ROWS: tuple[tuple[tuple[str, ...], dict[str, str]], ...] = (
 def named(number: int, units: dict[str, str] | None = None, **more) -> Sheet:
     """Return a heat run under foreign names without units."""
     channels = more.pop("channels", FIVE)
-    return sheet(number, rows=300, channels=channels, units=units, headers=NAMES, **more)
+    return sheet(number, rows=200, channels=channels, units=units, headers=NAMES, **more)
 
 
 def unit_rows() -> Iterator[Case]:
@@ -54,10 +54,10 @@ def unit_rows() -> Iterator[Case]:
             )
     units = {"losses_W": "kW", "winding_degC": "K"}
     row = ("s", "A", "kW", "°C", "K")
-    plain = sheet(0, rows=300, units=units, headers={
+    plain = sheet(0, rows=200, units=units, headers={
         "time_s": "time", "phase_current_A": "phase_current", "losses_W": "losses",
         "ambient_degC": "ambient", "winding_degC": "winding"})  # fmt: skip
-    thesis = sheet(1, rows=300, units=units, headers={
+    thesis = sheet(1, rows=200, units=units, headers={
         "time_s": "t", "phase_current_A": "Is", "losses_W": "Pd", "ambient_degC": "Te",
         "winding_degC": "Tw_m"})  # fmt: skip
     for name, made in (("own names", plain), ("names of the thesis", thesis)):
@@ -135,9 +135,9 @@ def comments() -> Iterator[Case]:
         ("# Duration: 10 min",),
         ("Device;WT1800;Serial 91N7;Range 500 mA", ""),
     )):  # fmt: skip
-        made = sheet(number, rows=300)
+        made = sheet(number, rows=200)
         yield made.case(COMMENT, f"beside the point: {lines[0]}", Truth.PLAIN, Layout(before=lines))
-        made = sheet(number, rows=300, units={"losses_W": "kW"})
+        made = sheet(number, rows=200, units={"losses_W": "kW"})
         yield made.case(
             COMMENT, f"beside the point, header in kW: {lines[0]}", Truth.READ, Layout(before=lines)
         )
@@ -165,7 +165,7 @@ def conflicts() -> Iterator[Case]:
         ("[W] losses [kW]", None, "losses_W", "kW"),
         ("n_rpm (1000/min)", "n_rpm (1000/min)", "speed_rpm", "krpm"),
     ):
-        made = sheet(number, rows=300, channels=SEVEN, units={channel: unit},
+        made = sheet(number, rows=200, channels=SEVEN, units={channel: unit},
                      headers={channel: header})  # fmt: skip
         yield made.case(
             AGAINST, f"{header}, truth {unit}", Truth.CONFLICT,
@@ -178,7 +178,7 @@ def conflicts() -> Iterator[Case]:
         ("P_loss kW [W]", "losses_W", "W"), ("T_degC [K]", "winding_degC", "K"),
         ("losses_W [kW]", "losses_W", "kW"), ("[W] P_loss [kW]", "losses_W", "kW"),
     ):  # fmt: skip
-        made = sheet(number, rows=300, units={channel: unit}, headers={channel: header})
+        made = sheet(number, rows=200, units={channel: unit}, headers={channel: header})
         yield made.case(
             AGAINST, f"{header}, decided by the same in [columns]", Truth.ASK,
             columns={channel: header}, subject=WORDS,
@@ -188,20 +188,20 @@ def conflicts() -> Iterator[Case]:
     for unit in ("W", "kW"):
         for name, header in (("losses_W", "losses_W"), ("losses [W]", "losses [W]"),
                              ("losses (mW)", "losses (mW)")):  # fmt: skip
-            made = sheet(number, rows=300, units={"losses_W": unit}, headers={"losses_W": header})
+            made = sheet(number, rows=200, units={"losses_W": unit}, headers={"losses_W": header})
             for place, layout in (("below", Layout(below=(row,))), ("above", Layout(above=(row,)))):
                 yield made.case(
                     AGAINST, f"{name}, units row {place} says kW, truth {unit}", Truth.CONFLICT,
                     layout, subject=WORDS,
                 )  # fmt: skip
             number += 1
-    made = sheet(number, rows=300, units={"losses_W": "kW"}, headers={"losses_W": "P_loss [W]"})
+    made = sheet(number, rows=200, units={"losses_W": "kW"}, headers={"losses_W": "P_loss [W]"})
     yield made.case(AGAINST, "comment in kW, header in W", Truth.CONFLICT,
                     Layout(before=("# P_loss in kW",)), columns={"losses_W": "P_loss [W]"},
                     subject=WORDS)  # fmt: skip
     # The user's own word for it against the file's; either may be the one that is wrong.
     for unit, spec in (("kW", "P_loss [W]"), ("W", "P_loss [mW]")):
-        made = sheet(number, rows=300, units={"losses_W": unit},
+        made = sheet(number, rows=200, units={"losses_W": unit},
                      headers={"losses_W": f"P_loss [{unit}]"})  # fmt: skip
         yield made.case(
             AGAINST, f"[columns] says {spec}, the header [{unit}]", Truth.ASK,
@@ -214,7 +214,7 @@ def conflicts() -> Iterator[Case]:
             subject=WORDS,
         )  # fmt: skip
         number += 1
-    made = sheet(number, rows=300, units={"losses_W": "kW"})
+    made = sheet(number, rows=200, units={"losses_W": "kW"})
     yield made.case(AGAINST, "header and units row agree", Truth.READ, Layout(below=(row,)))
     made = named(number, {"losses_W": "kW"})
     yield made.case(
