@@ -61,7 +61,7 @@ def hdf_files() -> Iterator[Case]:
     made = named(1, {"losses_W": "kW"})
     yield made.case(HDF, "attributes as bytes", READ, hdf(made, stated(made), text=bytes),
                     suffix=".h5", subject=subject())  # fmt: skip
-    yield made.case(HDF, "in a group", READ, hdf(made, stated(made), group="bench"), suffix=".h5",
+    yield made.case(HDF, "in a group", ASK, hdf(made, stated(made), group="bench"), suffix=".h5",
                     subject=subject())  # fmt: skip
     for word, unit in (("minutes", "min"), ("hours", "h"), ("seconds", "s"), ("milliseconds", "ms"),
                        ("days", "d")):  # fmt: skip

@@ -81,7 +81,8 @@ def headed(choices: Choices, delimiter: str) -> tuple[dict, dict, dict, tuple[st
         columns[channel] = header
         if not in_row and choices.below(12) == 1:
             other = choices.of(UNITS[CHANNELS[channel][0]])
-            if other[0] != unit:
+            # An amplitude in A is no contradiction to A, only more than it says.
+            if other[0] != unit and "A" not in (written, other[1]):
                 header, contradict = f"{header} [{other[1]}]", True
                 # A bracket in [columns] would decide it.
                 del columns[channel]
