@@ -22,7 +22,7 @@ HDF, PARQUET, OTHER = "HDF5 and netCDF", "Parquet", "MATLAB, MDF and TDMS"
 READ, ASK, PLAIN, CONFLICT = Truth.READ, Truth.ASK, Truth.PLAIN, Truth.CONFLICT
 
 
-def named(number: int, units: dict[str, str] | None = None, rows: int = 300, **more: Any) -> Sheet:
+def named(number: int, units: dict[str, str] | None = None, rows: int = 240, **more: Any) -> Sheet:
     """Return a heat run under names that say nothing of units."""
     stems = {"time_s": "time", "phase_current_A": "phase_current", "losses_W": "losses",
              "ambient_degC": "ambient", "winding_degC": "winding"}  # fmt: skip
@@ -148,7 +148,7 @@ def hdf_files() -> Iterator[Case]:
         suffix=".h5",
         subject="says|conflict|contradict|unit",
     )
-    made = sheet(3, rows=300, units={"winding_degC": "K"}, headers={"winding_degC": "winding_degC"})
+    made = sheet(3, rows=240, units={"winding_degC": "K"}, headers={"winding_degC": "winding_degC"})
     yield made.case(HDF, "canonical name, attribute K", CONFLICT,
                     hdf(made, {"winding_degC": {"units": "K"}}), suffix=".h5",
                     subject="says|conflict|contradict|unit")  # fmt: skip
@@ -193,7 +193,7 @@ def parquet_files() -> Iterator[Case]:
                             subject=subject())  # fmt: skip
             number += 1
     for units in KINDS[1:5]:
-        made = sheet(number, rows=300, units=units)
+        made = sheet(number, rows=240, units=units)
         yield made.case(PARQUET, f"units in the names {units}", READ, parquet(made),
                         suffix=".parquet", subject=subject())  # fmt: skip
         number += 1
@@ -293,7 +293,7 @@ def other_files() -> Iterator[Case]:
     for units in ({}, {"losses_W": "kW"}, {"winding_degC": "K"}, {"time_s": "min"}):
         headers = {"time_s": "t", "phase_current_A": "Is", "losses_W": "Pd", "ambient_degC": "Te",
                    "winding_degC": "Tw_m"}  # fmt: skip
-        made = sheet(number, rows=300, units=units, headers=headers)
+        made = sheet(number, rows=240, units=units, headers=headers)
         spec = {}
         for channel, unit in units.items():
             spec[channel] = f"{headers[channel]} [{unit}]"
@@ -306,7 +306,7 @@ def other_files() -> Iterator[Case]:
         if spec:
             yield made.case(OTHER, f"MATLAB 5, {units}, not stated", ASK, mat, suffix=".mat",
                             subject=subject("factor", "minutes", "kelvin"))  # fmt: skip
-        suffixed = sheet(number, rows=300, units=units, headers={
+        suffixed = sheet(number, rows=240, units=units, headers={
             channel: f"{headers[channel]}_{unit}" for channel, unit in units.items()})  # fmt: skip
         if units:
             columns = {channel: f"{headers[channel]}_{unit}" for channel, unit in units.items()}

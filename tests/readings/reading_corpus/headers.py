@@ -264,7 +264,8 @@ def times() -> Iterator[Case]:
     for number, (header, unit, decimals, step, truth) in enumerate(TIMES):
         place = number % 4 + 8 * (number // 4)
         made = sheet(
-            place, rows=200 if step >= 1 else 600, step_s=step, units={"time_s": unit}, decimals={"time_s": decimals},
+            place, rows=200 if step >= 1 else 600, step_s=step, units={"time_s": unit},
+            decimals={"time_s": decimals},
             headers={"time_s": comma_quoted(header)},
         )  # fmt: skip
         name = f"{header}, numbers in {unit}, every {step:g} s"

@@ -36,7 +36,7 @@ def grouped(mark: str, point: str = ".") -> Callable[[str], str]:
 def milliwatts(number: int, decimals: int = 0, channels: tuple[str, ...] = FIVE) -> Sheet:
     """Return a heat run whose losses are large numbers, in mW, with a stated unit."""
     return sheet(
-        number, rows=300, channels=channels, units={"losses_W": "mW"},
+        number, rows=240, channels=channels, units={"losses_W": "mW"},
         decimals={"losses_W": decimals, "time_s": 1},
     )  # fmt: skip
 
@@ -44,7 +44,7 @@ def milliwatts(number: int, decimals: int = 0, channels: tuple[str, ...] = FIVE)
 def whole(number: int, mark: str, **more) -> Sheet:
     """Return a heat run in integers, of which the losses are grouped by thousands."""
     integers = dict.fromkeys(FIVE, 0)
-    made = sheet(number, rows=300, step_s=2, decimals=integers, **more)
+    made = sheet(number, rows=240, step_s=2, decimals=integers, **more)
     return made.with_cells("losses_W", grouped(mark))
 
 
@@ -56,11 +56,11 @@ def writings() -> Iterator[Case]:
         ("bars", Layout(delimiter="|")), ("spaces", Layout(delimiter="  ")),
         ("semicolon and space", Layout(delimiter="; ")),
     )):  # fmt: skip
-        made = sheet(number, rows=300).with_cells("*", comma)
+        made = sheet(number, rows=240).with_cells("*", comma)
         yield made.case(cause, f"decimal comma, {name}", READ, layout)
-    made = sheet(5, rows=300).with_cells("*", lambda cell: f'"{comma(cell)}"')
+    made = sheet(5, rows=240).with_cells("*", lambda cell: f'"{comma(cell)}"')
     yield made.case(cause, "decimal comma, quoted among commas", READ)
-    made = sheet(6, rows=300, decimals={"time_s": 0}).with_cells("losses_W", comma)
+    made = sheet(6, rows=240, decimals={"time_s": 0}).with_cells("losses_W", comma)
     yield made.case(cause, "decimal comma in one column, point in the others", ASK, SEMICOLON,
                     subject="comma|decimal|thousand|point")  # fmt: skip
     # Thousands that the other columns settle.
@@ -92,7 +92,7 @@ def writings() -> Iterator[Case]:
             decimals = {"losses_W": 3} if unit == "kW" else {}
             if unit == "kW":
                 made = sheet(
-                    place, rows=300, units={"losses_W": "kW"},
+                    place, rows=240, units={"losses_W": "kW"},
                     decimals={**dict.fromkeys(FIVE, 0), **decimals},
                 )  # fmt: skip
                 made = made.with_cells("losses_W", lambda cell, mark=mark: cell.replace(".", mark))
@@ -133,12 +133,12 @@ def writings() -> Iterator[Case]:
             ("apostrophe in front", lambda cell: f"'{cell}"),
         )
     ):
-        made = sheet(number, rows=300).with_cells("*", change)
+        made = sheet(number, rows=240).with_cells("*", change)
         odd = name in ("exponent of Fortran", "Excel text formula", "apostrophe in front")
         yield made.case(cause, name, ASK if odd else READ, subject="number|value|column")
-    made = sheet(1, rows=300).with_cells("*", lambda cell: comma(f"{float(cell):.9E}"))
+    made = sheet(1, rows=240).with_cells("*", lambda cell: comma(f"{float(cell):.9E}"))
     yield made.case(cause, "exponent with decimal comma", READ, SEMICOLON)
-    cold = sheet(2, rows=300, channels=SEVEN)
+    cold = sheet(2, rows=240, channels=SEVEN)
     shift = replace(cold, truth={**cold.truth, "ambient_degC": cold.truth["ambient_degC"] - 30})
     for name, mark, truth in (("hyphen", "-", READ), ("minus sign", "\N{MINUS SIGN}", READ),
                               ("en dash", "\N{EN DASH}", ASK)):  # fmt: skip
@@ -159,10 +159,10 @@ def writings() -> Iterator[Case]:
     )):  # fmt: skip
         stem = {"losses_W": "losses", "winding_degC": "winding", "time_s": "time",
                 "phase_current_A": "phase_current"}[channel]  # fmt: skip
-        made = sheet(number, rows=300, units={channel: unit}, headers={channel: stem})
+        made = sheet(number, rows=240, units={channel: unit}, headers={channel: stem})
         made = made.with_cells(channel, change)
         yield made.case(cause, f"unit in the cells: {name}", ASK, subject=f"{stem}|unit|number")
-    made = sheet(0, rows=300, headers={"losses_W": "losses"})
+    made = sheet(0, rows=240, headers={"losses_W": "losses"})
     turn = iter(range(10**6))
 
     def mixed(cell: str) -> str:
@@ -196,7 +196,7 @@ def marks() -> Iterator[Case]:
         "-", "--", "---", "?", "*", "*****", "1.#QNAN", "-1.#IND", "OL", "OVER", "Overload",
         "BURNOUT", "Open", "#DIV/0!", "invalid", "ERR", "Error 17", '""', "-nan(ind)", ".",
     )):  # fmt: skip
-        made = marked(sheet(number, rows=300), "winding_degC", text, places)
+        made = marked(sheet(number, rows=240), "winding_degC", text, places)
         known = text.strip().lower() in ("", "nan", "na", "n/a", "#n/a", "null", "-", "--", "---")
         truth = Truth.READ if known else Truth.ASK
         yield made.case(
@@ -206,9 +206,9 @@ def marks() -> Iterator[Case]:
         "9.9E+37", "9.90000000E+37", "1E+99", "-9999", "-999.9", "32767", "6553.5", "850", "inf",
         "Infinity", "-273.15", "1e308",
     )):  # fmt: skip
-        made = marked(sheet(number, rows=300), "winding_degC", text, places)
+        made = marked(sheet(number, rows=240), "winding_degC", text, places)
         yield made.case(MARKS, f"number {text}", Truth.ASK, subject="winding")
-    made = marked(sheet(1, rows=300, headers={"losses_W": "losses [W]"}), "losses_W", "NaN", places)
+    made = marked(sheet(1, rows=240, headers={"losses_W": "losses [W]"}), "losses_W", "NaN", places)
     yield made.case(MARKS, "NaN in the losses", Truth.READ, true_faults=GAPS)
-    made = marked(sheet(2, rows=300), "ambient_degC", "", slice(1, None, 2))
+    made = marked(sheet(2, rows=240), "ambient_degC", "", slice(1, None, 2))
     yield made.case(MARKS, "ambient at every second sample", Truth.READ, true_faults=GAPS)

@@ -55,7 +55,7 @@ def scales() -> Iterator[Case]:
             if turn and channel in ("ambient_degC",):
                 continue
             made = sheet(
-                number + 2 * turn, rows=400, channels=channels, units={channel: unit},
+                number + 2 * turn, rows=300, channels=channels, units={channel: unit},
                 headers={channel: name},
             )  # fmt: skip
             columns = {} if name in ("losses", "Pd", "winding", "ambient", "phase_current", "speed",
@@ -77,7 +77,7 @@ def scales() -> Iterator[Case]:
         stems = {"time_s": "t", "losses_W": "losses", "winding_degC": "winding",
                  "ambient_degC": "ambient", "phase_current_A": "phase_current",
                  "speed_rpm": "speed", "torque_Nm": "torque"}  # fmt: skip
-        made = sheet(number, rows=400, channels=SEVEN, units=units, headers={
+        made = sheet(number, rows=300, channels=SEVEN, units=units, headers={
             channel: stems[channel] for channel in units})  # fmt: skip
         truth = Truth.OPEN if "speed_rpm" in units else Truth.ASK
         yield made.case(SCALE, f"two at once: {units}", truth, subject=CAUSE + "|minutes")
@@ -87,14 +87,14 @@ def scales() -> Iterator[Case]:
         ("time_s", "ms"), ("phase_current_A", "mA"), ("phase_current_A", "A_peak"),
     )):  # fmt: skip
         made = sheet(
-            number, rows=400, channels=DRIVE, units={channel: unit}, headers={channel: channel}
+            number, rows=300, channels=DRIVE, units={channel: unit}, headers={channel: channel}
         )
         yield made.case(SCALE, f"{channel} holds {unit}", Truth.ASK, subject=CAUSE + "|minutes")
     # The machine's own power balance is all that could betray the speed.
     for number in range(4):
-        made = sheet(number, rows=400, channels=DRIVE, headers={"losses_W": "losses"})
+        made = sheet(number, rows=300, channels=DRIVE, headers={"losses_W": "losses"})
         yield made.case(SCALE, f"nothing is wrong, machine {number}", Truth.PLAIN)
-        made = sheet(number + 8, rows=400, channels=SEVEN)
+        made = sheet(number + 8, rows=300, channels=SEVEN)
         bare = {channel: values for channel, values in made.truth.items()}
         yield made.case(SCALE, f"nothing is wrong, seven columns, machine {number}", Truth.PLAIN,
                         channels=bare, has_resistance=False)  # fmt: skip

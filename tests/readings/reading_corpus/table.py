@@ -121,7 +121,7 @@ def number_text(value: float, decimals: int) -> str:
 def sheet(
     number: int,
     *,
-    rows: int = 400,
+    rows: int = 240,
     step_s: float = 2.0,
     channels: tuple[str, ...] = FIVE,
     units: Mapping[str, str] | None = None,
