@@ -67,12 +67,12 @@ class Choices:
         return items[self.below(len(items))]
 
 
-def headed(choices: Choices, delimiter: str) -> tuple[dict, dict, dict, tuple[str, ...], bool]:
-    """Return units, headers, [columns], a row of units (or none) and whether they contradict."""
+def headed(choices: Choices, delimiter: str) -> tuple[dict, dict, dict, tuple[str, ...], set]:
+    """Return units, headers, [columns], a row of units (or none) and which contradict."""
     units, headers, columns = {}, {}, {}
     channels = choices.of((FIVE, SEVEN))
     in_row = choices.below(3) == 1
-    row, contradict = [], False
+    row, contradict = [], set()
     for channel in channels:
         unit, written = choices.of(UNITS[CHANNELS[channel][0]])
         units[channel] = unit
@@ -81,9 +81,10 @@ def headed(choices: Choices, delimiter: str) -> tuple[dict, dict, dict, tuple[st
         columns[channel] = header
         if not in_row and choices.below(12) == 1:
             other = choices.of(UNITS[CHANNELS[channel][0]])
-            # An amplitude in A is no contradiction to A, only more than it says.
-            if other[0] != unit and "A" not in (written, other[1]):
-                header, contradict = f"{header} [{other[1]}]", True
+            # A letter, or min, may be part of a name; a bracket behind it then says the unit.
+            if other[0] != unit and len(written) > 1 and written != "min":
+                header = f"{header} [{other[1]}]"
+                contradict.add(channel)
                 # A bracket in [columns] would decide it.
                 del columns[channel]
         headers[channel] = f'"{header}"' if delimiter in header else header
@@ -116,18 +117,19 @@ def stated(data: bytes) -> Case:
     units, headers, columns, row, contradict = headed(choices, delimiter)
     channels = tuple(units)
     timing = choices.of(("column", "column", "clock", "rate"))
+    if timing != "column":
+        contradict.discard("time_s")
     truth = Truth.CONFLICT if contradict else Truth.READ
     step_s, cells, written_s = 1.0, {}, None
     if timing == "clock":
         index = choices.below(len(CLOCKS))
         header, form, step_s = CLOCKS[index]
-        headers["time_s"], units["time_s"], cells, written_s = header, "s", {}, 1e-4
+        headers["time_s"], units["time_s"], written_s = header, "s", 1e-4
         columns.pop("time_s", None)
         cells = {"time_s": clock(form)}
         row = ("", *row[1:]) if row else row
         # Of two numbers with a colon, hours and minutes are as good as minutes and seconds.
         truth = Truth.ASK if index > 4 and not contradict else truth
-        contradict = False
     # Eight digits of the largest value, and at least three behind the point.
     made = sheet(
         number, rows=ROWS, step_s=step_s, channels=channels, units=units, headers=headers,

@@ -76,7 +76,9 @@ def judge(case: Case, folder: Path, number: int = 0, *, physics: bool = True) ->
         return Outcome(case, TRACEBACK, f"{type(error).__name__}: {error}"[:300])
     finally:
         path.unlink(missing_ok=True)
-    stops = [finding for finding in findings if finding.severity == "error"]
+    # Cells that are called no numbers are missing, not misread; the checks then stop the record.
+    halting = () if physics else ("unreadable_cells",)
+    stops = [f for f in findings if f.severity == "error" or f.id in halting]
     stops = [stop for stop in stops if stop.id not in case.true_faults]
     said = " / ".join(f"({stop.id}) {stop.sentence()}" for stop in stops)
     if case.truth is Truth.REFUSE:
