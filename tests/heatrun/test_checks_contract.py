@@ -142,6 +142,10 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
         ),
         MOTOR, "error", "as_degC", (20, 24),
     ),
+    "unit_suspected": (
+        changed(CLEAN, time_s=CLEAN.time_s / 3600.0), MOTOR, "error", "factor_time_s_h",
+        (3600, 3600),
+    ),
     "ambient_implausible": (
         changed(CLEAN, ambient_degC=CLEAN["winding_degC"], winding_degC=CLEAN["ambient_degC"]),
         MOTOR, "error", "", (0, 0),
