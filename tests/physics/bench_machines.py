@@ -8,6 +8,7 @@ capacity, losses and temperature rise at the rated load, speed and torque of the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -30,7 +31,7 @@ class Machine:
     iron_W: float  # at rated speed
     speed: float  # rpm, rated
     torque: float  # Nm at the rated current
-    sink: str = "ambient"
+    sink: Literal["ambient", "coolant"] = "ambient"
     sink_degC: float = 22.0
     step_s: float = 1.0
     minutes: float = 90.0

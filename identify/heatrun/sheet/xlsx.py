@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import xlsxwriter
 
+from ..column_mapping import HEAD, KNOWN_BY
 from ..whole_files import write_whole
 from .content import sheet_content
 
@@ -48,6 +49,10 @@ def write_xlsx(
                "sink [degC]", "SHA-256"],
               [[*row[:-1], test["sha256"]]
                for row, test in zip(content["tests"], result["tests"], strict=True)])  # fmt: skip
+        _rows(book, "Columns", bold, ["test", *HEAD, "file"],
+              [[test["name"], row["channel"], row["column"], row["unit"],
+                KNOWN_BY.get(row["unit_from"], row["unit_from"]), row["found_by"], row["file"]]
+               for test in result["tests"] for row in test.get("mapping") or ()])  # fmt: skip
         _residuals(book, bold, result)
         _rows(book, "Findings", bold, ["severity", "finding"], content["findings"])
         name, _, table = tables[0]

@@ -22,7 +22,7 @@ from .sensor import sensor_detached, temperature_jump
 from .stillness import saturation, sensor_stuck
 from .suspicion import referred, unit_suspected
 from .time_axis import sampling, time_backwards, time_duplicate, time_gap, time_jitter
-from .units import ambient_implausible, units_temperature
+from .units import ambient_implausible, unit_assumed, units_temperature
 
 Check = Callable[[Record, Motor], tuple[Finding, ...]]
 
@@ -37,6 +37,7 @@ CHECKS: tuple[Check, ...] = (
     nan_block,
     units_temperature,
     unit_suspected,
+    unit_assumed,
     ambient_implausible,
     sensor_stuck,
     sensor_detached,

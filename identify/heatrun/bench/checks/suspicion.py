@@ -46,6 +46,8 @@ FAMILIES = (
 )
 """Relations that say the same of a unit: where one is broken, its family must become usual."""
 
+OTHER_COOLING = ' Or does a liquid cool the machine, and [motor] lacks sink = "coolant"?'
+
 SPOKEN = {"time_s": "the time", "speed_rpm": "the speed", "losses_W": "the losses"}
 
 
@@ -84,7 +86,7 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
             "error" if asked and not is_odd else "warning",
             f"{_told(broken)} {_list(sentences)}",
             place(record, broken[0].channels[0], float(samples(record)[0][0])),
-            _remedy(mending, record),
+            _remedy(mending, record) + (OTHER_COOLING if is_mild and not is_odd else ""),
             values={
                 **_figures(broken),
                 **{f"explains_{id}": 1.0 for id in explained},

@@ -53,6 +53,25 @@ def _unit_finding(
     )
 
 
+def unit_assumed(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Note the columns whose unit neither the file nor a name gives."""
+    assumed = [one for one in record.mapping if one.unit_from == "assumed"]
+    if not assumed:
+        return ()
+    first = assumed[0]
+    told = ", ".join(f"{one.channel} in {one.unit} (column '{one.column}')" for one in assumed)
+    return (
+        Finding(
+            "unit_assumed",
+            "note",
+            f"Expected units in the file or in [columns]; assumed are {told}.",
+            record.name,
+            f'State them: [columns] {first.channel} = "{first.column} [{first.unit}]".',
+            values={"num_columns": float(len(assumed))},
+        ),
+    )
+
+
 def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report temperatures that look like kelvin or degrees Fahrenheit.
 
