@@ -19,7 +19,8 @@ KNOWN_BY = {
 
 HEAD = ("channel", "column", "unit", "unit known by", "column known by")
 LONGEST = 36
-"""Letters of a name that a line of the terminal or the sheet has room for."""
+KEPT = 17
+"""Letters of a name that a line of the terminal or the sheet has room for, and from its start."""
 
 
 def describe_mapping(record: Record) -> list[dict[str, str]]:
@@ -61,6 +62,11 @@ def describe_mapping(record: Record) -> list[dict[str, str]]:
         for name, formula in derived.items()
     ]
     return sorted(rows, key=lambda row: _position(row["channel"]))
+
+
+def describe_columns(record: Record) -> dict[str, Any]:
+    """Return `name` and `mapping` of a record, as `mapping_text` takes them."""
+    return {"name": record.name, "mapping": describe_mapping(record)}
 
 
 def mapping_rows(mapping: Sequence[Mapping[str, str]]) -> list[list[str]]:
@@ -129,4 +135,5 @@ def _position(channel: str) -> int:
 
 def _cut(text: str) -> str:
     clean = "".join(c if c.isprintable() else "?" for c in text)
-    return clean if len(clean) <= LONGEST else f"{clean[: LONGEST - 1]}…"
+    # Names of one system begin alike and often end alike: the middle goes.
+    return clean if len(clean) <= LONGEST else f"{clean[:KEPT]}…{clean[KEPT + 1 - LONGEST :]}"

@@ -9,7 +9,7 @@ from html import escape
 from pathlib import Path
 
 from ..bench.checks import check_record
-from ..column_mapping import HEAD, describe_mapping, grouped
+from ..column_mapping import HEAD, describe_columns, grouped
 from ..errors import InputError
 from ..motor import Motor
 from ..motorfile import load_motor
@@ -84,7 +84,7 @@ def _notes(opened: Sequence[Opened]) -> str:
         for each in opened
         if each.record.unused
     ]
-    tests = [{"name": e.record.name, "mapping": describe_mapping(e.record)} for e in opened]
+    tests = [describe_columns(each.record) for each in opened]
     columns = "".join(
         f"<h3>Columns of {escape(names)}</h3>" + table(HEAD, lines)
         for names, lines in grouped(tests)

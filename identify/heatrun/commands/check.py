@@ -23,7 +23,7 @@ def run(options: argparse.Namespace) -> int:
     from ..bench import Finding
     from ..bench.checks import check_record
     from ..bench.joined import read_test
-    from ..column_mapping import describe_mapping, mapping_text
+    from ..column_mapping import describe_columns, mapping_text
     from ..motorfile import load_motor
     from ..report_text import findings_text
     from ..result import describe_finding
@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
             # the table of columns says the same
             if not any(note.startswith(f"{one.channel} from column") for one in record.mapping):
                 say(f"  {note}")
-        tests.append({"name": record.name, "mapping": describe_mapping(record)})
+        tests.append(describe_columns(record))
         findings += check_record(record, motor)
     has_error = any(finding.severity == "error" for finding in findings)
     if options.json:
