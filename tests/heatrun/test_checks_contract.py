@@ -266,6 +266,10 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         "units_temperature",
         changed(CLEAN, winding_degC=32.0 + 1.8 * CLEAN["winding_degC"]), MOTOR, "warning",
     ),
+    "Fahrenheit in the ambient alone": (
+        "units_temperature",
+        changed(CLEAN, ambient_degC=32.0 + 1.8 * CLEAN["ambient_degC"]), MOTOR, "error",
+    ),
     "chamber at 70 degC, unit declared": (
         "units_temperature",
         heat_run(ambient=70.0, minutes=30.0),

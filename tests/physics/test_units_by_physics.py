@@ -155,6 +155,33 @@ def test_a_wrong_unit_is_named(machine, case):
         assert "into [columns]" in finding.remedy
 
 
+TEMPERATURES = {
+    "all in kelvin": (("ambient_degC", "winding_degC"), 1.0, 273.15, "ambient_degC", "error"),
+    "winding in kelvin": (("winding_degC",), 1.0, 273.15, "winding_degC", "error"),
+    "ambient in kelvin": (("ambient_degC",), 1.0, 273.15, "ambient_degC", "error"),
+    "all in Fahrenheit": (("ambient_degC", "winding_degC"), 1.8, 32.0, "ambient_degC", "error"),
+    "ambient in Fahrenheit": (("ambient_degC",), 1.8, 32.0, "ambient_degC", "error"),
+    # a winding of 72 degC in air of 22 degC is a hot start as well
+    "winding in Fahrenheit": (("winding_degC",), 1.8, 32.0, "winding_degC", "warning"),
+}
+
+
+@pytest.mark.parametrize(
+    "machine", [m for m in MACHINES if m.sink == "ambient"], ids=lambda m: m.name
+)
+@pytest.mark.parametrize("case", list(TEMPERATURES))
+def test_a_wrong_unit_of_temperature_is_named(machine, case):
+    names, factor, offset, channel, severity = TEMPERATURES[case]
+    columns = dict(made(machine, "steps"))
+    columns |= {name: factor * columns[name] + offset for name in names}
+    found = check_record(as_read(columns), motor_of(machine))
+    named = [f for f in found if f.id == "units_temperature" and channel in f.where]
+    assert [f.severity for f in named] == [severity]
+    symbol = "K" if factor == 1.0 else "degF"
+    assert f'{channel} = "column of {channel} [{symbol}]"' in named[0].remedy
+    assert not [f for f in found if f.id == "unit_suspected"]
+
+
 INVISIBLE = {
     # Without a resistance no relation ties the current to anything: a network with another Rs0
     # fits as well.
