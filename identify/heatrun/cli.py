@@ -14,6 +14,7 @@ from .commands import COMMANDS
 from .commands.exit_codes import DONE, INTERRUPTED, NOT_ALLOWED, WRONG_USE
 from .commands.interrupt import SENTENCE, ends_at_once
 from .errors import InputError, UsageError, of_file
+from .moment import stated_moment
 from .runtime import cache_compilations, one_thread_for_small_matrices
 
 
@@ -46,6 +47,7 @@ def _call(options: argparse.Namespace) -> int:
         encoding = "utf-8" if as_json else None
         sys.stdout.reconfigure(encoding=encoding, errors="backslashreplace")
     try:
+        stated_moment()  # a wrong one is said before any work
         code = int(options.run_command(options))
         sys.stdout.flush()
     except UsageError as error:
