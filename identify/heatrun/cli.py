@@ -16,7 +16,7 @@ from .commands import COMMANDS
 from .commands.exit_codes import DONE, INTERRUPTED, NOT_ALLOWED, WRONG_USE
 from .commands.interrupt import SENTENCE, ends_at_once
 from .errors import InputError, UsageError, of_file
-from .moment import stated_moment
+from .moment import check_stated_moment
 from .runtime import one_thread_for_small_matrices
 
 
@@ -49,7 +49,7 @@ def _call(options: argparse.Namespace) -> int:
         encoding = "utf-8" if as_json else None
         sys.stdout.reconfigure(encoding=encoding, errors="backslashreplace")
     try:
-        stated_moment()  # a wrong one is said before any work
+        check_stated_moment()
         with damaged_are_replaced(say):
             code = int(options.run_command(options))
         sys.stdout.flush()

@@ -38,6 +38,16 @@ def stated_moment() -> datetime.datetime | None:
         ) from error
 
 
+def check_stated_moment() -> None:
+    """Refuse a wrong SOURCE_DATE_EPOCH before any work, and drop an empty one: NumPy fails on it.
+
+    Raises:
+        UsageError: As `stated_moment`.
+    """
+    if stated_moment() is None:
+        os.environ.pop(VARIABLE, None)
+
+
 def moment() -> datetime.datetime:
     """Return the moment of a run in UTC: the stated one, or now."""
     return stated_moment() or datetime.datetime.now(datetime.UTC)
