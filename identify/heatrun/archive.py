@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from .moment import stated_moment
 from .posterior import Posterior
 from .whole_files import write_whole
 
@@ -157,3 +158,9 @@ def _label(data: Any, posterior: Posterior) -> None:
         group[name].attrs["long_name"] = parameter.meaning
     group.attrs["method"] = posterior.method
     group.attrs["verdict"] = posterior.sentence()
+    stated = stated_moment()
+    for name in ("posterior", "sample_stats", "observed_data"):
+        attributes = data[name].attrs
+        attributes.pop("created_at", None)
+        if stated is not None:
+            attributes["created_at"] = stated.isoformat()
