@@ -17,7 +17,7 @@ from .constants import constant_notes, resistance_conflict
 from .derive import derive
 from .formats import opened
 from .multirate import read_all, read_measurement
-from .open_file import digest, read_file, unzip
+from .open_file import digest_of, open_input, read_stream, unzip
 from .record import Record, Source
 from .table import Table
 from .timegrid import exact_grid, from_first_sample
@@ -67,10 +67,11 @@ def read_raw(path: str | Path) -> Table:
     Raises:
         InputError: If the file cannot be read as a table of numbers.
     """
-    with opened(path) as measurement:
+    where = str(path)
+    with open_input(path) as stream, opened(stream, where) as measurement:
         if measurement is not None:
-            return read_all(measurement, where=str(path))
-    return _read_bytes(read_file(path), str(path))
+            return read_all(measurement, where=where)
+        return _read_bytes(read_stream(stream, where), where)
 
 
 def read_record(
@@ -107,9 +108,9 @@ def read_record(
     columns = motor.columns if motor else None
     phases, losses = (motor.phases, motor.losses) if motor else (3, "balance")
     raster_s = motor.raster_s if motor else None
-    with opened(path, columns) as measurement:
+    with open_input(path) as stream, opened(stream, where, columns) as measurement:
         if measurement is not None:
-            sha256 = digest(path)
+            sha256 = digest_of(stream)
             table, mapped = read_measurement(
                 measurement,
                 columns,
@@ -120,7 +121,7 @@ def read_record(
                 losses=losses,
             )
         else:
-            data = read_file(path)
+            data = read_stream(stream, where)
             sha256 = hashlib.sha256(data).hexdigest()
             table = _read_bytes(data, where)
             mapped = map_columns(table, columns, where=where, is_part=is_part)
