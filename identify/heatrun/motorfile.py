@@ -30,6 +30,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "insulation_class",
         "rated_speed_rpm",
         "raster_s",
+        "decimal",
     ),
     "winding": (
         "material",
@@ -106,6 +107,7 @@ def load_motor(path: str | Path) -> Motor:
         columns=_columns(_section(content, "columns", where), where),
         parameters=_parameters(_section(content, "parameters", where), where),
         raster_s=_number(motor, "raster_s", POSITIVE, at),
+        decimal=cast(Literal[".", ","] | None, _choice(motor, "decimal", (".", ","), at)),
         sha256=hashlib.sha256(data).hexdigest(),
         path=where,
     )
