@@ -83,7 +83,7 @@ def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
         question = values.question
         if layout.is_unsettled and question is None and not values.is_time:
             question = unsettled_cells(cells, layout.decimal)
-            if question is not None and layout.delimiter == ",":
+            if question is not None and (layout.delimiter, layout.decimal) == (",", "."):
                 # Who separates thousands by a point has a decimal comma, and then no comma between
                 # cells; so it is a doubt and no question.
                 findings.append(_taken_as_decimal(question, name, where))

@@ -169,7 +169,7 @@ def find_layout(text: str, where: str, stated_decimal: str | None = None) -> Lay
         width,
         _names(lines[header], rows[header], delimiter, width, where),
         units,
-        tuple(text for line in lines[:header] if (text := line.strip(' \t",;|'))),
+        tuple(said for line in lines[:header] if (said := line.strip(' \t",;|'))),
         first,
         stated_decimal is None and _is_unsettled(text, first, delimiter, decimal),
     )
