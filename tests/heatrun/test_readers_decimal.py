@@ -82,7 +82,7 @@ def test_between_commas_a_point_is_decimal_with_a_doubt():
 def test_a_comma_in_quotes_between_commas_is_a_question(tmp_path):
     path = tmp_path / "test.csv"
     path.write_text('time_s,losses_W\n"0","4,500"\n"1","5,500"\n')
-    with pytest.raises(InputError, match="'4,500' may be 4.5 or 4500"):
+    with pytest.raises(InputError, match=r"'4,500' may be 4\.5 or 4500"):
         read_record(path)
     assert read_record(path, Motor("M", decimal=","))["losses_W"].tolist() == [4.5, 5.5]
     assert read_record(path, Motor("M", decimal="."))["losses_W"].tolist() == [4500.0, 5500.0]

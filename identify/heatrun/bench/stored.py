@@ -205,7 +205,7 @@ def _scale(found: _Reading, said: Mapping[str, Any]) -> None:
             continue  # a date of calibration, the name of a scale
         neutral = 0.0 if "offset" in key or "intercept" in key else 1.0
         if np.any(stated != neutral):
-            found.problems.append(f"{key} = {_shown(value)}")
+            found.problems.append(f"{key} = {stated!s:.40}")
 
 
 def _unit(found: _Reading, said: Mapping[str, Any]) -> str | None:

@@ -53,7 +53,7 @@ THOUSANDS_OR_DECIMALS = {
 """Numbers that are whole where the sign separates thousands, and are not where it is decimal."""
 
 SURELY_DECIMAL = (
-    r"[+-]?(?:0+{0}[0-9]*|[0-9]*{0}(?:[0-9]{{0,2}}|[0-9]{{4,}})|(?:[0-9]{{4,}}|){0}[0-9]+)"
+    r"[+-]?(?:0+{0}[0-9]*|[0-9]+{0}(?:[0-9]{{0,2}}|[0-9]{{4,}})|[0-9]{{4,}}{0}[0-9]+|{0}[0-9]+)"
     r"|[+-]?[0-9]*{0}[0-9]+[eE][+-]?[0-9]+"
 )
 """Numbers in which the sign {0} separates no thousands."""
