@@ -243,11 +243,11 @@ def test_a_time_without_end_in_classic_netcdf(tmp_path):
     path = tmp_path / "test.nc"
     with netcdf_file(str(path), "w") as file:
         file.createDimension("time", None)
-        for name, unit in (("time", "h"), ("winding_degC", "K")):
+        for name, unit in (("time", "h"), ("T_winding", "K")):
             item = file.createVariable(name, "f4", ("time",))
             item[:] = np.arange(300.0, 300.0 + N)
             item.units = unit
-    record = read_record(path)
+    record = read_record(path, MOTOR)
     assert record.time_s[1] == 3600.0
     np.testing.assert_allclose(record["winding_degC"], np.arange(N) + 26.85, atol=1e-9)
 
