@@ -225,11 +225,12 @@ def _time(
     rate = rate_Hz if rate_Hz is not None else mapped.rate_Hz
     if rate is None:
         names = ", ".join(column.name for column in table.columns)
+        texts = f"; columns of text: {', '.join(table.text_columns)}" if table.text_columns else ""
         raise InputError(
-            f"The file has no time column; its columns are: {names}.",
+            f"The file has no time column; its columns are: {names}{texts}.",
             where=where,
-            remedy='Map it by [columns] time_s = "name [s]" in the motor file, or give the '
-            'sampling rate by time_s = "rate 10 Hz".',
+            remedy='Map it by [columns] time_s = "name [s]" in the motor file, a clock with its '
+            'format as in "name [hh:mm:ss]", or give the sampling rate by time_s = "rate 10 Hz".',
         )
     note = f"time_s is made from a rate of {rate:g} Hz."
     if rows is None:

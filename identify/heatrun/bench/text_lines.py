@@ -72,8 +72,9 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
             where=where,
             remedy="Export with one delimiter and the same number of cells in every line.",
         )
-    if not good.all():
-        body = _joined(body, ends, good)
+    if good.all():
+        return DataLines(body, numbers, numbers[ragged])
+    body = _joined(body, ends, good)
     held = np.flatnonzero(~is_blank)
     is_double_spaced = held.size >= LEAST_SPACED and bool(np.all(np.diff(held) == 2))
     counted = ~is_blank if is_double_spaced else np.ones_like(good)
@@ -102,7 +103,7 @@ def ragged_lines(lines: DataLines, layout: Layout, where: str) -> list[Finding]:
         Finding(
             id="ragged_rows",
             severity="warning",
-            message=f"Lines without exactly {layout.width} cells are left out "
+            message=f"Lines without exactly {layout.width} cells hold no sample "
             f"({count}): line {first}{more}.",
             where=where,
             remedy="Export again if these samples matter.",
