@@ -16,6 +16,7 @@ from ..errors import InputError
 from .clock import CLOCK_CELL
 from .dates import DATE_TIME_CELL
 from .header import unit_of_cell
+from .text_decimal import GROUPED, NUMBER, is_unsettled
 from .time_format import parse_time_format
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
@@ -31,32 +32,7 @@ MISSING = frozenset(
 STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 """Switches, in lower case, as fans and relays are logged; they say nothing about the layout."""
 
-NUMBER = {
-    "." : r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?",
-    "," : r"[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]+)?",
-}  # fmt: skip
-"""What a number looks like, by decimal sign."""
-
-GROUPED = {
-    ".": r"[+-]?[0-9]{1,3}(?:,[0-9]{3})+(?:\.[0-9]+)?",
-    ",": r"[+-]?[0-9]{1,3}(?:\.[0-9]{3})+(?:,[0-9]+)?",
-}
-"""Numbers with separators of thousands, by decimal sign: read as values only where the motor file
-states the decimal sign, but they show the layout."""
-
 GROUPED_CELL = {sign: re.compile(pattern) for sign, pattern in GROUPED.items()}
-
-THOUSANDS_OR_DECIMALS = {
-    ".": r"[+-]?[1-9][0-9]{0,2}\.[0-9]{3}",
-    ",": r"[+-]?[1-9][0-9]{0,2},[0-9]{3}",
-}
-"""Numbers that are whole where the sign separates thousands, and are not where it is decimal."""
-
-SURELY_DECIMAL = (
-    r"[+-]?(?:0+{0}[0-9]*|[0-9]+{0}(?:[0-9]{{0,2}}|[0-9]{{4,}})|[0-9]{{4,}}{0}[0-9]+|{0}[0-9]+)"
-    r"|[+-]?[0-9]*{0}[0-9]+[eE][+-]?[0-9]+"
-)
-"""Numbers in which the sign {0} separates no thousands."""
 
 GROUPED_WEIGHT = 0.9
 """Below 1, so that 1,234 in a file of such cells is a decimal comma before it is a thousand."""
@@ -171,37 +147,11 @@ def find_layout(text: str, where: str, stated_decimal: str | None = None) -> Lay
         units,
         tuple(said for line in lines[:header] if (said := line.strip(' \t",;|'))),
         first,
-        stated_decimal is None and _is_unsettled(text, first, delimiter, decimal),
+        stated_decimal is None and is_unsettled(text, first, delimiter, decimal),
     )
 
 
 _COPY_AGAIN = "Copy the file again from the bench; it may have been cut."
-
-
-def start_of_line(text: str, index: int) -> int:
-    r"""Return where a line begins.
-
-    Args:
-        text: With `\n` line ends.
-        index: Of the line, from 0; the text has it.
-    """
-    offset = 0
-    for _ in range(index):
-        offset = text.find("\n", offset) + 1
-    return offset
-
-
-def _is_unsettled(text: str, first_line: int, delimiter: str, decimal: str) -> bool:
-    """Return whether the decimal sign shows itself only where it may separate thousands."""
-    edge = '"' if delimiter == decimal else rf'\s"{re.escape(delimiter)}'
-    cell = rf"(?:^|(?<=[{edge}]))(?:{{}})(?=[{edge}]|$)"
-    if delimiter == decimal:  # within quotes alone
-        cell = '(?<="){}(?=")'.format("(?:{})")
-    start = start_of_line(text, first_line)
-    sign = re.escape(decimal)
-    surely = re.compile(cell.format(SURELY_DECIMAL.format(sign)), re.MULTILINE)
-    maybe = re.compile(cell.format(THOUSANDS_OR_DECIMALS[decimal]), re.MULTILINE)
-    return surely.search(text, start) is None and maybe.search(text, start) is not None
 
 
 def is_time(cell: str) -> bool:

@@ -12,7 +12,8 @@ import numpy as np
 
 from ..errors import InputError
 from .record import Finding
-from .text_layout import Layout, start_of_line
+from .text_decimal import start_of_line
+from .text_layout import Layout
 
 RAGGED_LIMIT = 0.1
 """Share of lines with another number of cells beyond which the layout was not understood."""

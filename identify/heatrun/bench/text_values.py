@@ -12,7 +12,8 @@ from .clock import CLOCK, ClockColumn, read_clock, read_stated
 from .dates import DATE_TIME, read_dates
 from .record import Finding
 from .table import Question
-from .text_layout import GROUPED, MISSING, NUMBER, STATES, THOUSANDS_OR_DECIMALS
+from .text_decimal import GROUPED, NUMBER, THOUSANDS_OR_DECIMALS
+from .text_layout import MISSING, STATES
 from .time_format import TimeFormat
 
 
