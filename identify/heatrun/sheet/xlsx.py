@@ -53,7 +53,8 @@ def write_xlsx(
                for row, test in zip(content["tests"], result["tests"], strict=True)])  # fmt: skip
         _rows(book, "Columns", bold, ["test", *HEAD, "file"],
               [[test["name"], row["channel"], row["column"], row["unit"],
-                KNOWN_BY.get(row["unit_from"], row["unit_from"]), row["found_by"], PurePath(row["file"]).name]
+                KNOWN_BY.get(row["unit_from"], row["unit_from"]), row["found_by"],
+                PurePath(row["file"]).name]
                for test in result["tests"] for row in test.get("mapping") or ()])  # fmt: skip
         _residuals(book, bold, result)
         _rows(book, "Findings", bold, ["severity", "finding"], content["findings"])

@@ -50,7 +50,15 @@ def _copper_and_total(record: Record, motor: Motor) -> tuple[np.ndarray, ...]:
 
 
 def copper_shares(record: Record, motor: Motor) -> tuple[np.ndarray, np.ndarray]:
-    """Times and share of the copper loss in the total, block by block while current flows."""
+    """Return the share of the copper loss in the total, block by block while current flows.
+
+    Args:
+        record: Any record.
+        motor: The machine.
+
+    Returns:
+        Times [s] and shares [1], shape (blocks,); empty without a balance or a resistance.
+    """
     time_s, copper, total = _copper_and_total(record, motor)
     flows = is_loaded(copper)
     # A total of zero or less under current is an infinite share.

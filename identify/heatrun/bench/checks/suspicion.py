@@ -16,10 +16,11 @@ import numpy as np
 
 from ...motor import Motor
 from ..record import Finding, Record
+from .conflict import Conflict
 from .losses import losses_negative
 from .one_node import one_node
 from .other_readings import OtherReading, other_readings
-from .relations import USUAL_BY_SIZE_S, Conflict, conflicts
+from .relations import USUAL_BY_SIZE_S, conflicts
 from .samples import place, samples
 from .sensor import sensor_detached, temperature_jump
 from .units import ambient_implausible, units_temperature
