@@ -13,7 +13,6 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from commands import CASES, DISK, RUN, Case, fresh, write_inputs
 from started import End, Strike, run_forked

@@ -148,7 +148,7 @@ def supervise(options: argparse.Namespace) -> int:
 
 def main() -> int:
     """Go on with the campaign and write its table; 1 if there is a fault."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--kills", type=int, default=WHOLE)
     parser.add_argument("--minutes", type=float, default=60.0, help="after which it stops")
     parser.add_argument("--seed", type=int, default=2)

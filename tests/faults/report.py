@@ -107,7 +107,8 @@ def _limits(rows: Sequence[Row]) -> list[str]:
     if skipped:
         lines.append(f"\n{skipped} trials on a small disk skipped: no disk can be mounted here.")
     memory = [row for row in rows if row["kind"] == "memory"]
-    lines += ["", "| address space [MB] | commands | refused with a sentence | succeeded | faults |",
+    lines += ["", "| address space [MB] | commands | refused with a sentence | succeeded "
+              "| faults |",
               "|---:|---:|---:|---:|---:|"]  # fmt: skip
     for size in sorted({row["size_MB"] for row in memory}):
         lines.append(f"| {size} | {_outcomes([r for r in memory if r['size_MB'] == size])} |")
@@ -142,8 +143,8 @@ def _faults(rows: Sequence[Row]) -> list[str]:
             examples.setdefault((kind, fault), []).append(f"{row['case']}: {detail}")
     lines = ["| trials | with a fault | of | rate, upper 95 % limit |", "|---|---:|---:|---:|"]
     for kind, all_ in num.items():
-        bad = sum(bool(r["faults"]) for r in rows
-                  if r["kind"] == kind or (kind == "kill" and r["kind"] in ("late", "early")))  # fmt: skip
+        same = (kind, "late", "early") if kind == "kill" else (kind,)
+        bad = sum(bool(row["faults"]) for row in rows if row["kind"] in same)
         rate = f"{100 * upper_limit(bad, all_):.2g} %" if all_ else "–"
         lines.append(f"| {names[kind]} | {bad} | {all_} | {rate} |")
     for kind, found in counts.items():
