@@ -85,7 +85,7 @@ def _stated(installed: Distribution) -> str:
         for line in found.get_all("Classifier", [])
         if line.startswith("License ::") and line.count("::") > 1
     ]
-    text = (found["License"] if "License" in found else "").strip().splitlines()
+    text = found.get_all("License", [""])[0].strip().splitlines()
     return " / ".join(classes) or (text[0][:80] if text else "not stated")
 
 

@@ -14,6 +14,7 @@ What was seen stands in a file to which every trial adds; started again, the cam
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import random
 import signal
@@ -33,7 +34,12 @@ PER_DISK = 3
 WHOLE = 1000
 """Signals for which the targets of the cases are given."""
 
+PER_TRIAL = 4.0
+"""Signals of a trial, nearly."""
+
 NICE = 10
+"""How far the campaign stands back behind other work on the machine."""
+
 Job = tuple[str, str, object]
 """Part, name of the case, and the limit of memory or the kind of disk."""
 
@@ -48,7 +54,7 @@ def open_jobs(rows: list[dict], parts: list[str], only: str, kills: int) -> list
     jobs: list[tuple[Job, float]] = []
     if "kills" in parts and sum(row["kind"] == "kill" for row in rows) < kills:
         wanted = {case.name: case.target * kills / WHOLE for case in cases}
-        jobs += [(("kills", name, None), max(target - done[name], 0.05 * target))
+        jobs += [(("kills", name, None), max(target - done[name], 0.05 * target) / PER_TRIAL)
                  for name, target in wanted.items()]  # fmt: skip
     plain = [case for case in cases if case not in PAGE]
     if "full" in parts:
@@ -58,10 +64,10 @@ def open_jobs(rows: list[dict], parts: list[str], only: str, kills: int) -> list
         for case in plain:
             for way in DISKS:
                 lacking = PER_DISK - seen[case.name, way]
-                jobs += [(("full", case.name, way), 4.0 * lacking)] if lacking > 0 else []
+                jobs += [(("full", case.name, way), 1.0 * lacking)] if lacking > 0 else []
     if "memory" in parts:
         tried = {(row["case"], row["size_MB"]) for row in rows if row["kind"] == "memory"}
-        jobs += [(("memory", case.name, size), 4.0) for case in plain for size in MEMORY_MB
+        jobs += [(("memory", case.name, size), 1.0) for case in plain for size in MEMORY_MB
                  if (case.name, size) not in tried]  # fmt: skip
     return jobs
 
@@ -77,7 +83,7 @@ def work(options: argparse.Namespace) -> None:
     from tally import Tally
 
     signal.signal(signal.SIGTERM, _leave)
-    os.nice(NICE)
+    os.nice(options.nice)
     warm_up()
     cases = {case.name: case for case in (*CASES, *PAGE)}
     bench = Bench(options.scratch / f"worker_{options.worker}", os.environ[MARK])
@@ -92,7 +98,7 @@ def work(options: argparse.Namespace) -> None:
         trial += 1
         draw = random.Random(f"{options.seed} {len(rows)} {options.worker} {trial}")
         part, name, how = draw.choices([job for job, _ in jobs], [size for _, size in jobs])[0]
-        case, began = cases[name], time.monotonic()
+        case, began = cases[name], _seconds()
         if part == "full":
             found = fill(bench, case, str(how), draw)
         elif part == "memory":
@@ -100,9 +106,25 @@ def work(options: argparse.Namespace) -> None:
             found = squeeze(bench, case, how)
         else:
             found = (disturb_page if case in PAGE else disturb)(bench, case, draw)
-        each_s = (time.monotonic() - began) / len(found)
-        tally.add({"case": name, "command": case.command, "seconds": round(each_s, 2), **row}
-                  for row in found)  # fmt: skip
+        spent = [
+            round((now - then) / len(found), 2) for now, then in zip(_seconds(), began, strict=True)
+        ]
+        same = {"case": name, "command": case.command, "seconds": spent[0], "cpu_s": spent[1]}
+        tally.add(_without_places({**same, **row}, options.scratch) for row in found)
+
+
+def _without_places(row: dict, scratch: Path) -> dict:
+    """Return a row whose texts name no folder of this machine."""
+    text = json.dumps(row)
+    for place, name in ((scratch, "SCRATCH"), (ROOT, "."), (sys.base_prefix, "PYTHON")):
+        text = text.replace(str(place), name)
+    return json.loads(text)
+
+
+def _seconds() -> tuple[float, float]:
+    """Return the time, and the processor time of this process and its children [s]."""
+    used = os.times()
+    return time.monotonic(), sum(used[:4])
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
@@ -153,6 +175,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=60.0, help="after which it stops")
     parser.add_argument("--seed", type=int, default=2)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--nice", type=int, default=NICE)
     parser.add_argument("--only", default="", help="part of the name of a case")
     parser.add_argument("--parts", type=lambda text: text.split(","), default=list(PARTS))
     parser.add_argument("--results", type=Path, default=ROOT / "results" / "faults")

@@ -9,6 +9,7 @@ from typing import Any
 from bench import Bench, Fault, Known, ended_wrongly, said_wrongly
 from commands import Case
 from started import EARLY, End, Strike, run_plain
+from wholeness import is_moving
 
 SIGNALS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 MOST_STRIKES = 6
@@ -48,6 +49,7 @@ def disturb(bench: Bench, case: Case, draw: random.Random) -> list[Row]:
         # what lies there since an earlier strike of this trial is counted once
         row["faults"] = [f for f in faults if f not in seen] + bench.orphans()
         seen += faults
+        row["moving"] = is_moving(bench.home / case.place)
         row["temporary"] = bench.clear_temporary()
         rows.append(row)
         resumes = (bench.home / f"{case.place}.partial" / "identity").exists()

@@ -35,7 +35,7 @@ echo $code > ../code_1
 rm -rf ../kept_1 ../kept_2
 cp -a disk ../kept_1
 mount -o remount,size=ROOMk disk
-code=0; "$@" > ../stdout 2> ../said_2 || code=$?
+code=0; "$@" > ../stdout_2 2> ../said_2 || code=$?
 echo $code > ../code_2
 cp -a disk ../kept_2
 """.replace("ROOM", str(ROOM_KB))
@@ -65,7 +65,7 @@ def fill(bench: Bench, case: Case, way: str, draw: random.Random) -> list[Row]:
     else:
         size = round(SMALLEST * (known.largest / SMALLEST) ** draw.random())
         end = bench.run(case, file_limit=size)
-    faults = _refused_wrongly(end, FULL) + bench.faults_at(case, known.expected)
+    faults = _refused_wrongly(bench, end, FULL) + bench.faults_at(case, known.expected)
     again = bench.run(case)
     row |= {"code": end.code, "faults": faults + _again(bench, case, again, None)}
     bench.clear_temporary()
@@ -88,7 +88,7 @@ def _on_small_disk(bench: Bench, case: Case, draw: random.Random) -> Row:
         raise SystemExit(f"the small disk could not be made: {whole.said}")
     first, second = (_ended(bench.folder, number) for number in (1, 2))
     kept = bench.folder / "kept_1"
-    faults = _refused_wrongly(first, FULL) + bench.faults_at(case, known.expected, kept)
+    faults = _refused_wrongly(bench, first, FULL) + bench.faults_at(case, known.expected, kept)
     faults += _again(bench, case, second, bench.folder / "kept_2")
     return {"code": first.code, "faults": faults, "size_kB": size_kb}
 
@@ -105,7 +105,7 @@ def squeeze(bench: Bench, case: Case, size_mb: int) -> list[Row]:
     limit = f'ulimit -v {size_mb * 1024}; exec "$@"'
     command = ["bash", "-c", limit, "bash", *bench.command_line(case)]
     end = run_plain(command, bench.home, bench.environment(), {})
-    faults = _refused_wrongly(end, MEMORY) + bench.faults_at(case, known.expected)
+    faults = _refused_wrongly(bench, end, MEMORY) + bench.faults_at(case, known.expected)
     if end.code == 0:
         faults += bench.finally_at(case, known.expected)
     row: Row = {"kind": "memory", "size_MB": size_mb, "code": end.code}
@@ -114,11 +114,13 @@ def squeeze(bench: Bench, case: Case, size_mb: int) -> list[Row]:
     return [row]
 
 
-def _refused_wrongly(end: End, sentence: re.Pattern[str]) -> list[Fault]:
+def _refused_wrongly(bench: Bench, end: End, sentence: re.Pattern[str]) -> list[Fault]:
+    # reports say in their table on stdout why one could not be made
+    said = end.said + (bench.folder / "stdout").read_text(errors="replace")
     faults = said_wrongly(end)
     if end.code not in (0, 1):
         faults.append(("exit code", f"{end.code}: {end.said[-300:]}"))
-    elif end.code == 1 and not sentence.search(end.said):
+    elif end.code == 1 and not sentence.search(said):
         faults.append(("no sentence", end.said[-300:]))
     return faults
 

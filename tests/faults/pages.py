@@ -18,10 +18,10 @@ from bench import GRACE_S, RAW, Bench, Fault, Known
 from commands import DISK, DUTY, Case
 from kills import SIGNALS, Row
 from started import die_with_parent
-from wholeness import Expected, files_of
+from wholeness import Expected, files_of, is_moving
 
 VIEW = Path(__file__).with_name("view_with_jobs.py")
-START_S, END_S, JOB_S = 90.0, 20.0, 400.0
+START_S, END_S, JOB_S = 240.0, 60.0, 900.0
 SHARE_SERVER, SHARE_CANCEL = 0.4, 0.15
 """Of the strikes; the others hit the process of the job."""
 
@@ -191,6 +191,7 @@ def _strike(session: Session, case: Case, known: Known, draw: random.Random) -> 
         _signal_job(session, sent)
     state = session.wait()
     faults = session.bench.faults_at(case, known.expected)
+    row["moving"] = is_moving(session.bench.home / case.place)
     if state not in ("failed", "cancelled", "done"):
         faults.append(("did not end", f"the job is {state} after {row['signal']}"))
     if session.process.poll() is not None:

@@ -82,15 +82,20 @@ def _summary(rows: Sequence[Row]) -> list[str]:
     ends = [row for row in rows if row["kind"] == "end"]
     struck = [row for row in rows if row["kind"] == "kill"]
     kinds = Counter(row["kind"] for row in rows)
-    seconds = sum(row["seconds"] for row in rows if row["kind"] in ("kill", "early", "late", "end"))
+    of_kills = [row for row in rows if row["kind"] in ("kill", "early", "late", "end")]
+    took, used = (sum(row[key] for row in of_kills) / max(1, num_kills(rows))
+                  for key in ("seconds", "cpu_s"))  # fmt: skip
     resumed = sum(bool(row.get("resumed")) for row in ends)
+    moving = sum(bool(row.get("moving")) for row in rows)
     pieces = sum(bool(row.get("temporary")) for row in struck)
     return [
         f"- {num_kills(rows)} signals struck a running command; {len(ends)} commands were then "
         f"brought to their end, {resumed} of them from the folder of a disturbed one. "
-        f"{seconds / max(1, num_kills(rows)):.1f} s of one worker for each signal.",
+        f"{took:.1f} s of one worker and {used:.1f} s of processor time for each signal.",
         f"- {kinds['late']} signals came after the work or changed nothing, {kinds['early']} "
         "interrupts before the first line of the package ran; neither is counted above.",
+        f"- After {moving} of the signals a complete set of files lay ready, and not all of them "
+        "were at their places; the next start in the folder ended that.",
         f"- After {pieces} of the signals a piece lay in the system's folder for temporary files, "
         "which is for the system to clear; not a fault here.",
         "",

@@ -32,7 +32,7 @@ MODULES = ("heatrun.cli", "heatrun.calibrate", "heatrun.discover.job", "heatrun.
 EARLY = 99
 """Exit code of a forked command that was interrupted before the command line began."""
 
-LONGEST_S = 400.0
+LONGEST_S = 900.0
 PARENT_DEATH = 1  # PR_SET_PDEATHSIG
 STOP_S = 0.01
 

@@ -47,9 +47,12 @@ class Tally:
         """Append rows in one step."""
         lines = [json.dumps({**row, "product": self.product}) for row in rows]
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+        descriptor = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
         try:
-            os.write(descriptor, "".join(f"{line}\n" for line in lines).encode())
+            size = os.fstat(descriptor).st_size
+            is_cut = size and os.pread(descriptor, 1, size - 1) != b"\n"  # by a kill
+            text = "\n" * bool(is_cut) + "".join(f"{line}\n" for line in lines)
+            os.write(descriptor, text.encode())
         finally:
             os.close(descriptor)
 

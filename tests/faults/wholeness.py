@@ -17,7 +17,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-PARTIAL = ".partial"
+PARTIAL, READY = ".partial", ".heatrun.ready"
 END_OF_PNG = b"IEND\xaeB`\x82"
 
 
@@ -39,8 +39,14 @@ def pieces_of(home: Path) -> list[str]:
     return sorted(
         str(path.relative_to(home))
         for path in home.rglob("*")
-        if path.name.endswith((PARTIAL, ".replaced")) or path.name in ("checkpoints", "identity")
+        if path.name.endswith((PARTIAL, READY, ".replaced"))
+        or path.name in ("checkpoints", "identity")
     )
+
+
+def is_moving(place: Path) -> bool:
+    """Whether a complete set waits beside its places for the next start to end its renames."""
+    return place.is_dir() and any(path.name.endswith(READY) for path in place.iterdir())
 
 
 def torn(place: Path) -> list[str]:
