@@ -90,6 +90,7 @@ class Bench:
         self.folder, self.mark = folder, mark
         self.home, self.base, self.temporary = folder / "home", folder / "base", folder / "tmp"
         self._known: dict[str, Known] = {}
+        self._learnt: list[dict[str, object]] = []
         self._store = folder / f"known_{product()}.pickle"
         self.temporary.mkdir(parents=True, exist_ok=True)
 
@@ -98,6 +99,8 @@ class Bench:
         if self._store.is_file():
             self._known = pickle.loads(self._store.read_bytes())
             return
+        for old in self.folder.glob("known_*.pickle"):  # what it knows is of another base
+            old.unlink()
         shutil.rmtree(self.base, ignore_errors=True)
         write_inputs(self.base)
         self._save()
@@ -134,14 +137,24 @@ class Bench:
     def known(self, case: Case) -> Known:
         """Return what undisturbed commands leave; two are run where that is not known yet."""
         if case.name not in self._known:
-            self._known[case.name] = self._learn(case)
-            self._save()
+            self.remember(case.name, self._learn(case))
         return self._known[case.name]
 
     def remember(self, name: str, known: Known) -> None:
         """Keep what was learnt elsewhere."""
         self._known[name] = known
+        expected = known.expected
+        self._learnt.append(
+            {"case": name, "kind": "learnt", "same": sorted(expected.digests),
+             "varying": {file: leaves[:6] for file, leaves in expected.varying.items()},
+             "faults": []}
+        )  # fmt: skip
         self._save()
+
+    def learnt(self) -> list[dict[str, object]]:
+        """Return what was learnt since this was asked last, as rows of the tally."""
+        rows, self._learnt = self._learnt, []
+        return rows
 
     def has(self, name: str) -> bool:
         """Whether a case is known."""

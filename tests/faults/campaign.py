@@ -110,7 +110,8 @@ def work(options: argparse.Namespace) -> None:
             round((now - then) / len(found), 2) for now, then in zip(_seconds(), began, strict=True)
         ]
         same = {"case": name, "command": case.command, "seconds": spent[0], "cpu_s": spent[1]}
-        tally.add(_without_places({**same, **row}, options.scratch) for row in found)
+        found = [{**same, **row} for row in (*bench.learnt(), *found)]
+        tally.add(_without_places(row, options.scratch) for row in found)
 
 
 def _without_places(row: dict, scratch: Path) -> dict:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from commands import CASES, PAGE
 from tally import Row, Tally, num_kills, upper_limit
@@ -15,6 +15,7 @@ from heatrun.run_folder import environment
 SIGNALS = ("SIGKILL", "SIGINT", "SIGTERM", "SIGHUP", "cancelled")
 PHASES = ("reading", "fitting", "sampling", "writing", "operation", "idle")
 ORDER = (*dict.fromkeys(case.command for case in (*CASES, *PAGE)), "view")
+MOST_LEAVES = 8
 MOST_SHOWN = 3
 """Examples of a kind of fault."""
 
@@ -47,6 +48,7 @@ def write_table(tally: Tally, path: Path) -> int:
         ),
         *_kills([row for row in rows if row["kind"] == "kill"]),
         *_summary(rows),
+        *_learnt(rows),
         *_limits(rows),
         *_faults(rows),
     ]  # fmt: skip
@@ -100,6 +102,28 @@ def _summary(rows: Sequence[Row]) -> list[str]:
         "which is for the system to clear; not a fault here.",
         "",
     ]
+
+
+def _learnt(rows: Sequence[Row]) -> list[str]:
+    """Return which files two undisturbed commands wrote with other bytes, and in what."""
+    learnt = [row for row in rows if row["kind"] == "learnt"]
+    same = {(row["case"], name) for row in learnt for name in row["same"]}
+    varying: dict[str, set[str]] = {}
+    for row in learnt:
+        for name, leaves in row["varying"].items():
+            varying.setdefault(PurePath(name).name, set()).update(leaves or ["bytes alone"])
+            same.discard((row["case"], name))
+    lines = [
+        f"- Results are compared with those of two undisturbed commands: {len(same)} files byte by "
+        "byte. "
+        + ("The others differed between these two, and are compared in all but this:"
+           if varying else "There are no others.")
+    ]  # fmt: skip
+    for name, leaves in sorted(varying.items()):
+        shown = ", ".join(f"`{leaf}`" for leaf in sorted(leaves)[:MOST_LEAVES])
+        more = f" and {len(leaves) - MOST_LEAVES} more" if len(leaves) > MOST_LEAVES else ""
+        lines.append(f"    - {name}: {shown}{more}")
+    return [*lines, ""]
 
 
 def _limits(rows: Sequence[Row]) -> list[str]:

@@ -149,8 +149,8 @@ def test_the_upper_limit_of_none_in_a_thousand_is_three():
 def test_a_command_that_is_killed_goes_on_and_so_does_the_campaign(tmp_path):
     results = tmp_path / "results"
     words = [sys.executable, str(CAMPAIGN), "--only", "check", "--parts", "kills"]
-    words += ["--workers", "1",
-             "--minutes", "5", "--results", str(results), "--scratch", str(tmp_path / "scratch")]  # fmt: skip
+    words += ["--workers", "1", "--minutes", "5", "--results", str(results)]
+    words += ["--scratch", str(tmp_path / "scratch")]
     before = ""
     for kills in (2, 6):
         done = subprocess.run(
@@ -161,6 +161,7 @@ def test_a_command_that_is_killed_goes_on_and_so_does_the_campaign(tmp_path):
         assert lines.startswith(before)
         before = lines
     rows = [json.loads(line) for line in before.splitlines()]
+    assert [row["same"] for row in rows if row["kind"] == "learnt"] == [[]]  # check writes none
     assert sum(row["kind"] == "kill" for row in rows) >= 6
     assert all(row["faults"] == [] for row in rows)
     assert "| check | SIG" in (results / "table.md").read_text()

@@ -10,7 +10,7 @@ import os
 import warnings
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -186,11 +186,13 @@ class Expected:
         digests: SHA-256 of the files that came out the same to the last byte, by name.
         leaves: Contents that came out the same of files that did not, by name of the file.
         before: Names that lay at the place before the command.
+        varying: Contents that did not come out the same, by name of the file.
     """
 
     digests: dict[str, str]
     leaves: dict[str, dict[str, Any]]
     before: frozenset[str] = frozenset()
+    varying: dict[str, list[str]] = field(default_factory=dict)
 
     @classmethod
     def learn(cls, first: Path, second: Path, before: frozenset[str]) -> Expected:
@@ -198,14 +200,15 @@ class Expected:
         ours, theirs = files_of(first), files_of(second)
         if ours.keys() != theirs.keys():
             raise ValueError(f"{sorted(ours)} and {sorted(theirs)} came of the same command")
-        digests, leaves = {}, {}
+        digests, leaves, varying = {}, {}, {}
         for name, path in ours.items():
             if path.read_bytes() == theirs[name].read_bytes():
                 digests[name] = hashlib.sha256(path.read_bytes()).hexdigest()
             else:
                 one, other = _leaves(path), _leaves(theirs[name])
                 leaves[name] = {k: v for k, v in one.items() if k in other and other[k] == v}
-        return cls(digests, leaves, before)
+                varying[name] = sorted({*one, *other} - leaves[name].keys())
+        return cls(digests, leaves, before, varying)
 
     @property
     def names(self) -> set[str]:
