@@ -68,7 +68,7 @@ CASES = (
     _fit("calibrate", 60, variant="emcee"),
     _fit("compare", 50, "--quick", variant="quick"),
     _fit("discover", 75, "--quick", "--model", "first", variant="quick"),
-    Case("demo", ("demo", "--quick", "--out", OUT), 20, phases=FITTED),
+    Case("demo", ("demo", "--quick", "--out", OUT), 12, phases=FITTED),
     Case("simulate", ("simulate", "motor.toml", RUN, DUTY, "--out", OUT), 110),
     _report("general", 70, "motor.toml", DUTY),
     _report("thermal", 50, "motor.toml", DUTY, "--run", RUN),
