@@ -16,6 +16,7 @@ from .commands import COMMANDS
 from .commands.exit_codes import DONE, INTERRUPTED, NOT_ALLOWED, WRONG_USE
 from .commands.interrupt import SENTENCE, ends_at_once
 from .errors import InputError, UsageError, of_file
+from .memory_limit import prepare_for_limit
 from .moment import check_stated_moment
 from .runtime import one_thread_for_small_matrices
 
@@ -50,6 +51,7 @@ def _call(options: argparse.Namespace) -> int:
         sys.stdout.reconfigure(encoding=encoding, errors="backslashreplace")
     try:
         check_stated_moment()
+        prepare_for_limit(options.command)
         with damaged_are_replaced(say):
             code = int(options.run_command(options))
         sys.stdout.flush()
