@@ -12,6 +12,7 @@ from typing import Any, Literal, cast
 from .bench.claims import did_you_mean, parse_claims
 from .errors import InputError
 from .motor import Motor, ParameterOverride
+from .opening import open_binary
 
 COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
 """B of R(T) = R (B + T)/(B + Tref): copper by IEEE 112 and NEMA MG 1 (IEC 60034-1 uses 235 for
@@ -109,7 +110,10 @@ def load_motor(path: str | Path) -> Motor:
 
 def _bytes(path: str | Path) -> bytes:
     try:
-        return Path(path).read_bytes()
+        with open_binary(path) as file:
+            return file.read()
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(

@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from ..opening import open_binary
 from .measurement import Measurement
 
 MDF = (b"MDF     ", b"UnFinMF ")
@@ -31,14 +32,14 @@ def opened(
     """
     where = str(path)
     try:
-        with Path(path).open("rb") as stream:
+        with open_binary(path) as stream:
             start = stream.read(8)
     except (OSError, ValueError):
         start = b""
     if not start.startswith((*MDF, *TDMS)):
         yield None
         return
-    with Path(path).open("rb") as stream:
+    with open_binary(path) as stream:
         if start.startswith(MDF):  # each reader loads a large library, so late
             from .mdf import open_mdf
 

@@ -9,6 +9,7 @@ import zlib
 from pathlib import Path
 
 from ..errors import InputError
+from ..opening import open_binary
 
 LARGEST_BYTES = 2**30
 """Largest file, and largest content of a compressed one: 15 million lines of 70 characters. Read
@@ -33,7 +34,7 @@ def read_file(path: str | Path) -> bytes:
     """
     where = str(path)
     try:
-        with Path(path).open("rb") as file:
+        with open_binary(path) as file:
             before = os.fstat(file.fileno())
             if stat.S_ISCHR(before.st_mode) or stat.S_ISBLK(before.st_mode):
                 raise InputError("Expected a file, got a device.", where=where)
@@ -79,7 +80,7 @@ def digest(path: str | Path) -> str:
         OSError: If it cannot be opened.
         ValueError: If no file can have this name.
     """
-    with Path(path).open("rb") as file:
+    with open_binary(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
