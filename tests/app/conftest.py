@@ -135,6 +135,11 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., Served]]:
 
 
 @pytest.fixture(scope="session")
+def served_class() -> type[Served]:
+    return Served
+
+
+@pytest.fixture(scope="session")
 def wire():
     """The client that sends what it likes: `ask`, `upgrade`, `Tab`."""
     file = Path(__file__).with_name("wire.py")

@@ -110,13 +110,13 @@ class TokenExchange(Guarded):
 class PageHandler(Guarded, DocHandler):
     """The page."""
 
-    MAX_SESSIONS = 100
-    """Tabs at a time, those included that were closed less than half a minute ago."""
+    MAX_SESSIONS = 60
+    """Tabs at a time, those that were just closed included."""
 
     async def get(self) -> None:
         """Send the page, whose own scripts alone may run."""
         if len(self.application_context._sessions) >= self.MAX_SESSIONS:
-            self.set_header("Retry-After", "30")
+            self.set_header("Retry-After", "20")
             raise HTTPError(503, reason="Too many tabs are open; close some and try again soon")
         # A script in the page must bear this mark. 'unsafe-eval' is for BokehJS, which makes
         # functions of the texts of CustomJS; inline styles are how Bokeh places everything.

@@ -60,8 +60,8 @@ class ViewApplication(BokehTornado):
             # what is kept of a request stands in the page: no cookies
             include_headers=["User-Agent"],
             include_cookies=[],
-            check_unused_sessions_milliseconds=10_000,
-            unused_session_lifetime_milliseconds=30_000,
+            check_unused_sessions_milliseconds=5_000,
+            unused_session_lifetime_milliseconds=15_000,
             websocket_max_message_size_bytes=MAX_MESSAGE_BYTES,
             websocket_ping_interval=PING_S,
             websocket_ping_timeout=PING_S,
@@ -73,6 +73,9 @@ class ViewApplication(BokehTornado):
         if refusal is not None:
             arguments = {"status": refusal.status, "words": refusal.words}
             return self.get_handler_delegate(request, Refused, arguments)
+        if request.host.startswith("["):
+            # Panel takes the host apart at its colons; the page knows its address by itself
+            request.host = f"localhost:{self._gate.port}"
         handler, arguments, found = self._answer(request)
         return self.get_handler_delegate(request, handler, arguments, found)
 
