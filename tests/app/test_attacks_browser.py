@@ -1,4 +1,4 @@
-"""Pages of strangers in the same browser: they reach nothing of a running server, and it lives on."""
+"""Pages of strangers in the same browser reach nothing of a running server, and it lives on."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ STATIC = (
     (
         re.compile(
             r"/static/extensions/panel/"
-            r"(panel\.min\.js|css/[a-z_]+\.css|bundled/(?:filedropper|reactiveesm|theme|"
+            r"(panel\.min\.js|assets/[a-z]+_spinner\.svg|css/[a-z_]+\.css|bundled/(?:filedropper|reactiveesm|theme|"
             r"vanillatemplate)/[\w@^.%/-]+\.(?:js|css))"
         ),
         "panel",
