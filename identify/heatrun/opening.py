@@ -1,4 +1,4 @@
-"""How bench files and motor files are opened: by their path, or as a server allows."""
+"""Who opens bench files and motor files: the readers by their path, or a server as it allows."""
 
 from __future__ import annotations
 
@@ -13,15 +13,9 @@ Opener = Callable[[Path], BufferedReader]
 _opener: ContextVar[Opener | None] = ContextVar("opener", default=None)
 
 
-def open_binary(path: str | Path) -> BufferedReader:
-    """Open a file for reading; every reader opens its file by this function.
-
-    Raises:
-        OSError: If it cannot be opened.
-        ValueError: If no file can have this name, or it may not be opened here.
-    """
-    opener = _opener.get()
-    return Path(path).open("rb") if opener is None else opener(Path(path))
+def opener_of_this_thread() -> Opener | None:
+    """Return what opens files here; None where a path is opened as it is."""
+    return _opener.get()
 
 
 @contextmanager

@@ -7,7 +7,34 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..errors import InputError
 from .record import Finding
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a file leaves open about a column; a column that is used must have none.
+
+    Attributes:
+        problem: What the values may be, with figures for each reading.
+        answers: Right-hand sides of `[columns]` of which each settles it.
+        remedy: What to do where `[columns]` cannot settle it.
+    """
+
+    problem: str
+    answers: tuple[str, ...] = ()
+    remedy: str = ""
+
+    def asked(self, channel: str, where: str) -> InputError:
+        """Return the question as the error that ends the reading.
+
+        Args:
+            channel: What the column is to become.
+            where: File and column.
+        """
+        lines = " or ".join(f'{channel} = "{answer}"' for answer in self.answers)
+        remedy = f"Say which in the motor file: [columns] {lines}." if lines else self.remedy
+        return InputError(self.problem, where=where, remedy=remedy)
 
 
 @dataclass(frozen=True)
@@ -20,6 +47,7 @@ class Column:
         unit: Unit text that the file gives, or None.
         values: Float64, shape (time,), in that unit; NaN where the file has no number.
         note: How values that were no plain numbers were read (clock times, dates), or empty.
+        question: What must be answered before the column is used, or None.
     """
 
     name: str
@@ -27,6 +55,7 @@ class Column:
     unit: str | None
     values: np.ndarray
     note: str = ""
+    question: Question | None = None
 
 
 @dataclass(frozen=True)
@@ -40,6 +69,8 @@ class Table:
         notes: Preamble lines and what the reader did, in order.
         findings: What the reader could not use, with line numbers.
         reader: Format and what was sniffed: "CSV, ';', decimal comma, UTF-8".
+        sample_numbers: Which sample each row is, from 0, shape (time,), where lines without a
+            sample stand between the rows; None where every line is a row.
     """
 
     columns: tuple[Column, ...]
@@ -48,6 +79,7 @@ class Table:
     notes: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     reader: str = ""
+    sample_numbers: np.ndarray | None = None
 
     @property
     def num_rows(self) -> int:

@@ -13,8 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..errors import InputError
-from .clock import is_time
+from .clock import CLOCK_CELL
+from .dates import DATE_TIME_CELL
 from .header import unit_of_cell
+from .text_decimal import GROUPED, NUMBER, is_unsettled
+from .time_format import parse_time_format
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 """In the order of preference where two explain the lines alike; the blank means runs of blanks."""
@@ -29,17 +32,7 @@ MISSING = frozenset(
 STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 """Switches, in lower case, as fans and relays are logged; they say nothing about the layout."""
 
-NUMBER = {
-    "." : r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?",
-    "," : r"[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]+)?",
-}  # fmt: skip
-"""What a number looks like, by decimal sign."""
-
-GROUPED_CELL = {
-    ".": re.compile(r"[+-]?[0-9]{1,3}(?:,[0-9]{3})+(?:\.[0-9]+)?"),
-    ",": re.compile(r"[+-]?[0-9]{1,3}(?:\.[0-9]{3})+(?:,[0-9]+)?"),
-}
-"""Numbers with separators of thousands: never read as values, but they show the layout."""
+GROUPED_CELL = {sign: re.compile(pattern) for sign, pattern in GROUPED.items()}
 
 GROUPED_WEIGHT = 0.9
 """Below 1, so that 1,234 in a file of such cells is a decimal comma before it is a thousand."""
@@ -62,6 +55,8 @@ class Layout:
         units: Unit text by column, None where the file has no row of units.
         preamble: Lines above the header.
         first_line: Index of the first line of data, counted from 0.
+        is_unsettled: Every number with the decimal sign may be a whole one with a separator of
+            thousands.
     """
 
     delimiter: str
@@ -71,6 +66,7 @@ class Layout:
     units: tuple[str | None, ...] | None
     preamble: tuple[str, ...]
     first_line: int
+    is_unsettled: bool = False
 
     @property
     def description(self) -> str:
@@ -98,12 +94,13 @@ def split_line(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def find_layout(text: str, where: str) -> Layout:
+def find_layout(text: str, where: str, stated_decimal: str | None = None) -> Layout:
     r"""Return the layout of a text table.
 
     Args:
         text: The whole text, with `\n` line ends.
         where: The file, for messages.
+        stated_decimal: Decimal sign that the motor file states, or None.
 
     Raises:
         InputError: If there is no table of numbers, only one column, no header or no data.
@@ -113,8 +110,14 @@ def find_layout(text: str, where: str) -> Layout:
         lines.pop()
     if not lines:
         raise InputError("Expected a table, got an empty file.", where=where, remedy=_COPY_AGAIN)
-    delimiter, decimal, width = _best_split(lines, where)
-    if delimiter != "," and decimal == "." and not re.search(r"[0-9]\.[0-9]", text):
+    signs = (".", ",") if stated_decimal is None else (stated_decimal,)
+    delimiter, decimal, width = _best_split(lines, signs, where)
+    if (
+        stated_decimal is None
+        and delimiter != ","
+        and decimal == "."
+        and not re.search(r"[0-9]\.[0-9]", text)
+    ):
         # Only whole numbers so far: the sign may show itself far below the sample.
         decimal = "," if re.search(r"[0-9],[0-9]", text) else "."
 
@@ -142,12 +145,18 @@ def find_layout(text: str, where: str) -> Layout:
         width,
         _names(lines[header], rows[header], delimiter, width, where),
         units,
-        tuple(text for line in lines[:header] if (text := line.strip(' \t",;|'))),
+        tuple(said for line in lines[:header] if (said := line.strip(' \t",;|'))),
         first,
+        stated_decimal is None and is_unsettled(text, first, delimiter, decimal),
     )
 
 
 _COPY_AGAIN = "Copy the file again from the bench; it may have been cut."
+
+
+def is_time(cell: str) -> bool:
+    """Return whether a cell is a clock time or a date with a time."""
+    return bool(CLOCK_CELL.fullmatch(cell) or DATE_TIME_CELL.fullmatch(cell))
 
 
 def is_number(cell: str, decimal: str) -> bool:
@@ -167,7 +176,7 @@ def _num_values(cells: Sequence[str], decimal: str) -> int:
     return sum(is_number(cell, decimal) or is_time(cell) for cell in cells)
 
 
-def _best_split(lines: Sequence[str], where: str) -> tuple[str, str, int]:
+def _best_split(lines: Sequence[str], signs: Sequence[str], where: str) -> tuple[str, str, int]:
     """Return delimiter, decimal sign and width under which most cells are numbers."""
     step = max(1, len(lines) // SCORED_LINES)
     sample = lines[::step] if step > 1 else lines
@@ -175,7 +184,7 @@ def _best_split(lines: Sequence[str], where: str) -> tuple[str, str, int]:
     single = False
     for delimiter in DELIMITERS:
         rows = [split_line(line, delimiter) for line in sample]
-        for decimal in (".", ","):
+        for decimal in signs:
             score_of: defaultdict[int, float] = defaultdict(float)
             for row in rows:
                 filled = _filled(row)
@@ -243,7 +252,7 @@ def _header_above(
         cells = [cell for cell, is_numeric in zip(row, numeric, strict=False) if is_numeric]
         if len(_filled(row)) < 2 or _num_values(_filled(cells), decimal):
             continue
-        if all(unit_of_cell(cell) for cell in _filled(row)):
+        if all(_unit_of_cell(cell) for cell in _filled(row)):
             units_only = index if units_only is None else units_only
             continue
         return index
@@ -254,12 +263,17 @@ def _is_between(row: Sequence[str], decimal: str) -> bool:
     """Return whether a row below the header is one of units, a rule or empty."""
     filled = _filled(row)
     return not _num_values(filled, decimal) and all(
-        unit_of_cell(cell) or set(cell) <= set("-=_") for cell in filled
+        _unit_of_cell(cell) or set(cell) <= set("-=_") for cell in filled
     )
 
 
+def _unit_of_cell(cell: str) -> str | None:
+    """Return the unit text of a cell in a row of units, also a format of times."""
+    return unit_of_cell(cell) or (cell if parse_time_format(cell) else None)
+
+
 def _units(row: Sequence[str], width: int) -> tuple[str | None, ...] | None:
-    units = tuple(unit_of_cell(cell) for cell in row)
+    units = tuple(_unit_of_cell(cell) for cell in row)
     if not any(units):
         return None
     return (units + (None,) * width)[:width]
