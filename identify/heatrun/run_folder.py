@@ -13,7 +13,7 @@ import math
 import os
 import platform
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -181,14 +181,18 @@ def dump(content: Any) -> str:
     return json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False)
 
 
-def load_result(path: Path) -> dict[str, Any]:
+def load_result(path: Path, read: Callable[[Path], bytes] = Path.read_bytes) -> dict[str, Any]:
     """Return `fit.json` of a run folder.
+
+    Args:
+        path: The run folder.
+        read: Reads a file.
 
     Raises:
         InputError: If the folder is no run, or the file is damaged or was changed.
     """
     try:
-        result = json.loads(read_listed(path, "fit.json"))
+        result = json.loads(read_listed(path, "fit.json", read))
     except (ValueError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
@@ -204,12 +208,13 @@ def load_result(path: Path) -> dict[str, Any]:
     return result
 
 
-def read_listed(run: Path, name: str) -> bytes:
+def read_listed(run: Path, name: str, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes:
     """Return a file of a run, which is what the manifest says.
 
     Args:
         run: The run folder.
         name: Name of the file in it.
+        read: Reads a file.
 
     Raises:
         InputError: If the folder is no run, or the file is missing, damaged or was changed.
@@ -220,8 +225,8 @@ def read_listed(run: Path, name: str) -> bytes:
             remedy="Pass the folder that `heatrun calibrate --out` wrote.",
         )
     try:
-        listed = json.loads((run / MANIFEST).read_bytes())["files"][name]
-        content = (run / name).read_bytes()
+        listed = json.loads(read(run / MANIFEST))["files"][name]
+        content = read(run / name)
     except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise InputError(
             f"{name} or the {MANIFEST} that lists it cannot be read "

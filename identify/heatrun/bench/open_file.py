@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import InputError
+from ..opening import opener_of_this_thread
 
 LARGEST_BYTES = 2**30
 """Largest file, and largest content of a compressed one: 15 million lines of 70 characters. Read
@@ -64,6 +65,9 @@ def open_input(path: str | Path, largest: int | None = None) -> Iterator[BinaryI
 
 def _opened(path: str | Path, largest: int, held: contextlib.ExitStack) -> BinaryIO:
     where = str(path)
+    opener = opener_of_this_thread()
+    if opener is not None:
+        return held.enter_context(opener(Path(path)))
     refuse_special(os.stat(path), where)  # opening alone makes some devices act
     file = held.enter_context(open(os.open(path, OPEN_FLAGS), "rb"))  # noqa: SIM115
     found = os.fstat(file.fileno())
