@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from .header import split_name
 from .open_file import LARGEST_NUMBERS
-from .table import Column, Table
+from .table import Column, Stated, Table
 
 NANOSECONDS = 1e-9
 
@@ -51,7 +51,8 @@ def read_parquet(data: bytes, where: str) -> Table:
             label, unit = split_name(name)
             stored = (field.metadata or {}).get(b"unit", b"").decode()
             unit = "s" if note else unit or stored or None
-            columns.append(Column(name, label, unit, values, note))
+            beside = (Stated(stored, "the field's metadata"),) if stored else ()
+            columns.append(Column(name, label, unit, values, note, beside))
         columns += _range_index(table.schema, table.num_rows)
     except Exception as error:  # a damaged file raises nearly anything in there
         raise InputError(
