@@ -73,7 +73,8 @@ def unit_of(
     if is_canonical and channel.unit != "1":
         own: tuple[Stated, ...] = (Stated(channel.unit, "the name"),)
     else:
-        own = (Stated(named.unit, "the name"),) if _is_statement(named, quantity) else ()
+        is_own = named is not None and _is_statement(named, quantity)
+        own = (Stated(named.unit, "the name"),) if named and is_own else ()
     said = (*own, *stated)
     for one in said[1:]:
         if find_unit(one.text, quantity) != find_unit(said[0].text, quantity):
@@ -149,7 +150,8 @@ def _conflict(
     return InputError(
         f"{first.source[:1].upper()}{first.source[1:]} says {first.text}, {source} {second.text}.",
         where=where,
-        remedy=f"Decide in the motor file: {line_of(channel, column, first.text)}.",
+        remedy=f"Decide in the motor file: {line_of(channel, column, first.text)} or "
+        f"{line_of(channel, column, second.text)}.",
     )
 
 

@@ -63,6 +63,7 @@ LEAD = re.compile(
 MARK = re.compile(r"\s*,?\s+in\s+|\s*[/:|=,]\s*|\s+-\s+|[\s_]+|(?=[°%])")
 STATISTIC_TAIL = re.compile(rf"[\s_,;.(\-]+(?:{'|'.join(sorted(STATISTICS))})\)?$", re.I)
 COMPOUND = re.compile(r"[/°%^⁻]|-1")
+COMMENT = re.compile(r"^(?:#+|%+(?=\s))\s*")
 EDGES = " _-:|,/=."
 
 
@@ -121,7 +122,7 @@ def _heading(name: str) -> Heading:
     label, units = _bracketed(text)
     if not units:
         label, units = _marked(label)
-    label = " ".join(label.lstrip("#").split())
+    label = COMMENT.sub("", " ".join(label.split()))
     return Heading(label, units) if label.strip(EDGES) else Heading(text, ())
 
 

@@ -10,7 +10,8 @@ import pandas as pd
 
 from ..errors import InputError
 from .header import split_name
-from .table import Column, Table
+from .remarks import units_of_remarks
+from .table import Column, Stated, Table
 from .text_encoding import decode
 from .text_layout import MISSING, Layout, find_layout
 from .text_lines import data_lines, ragged_lines
@@ -50,6 +51,7 @@ def read_text(data: bytes, where: str) -> Table:
     texts: dict[str, str] = {}
     notes = [f"Preamble: {line}" for line in layout.preamble]
     findings = ragged_lines(body, layout, where)
+    remarks = units_of_remarks(layout.preamble, layout.names)
     for index in range(layout.width):
         name = layout.names[index] if index < len(layout.names) else ""
         values = read_values(frame.iloc[:, index], layout.decimal)
@@ -69,12 +71,17 @@ def read_text(data: bytes, where: str) -> Table:
                 remedy="Give each column one name, in the order of the data.",
             )
         name = name or f"column {index + 1}"
-        label, unit = split_name(name)
-        if unit is None and layout.units is not None:
-            unit = layout.units[index]
-        columns.append(
-            Column(name, label, "s" if values.is_time else unit, values.numbers, values.note)
+        label, unit = split_name(name, f"{where}, column {index + 1}")
+        cells = [cell for row in layout.units if (cell := row[index])]
+        beside = (
+            *(Stated(cell, "the row of units") for cell in cells),
+            *(remarks[index] if index < len(remarks) else ()),
         )
+        own = [one.text for one in beside if one.scope == "column"]
+        unit = unit or (own[0] if own else None)
+        if values.is_time:
+            unit = "s"
+        columns.append(Column(name, label, unit, values.numbers, values.note, beside))
         finding = unreadable_cells(values, name, body.numbers, where)
         findings += [finding] if finding else []
     if not columns or not any(np.isfinite(column.values).any() for column in columns):
