@@ -57,7 +57,7 @@ def unit_of(
         is_canonical: The label is the channel's own name, which ends in its unit.
 
     Returns:
-        The text, None if nobody says; it may still be refused by `require_unit`.
+        The text, None if nobody says.
 
     Raises:
         InputError: If a statement is no unit of the channel's quantity, two of them contradict
@@ -86,6 +86,7 @@ def unit_of(
     if named is not None:
         if named.doubt:
             raise _doubt(f"{named.doubt}.", (named.unit,), channel, column, where)
+        require_unit(named.unit, quantity, where=where, remedy=_say(channel, column))
         return named.unit, "name"
     return _by_general(column, channel, where)
 

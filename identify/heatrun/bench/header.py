@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from ..errors import InputError
-from .name_words import EFFECTIVE, PEAKS, STATISTICS, is_name
+from .name_words import EFFECTIVE, MEANS, PEAKS, STATISTICS, is_name
 from .units import LONGEST_UNIT, find_unit, is_unit, looks_like_unit
 
 LONGEST_NAME = 1000
@@ -60,7 +60,8 @@ CLOCK_FORMAT = re.compile(
 LEAD = re.compile(
     r"(?:in\s+|(?:in\s+)?(?:units?|einheit(?:en)?|unità|unités?)\s*[:=]?\s*)(?=\S)", re.I
 )
-MARK = re.compile(r"\s*,?\s+in\s+|\s*[/:|=,]\s*|\s+-\s+|[\s_]+|(?=[°%])")
+MARK = re.compile(r"\s*,?\s+in\s+|\s*[/:|=,]\s*|\s+-\s+|[\s_.\-]+|(?=[°%])")
+COUNT = re.compile(r"(?:^|[\s_x×*])(?:[0-9]{2,}|10\^?[0-9³]+)$")
 STATISTIC_TAIL = re.compile(rf"[\s_,;.(\-]+(?:{'|'.join(sorted(STATISTICS))})\)?$", re.I)
 COMPOUND = re.compile(r"[/°%^⁻]|-1")
 COMMENT = re.compile(r"^(?:#+|%+(?=\s))\s*")
@@ -216,7 +217,12 @@ def _without_statistics(text: str) -> str | None:
     if len(text) > 2 * LONGEST_UNIT:
         return None
     words = [word for word in re.split(r"[\s,;]+", text) if word]
+    without_mean = " ".join(word for word in words if word.casefold() not in MEANS)
+    if is_unit(without_mean):
+        return without_mean
     kept = [word for word in words if word.casefold() not in STATISTICS]
+    if not kept and len(units := [word for word in words if is_unit(word)]) == 1 < len(words):
+        return units[0]  # "min" and "MW" are both
     unit = " ".join(kept)
     dropped = {word.casefold() for word in words} & (PEAKS | EFFECTIVE)
     # of a current, these decide on a factor
@@ -237,6 +243,9 @@ def _marked(text: str) -> tuple[str, tuple[str, ...]]:
             # a unit has at most LONGEST_UNIT characters, and a mark some more
             for mark in MARK.finditer(part, max(0, len(part) - 2 * LONGEST_UNIT)):
                 label, unit = part[: mark.start()], part[mark.end() :]
+                is_joint = not mark.group().strip(" _.-")
+                if is_joint and COUNT.search(label, max(0, len(label) - 8)):
+                    continue  # "1000 1/min"
                 if label.strip(EDGES) and _is_behind(mark.group(), unit, is_known=is_known):
                     return label.rstrip(EDGES) + text[len(part) :], (unit,)
     return text, ()
@@ -247,8 +256,8 @@ def _is_behind(mark: str, text: str, *, is_known: bool) -> bool:
     if not _has_letter(text) or len(text) > LONGEST_UNIT:
         return False
     sign = mark.strip()
-    if not sign.strip("_"):
-        is_sure = bool(COMPOUND.search(text)) and " " not in text
+    if not sign.strip("_.-") and mark != " - ":
+        is_sure = bool(COMPOUND.search(text)) and (is_known or " " not in text)
         return is_clock_format(text) or (is_sure and _is_it(text, is_known=is_known))
     if is_known:
         is_single = sign not in ("/", ",") and not sign.endswith("in") and len(text) == 1

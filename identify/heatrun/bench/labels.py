@@ -91,11 +91,8 @@ def named_unit(label: str, quantity: str) -> NamedUnit | None:
             found = _at_end(text, start, stop, quantity)
             if found is not None:
                 return NamedUnit(*found[:2], behind, *found[2:])
-    for start, stop in parts:
-        word = text[start:stop]
-        if find_unit(word, quantity) and is_sure(word):
-            stem = text[stop:].lstrip(" _-.:|=,;") if start == 0 else text
-            return NamedUnit(word, stem, is_sure=True, doubt=_after_number(text, start, word))
+    if inside := _inside(text, parts, quantity):
+        return inside
     for rest, behind in rests:
         for start, stop in _tails(text, rest):
             word = text[start:stop]
@@ -104,6 +101,25 @@ def named_unit(label: str, quantity: str) -> NamedUnit | None:
                     return None
                 return NamedUnit(word, text, behind, is_sure=True)
     return None
+
+
+def _inside(text: str, parts: list[tuple[int, int]], quantity: str) -> NamedUnit | None:
+    """Return the unit at the beginning or in the middle of a label."""
+    doubtful = None
+    for first, (start, _) in enumerate(parts):
+        for _, stop in reversed(parts[first : first + NUM_PARTS]):
+            word = text[start:stop]
+            unit = find_unit(word, quantity)
+            if unit is None:
+                continue
+            stem = text[stop:].lstrip(" _-.:|=,;") if start == 0 else text
+            if is_sure(word):
+                return NamedUnit(word, stem, is_sure=True, doubt=_after_number(text, start, word))
+            changes = (unit.factor, unit.offset) != (1.0, 0.0)
+            if changes and doubtful is None and (start == 0 or len(word) > 1):
+                doubt = f"{word} may be a unit or part of the name"
+                doubtful = NamedUnit(word, text, doubt=doubt)
+    return doubtful
 
 
 @lru_cache(maxsize=4096)

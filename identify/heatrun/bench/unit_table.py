@@ -25,22 +25,24 @@ class Unit:
 
 
 ROOT_2 = math.sqrt(2.0)
-RMS_WORDS = ("rms", "r.m.s.", "eff")
+RMS_WORDS = ("rms", "eff")
 PEAK_WORDS = ("peak", "pk", "ampl", "amplitude")
 DIRECT_WORDS = ("dc",)
 
 
 def _kinds(symbols: Iterable[str], words: Iterable[str]) -> tuple[str, ...]:
-    """Return symbols with a word of the kind behind them, in all ways to join the two."""
+    """Return the first symbol, and the others, with a word of the kind behind it."""
+    first, *others = symbols
     joined = ("{0}_{1}", "{0}-{1}", "{0}.{1}", "{0}{1}", "{0}({1})", "{0},{1}")
-    return tuple(
-        form.format(symbol, word) for symbol in symbols for word in words for form in joined
+    return (
+        *(form.format(first, word) for word in words for form in joined),
+        *(f"{other} {word}" for word in words for other in others),
     )
 
 
 AMPERE = ("A", "amp", "amps", "ampere", "amperes", "ampère", "ampères")
-MILLIAMPERE = ("mA", "milliamp", "milliamps", "milliampere", "milliamperes", "Milliampere")
-KILOAMPERE = ("kA", "kiloamp", "kiloamps", "kiloampere", "kiloamperes", "Kiloampere")
+MILLIAMPERE = ("mA", "milliamp", "milliamps", "milliampere", "milliamperes")
+KILOAMPERE = ("kA", "kiloamp", "kiloamps", "kiloampere", "kiloamperes")
 
 METRE_WORDS = ("metre", "metres", "meter", "meters")
 
@@ -52,18 +54,15 @@ def _newton(prefix: str, length: str = "") -> tuple[str, ...]:
     return tuple(f"{prefix}newton{sign}{word}" for word in words for sign in signs)
 
 
-def _per(first: Iterable[str], last: Iterable[str], signs: Iterable[str]) -> tuple[str, ...]:
-    """Return every way to write one unit per another, such as "revs/min" and "rev per minute"."""
-    return tuple(f"{one}{sign}{other}" for one in first for sign in signs for other in last)
+def _per(first: Iterable[str], last: Iterable[str]) -> tuple[str, ...]:
+    """Return one unit per another, such as "revs/min"."""
+    return tuple(f"{one}/{other}" for one in first for other in last)
 
 
-REVOLUTION = ("rev", "revs", "revolution", "revolutions", "turns", "rotations", "Umdrehungen",
-              "Umdr.", "Umdr", "giri", "tours", "tr", "U", "r", "vueltas")  # fmt: skip
-MINUTE = ("min", "minute", "Minute", "minuto", "mn")
-SECOND = ("s", "sec", "second", "Sekunde", "secondo", "seconde")
-HOUR = ("h", "hr", "hour", "Stunde", "ora", "heure")
-PER = ("/", " per ", "_per_", " pro ", " al ", " par ", "_pro_")
-LITRE = ("L", "l", "litre", "litres", "liter", "liters", "litri", "Ltr", "ltr")
+LITRE = ("L", "l", "litre", "litres", "liter", "liters", "Ltr")
+
+REVOLUTION = ("rev", "revs", "revolutions", "turns", "Umdrehungen", "Umdr.", "giri", "tours", "tr",
+              "U", "r")  # fmt: skip
 
 QUANTITIES: dict[str, tuple[Unit, ...]] = {
     "time": (
@@ -127,15 +126,22 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         Unit("MW", ("megawatt", "megawatts"), 1e6),
     ),
     "speed": (
-        Unit("rpm", ("1/min", "min-1", "min^-1", "min^(-1)", "min⁻¹", "/min", "r.p.m.",
-                     "UpM", "1 / min", "giri al minuto", "1/minute",
-                     *_per(REVOLUTION, MINUTE, PER))),
+        Unit("rpm", ("1/min", "min-1", "min^-1", "min^(-1)", "min⁻¹", "/min", "r.p.m.", "r.p.m",
+                     "UpM", "1/minute",
+                     "rev per min", "rev per minute", "revs per minute", "revolutions per minute",
+                     "revolutions per min", "turns per minute", "Umdrehungen pro Minute",
+                     "giri al minuto", "tours par minute", "tr/mn", "rev_per_min",
+                     *_per(REVOLUTION, ("min", "minute")))),
         Unit("krpm", ("k rpm", "1000 rpm", "1000/min", "1000 1/min", "10^3 rpm", "10³ rpm",
                       "x1000 rpm", "rpm x1000", "x 1000 min-1", "kilo rpm", "1000 min-1"), 1e3),
-        Unit("rad/s", ("rad s-1", "rad s^-1", "rads-1", "rad.s-1", "rad.s^-1",
-                       *_per(("rad", "radian", "radians", "Radiant"), SECOND, PER)),
+        Unit("rad/s", ("rad s-1", "rad s^-1", "rad.s-1", "rad.s^-1", "rad/sec", "radians/s",
+                       "rad per s", "rad per second", "radians per second",
+                       "Radiant pro Sekunde", "rad_per_s"),
              30.0 / math.pi),
-        Unit("rev/s", ("rps", "r.p.s.", *_per(REVOLUTION, SECOND, PER)), 60.0),
+        Unit("rev/s", ("rps", "r.p.s.", "r.p.s", "rev per s", "rev per second",
+                       "revolutions per second",
+                       "Umdrehungen pro Sekunde", "tours par seconde", "rev_per_s",
+                       *_per(REVOLUTION, ("s", "sec"))), 60.0),
         Unit("deg/s", ("°/s", "deg/sec", "degrees per second", "Grad/s"), 1.0 / 6.0),
     ),
     "torque": (
@@ -148,27 +154,33 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         # NIST SP 811 (2008), appendix B.8: foot, inch and ounce pound-force, kilogram-force
         Unit("lbf·ft", ("lb-ft", "lbf ft", "lb ft", "ft-lb", "ft lbf", "lb.ft", "ft.lb", "lbf-ft",
                         "ft-lbf", "ft-lbs", "foot-pounds", "pound-feet"), 1.3558179483314004),
-        Unit("lbf·in", ("lb-in", "lbf in", "in-lb", "in lbf", "in-lbs"), 0.1129848290276167),
+        Unit("lbf·in", ("lb-in", "lbf in", "in-lb", "in-lbs"), 0.1129848290276167),
         Unit("ozf·in", ("oz-in", "ozf in", "in-oz"), 0.00706155181422604),
         Unit("kgf·m", ("kgf m", "kp m", "kpm", "kgf-m"), 9.80665),
     ),
     "flow": (
-        Unit("L/min", ("lpm", "l min-1", "L min^-1", *_per(LITRE, MINUTE, PER))),
-        Unit("L/s", ("l s-1", *_per(LITRE, SECOND, PER)), 60.0),
-        Unit("L/h", ("l h-1", *_per(LITRE, HOUR, PER)), 1.0 / 60.0),
-        Unit("mL/min", ("cm3/min", "ccm/min", "cc/min", *_per(("mL", "millilitres",
-                        "milliliters"), MINUTE, PER)), 1e-3),
+        Unit("L/min", ("lpm", "l min-1", "L min^-1", "L per min", "L_per_min", "litres per minute",
+                       "liters per minute", "Liter pro Minute", "litri al minuto",
+                       "litres par minute", "L per minute", *_per(LITRE, ("min", "minute")))),
+        Unit("L/s", ("l s-1", "litres per second", "liters per second",
+                     *_per(LITRE, ("s", "sec"))), 60.0),
+        Unit("L/h", ("l h-1", "litres per hour", "liters per hour", "Liter pro Stunde",
+                     *_per(LITRE, ("h", "hr", "hour"))), 1.0 / 60.0),
+        Unit("mL/min", ("cm3/min", "ccm/min", "cc/min", "millilitres per minute",
+                        "milliliters per minute"), 1e-3),
         Unit("m3/h", ("m^3/h", "cbm/h", "m3/hr", "m3 h-1"), 1000.0 / 60.0),
         Unit("m3/s", ("m^3/s", "m3 s-1"), 60000.0),
     ),
     "velocity": (
-        Unit("km/h", ("kmh", "kph", "km/hr", "km h-1",
-                      *_per(("km", "kilometres", "kilometers", "chilometri"), HOUR, PER))),
-        Unit("m/s", ("m s-1", "mps", *_per(("m", *METRE_WORDS), SECOND, PER)), 3.6),
+        Unit("km/h", ("kmh", "kph", "km/hr", "km h-1", "km per h", "km_per_h", "km/hour",
+                      "km per hour", "kilometres per hour", "kilometers per hour",
+                      "Kilometer pro Stunde")),
+        Unit("m/s", ("m s-1", "mps", "m/sec", "m per s", "metres per second",
+                     "meters per second"), 3.6),
         Unit("mph", ("mi/h", "miles/h", "miles per hour"), 1.609344),
     ),
     "fraction": (
-        Unit("1", ("-", "on/off", "0/1", "bool", "p.u.", "pu")),
+        Unit("1", ("-", "on/off", "0/1", "bool", "p.u.", "p.u", "pu")),
         Unit("%", ("percent", "pct", "per cent", "Prozent", "percento", "pour cent"), 1e-2),
     ),
 }  # fmt: skip

@@ -24,6 +24,9 @@ from .unit_table import EXACT_ONLY, QUANTITIES, REFUSED, Unit
 LONGEST_UNIT = 40
 """Characters; a longer text is none."""
 
+LONGEST_SYMBOL = 4
+"""Characters of a symbol in which case may matter; longer spellings are words."""
+
 MISSPELLING = 0.75
 """Likeness from which a word is a misspelled unit: "Celcius" is, "outlet" is not."""
 
@@ -77,8 +80,9 @@ def _refused(quantity: str) -> dict[str, str]:
 def find_unit(spelling: str, quantity: str) -> Unit | None:
     """Return the unit of a quantity that a spelling stands for, or None.
 
-    Case is only ignored where it decides nothing: mW and MW stay apart, and a prefix M is never
-    read as m, whose unit it exceeds by nine orders.
+    Case is only ignored where it decides nothing: mW and MW stay apart, a prefix M is never read
+    as m, whose unit it exceeds by nine orders, and short symbols are of one case but for their
+    first letter ("KW", "Rpm", not "nM").
 
     Args:
         spelling: Unit as the file writes it, such as `"°C"`.
@@ -91,8 +95,12 @@ def find_unit(spelling: str, quantity: str) -> Unit | None:
     unit = exact.get(key) or folded.get(key.casefold())
     if unit is None or key in exact:
         return unit
-    is_milli = unit.symbol[:1] == "m" and unit.symbol[1:2].isupper()
-    return None if is_milli and key[:1] == "M" and len(key) <= len(unit.symbol) + 1 else unit
+    if len(key) <= LONGEST_SYMBOL:
+        meant = next(known for known in exact if known.casefold() == key.casefold())
+        is_other_case = key in (key.lower(), key.upper()) or key[1:] == meant[1:]
+        is_mega = key[:1] == "M" and meant[:1] == "m" and meant[1:2].isupper()
+        return unit if is_other_case and not is_mega else None
+    return unit
 
 
 def quantities_of(spelling: str) -> tuple[str, ...]:
@@ -129,7 +137,7 @@ def looks_like_unit(text: str) -> bool:
     key = _key(text)
     if is_unit(text) or key in FOREIGN or MADE_UP.fullmatch(key):
         return True
-    is_word = len(key) >= SHORTEST_MISSPELLING and not any(sign.isdigit() for sign in key)
+    is_word = len(key) >= SHORTEST_MISSPELLING and key.strip("°.").isalpha()
     return is_word and closest_unit(text, likeness=MISSPELLING) is not None
 
 
