@@ -214,7 +214,7 @@ def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:
             continue
         (column,) = matches
         where = f"{mapping.where}, column '{column.name}' as {channel.name}"
-        unit, unit_from = unit_of(column, channel, where, is_canonical=True)
+        unit, unit_from = unit_of(column, channel, where)
         mapping.add(channel, column, unit, "canonical name", unit_from)
 
 

@@ -12,9 +12,9 @@ import json
 
 from ..errors import InputError
 from .header import read_heading
-from .labels import NamedUnit, named_unit
+from .labels import named_unit
 from .record import UnitSource
-from .schema import Channel
+from .schema import CHANNEL, Channel
 from .table import Column, Stated
 from .units import find_unit, quantities_of, require_unit
 
@@ -45,16 +45,13 @@ def statements(column: Column) -> tuple[Stated, ...]:
     return (*marked, *beside, Stated(column.unit, "the file"))
 
 
-def unit_of(
-    column: Column, channel: Channel, where: str, *, is_canonical: bool = False
-) -> tuple[str | None, UnitSource]:
+def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, UnitSource]:
     """Return the unit text of a column that becomes a channel, and how it is known.
 
     Args:
         column: The column.
         channel: What it becomes.
         where: File and column, for the message.
-        is_canonical: The label is the channel's own name, which ends in its unit.
 
     Returns:
         The text, None if nobody says.
@@ -67,22 +64,18 @@ def unit_of(
         return "s", "stated"
     quantity = channel.quantity
     stated = statements(column)
-    named = None if is_canonical else named_unit(column.label, quantity)
     for one in stated:
         require_unit(one.text, quantity, where=where, remedy=_say(channel, column))
-    if is_canonical and channel.unit != "1":
-        own: tuple[Stated, ...] = (Stated(channel.unit, "the name"),)
-    else:
-        is_own = named is not None and _is_statement(named, quantity)
-        own = (Stated(named.unit, "the name"),) if named and is_own else ()
-    said = (*own, *stated)
+    binding = _binding(column, quantity)
+    said = (*binding, *stated)
     for one in said[1:]:
         if find_unit(one.text, quantity) != find_unit(said[0].text, quantity):
             raise _conflict(said[0], one, channel, column, where)
     if stated:
         return stated[0].text, "stated"
-    if is_canonical:
-        return channel.unit, "name"
+    if binding:
+        return binding[0].text, "name"
+    named = named_unit(column.label, quantity)
     if named is not None:
         if named.doubt:
             raise _doubt(f"{named.doubt}.", (named.unit,), channel, column, where)
@@ -91,9 +84,18 @@ def unit_of(
     return _by_general(column, channel, where)
 
 
-def _is_statement(named: NamedUnit | None, quantity: str) -> bool:
-    """Return whether a unit in the name binds as much as one that is marked."""
-    return bool(named and named.is_sure and not named.doubt and find_unit(named.unit, quantity))
+def _binding(column: Column, quantity: str) -> tuple[Stated, ...]:
+    """Return the unit in the name that binds as much as one that is marked.
+
+    It does if it can be nothing else than a unit, or if the name is that of a channel.
+    """
+    canonical = CHANNEL.get(column.label)
+    if canonical is not None and canonical.unit != "1" and find_unit(canonical.unit, quantity):
+        return (Stated(canonical.unit, "the name"),)
+    named = named_unit(column.label, quantity)
+    if named is None or not named.is_sure or named.doubt or not find_unit(named.unit, quantity):
+        return ()
+    return (Stated(named.unit, "the name"),)
 
 
 def _by_general(column: Column, channel: Channel, where: str) -> tuple[str | None, UnitSource]:
@@ -131,10 +133,8 @@ def overridden(column: Column, channel: Channel, decided: str) -> Stated | None:
         decided: Unit text in `[columns]`.
     """
     quantity = channel.quantity
-    named = named_unit(column.label, quantity)
-    sure = (Stated(named.unit, "the name"),) if named and _is_statement(named, quantity) else ()
     unit = find_unit(decided, quantity)
-    for one in (*statements(column), *sure):
+    for one in (*statements(column), *_binding(column, quantity)):
         if find_unit(one.text, quantity) != unit:
             return one
     return None
