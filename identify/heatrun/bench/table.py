@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from .record import Finding
+from .record import Finding, UnitSource
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,7 @@ class Column:
         beside: Units that the file gives outside of the name.
         heading: What stands over the column where `name` is made of more than that, or empty.
         is_clock: The reader made seconds of what the file holds, whatever unit it gives.
+        unit_from: How the reader knew that unit, for a clock alone.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Column:
     beside: tuple[Stated, ...] = ()
     heading: str = ""
     is_clock: bool = False
+    unit_from: UnitSource = "stated"
 
     @property
     def is_seconds(self) -> bool:
