@@ -13,7 +13,7 @@ import numpy as np
 
 from .header import split_name
 from .record import Finding
-from .table import Column, Table
+from .table import Column, Stated, Table
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,12 @@ class Header:
         for name, stored in self.channels.items():
             label, unit = split_name(stored.name)
             samples = (values or {}).get(name, blank[name in zeros])
-            columns.append(Column(name, label, unit or stored.unit, samples))
+            beside = (Stated(stored.unit, "the unit beside it"),) if stored.unit else ()
+            columns.append(
+                Column(
+                    name, label, unit or stored.unit, samples, beside=beside, heading=stored.name
+                )
+            )
         return Table(tuple(columns), self.texts)
 
 
@@ -144,4 +149,4 @@ def header_of(measurement: Measurement, columns: Mapping[str, str]) -> Header:
             texts[name] = stored.text
         else:
             channels[name] = stored
-    return Header(channels, texts, Column(time, time, "s", np.ones(1), note))
+    return Header(channels, texts, Column(time, time, "s", np.ones(1), note, is_clock=True))

@@ -15,13 +15,14 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..errors import InputError
+from .column_unit import unit_of
 from .foreign import BrokenFileError, damaged, reading
 from .header import split_name
-from .labels import columns_of, suffix_unit
+from .labels import columns_of
 from .maps import COLUMN_MAPS
 from .measurement import Measurement, Series, StoredChannel
 from .schema import CHANNEL
-from .table import Column
+from .table import Column, Stated
 from .tdms_scales import scaling_refusal
 from .tdms_segments import check_segments
 from .units import require_unit, to_canonical
@@ -232,6 +233,14 @@ def _clock_times(clock: Clock, origin: np.datetime64 | None, where: str) -> np.n
         return (dates - origin) / MICROSECOND * 1e-6
     quantity = CHANNEL["time_s"]
     label, said = split_name(channel.name)
-    unit = said or channel.properties.get("unit_string") or suffix_unit(label, quantity) or "s"
-    known = require_unit(str(unit), quantity.quantity, where=f"{where}, times '{channel.name}'")
+    stored = channel.properties.get("unit_string")
+    beside = (Stated(stored.strip(), "the unit beside it"),) if _is_text(stored) else ()
+    column = Column(channel.name, label, said, np.empty(0), beside=beside)
+    at = f"{where}, times '{channel.name}'"
+    unit, _ = unit_of(column, quantity, at)
+    known = require_unit(unit or quantity.unit, quantity.quantity, where=at)
     return to_canonical(_numbers(channel), known)
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) and bool(value.strip())
