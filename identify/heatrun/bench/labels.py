@@ -122,6 +122,21 @@ def _inside(text: str, parts: list[tuple[int, int]], quantity: str) -> NamedUnit
     return doubtful
 
 
+def without_sure_unit(label: str) -> str:
+    """Return a label without a unit at its end that can be nothing else, for any quantity.
+
+    Args:
+        label: As `named_unit`.
+    """
+    text = plain(label)
+    parts = [found.span() for found in PARTS.finditer(text)][-4 * NUM_PARTS :]
+    for rest, _ in _rests(text, parts):
+        for start, _ in rest[-NUM_PARTS:]:
+            if start and is_sure(text[start : rest[-1][1]]):
+                return text[:start].rstrip(" _-.:|=,;")
+    return text
+
+
 @lru_cache(maxsize=4096)
 def is_sure(text: str) -> bool:
     """Return whether a text can be nothing else than a unit, wherever it stands in a name."""

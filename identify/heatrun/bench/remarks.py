@@ -18,12 +18,13 @@ import re
 from collections.abc import Iterator, Sequence
 
 from .header import plain, split_name, unit_of_cell
-from .labels import named_unit
+from .labels import without_sure_unit
 from .name_words import is_name
 from .table import Stated
 from .unit_rows import COMMENT
-from .unit_table import QUANTITIES
 from .units import is_unit
+
+Index = dict[str, list[int]]
 
 UNIT_WORDS = r"(?:units?|einheit(?:en)?|unità|unités?|unidad(?:es)?)"
 UNIT_LIST = re.compile(rf"(?:column\s+)?{UNIT_WORDS}\s*[:=;,\t| ]\s*(?P<rest>\S.*)", re.IGNORECASE)
@@ -69,7 +70,7 @@ def units_of_remarks(lines: Sequence[str], names: Sequence[str]) -> tuple[tuple[
         For each column what is said about it, in the order of the lines.
     """
     found: list[list[Stated]] = [[] for _ in names]
-    labels: list[set[str]] = []
+    known: tuple[Index, Index] | None = None
     for line in lines:
         text = COMMENT.sub("", plain(line), count=1).strip(' "')
         if not 3 <= len(text) <= LONGEST_LINE or NUMBER.fullmatch(PIECE.split(text)[-1].strip()):
@@ -79,10 +80,10 @@ def units_of_remarks(lines: Sequence[str], names: Sequence[str]) -> tuple[tuple[
         if listed and _add_list(found, listed["rest"], source):
             continue
         pairs = list(_pairs(listed["rest"] if listed else text))
-        if pairs and not labels:
-            labels = [_labels_of(name) for name in names]
+        if pairs and known is None:
+            known = _index(names)
         for label, unit in pairs:
-            _add_pair(found, label, unit, labels, source)
+            _add_pair(found, label, unit, known or ({}, {}), source)
     return tuple(tuple(said) for said in found)
 
 
@@ -98,10 +99,18 @@ def is_remark(line: str, above: Sequence[str]) -> bool:
     return bool(labels) and all(label in names for label in labels)
 
 
-def _labels_of(name: str) -> set[str]:
-    label = split_name(name)[0]
-    stems = {named.stem for quantity in QUANTITIES if (named := named_unit(label, quantity))}
-    return {text for text in (plain(name), label, *stems) if text}
+def _index(names: Sequence[str]) -> tuple[Index, Index]:
+    """Return the columns by what they may be called, as written and in lower case."""
+    exact: Index = {}
+    folded: Index = {}
+    for column, name in enumerate(names):
+        label = split_name(name)[0]
+        texts = {plain(name), label, without_sure_unit(label)} - {""}
+        for text in texts:
+            exact.setdefault(text, []).append(column)
+        for text in {text.casefold() for text in texts}:
+            folded.setdefault(text, []).append(column)
+    return exact, folded
 
 
 def _add_list(found: list[list[Stated]], text: str, source: str) -> bool:
@@ -134,9 +143,9 @@ def _pairs(text: str) -> Iterator[tuple[str, str]]:
 
 
 def _add_pair(
-    found: list[list[Stated]], label: str, unit: str, labels: Sequence[set[str]], source: str
+    found: list[list[Stated]], label: str, unit: str, known: tuple[Index, Index], source: str
 ) -> None:
-    columns = _columns(label, labels)
+    columns = _columns(label, known, len(found))
     for column in columns:
         found[column].append(Stated(unit, source))
     if columns or not is_unit(unit):
@@ -168,18 +177,19 @@ def _pair(text: str) -> tuple[str, str] | None:
     return None
 
 
-def _columns(label: str, labels: Sequence[set[str]]) -> list[int]:
+def _columns(label: str, known: tuple[Index, Index], size: int) -> list[int]:
     """Return the columns that a line names, by name or by number."""
     subject = OF.sub("", ABOUT_UNIT.sub("", label).strip(" :"))
     counted = COUNTED.match(subject)
     texts = (label, subject, subject[counted.end() :] if counted else "")
-    for fold in (str, str.casefold):  # t and T may both be columns
-        for text in texts:
-            wanted = fold(text.strip(" '\""))
-            columns = [i for i, known in enumerate(labels) if wanted in map(fold, known)]
-            if wanted and columns:
-                return columns
-    if counted and counted.end() == len(subject) and 0 < int(counted["number"]) <= len(labels):
+    exact, folded = known
+    for text in texts:
+        if columns := exact.get(text.strip(" '\"")):
+            return columns
+    for text in texts:  # only then, for t and T may both be columns
+        if columns := folded.get(text.strip(" '\"").casefold()):
+            return columns
+    if counted and counted.end() == len(subject) and 0 < int(counted["number"]) <= size:
         return [int(counted["number"]) - 1]
     return []
 
