@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -17,11 +16,13 @@ from lptn import Trace, growth_rate
 
 from .bench import Record, read_record, require
 from .bench.blocks import Blocks
+from .bench.open_file import read_start
 from .bench.reduction import reduce
 from .errors import InputError
 from .model import ALL_NAMES, NETWORK, Model, Order, parameters
 from .motor import Motor
 from .run_folder import load_result
+from .toml_text import LARGEST_BYTES, parse_toml
 from .whole_files import writable, write_whole
 
 LARGEST = 1e30
@@ -211,13 +212,7 @@ def parameters_from(source: Path, order: Order) -> dict[str, float]:
                 where=str(source),
                 remedy="Calibrate again.",
             ) from error
-    try:
-        content = tomllib.loads(source.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(
-            f"expected a run folder or a TOML file of parameters: {error}.", where=str(source),
-            remedy="Write lines such as Ceq_w = 666.75.",
-        ) from error  # fmt: skip
+    content = parse_toml(read_start(source, LARGEST_BYTES), str(source), "file of parameters")
     content = content.get("parameters", content)
     if not isinstance(content, dict):
         raise InputError(

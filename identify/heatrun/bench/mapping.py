@@ -60,9 +60,12 @@ class Assignment:
             unit_from: How the unit is known.
 
         Raises:
-            InputError: If the unit is not one of the channel's quantity.
+            InputError: If the unit is not one of the channel's quantity, or the file leaves
+                open how the column is to be read.
         """
         where = f"{self.where}, column '{column.name}' as {channel.name}"
+        if column.question is not None:
+            raise column.question.asked(channel.name, where)
         remedy = f"Say it in the motor file: {line_of(channel, column)}."
         known = require_unit(unit or channel.unit, channel.quantity, where=where, remedy=remedy)
         values = to_canonical(column.values, known)

@@ -8,7 +8,34 @@ from typing import Literal
 
 import numpy as np
 
+from ..errors import InputError
 from .record import Finding, UnitSource
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a file leaves open about a column; a column that is used must have none.
+
+    Attributes:
+        problem: What the values may be, with figures for each reading.
+        answers: Right-hand sides of `[columns]` of which each settles it.
+        remedy: What to do where `[columns]` cannot settle it.
+    """
+
+    problem: str
+    answers: tuple[str, ...] = ()
+    remedy: str = ""
+
+    def asked(self, channel: str, where: str) -> InputError:
+        """Return the question as the error that ends the reading.
+
+        Args:
+            channel: What the column is to become.
+            where: File and column.
+        """
+        lines = " or ".join(f'{channel} = "{answer}"' for answer in self.answers)
+        remedy = f"Say which in the motor file: [columns] {lines}." if lines else self.remedy
+        return InputError(self.problem, where=where, remedy=remedy)
 
 
 @dataclass(frozen=True)
@@ -41,6 +68,7 @@ class Column:
         heading: What stands over the column where `name` is made of more than that, or empty.
         is_clock: The reader made seconds of what the file holds, whatever unit it gives.
         unit_from: How the reader knew that unit, for a clock alone.
+        question: What must be answered before the column is used, or None.
     """
 
     name: str
@@ -52,6 +80,7 @@ class Column:
     heading: str = ""
     is_clock: bool = False
     unit_from: UnitSource = "stated"
+    question: Question | None = None
 
     @property
     def is_seconds(self) -> bool:
@@ -70,6 +99,8 @@ class Table:
         notes: Preamble lines and what the reader did, in order.
         findings: What the reader could not use, with line numbers.
         reader: Format and what was sniffed: "CSV, ';', decimal comma, UTF-8".
+        sample_numbers: Which sample each row is, from 0, shape (time,), where lines without a
+            sample stand between the rows; None where every line is a row.
     """
 
     columns: tuple[Column, ...]
@@ -78,6 +109,7 @@ class Table:
     notes: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     reader: str = ""
+    sample_numbers: np.ndarray | None = None
 
     @property
     def num_rows(self) -> int:

@@ -14,8 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..errors import InputError
-from .clock import is_time
+from .clock import CLOCK_CELL
+from .dates import DATE_TIME_CELL
 from .remarks import is_remark
+from .text_decimal import GROUPED, NUMBER, is_unsettled
 from .unit_rows import is_comment, uncommented, units_of_row
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
@@ -31,17 +33,7 @@ MISSING = frozenset(
 STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 """Switches, in lower case, as fans and relays are logged; they say nothing about the layout."""
 
-NUMBER = {
-    "." : r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?",
-    "," : r"[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]+)?",
-}  # fmt: skip
-"""What a number looks like, by decimal sign."""
-
-GROUPED_CELL = {
-    ".": re.compile(r"[+-]?[0-9]{1,3}(?:,[0-9]{3})+(?:\.[0-9]+)?"),
-    ",": re.compile(r"[+-]?[0-9]{1,3}(?:\.[0-9]{3})+(?:,[0-9]+)?"),
-}
-"""Numbers with separators of thousands: never read as values, but they show the layout."""
+GROUPED_CELL = {sign: re.compile(pattern) for sign, pattern in GROUPED.items()}
 
 GROUPED_WEIGHT = 0.9
 """Below 1, so that 1,234 in a file of such cells is a decimal comma before it is a thousand."""
@@ -64,6 +56,8 @@ class Layout:
         units: Rows of units, each with the unit text by column, None where a cell is empty.
         preamble: Lines above the header, and comments below it.
         first_line: Index of the first line of data, counted from 0.
+        is_unsettled: Every number with the decimal sign may be a whole one with a separator of
+            thousands.
     """
 
     delimiter: str
@@ -73,6 +67,7 @@ class Layout:
     units: tuple[tuple[str | None, ...], ...]
     preamble: tuple[str, ...]
     first_line: int
+    is_unsettled: bool = False
 
     @property
     def description(self) -> str:
@@ -100,12 +95,13 @@ def split_line(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def find_layout(text: str, where: str) -> Layout:
+def find_layout(text: str, where: str, stated_decimal: str | None = None) -> Layout:
     r"""Return the layout of a text table.
 
     Args:
         text: The whole text, with `\n` line ends.
         where: The file, for messages.
+        stated_decimal: Decimal sign that the motor file states, or None.
 
     Raises:
         InputError: If there is no table of numbers, only one column, no header or no data.
@@ -115,8 +111,14 @@ def find_layout(text: str, where: str) -> Layout:
         lines.pop()
     if not lines:
         raise InputError("Expected a table, got an empty file.", where=where, remedy=_COPY_AGAIN)
-    delimiter, decimal, width = _best_split(lines, where)
-    if delimiter != "," and decimal == "." and not re.search(r"[0-9]\.[0-9]", text):
+    signs = (".", ",") if stated_decimal is None else (stated_decimal,)
+    delimiter, decimal, width = _best_split(lines, signs, where)
+    if (
+        stated_decimal is None
+        and delimiter != ","
+        and decimal == "."
+        and not re.search(r"[0-9]\.[0-9]", text)
+    ):
         # Only whole numbers so far: the sign may show itself far below the sample.
         decimal = "," if re.search(r"[0-9],[0-9]", text) else "."
 
@@ -150,12 +152,18 @@ def find_layout(text: str, where: str) -> Layout:
         width,
         _names(lines[header], rows[header], delimiter, width, where),
         tuple(_in_columns(row, width) for row in units),
-        tuple(text for line in above if (text := line.strip(' \t",;|'))),
+        tuple(said for line in above if (said := line.strip(' \t",;|'))),
         first,
+        stated_decimal is None and is_unsettled(text, first, delimiter, decimal),
     )
 
 
 _COPY_AGAIN = "Copy the file again from the bench; it may have been cut."
+
+
+def is_time(cell: str) -> bool:
+    """Return whether a cell is a clock time or a date with a time."""
+    return bool(CLOCK_CELL.fullmatch(cell) or DATE_TIME_CELL.fullmatch(cell))
 
 
 def is_number(cell: str, decimal: str) -> bool:
@@ -175,7 +183,7 @@ def _num_values(cells: Sequence[str], decimal: str) -> int:
     return sum(is_number(cell, decimal) or is_time(cell) for cell in cells)
 
 
-def _best_split(lines: Sequence[str], where: str) -> tuple[str, str, int]:
+def _best_split(lines: Sequence[str], signs: Sequence[str], where: str) -> tuple[str, str, int]:
     """Return delimiter, decimal sign and width under which most cells are numbers."""
     step = max(1, len(lines) // SCORED_LINES)
     sample = lines[::step] if step > 1 else lines
@@ -183,7 +191,7 @@ def _best_split(lines: Sequence[str], where: str) -> tuple[str, str, int]:
     single = False
     for delimiter in DELIMITERS:
         rows = [split_line(line, delimiter) for line in sample]
-        for decimal in (".", ","):
+        for decimal in signs:
             score_of: defaultdict[int, float] = defaultdict(float)
             for row in rows:
                 filled = _filled(row)
