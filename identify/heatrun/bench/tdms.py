@@ -99,7 +99,8 @@ def open_tdms(
         )
     used = [clock.channel.name for clock in clocks.values() if clock.channel is not None]
     plain = [clock for clock in clocks.values() if clock.channel is not None and not clock.origin]
-    known_from = {_clock_unit(clock, where)[1] for clock in plain}
+    known_from = [_clock_unit(clock, where)[1] for clock in plain]
+    least: list[UnitSource] = [one for one in LEAST_KNOWN if one in known_from]
     try:
         yield Measurement(
             channels=channels,
@@ -108,7 +109,7 @@ def open_tdms(
             start="" if origin is None else f"{origin} UTC",
             time_names=tuple(dict.fromkeys(used)),
             findings=findings,
-            time_unit_from=next((one for one in LEAST_KNOWN if one in known_from), "stated"),
+            time_unit_from=least[0] if least else "stated",
         )
     finally:
         with reading(WHAT, where):
