@@ -145,20 +145,18 @@ def test_what_netcdf_stores_where_nothing_was_written(tmp_path):
     assert np.flatnonzero(np.isnan(read_record(path, MOTOR)["losses_W"])).tolist() == [9]
 
 
-@pytest.mark.parametrize(
-    ("name", "unit"), [("P_loss_kW", "W"), ("P_loss [kW]", "W"), ("P_loss (kW)", "W")]
-)
-def test_a_name_against_the_unit_beside_it_is_a_question(tmp_path, name, unit):
+@pytest.mark.parametrize("name", ["torque_mNm", "torque [mNm]", "torque (mNm)"])
+def test_a_name_against_the_unit_beside_it_is_a_question(tmp_path, name):
     for write in (hdf5, parquet):  # classic netCDF has no such names
-        path = write(tmp_path / "test.nc", VARIABLES | {name: (np.full(N, 2.0), {"units": unit})})
-        columns = {"winding_degC": "T_winding"}
-        with pytest.raises(InputError, match="says kW, the file says W") as caught:
-            read_record(path, Motor("M", columns=columns | {"losses_W": name}))
-        for chosen, watts in (("kW", 2000.0), ("W", 2.0)):
+        path = write(tmp_path / "test.nc", VARIABLES | {name: (np.full(N, 2.0), {"units": "Nm"})})
+        with pytest.raises(InputError, match=r"name says mNm, .*file.* Nm\.") as caught:
+            read_record(path, MOTOR)
+        for chosen, torque in (("mNm", 2e-3), ("Nm", 2.0)):
             answer = f"{name} [{chosen}]"
-            assert f'losses_W = "{answer}"' in caught.value.remedy
-            record = read_record(path, Motor("M", columns=columns | {"losses_W": answer}))
-            assert record["losses_W"].tolist() == [watts] * N
+            assert f'torque_Nm = "{answer}"' in caught.value.remedy
+            columns = {"winding_degC": "T_winding", "torque_Nm": answer}
+            record = read_record(path, Motor("M", columns=columns))
+            assert record["torque_Nm"].tolist() == [torque] * N
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,8 @@ class Hints:
             label: The name without its unit.
         """
         for claim in self.claims:
+            if claim.base == name:
+                return claim.bracket
             if claim.text != name and claim.unit is not None and claim.label in (name, label):
                 return claim.unit
         return None

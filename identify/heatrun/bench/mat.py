@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from .hints import NO_HINTS, Hints
 from .mat5 import DamagedFileError, read_variables
 from .open_file import LARGEST_NUMBERS
 from .record import Finding
@@ -24,13 +23,12 @@ DIMENSION_ALONE = "This is a netCDF dimension but not a netCDF variable"
 REMEDY = "Save the signals as numeric vectors of one length: save('test.mat', 't', 'Is', …)."
 
 
-def read_mat(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
+def read_mat(data: bytes, where: str) -> Table:
     """Read a MAT file of versions 5 to 7.
 
     Args:
         data: The bytes of the file.
         where: The file, for messages.
-        hints: What the motor file says about reading.
 
     Returns:
         Numeric vectors of one common length as columns, scalars as constants. What is neither
@@ -53,16 +51,15 @@ def read_mat(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
         name: Stored(value) if isinstance(value, np.ndarray) else value
         for name, value in variables.items()
     }
-    return table_of(plain, "MAT 5", where, hints)
+    return table_of(plain, "MAT 5", where)
 
 
-def read_hdf5(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
+def read_hdf5(data: bytes, where: str) -> Table:
     """Read a MAT file of version 7.3, or another HDF5 file with vectors at its top level.
 
     Args:
         data: As `read_mat`.
         where: As `read_mat`.
-        hints: As `read_mat`.
 
     Returns:
         As `read_mat`; units, scaling and marks of missing values that stand as attributes beside
@@ -81,7 +78,7 @@ def read_hdf5(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
             variables = {name: _value(file, name) for name in names}
     except Exception as error:  # a damaged file raises nearly anything in there
         raise _damaged(where, f"{type(error).__name__}: {error}") from error
-    return table_of(variables, "MAT 7.3 (HDF5)", where, hints)
+    return table_of(variables, "MAT 7.3 (HDF5)", where)
 
 
 def _own(file: Any, name: str) -> Any:
@@ -133,14 +130,13 @@ def _text(value: Any) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-def table_of(variables: Mapping[str, Stored | str], reader: str, where: str, hints: Hints) -> Table:
+def table_of(variables: Mapping[str, Stored | str], reader: str, where: str) -> Table:
     """Return the vectors of one common length as columns, and scalars as constants.
 
     Args:
         variables: Name to numbers, or to what the variable is instead.
         reader: Format, for the record.
         where: The file, for messages.
-        hints: What the motor file says about reading.
 
     Raises:
         InputError: If there is no numeric vector.
@@ -160,13 +156,13 @@ def table_of(variables: Mapping[str, Stored | str], reader: str, where: str, hin
     columns, constants, left_out = [], {}, []
     for name, value in variables.items():
         if isinstance(value, Stored) and name in vectors and vectors[name].size == length:
-            columns.append(value.column(name, vectors[name], hints))
+            columns.append(value.column(name, vectors[name]))
         elif isinstance(value, Stored) and value.values.size == 1:
             number = float(value.values.ravel()[0])
             if value.is_plain:
                 constants[name] = number
             else:  # a constant has no unit of its own
-                columns.append(value.column(name, np.full(length, number), hints))
+                columns.append(value.column(name, np.full(length, number)))
         else:
             left_out.append(f"{name} ({_kind(value)})")
     findings = _left_out(left_out, length, where)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from .foreign import BrokenFileError, reading
-from .hints import NO_HINTS, Hints
 from .mat import table_of
 from .open_file import LARGEST_NUMBERS
 from .stored import Stored, as_stated, wanted
@@ -18,13 +17,12 @@ from .table import Table
 WHAT = "a classic netCDF file"
 
 
-def read_netcdf3(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
+def read_netcdf3(data: bytes, where: str) -> Table:
     """Read a classic netCDF file.
 
     Args:
         data: The bytes of the file.
         where: The file, for messages.
-        hints: What the motor file says about reading.
 
     Returns:
         As `heatrun.bench.mat.read_hdf5`.
@@ -40,7 +38,7 @@ def read_netcdf3(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
         if size > LARGEST_NUMBERS:
             raise BrokenFileError(f"{size} numbers, more than the {LARGEST_NUMBERS} that are read")
         variables = {name: _value(item) for name, item in file.variables.items()}
-    return table_of(variables, "netCDF 3", where, hints)
+    return table_of(variables, "netCDF 3", where)
 
 
 def _value(item: Any) -> Stored | str:

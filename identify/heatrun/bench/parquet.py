@@ -10,7 +10,6 @@ import numpy as np
 
 from ..errors import InputError
 from .header import split_name
-from .hints import NO_HINTS, Hints
 from .open_file import LARGEST_NUMBERS
 from .stored import as_stated, wanted
 from .table import Column, Table
@@ -18,13 +17,12 @@ from .table import Column, Table
 NANOSECONDS = 1e-9
 
 
-def read_parquet(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
+def read_parquet(data: bytes, where: str) -> Table:
     """Read a Parquet table.
 
     Args:
         data: The bytes of the file.
         where: The file, for messages.
-        hints: What the motor file says about reading.
 
     Returns:
         Numbers and truth values as columns, timestamps in seconds from the first one, durations
@@ -56,7 +54,7 @@ def read_parquet(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
                 columns.append(Column(name, split_name(name)[0], "s", values, note))
                 continue
             stored = as_stated(values, _attributes(field, by_column.get(field.name)))
-            columns.append(stored.column(name, stored.values, hints))
+            columns.append(stored.column(name, stored.values))
         columns += _range_index(table.schema, table.num_rows)
     except Exception as error:  # a damaged file raises nearly anything in there
         raise InputError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -164,12 +165,12 @@ def read_record(
 def _read_bytes(data: bytes, where: str, hints: Hints) -> Table:
     if data.startswith(GZIP):
         data = unzip(data, where)
-        table = _reader(data, where)(data, where, hints)
+        table = _reader(data, where, hints)(data, where)
         return replace(table, reader=f"{table.reader}, gzip")
-    return _reader(data, where)(data, where, hints)
+    return _reader(data, where, hints)(data, where)
 
 
-def _reader(data: bytes, where: str) -> Callable[[bytes, str, Hints], Table]:
+def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Table]:
     """Return the reader for a content; imported here since each loads a large library."""
     for start, kind in OTHER_FORMATS.items():
         if data.startswith(start):
@@ -196,7 +197,7 @@ def _reader(data: bytes, where: str) -> Callable[[bytes, str, Hints], Table]:
         return read_parquet
     from .text import read_text
 
-    return read_text
+    return partial(read_text, hints=hints)
 
 
 def _time(

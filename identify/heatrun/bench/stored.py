@@ -14,9 +14,7 @@ from typing import Any
 import numpy as np
 
 from .header import split_name
-from .hints import Hints
-from .table import Column, Question
-from .units import find_unit, quantities_of
+from .table import Column, Question, Stated
 
 UNIT_KEYS = ("units", "unit", "unit_string", "ni_unitdescription", "unit_description")
 MISSING_KEYS = ("_fillvalue", "missing_value")
@@ -87,19 +85,18 @@ class Stored:
         """Return whether the file states nothing beside the numbers."""
         return self.unit is None and not self.note and self.question is None
 
-    def column(self, name: str, values: np.ndarray, hints: Hints) -> Column:
-        """Return the variable as a column; a unit in its name must agree with the stated one.
+    def column(self, name: str, values: np.ndarray) -> Column:
+        """Return the variable as a column, with the unit that stands beside it.
 
         Args:
             name: Name of the variable.
             values: Its values, shape (time,).
-            hints: What the motor file says; where it states the unit, there is no question.
         """
         label, by_name = split_name(name)
-        question = self.question
-        if question is None and self.unit is not None and hints.unit_of(name, label) is None:
-            question = _contradiction(name, label, by_name, self.unit)
-        return Column(name, label, self.unit or by_name, values, self.note, question)
+        beside = () if self.unit is None else (Stated(self.unit, "the file beside it"),)
+        return Column(
+            name, label, self.unit or by_name, values, self.note, beside, question=self.question
+        )
 
 
 @dataclass
@@ -144,6 +141,7 @@ def as_stated(raw: np.ndarray, attributes: Mapping[str, Any]) -> Stored:
         factor = SECONDS_OF.get(since["unit"].casefold())
         if factor is None:
             found.problems.append(f"times in '{unit}', which have no fixed length")
+            unit = None
         else:
             found.values = found.values * factor
             found.notes.append(unit)
@@ -224,26 +222,6 @@ def _unit(found: _Reading, said: Mapping[str, Any]) -> str | None:
     if len(set(units)) > 1:
         found.problems.append(f"two units, {' and '.join(units)}")
     return units[0] if units else None
-
-
-def _contradiction(name: str, label: str, by_name: str | None, unit: str) -> Question | None:
-    """Return the question about a name that states another unit than stands beside it."""
-    places = [index for index, sign in enumerate(label) if sign == "_" and index]
-    named = [by_name] if by_name else [label[index + 1 :] for index in places]
-    for text in named:
-        if by_name and not quantities_of(text):
-            agree = text == unit
-        else:
-            shared = [q for q in quantities_of(unit) if find_unit(text, q) is not None]
-            if not shared and not by_name:
-                continue
-            agree = any(find_unit(text, q) == find_unit(unit, q) for q in shared)
-        if not agree:
-            return Question(
-                f"The name '{name}' says {text}, the file says {unit} beside it.",
-                (f"{name} [{text}]", f"{name} [{unit}]"),
-            )
-    return None
 
 
 def _as_stored(marks: np.ndarray, stored_as: np.dtype) -> np.ndarray:

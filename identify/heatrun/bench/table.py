@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from ..errors import InputError
-from .record import Finding
+from .record import Finding, UnitSource
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,22 @@ class Question:
 
 
 @dataclass(frozen=True)
+class Stated:
+    """A unit that a file gives somewhere else than in the name of a column.
+
+    Attributes:
+        text: Unit text.
+        source: Where it stands, such as `"the row of units"`, for messages.
+        scope: What it is about: this column, every column of its quantity, or something that is
+            not clear.
+    """
+
+    text: str
+    source: str
+    scope: Literal["column", "quantity", "unclear"] = "column"
+
+
+@dataclass(frozen=True)
 class Column:
     """One column of a bench file, not yet a channel.
 
@@ -47,6 +64,10 @@ class Column:
         unit: Unit text that the file gives, or None.
         values: Float64, shape (time,), in that unit; NaN where the file has no number.
         note: How values that were no plain numbers were read (clock times, dates), or empty.
+        beside: Units that the file gives outside of the name.
+        heading: What stands over the column where `name` is made of more than that, or empty.
+        is_clock: The reader made seconds of what the file holds, whatever unit it gives.
+        unit_from: How the reader knew that unit, for a clock alone.
         question: What must be answered before the column is used, or None.
     """
 
@@ -55,7 +76,16 @@ class Column:
     unit: str | None
     values: np.ndarray
     note: str = ""
+    beside: tuple[Stated, ...] = ()
+    heading: str = ""
+    is_clock: bool = False
+    unit_from: UnitSource = "stated"
     question: Question | None = None
+
+    @property
+    def is_seconds(self) -> bool:
+        """Whether the values are seconds already: clock times, dates, times of a recording."""
+        return self.is_clock or bool(self.note and self.unit == "s")
 
 
 @dataclass(frozen=True)

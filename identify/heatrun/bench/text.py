@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from ..errors import InputError
 from .header import split_name
 from .hints import NO_HINTS, Hints
 from .record import Finding
-from .table import Column, Question, Table
+from .remarks import units_of_remarks
+from .table import Column, Question, Stated, Table
 from .text_encoding import decode
 from .text_layout import MISSING, Layout, find_layout
 from .text_lines import data_lines, ragged_lines
@@ -57,10 +59,15 @@ def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     if body.is_double_spaced:
         notes.append("A blank line stands behind each line; they are no samples.")
     findings = ragged_lines(body, layout, where)
+    remarks = units_of_remarks(layout.preamble, layout.names)
     for index in range(layout.width):
         named = layout.names[index] if index < len(layout.names) else ""
         name = named or f"column {index + 1}"
-        label, unit, stated = _label_and_unit(name, index, layout, hints)
+        beside = (
+            *(Stated(cell, "the row of units") for row in layout.units if (cell := row[index])),
+            *(remarks[index] if index < len(remarks) else ()),
+        )
+        label, unit, stated = _label_and_unit(name, beside, hints, f"{where}, column {index + 1}")
         cells = frame.iloc[:, index]
         values = read_values(
             cells, layout.decimal, name=name, stated=stated, has_thousands=hints.decimal is not None
@@ -90,7 +97,9 @@ def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
                 question = None
         if values.is_time and (stated is not None or unit is None or find_unit(unit, "time")):
             unit = "s"
-        columns.append(Column(name, label, unit, values.numbers, values.note, question))
+        columns.append(
+            Column(name, label, unit, values.numbers, values.note, beside, question=question)
+        )
         found = (unreadable_cells(values, name, body.numbers, where), doubtful(values, name, where))
         findings += [finding for finding in found if finding is not None]
     if not columns or not any(np.isfinite(column.values).any() for column in columns):
@@ -106,12 +115,12 @@ def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
 
 
 def _label_and_unit(
-    name: str, index: int, layout: Layout, hints: Hints
+    name: str, beside: Sequence[Stated], hints: Hints, where: str
 ) -> tuple[str, str | None, TimeFormat | None]:
     """Return label, unit text and stated format of times of a column."""
-    label, unit = split_name(name)
-    if unit is None and layout.units is not None:
-        unit = layout.units[index]
+    label, unit = split_name(name, where)
+    own = [one.text for one in beside if one.scope == "column"]
+    unit = unit or (own[0] if own else None)
     label, stated = stated_format(name, label, unit)
     if stated is not None and unit is None:
         unit = stated.text

@@ -194,6 +194,7 @@ def _read_stated(texts: pd.Series, missing: np.ndarray, stated: TimeFormat, name
         return _times(column)
     return replace(
         _times(column),
+        note="not read",
         question=Question(
             f"The format is stated as {stated.text}; {int(unreadable.sum())} of "
             f"{int((~missing).sum())} cells are not written so, the first is "
