@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..errors import InputError
+from ..printable import printable
 from .header import split_name
 from .hints import NO_HINTS, Hints
 from .record import Finding
@@ -17,9 +18,10 @@ from .remarks import units_of_remarks
 from .table import Column, Question, Stated, Table
 from .text_encoding import decode
 from .text_layout import MISSING, Layout, find_layout
-from .text_lines import data_lines, ragged_lines
+from .text_lines import DataLines, data_lines, ragged_lines
 from .text_values import doubtful, read_values, unreadable_cells, unsettled_cells
 from .time_format import TimeFormat, parse_time_format, stated_format
+from .unit_rows import is_comment
 from .units import find_unit
 
 PARSED_AS_MISSING = sorted({mark for word in MISSING for mark in (word, word.upper(), "NaN")})
@@ -59,6 +61,7 @@ def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     if body.is_double_spaced:
         notes.append("A blank line stands behind each line; they are no samples.")
     findings = ragged_lines(body, layout, where)
+    _refuse_units_between(body, layout, where)
     remarks = units_of_remarks(layout.preamble, layout.names)
     unreadable: list[np.ndarray] = []
     for index in range(layout.width):
@@ -132,6 +135,17 @@ def _label_and_unit(
         unit = stated.text
     claimed = parse_time_format(hints.unit_of(name, label) or "")
     return label, unit, claimed or stated
+
+
+def _refuse_units_between(body: DataLines, layout: Layout, where: str) -> None:
+    """Refuse a comment among the data that speaks of units: from there on they may be others."""
+    for number, text in zip(body.ragged, body.ragged_texts, strict=False):
+        if is_comment(text) and any(units_of_remarks((text,), layout.names)):
+            raise InputError(
+                f"Line {number} among the data speaks of units: '{printable(text[:80])}'.",
+                where=where,
+                remedy="Split the file there, or delete the line if the units stay the same.",
+            )
 
 
 def _refuse_second_header(unreadable: Sequence[np.ndarray], lines: np.ndarray, where: str) -> None:

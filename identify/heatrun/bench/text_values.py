@@ -12,7 +12,14 @@ from .clock import CLOCK, ClockColumn, read_clock, read_stated
 from .dates import DATE_TIME, read_dates
 from .record import Finding
 from .table import Question
-from .text_decimal import GROUPED, NUMBER, SPACED, SPACES, THOUSANDS_OR_DECIMALS
+from .text_decimal import (
+    GROUPED,
+    NUMBER,
+    SPACED,
+    SPACES,
+    SURELY_GROUPED,
+    THOUSANDS_OR_DECIMALS,
+)
 from .text_layout import MISSING, STATES
 from .time_format import TimeFormat
 
@@ -177,7 +184,7 @@ def _read_numbers(texts: pd.Series, decimal: str, has_thousands: bool) -> Values
     texts = texts.str.replace("\u2212", "-", regex=False)  # the minus sign of typesetters
     spaced = texts.str.fullmatch(SPACED[decimal])
     texts = texts.where(~spaced, texts.str.replace(SPACES, "", regex=True))
-    if has_thousands:
+    if has_thousands or texts.str.fullmatch(SURELY_GROUPED[decimal]).any():
         grouped = texts.str.fullmatch(GROUPED[decimal])
         plain = texts.str.replace("," if decimal == "." else ".", "", regex=False)
         texts = texts.where(~grouped, plain)
