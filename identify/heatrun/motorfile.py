@@ -12,6 +12,7 @@ from .bench.claims import did_you_mean, parse_claims
 from .bench.open_file import read_start
 from .errors import InputError
 from .motor import Motor, ParameterOverride
+from .plausible import RANGES, UNITS, refuse_implausible
 from .toml_text import LARGEST_BYTES, parse_toml
 
 COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
@@ -242,7 +243,10 @@ def _parameters(section: Mapping[str, Any], where: str) -> dict[str, ParameterOv
                 remedy=f"Write [parameters.{name}] and below it fixed = 0.1, for example.",
             )
         _check_keys(keys, OVERRIDE_KEYS, at, "key")
-        overrides[name] = _override(keys, at)
+        overrides[name] = said = _override(keys, at)
+        unit = UNITS.get(name)
+        if unit is not None:  # those of effects are looked at where the effects are known
+            refuse_implausible(name, said, unit, RANGES[unit], at)
     return overrides
 
 

@@ -23,7 +23,9 @@ from typing import Any
 import numpy as np
 
 from .errors import InputError
+from .file_set import is_aside
 from .folder_lock import FolderLock
+from .undisturbed import undisturbed
 from .whole_files import PARTIAL, drop_partials, writable, write_whole
 
 MANIFEST = "manifest.json"
@@ -92,9 +94,10 @@ class RunFolder:
         from the checkpoints, and under its name the folder is whole.
         """
         self.write_json(MANIFEST, {**manifest, "files": listing(self.partial)})
-        if self.path.exists():
-            self.path.replace(_replaced(self.path))
-        self.partial.replace(self.path)
+        with undisturbed():
+            if self.path.exists():
+                self.path.replace(_replaced(self.path))
+            self.partial.replace(self.path)
         _settle(self.path)
         if self.lock is not None:
             self.lock.release()
@@ -111,6 +114,7 @@ def listing(folder: Path) -> dict[str, str]:
         if name not in (MANIFEST, IDENTITY)
         and not name.startswith(f"{CHECKPOINTS}{os.sep}")
         and not path.name.endswith(PARTIAL)
+        and not is_aside(path.relative_to(folder))
     }
 
 
@@ -234,10 +238,11 @@ def read_listed(run: Path, name: str) -> bytes:
     return content
 
 
-def list_again(run: Path) -> None:
-    """Bring the manifest of a run up to date after files of it were written again."""
+def listed_anew(run: Path, written: Path) -> bytes:
+    """Return the manifest of a run as it is once the files of a folder are in the run too."""
     manifest = json.loads((run / MANIFEST).read_bytes())
-    write_whole(run / MANIFEST, (dump({**manifest, "files": listing(run)}) + "\n").encode())
+    files = dict(sorted({**manifest["files"], **listing(written)}.items()))
+    return (dump({**manifest, "files": files}) + "\n").encode()
 
 
 def _plain(value: Any) -> Any:

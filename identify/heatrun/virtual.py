@@ -19,6 +19,7 @@ from .bench.blocks import Blocks
 from .bench.open_file import read_start
 from .bench.reduction import reduce
 from .errors import InputError
+from .file_set import together
 from .model import ALL_NAMES, NETWORK, Model, Order, parameters
 from .motor import Motor
 from .run_folder import load_result
@@ -62,9 +63,9 @@ def simulate_file(
     if Path(source).is_dir():
         table, lacking = _with_bands(table, Path(source), record, motor, order, seed)
     target = folder / f"{record.name}_virtual.csv"
-    with writable("the record", target):
-        folder.mkdir(parents=True, exist_ok=True)
-        write_whole(target, table.to_csv(index=False, float_format="%.6g").encode())
+    with writable("the record", target), together(folder, "virtual") as files:
+        text = table.to_csv(index=False, float_format="%.6g")
+        write_whole(files.aside / target.name, text.encode())
     rmse = None
     if measured is not None and np.any(np.isfinite(measured)):
         virtual = np.interp(record.time_s, table["time_s"], table["winding_degC"])

@@ -9,6 +9,7 @@ import openpyxl
 import pytest
 from pypdf import PdfReader
 
+from heatrun import archive
 from heatrun.calibrate import Test as BenchTest
 from heatrun.calibrate import calibrate
 from heatrun.run_folder import dump
@@ -31,6 +32,8 @@ def found(duty, blocks, motor):
 @pytest.fixture(scope="module")
 def folder(found, tmp_path_factory):
     path = tmp_path_factory.mktemp("sheet")
+    (path / "fit.json").write_text(dump(found.result), encoding="utf-8")
+    archive.write(found.posteriors["second"], path / "posterior_second.nc")
     write_sheet_of(found, path)
     return path
 

@@ -61,7 +61,7 @@ def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, U
             each other, or what is part of the name may be read in two ways.
     """
     if column.is_seconds:
-        return "s", "stated"
+        return "s", column.unit_from
     quantity = channel.quantity
     stated = statements(column)
     for one in stated:

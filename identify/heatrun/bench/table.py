@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InputError
-from .record import Finding
+from .record import Finding, UnitSource
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,7 @@ class Column:
         beside: Units that the file gives outside of the name.
         heading: What stands over the column where `name` is made of more than that, or empty.
         is_clock: The reader made seconds of what the file holds, whatever unit it gives.
+        unit_from: How the reader knew that unit, for a clock alone.
         question: What must be answered before the column is used, or None.
     """
 
@@ -78,6 +79,7 @@ class Column:
     beside: tuple[Stated, ...] = ()
     heading: str = ""
     is_clock: bool = False
+    unit_from: UnitSource = "stated"
     question: Question | None = None
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ..without_folders import command_without_folders, without_folders
 from .digits import format_interval, format_value
 
 DEFINITIONS = (
@@ -32,12 +33,13 @@ def sheet_content(result: Mapping[str, Any]) -> dict[str, Any]:
         result: What stands in `fit.json`.
     """
     motor = result["motor"]
+    paths = [str(each.get("path", "")) for each in (motor, *result["tests"])]
     return {
         "title": _clean(str(motor["name"])),
         "verdict": _clean(result["verdict"]["sentence"]),
         "meta": [
             ["heatrun", str(result["heatrun_version"])],
-            ["command", _clean(str(result["command"]))],
+            ["command", _clean(command_without_folders(str(result["command"])))],
             ["seed", str(result["seed"])],
         ],
         "definitions": [[name, text] for name, text in DEFINITIONS] + _loss_definitions(motor),
@@ -45,11 +47,15 @@ def sheet_content(result: Mapping[str, Any]) -> dict[str, Any]:
         "models": [_model(order, model) for order, model in result["models"].items()],
         "comparison": [_clean(w) for w in (result["comparison"] or {"words": []})["words"]],
         "findings": [
-            [f["severity"], _clean(f"{f['where']}: {f['message']} {f['remedy']}".strip(": "))]
+            [f["severity"], _clean(without_folders(_sentence(f), paths))]
             for f in result["findings"]
         ],
         "limits": list(LIMITS),
     }
+
+
+def _sentence(finding: Mapping[str, Any]) -> str:
+    return f"{finding['where']}: {finding['message']} {finding['remedy']}".strip(": ")
 
 
 def _loss_definitions(motor: Mapping[str, Any]) -> list[list[str]]:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import xlsxwriter
 
+from ..moment import NO_DATE, stated_moment
 from ..whole_files import write_whole
 from .content import sheet_content
 
@@ -40,6 +41,7 @@ def write_xlsx(
     }
     buffer = io.BytesIO()
     with xlsxwriter.Workbook(buffer, options) as book:
+        book.set_properties({"created": stated_moment() or NO_DATE})
         bold = book.add_format({"bold": True})
         _parameters(book, bold, result, content)
         _correlation(book, bold, result)
