@@ -5,9 +5,11 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 
 from ..bench.checks import check_record
+from ..column_mapping import HEAD, describe_columns, grouped
 from ..errors import InputError
 from ..motor import Motor
 from ..motorfile import load_motor
@@ -82,4 +84,10 @@ def _notes(opened: Sequence[Opened]) -> str:
         for each in opened
         if each.record.unused
     ]
-    return "<h3>How the files were read</h3>" + table(("test", "note"), rows) if rows else ""
+    tests = [describe_columns(each.record) for each in opened]
+    columns = "".join(
+        f"<h3>Columns of {escape(names)}</h3>" + table(HEAD, lines)
+        for names, lines in grouped(tests)
+    )
+    notes = "<h3>How the files were read</h3>" + table(("test", "note"), rows) if rows else ""
+    return columns + notes

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..column_mapping import KNOWN_BY, assumption, grouped
 from ..without_folders import command_without_folders, without_folders
 from .digits import format_interval, format_value
 
@@ -44,6 +45,10 @@ def sheet_content(result: Mapping[str, Any]) -> dict[str, Any]:
         ],
         "definitions": [[name, text] for name, text in DEFINITIONS] + _loss_definitions(motor),
         "tests": [_test(test) for test in result["tests"]],
+        "columns": [
+            {"tests": _clean(names), "rows": rows, "assumed": _assumed(rows)}
+            for names, rows in grouped(result["tests"])
+        ],
         "models": [_model(order, model) for order, model in result["models"].items()],
         "comparison": [_clean(w) for w in (result["comparison"] or {"words": []})["words"]],
         "findings": [
@@ -85,6 +90,12 @@ def _test(test: Mapping[str, Any]) -> list[str]:
         span("sink_degC", 1),
         (test["sha256"] or "in memory")[:16],
     ]
+
+
+def _assumed(rows: Sequence[Sequence[str]]) -> str:
+    """Sentence on the units that nothing said, empty if there are none."""
+    channels = [row[0] for row in rows if row[3] == KNOWN_BY["assumed"]]
+    return assumption(channels) if channels else ""
 
 
 def _model(order: str, model: Mapping[str, Any]) -> dict[str, Any]:
