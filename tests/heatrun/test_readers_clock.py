@@ -210,3 +210,13 @@ def test_a_clock_beside_the_numbers_is_read_by_its_header():
     clock, lap, _ = read_text(data, "test.csv").columns
     assert clock.values.tolist() == [600.0, 1200.0]
     assert lap.values.tolist() == [10.0, 20.0]
+
+
+def test_hundredths_behind_a_colon_are_a_question(tmp_path):
+    cells = [f"00:{i // 2:02d}:{50 * (i % 2):02d}" for i in range(100)]
+    path = table(tmp_path, cells)
+    with pytest.raises(InputError, match="minutes:seconds:hundredths") as caught:
+        read_record(path)
+    assert '"Time [mm:ss:ff]"' in caught.value.remedy
+    record = read_record(path, Motor("M", columns={"time_s": "Time [mm:ss:ff]"}))
+    assert record.time_s.tolist() == [0.5 * i for i in range(100)]

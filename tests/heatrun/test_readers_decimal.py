@@ -108,3 +108,40 @@ def test_other_decimal_signs_are_refused(tmp_path, value):
     path.write_text(f"[motor]\nname = 'M'\ndecimal = {value}\n")
     with pytest.raises(InputError, match=r"Expected one of \., , for decimal"):
         load_motor(path)
+
+
+@pytest.mark.parametrize("sign", [" ", "\u00a0", "\u202f", "'", "’", "_"])
+def test_signs_that_can_only_separate_thousands_are_read(tmp_path, sign):
+    path = written(tmp_path, [f"0,5;-1{sign}234,5;20", f"1,5;1{sign}234{sign}567;20", "2,5;12;21"])
+    assert read_record(path)["losses_W"].tolist() == [-1234.5, 1234567.0, 12.0]
+
+
+def test_groups_beside_a_settled_sign_are_a_question_with_a_remedy(tmp_path):
+    path = written(tmp_path, ["0,5;1.234;20", "1,5;999,5;20", "2,5;1.240;21"])
+    with pytest.raises(InputError, match=r"'1\.234' is a number only if.*decimal = ','"):
+        read_record(path)
+    record = read_record(path, Motor("M", decimal=","))
+    assert record["losses_W"].tolist() == [1234.0, 999.5, 1240.0]
+
+
+def test_the_minus_of_typesetters(tmp_path):
+    path = written(tmp_path, ["0;1.25;\u22125.5", "1;1.5;\u22126", "2;1.75;7"])
+    assert read_record(path)["winding_degC"].tolist() == [-5.5, -6.0, 7.0]
+
+
+@pytest.mark.parametrize("line", ["time_s;losses_W;winding_degC", "s;kW;°C"])
+def test_a_second_header_among_the_data_is_refused(tmp_path, line):
+    path = written(tmp_path, ["0;1.25;20", "1;1.5;20", line, "2;1.75;21", "3;1.5;21"])
+    with pytest.raises(InputError, match=r"Line 4 holds text in every column.*Split the file"):
+        read_record(path)
+
+
+def test_a_comment_among_the_data_that_speaks_of_units_is_refused(tmp_path):
+    rows = [f"{i};1.25;20" for i in range(40)]
+    rows.insert(20, "# losses in kW")
+    path = written(tmp_path, rows, "time_s;losses;winding_degC")
+    with pytest.raises(InputError, match=r"Line 22 among the data speaks of units"):
+        read_record(path)
+    rows[20] = "# second shift"
+    path = written(tmp_path, rows, "time_s;losses;winding_degC")
+    assert "'# second shift'" in read_record(path).findings[0].message

@@ -79,7 +79,7 @@ def test_metadata_and_name_must_agree(path):
 
     for name in ("losses [W]", "losses_W"):
         write(name)
-        with pytest.raises(InputError, match="The name says W, the file beside it kW"):
+        with pytest.raises(InputError, match="The name says W, the field's metadata kW"):
             read_record(path)
         motor = Motor("M", columns={"losses_W": f"{name} [kW]"})
         record = read_record(path, motor)

@@ -149,7 +149,7 @@ def test_what_netcdf_stores_where_nothing_was_written(tmp_path):
 def test_a_name_against_the_unit_beside_it_is_a_question(tmp_path, name):
     for write in (hdf5, parquet):  # classic netCDF has no such names
         path = write(tmp_path / "test.nc", VARIABLES | {name: (np.full(N, 2.0), {"units": "Nm"})})
-        with pytest.raises(InputError, match=r"name says mNm, .*file.* Nm\.") as caught:
+        with pytest.raises(InputError, match=r"name says mNm, the .* Nm\.") as caught:
             read_record(path, MOTOR)
         for chosen, torque in (("mNm", 2e-3), ("Nm", 2.0)):
             answer = f"{name} [{chosen}]"

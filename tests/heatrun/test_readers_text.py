@@ -228,9 +228,14 @@ def test_infinity_is_reported():
 
 
 def test_separators_of_thousands_are_not_guessed():
-    found, table = columns("t;P\n0,0;1.234,5\n0,1;1.234,6\n0,2;999,5\n")
+    found, table = columns("t;P\n0,05;1.234\n0,1;1.235\n0,25;999\n")
     assert np.isnan(found["P"].values).tolist() == [True, True, False]
-    assert "1.234,5" in table.findings[0].message
+    assert found["P"].question is not None
+    assert "1.234" in table.findings[0].message
+    # Beside the decimal sign, or twice, they can be nothing else.
+    found, table = columns("t;P\n0,0;1.234,5\n0,1;1.234\n0,2;999,5\n")
+    assert found["P"].values.tolist() == [1234.5, 1234.0, 999.5]
+    assert table.findings == ()
 
 
 def test_trailing_delimiters():

@@ -25,7 +25,7 @@ LONGEST_PAUSE_STEPS = 5.0
 backward step as it is, which the checks refuse."""
 
 FAR_LESS_REGULAR = 3.0
-"""Ratio of the largest to the median step; so many times that of another reading is a doubt."""
+"""Ratio of the largest to the smallest step; so many times that of another reading is a doubt."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def read_clock(cells: pd.Series, name: str = "time") -> ClockColumn:
     seconds, wrapped = _unwrapped(seconds, forms[0][1])
     question = None
     if forms[0][1] == "hms" and not has_fraction and parts["half"].isna().all():
-        question = _days_first(seconds, parts, name)
+        question = _other_parts(seconds, parts, name)
     return ClockColumn(seconds, note + wrapped, question)
 
 
@@ -142,22 +142,25 @@ def _two_parts(parts: pd.DataFrame, name: str) -> ClockColumn:
     )
 
 
-def _days_first(seconds: np.ndarray, parts: pd.DataFrame, name: str) -> Question | None:
-    """Return the question of `a:b:c` that is far more regular as days:hours:minutes."""
-    day, hour = numbers(parts["hour"].fillna("0")), numbers(parts["minute"])
-    if not np.all(hour[np.isfinite(seconds)] < SIZE["h"]):
-        return None
-    other = DAY_S * day + HOUR_S * hour + 60.0 * numbers(parts["second"])
-    ratio, other_ratio = _irregularity(seconds), _irregularity(other)
-    if rises(seconds) and not (rises(other) and ratio > FAR_LESS_REGULAR * other_ratio):
-        return None
-    if not rises(other):
-        return None
-    return Question(
-        f"The times, {_example(parts)}, may be hours:minutes:seconds ({_spoken(seconds)}), with "
-        f"jumps, or days:hours:minutes ({_spoken(other)}), without.",
-        (f"{name} [hh:mm:ss]", f"{name} [d:hh:mm]"),
-    )
+def _other_parts(seconds: np.ndarray, parts: pd.DataFrame, name: str) -> Question | None:
+    """Return the question of `a:b:c` that is far more regular in another reading, or None."""
+    first, middle, last = (numbers(parts[part]) for part in ("hour", "minute", "second"))
+    other = DAY_S * first + HOUR_S * middle + 60.0 * last
+    other[middle >= SIZE["h"]] = np.nan
+    hundredths = 60.0 * first + middle + 0.01 * last
+    for times, spoken, answer in (
+        (other, "days:hours:minutes", "d:hh:mm"),
+        (hundredths, "minutes:seconds:hundredths", "mm:ss:ff"),
+    ):
+        if np.isfinite(times).sum() < np.isfinite(seconds).sum() or not rises(times):
+            continue
+        if not rises(seconds) or _irregularity(seconds) > FAR_LESS_REGULAR * _irregularity(times):
+            return Question(
+                f"The times, {_example(parts)}, may be hours:minutes:seconds "
+                f"({_spoken(seconds)}), with jumps, or {spoken} ({_spoken(times)}), without.",
+                (f"{name} [hh:mm:ss]", f"{name} [{answer}]"),
+            )
+    return None
 
 
 def spoken_duration(seconds: float) -> str:
@@ -240,10 +243,10 @@ def rises(seconds: np.ndarray) -> bool:
 
 
 def _irregularity(seconds: np.ndarray) -> float:
-    """Return the largest step over the median of those forward [1]."""
+    """Return the largest step over the smallest of those forward [1]."""
     steps = np.diff(seconds[np.isfinite(seconds)])
     forward = steps[steps > 0]
-    return float(np.max(forward) / np.median(forward)) if forward.size else 1.0
+    return float(np.max(forward) / np.min(forward)) if forward.size else 1.0
 
 
 def numbers(texts: pd.Series) -> np.ndarray:

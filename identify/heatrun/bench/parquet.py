@@ -54,7 +54,7 @@ def read_parquet(data: bytes, where: str) -> Table:
                 columns.append(Column(name, split_name(name)[0], "s", values, note))
                 continue
             stored = as_stated(values, _attributes(field, by_column.get(field.name)))
-            columns.append(stored.column(name, stored.values))
+            columns.append(stored.column(name, stored.values, "the field's metadata"))
         columns += _range_index(table.schema, table.num_rows)
     except Exception as error:  # a damaged file raises nearly anything in there
         raise InputError(

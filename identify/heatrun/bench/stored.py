@@ -85,15 +85,18 @@ class Stored:
         """Return whether the file states nothing beside the numbers."""
         return self.unit is None and not self.note and self.question is None
 
-    def column(self, name: str, values: np.ndarray) -> Column:
+    def column(
+        self, name: str, values: np.ndarray, source: str = "the attribute beside it"
+    ) -> Column:
         """Return the variable as a column, with the unit that stands beside it.
 
         Args:
             name: Name of the variable.
             values: Its values, shape (time,).
+            source: Where the unit stands, for messages.
         """
         label, by_name = split_name(name)
-        beside = () if self.unit is None else (Stated(self.unit, "the file beside it"),)
+        beside = () if self.unit is None else (Stated(self.unit, source),)
         return Column(
             name, label, self.unit or by_name, values, self.note, beside, question=self.question
         )

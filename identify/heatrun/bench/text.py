@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..errors import InputError
+from ..printable import printable
 from .header import split_name
 from .hints import NO_HINTS, Hints
 from .record import Finding
@@ -17,9 +18,10 @@ from .remarks import units_of_remarks
 from .table import Column, Question, Stated, Table
 from .text_encoding import decode
 from .text_layout import MISSING, Layout, find_layout
-from .text_lines import data_lines, ragged_lines
+from .text_lines import DataLines, data_lines, ragged_lines
 from .text_values import doubtful, read_values, unreadable_cells, unsettled_cells
 from .time_format import TimeFormat, parse_time_format, stated_format
+from .unit_rows import is_comment
 from .units import find_unit
 
 PARSED_AS_MISSING = sorted({mark for word in MISSING for mark in (word, word.upper(), "NaN")})
@@ -59,7 +61,9 @@ def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     if body.is_double_spaced:
         notes.append("A blank line stands behind each line; they are no samples.")
     findings = ragged_lines(body, layout, where)
+    _refuse_units_between(body, layout, where)
     remarks = units_of_remarks(layout.preamble, layout.names)
+    unreadable: list[np.ndarray] = []
     for index in range(layout.width):
         named = layout.names[index] if index < len(layout.names) else ""
         name = named or f"column {index + 1}"
@@ -87,6 +91,10 @@ def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
                 where=where,
                 remedy="Give each column one name, in the order of the data.",
             )
+        if values.unreadable is not None:
+            unreadable.append(values.unreadable)
+        else:
+            unreadable.append(np.zeros(values.numbers.size, dtype=bool))
         question = values.question
         if layout.is_unsettled and question is None and not values.is_time:
             question = unsettled_cells(cells, layout.decimal)
@@ -102,6 +110,7 @@ def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
         )
         found = (unreadable_cells(values, name, body.numbers, where), doubtful(values, name, where))
         findings += [finding for finding in found if finding is not None]
+    _refuse_second_header(unreadable, body.numbers, where)
     if not columns or not any(np.isfinite(column.values).any() for column in columns):
         raise InputError(
             "Expected at least one line of numbers, found none.",
@@ -126,6 +135,32 @@ def _label_and_unit(
         unit = stated.text
     claimed = parse_time_format(hints.unit_of(name, label) or "")
     return label, unit, claimed or stated
+
+
+def _refuse_units_between(body: DataLines, layout: Layout, where: str) -> None:
+    """Refuse a comment among the data that speaks of units: from there on they may be others."""
+    for number, text in zip(body.ragged, body.ragged_texts, strict=False):
+        if is_comment(text) and any(units_of_remarks((text,), layout.names)):
+            raise InputError(
+                f"Line {number} among the data speaks of units: '{printable(text[:80])}'.",
+                where=where,
+                remedy="Split the file there, or delete the line if the units stay the same.",
+            )
+
+
+def _refuse_second_header(unreadable: Sequence[np.ndarray], lines: np.ndarray, where: str) -> None:
+    """Refuse a line among the data in which no column holds a number: names or units again."""
+    if len(unreadable) < 2:
+        return
+    texts = np.flatnonzero(np.logical_and.reduce(unreadable))
+    if texts.size == 0:
+        return
+    raise InputError(
+        f"Line {lines[texts[0]]} holds text in every column of numbers ({texts.size} such lines): "
+        "a second table, or names and units again, which may be others.",
+        where=where,
+        remedy="Split the file there, or delete the line if the units stay the same.",
+    )
 
 
 def _taken_as_decimal(question: Question, name: str, where: str) -> Finding:

@@ -17,6 +17,20 @@ GROUPED = {
 """Numbers with separators of thousands, by decimal sign: read as values only where the motor file
 states the decimal sign, but they show the layout."""
 
+SURELY_GROUPED = {
+    ".": r"[+-]?[0-9]{1,3}(?:(?:,[0-9]{3})+\.[0-9]+|(?:,[0-9]{3}){2,})",
+    ",": r"[+-]?[0-9]{1,3}(?:(?:\.[0-9]{3})+,[0-9]+|(?:\.[0-9]{3}){2,})",
+}
+"""Those of them in which the sign can do nothing else: beside the decimal sign, or twice."""
+
+SPACED = {
+    sign: rf"[+-]?[0-9]{{1,3}}(?:[ \u00a0\u2009\u202f'’_][0-9]{{3}})+(?:{sign_pattern}[0-9]+)?"
+    for sign, sign_pattern in ((".", r"\."), (",", ","))
+}
+"""Numbers with separators of thousands that can be nothing else."""
+
+SPACES = "[ \u00a0\u2009\u202f'’_]"
+
 THOUSANDS_OR_DECIMALS = {
     ".": r"[+-]?[1-9][0-9]{0,2}\.[0-9]{3}",
     ",": r"[+-]?[1-9][0-9]{0,2},[0-9]{3}",

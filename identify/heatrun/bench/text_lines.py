@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..printable import printable
 from .record import Finding
 from .text_decimal import start_of_line
 from .text_layout import Layout
@@ -22,6 +23,9 @@ PIECE_BYTES = 2**24
 
 LEAST_SPACED = 3
 """Lines from which on a blank line behind each is a way of writing and no missing sample."""
+
+MOST_TEXTS, LONGEST_TEXT = 100, 200
+"""So many ragged lines are looked into, and so many letters of each."""
 
 NUM_NAMED = 5  # so many line numbers stand in a message
 
@@ -35,6 +39,7 @@ class DataLines:
         numbers: Line number in the file of each, from 1.
         ragged: Line numbers of those left out.
         sample_numbers: As `heatrun.bench.table.Table`.
+        ragged_texts: The first of these lines themselves.
         is_double_spaced: A blank line stands behind each line.
     """
 
@@ -43,6 +48,7 @@ class DataLines:
     ragged: np.ndarray
     sample_numbers: np.ndarray | None = None
     is_double_spaced: bool = False
+    ragged_texts: tuple[str, ...] = ()
 
 
 def data_lines(text: str, layout: Layout, where: str) -> DataLines:
@@ -75,6 +81,7 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
         )
     if good.all():
         return DataLines(body, numbers, numbers[ragged])
+    texts = _texts(body, ends, ragged)
     body = _joined(body, ends, good)
     held = np.flatnonzero(~is_blank)
     is_double_spaced = held.size >= LEAST_SPACED and bool(np.all(np.diff(held) == 2))
@@ -83,7 +90,7 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
     sample -= sample[0]
     is_whole = sample[-1] == sample.size - 1
     return DataLines(
-        body, numbers[good], numbers[ragged], None if is_whole else sample, is_double_spaced
+        body, numbers[good], numbers[ragged], None if is_whole else sample, is_double_spaced, texts
     )
 
 
@@ -105,12 +112,20 @@ def ragged_lines(lines: DataLines, layout: Layout, where: str) -> list[Finding]:
             id="ragged_rows",
             severity="warning",
             message=f"Lines without exactly {layout.width} cells hold no sample "
-            f"({count}): line {first}{more}.",
+            f"({count}): line {first}{more}; the first is "
+            f"'{printable(lines.ragged_texts[0][:60])}'.",
             where=where,
             remedy="Export again if these samples matter.",
             values={"count": count, "first_line": int(lines.ragged[0])},
         )
     ]
+
+
+def _texts(body: bytes, ends: np.ndarray, ragged: np.ndarray) -> tuple[str, ...]:
+    """Return the first ragged lines."""
+    first = np.flatnonzero(ragged)[:MOST_TEXTS]
+    starts = np.concatenate(([0], ends[:-1] + 1))
+    return tuple(body[starts[line] : ends[line]].decode()[:LONGEST_TEXT] for line in first)
 
 
 def _joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:

@@ -12,7 +12,14 @@ from .clock import CLOCK, ClockColumn, read_clock, read_stated
 from .dates import DATE_TIME, read_dates
 from .record import Finding
 from .table import Question
-from .text_decimal import GROUPED, NUMBER, THOUSANDS_OR_DECIMALS
+from .text_decimal import (
+    GROUPED,
+    NUMBER,
+    SPACED,
+    SPACES,
+    SURELY_GROUPED,
+    THOUSANDS_OR_DECIMALS,
+)
 from .text_layout import MISSING, STATES
 from .time_format import TimeFormat
 
@@ -76,12 +83,15 @@ def read_values(
             _read_states(texts),
         )
         found = [one for one in candidates if one is not None]
+        if not found and _thousands(texts, decimal):
+            found = [Values(np.full(len(texts), np.nan))]
         if not found:
             return str(texts[~missing].iloc[0]) if not missing.all() else ""
         best = max(found, key=lambda one: np.isfinite(one.numbers).sum())
     unreadable = ~missing & ~np.isfinite(best.numbers)
     first = str(texts[unreadable].iloc[0]) if unreadable.any() else ""
-    return replace(best, unreadable=unreadable, first_text=first)
+    question = best.question or _thousands(texts[unreadable], decimal)
+    return replace(best, unreadable=unreadable, first_text=first, question=question)
 
 
 def unsettled_cells(cells: pd.Series, decimal: str) -> Question | None:
@@ -149,6 +159,20 @@ def doubtful(values: Values, column: str, where: str) -> Finding | None:
     )
 
 
+def _thousands(texts: pd.Series, decimal: str) -> Question | None:
+    """Return the question of texts that are numbers if a sign separates thousands, or None."""
+    grouped = texts[texts.str.fullmatch(GROUPED[decimal])]
+    if grouped.empty:
+        return None
+    sign = "," if decimal == "." else "."
+    return Question(
+        f"'{grouped.iloc[0]}' is a number only if '{sign}' separates thousands, since "
+        f"'{decimal}' is taken as the decimal sign; that is not guessed.",
+        remedy=f"If it does, say in the motor file: [motor] decimal = '{decimal}'. If not, export "
+        "with one decimal sign.",
+    )
+
+
 def _finite(numbers: np.ndarray) -> Values:
     infinite = np.isinf(numbers)
     if not infinite.any():
@@ -157,7 +181,10 @@ def _finite(numbers: np.ndarray) -> Values:
 
 
 def _read_numbers(texts: pd.Series, decimal: str, has_thousands: bool) -> Values | None:
-    if has_thousands:
+    texts = texts.str.replace("\u2212", "-", regex=False)  # the minus sign of typesetters
+    spaced = texts.str.fullmatch(SPACED[decimal])
+    texts = texts.where(~spaced, texts.str.replace(SPACES, "", regex=True))
+    if has_thousands or texts.str.fullmatch(SURELY_GROUPED[decimal]).any():
         grouped = texts.str.fullmatch(GROUPED[decimal])
         plain = texts.str.replace("," if decimal == "." else ".", "", regex=False)
         texts = texts.where(~grouped, plain)
