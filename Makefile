@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo test test-slow test-latest lint types check bench study-coverage study-crosschecks \
-  study-discovery study-faults study-fuzz study-view audit notebooks lock clean
+  study-discovery study-faults study-fuzz study-readings study-view audit notebooks lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -49,6 +49,9 @@ study-faults: $(VENV)/ready
 
 study-fuzz: $(VENV)/ready
 	$(BIN)/python tests/fuzz/campaign.py
+
+study-readings: $(VENV)/ready
+	$(BIN)/python tests/readings/study.py
 
 # Licences of the lock file; known vulnerabilities too where pip-audit is installed.
 audit: $(VENV)/ready

@@ -93,7 +93,10 @@ def write_table(rows: list[dict], folder: Path, seconds: int, seed: int) -> None
         "",
         "Coverage-guided mutation of whole files. A fault is anything but our own error: another "
         f"exception, more than {HANG_S} s for one input, more than {MEMORY_MB} MB, the end of the "
-        "process, or a number that is infinite or of another length than the time.",
+        "process, or a number that is infinite or of another length than the time. For the target "
+        "`statement` bytes choose a file from the grammar of the corpus of readings (forms of "
+        "headers, units, numbers, rows) with what it states kept beside it: a value that differs "
+        "from the statement without a question is a fault, too.",
         "",
         "| target | inputs | edges reached | seconds | fault |",
         "|---|---:|---:|---:|---|",

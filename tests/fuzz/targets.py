@@ -10,6 +10,7 @@ import hashlib
 import io
 import json
 import struct
+import sys
 import tempfile
 import zipfile
 import zlib
@@ -31,6 +32,11 @@ from heatrun.motorfile import load_motor
 from heatrun.run_folder import load_result
 from heatrun.sheet_of_run import rewrite_sheet
 from heatrun.virtual import parameters_from
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "readings"))
+
+from reading_corpus.grammar import stated
+from reading_corpus.oracle import MISREAD, TRACEBACK, judge
 
 FOLDER = Path(tempfile.mkdtemp(prefix="heatrun-fuzz-"))
 REFERENCE = Path(__file__).parents[2] / "data" / "synthetic"
@@ -133,6 +139,13 @@ def checkpoint(data: bytes) -> None:
     for chunk in Checkpoint(folder, "key").load():
         assert np.isfinite(chunk["chain"]).all()
         assert chunk["coords"].shape == chunk["chain"].shape[1:]
+
+
+def statement(data: bytes) -> None:
+    """Read the file that bytes choose from the grammar; it says what its values are."""
+    outcome = judge(stated(data), FOLDER, physics=False)
+    if outcome.verdict in (MISREAD, TRACEBACK):
+        raise AssertionError(f"{outcome.verdict}: {outcome.case.name}: {outcome.said}")
 
 
 def mat5() -> bytes:
@@ -246,6 +259,7 @@ FIT = {
 }
 
 TARGETS: dict[str, Target] = {
+    "statement": Target(statement, (b"", bytes(40), bytes(range(40)), bytes(range(0, 240, 6)))),
     "text": Target(record("csv"), tuple(text.encode() for text in (TABLE, GERMAN, CLOCK))),
     "gzip": Target(
         record("csv.gz", start=b"\x1f\x8b"), (zlib.compress(TABLE.encode(), wbits=31)[2:],)

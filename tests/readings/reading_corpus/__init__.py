@@ -1,0 +1,1 @@
+"""Bench files with their truth, made by code that shares nothing with the readers."""

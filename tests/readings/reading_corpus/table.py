@@ -1,0 +1,170 @@
+"""A heat run as columns of a file: header text, cells, and what they are worth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from .case import Case, Truth
+from .machine import MACHINES, heat_run
+from .units import CHANNELS, FIVE, worth
+
+Cells = list[list[str]]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column.
+
+    Attributes:
+        channel: Canonical channel that it holds.
+        header: Name in the file.
+        cells: One text per sample.
+        numbers: The same as numbers in the file's unit, for files that hold numbers.
+        unit: Symbol of `units.UNITS`.
+    """
+
+    channel: str
+    header: str
+    cells: tuple[str, ...]
+    numbers: np.ndarray
+    unit: str
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a table is laid down as text.
+
+    Attributes:
+        delimiter: Between cells.
+        encoding: Of the bytes.
+        newline: After each line.
+        before: Lines above the names.
+        above: Cells of rows above the names, one text per column.
+        below: The same between names and values.
+        after: Lines at the end.
+        bom: Bytes in front.
+        row: Turns the cells of a row into a line; by default they are joined.
+        rows: Changes the lines of all samples: takes and returns a list of lines.
+    """
+
+    delimiter: str = ","
+    encoding: str = "utf-8"
+    newline: str = "\n"
+    before: tuple[str, ...] = ()
+    above: tuple[tuple[str, ...], ...] = ()
+    below: tuple[tuple[str, ...], ...] = ()
+    after: tuple[str, ...] = ()
+    bom: bytes = b""
+    row: Callable[[list[str]], str] | None = None
+    rows: Callable[[list[str]], list[str]] | None = None
+    names: bool = True
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Columns with the truth behind them."""
+
+    number: int
+    columns: tuple[Column, ...]
+    truth: dict[str, np.ndarray]
+    tolerance: dict[str, float] = field(default_factory=dict)
+
+    def text(self, layout: Layout | None = None) -> bytes:
+        """Return the file."""
+        layout = layout or Layout()
+        join = layout.row or layout.delimiter.join
+        lines = [join(list(cells)) for cells in zip(*(c.cells for c in self.columns), strict=True)]
+        if layout.rows:
+            lines = layout.rows(lines)
+        names = [join([c.header for c in self.columns])] if layout.names else []
+        head = [*layout.before, *(join(list(row)) for row in layout.above), *names,
+                *(join(list(row)) for row in layout.below)]  # fmt: skip
+        text = "".join(line + layout.newline for line in (*head, *lines, *layout.after))
+        return layout.bom + text.encode(layout.encoding)
+
+    def case(self, cause: str, name: str, truth: Truth, content: Any = None, **more: Any) -> Case:
+        """Return the case of these columns; without content the plain text of them."""
+        if content is None or isinstance(content, Layout):
+            content = self.text(content)
+        more.setdefault("channels", self.truth)
+        # What a file states must be read without the help of the copper loss, too.
+        stated = truth in (Truth.READ, Truth.CONFLICT)
+        more.setdefault("has_resistance", not (stated and self.number % 2))
+        return Case(
+            cause, name, truth, content, tolerance=self.tolerance,
+            machine=MACHINES[self.number % len(MACHINES)], **more,
+        )  # fmt: skip
+
+    def headed(self, headers: Mapping[str, str]) -> Sheet:
+        """Return the same with other names."""
+        return replace(self, columns=tuple(
+            replace(c, header=headers.get(c.channel, c.header)) for c in self.columns
+        ))  # fmt: skip
+
+    def with_cells(self, channel: str, change: Callable[[str], str]) -> Sheet:
+        """Return the same with the cells of one channel written otherwise; `*` for all."""
+        return replace(self, columns=tuple(
+            replace(c, cells=tuple(change(cell) for cell in c.cells))
+            if channel in (c.channel, "*") else c for c in self.columns
+        ))  # fmt: skip
+
+
+def number_text(value: float, decimals: int) -> str:
+    """Return a number as a logger writes it."""
+    return "" if np.isnan(value) else f"{value:.{decimals}f}"
+
+
+def sheet(
+    number: int,
+    *,
+    rows: int = 240,
+    step_s: float = 2.0,
+    channels: tuple[str, ...] = FIVE,
+    units: Mapping[str, str] | None = None,
+    headers: Mapping[str, str] | None = None,
+    decimals: Mapping[str, int] | None = None,
+    cells: Mapping[str, Callable[[float], str]] | None = None,
+    written_s: float | None = None,
+) -> Sheet:
+    """Return a heat run as columns.
+
+    Args:
+        number: Chooses machine and load.
+        rows: Samples.
+        step_s: Between samples [s].
+        channels: Which are in the file, in this order.
+        units: By channel: the unit that its numbers are in; by default the canonical one.
+        headers: By channel: its name in the file; by default the canonical name, or `stem [unit]`.
+        decimals: By channel: digits after the point; by default six significant digits.
+        cells: By channel: writes a canonical value as a cell, for clocks.
+        written_s: What such a cell rounds the time to [s].
+    """
+    units, headers, decimals, cells = units or {}, headers or {}, decimals or {}, cells or {}
+    run = heat_run(number, rows, step_s)
+    columns, truth, tolerance = [], {}, {}
+    for channel in channels:
+        canonical = CHANNELS[channel][1]
+        unit = units.get(channel, canonical)
+        factor, offset = worth(channel, unit)
+        numbers = (run[channel] - offset) / factor
+        largest = max(float(np.abs(numbers).max()), 1e-12)
+        digits = decimals.get(channel, max(0, 6 - int(np.ceil(np.log10(largest)))))
+        truth[channel] = run[channel]
+        tolerance[channel] = 0.5001 * 10.0**-digits * abs(factor)
+        if channel in cells:
+            texts = tuple(cells[channel](value) for value in run[channel])
+            if written_s is not None:
+                tolerance[channel] = written_s
+        else:
+            texts = tuple(number_text(value, digits) for value in numbers)
+        stem = CHANNELS[channel][2]
+        default = channel if unit == canonical else f"{stem} [{unit}]"
+        # Binary formats hold the same rounded numbers as the text does.
+        columns.append(
+            Column(channel, headers.get(channel, default), texts, np.round(numbers, digits), unit)
+        )
+    return Sheet(number, tuple(columns), truth, tolerance)
