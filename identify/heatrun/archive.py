@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from .moment import stated_moment
 from .posterior import Posterior
 from .whole_files import write_whole
 
@@ -17,13 +18,15 @@ from .whole_files import write_whole
 def groups(posterior: Posterior) -> Any:
     """Return the draws as ArviZ groups: an `InferenceData` on 0.23, a `DataTree` on 1.x.
 
-    Group `posterior` holds every free parameter in its unit (attribute `units`), those of one
-    test with a dimension `test`; `sample_stats` the log density; `observed_data` the block
-    means by test.
+    Group `posterior` holds every free parameter in its unit (attribute `units`), those that each
+    test has for itself with a dimension `test`, those that only some tests have with a dimension
+    `test_of_NAME` over these; `sample_stats` the log density; `observed_data` the block means by
+    test.
     """
     arviz = _arviz()
-    variables, dims = _variables(posterior)
     tests = posterior.fit.problem.tests
+    names = [test.name for test in tests]
+    variables, dims, coords = _variables(posterior, names)
     observed = {f"winding_{index}": test.measured for index, test in enumerate(tests)}
     dims |= {name: [f"{name}_block"] for name in observed}
     content = {
@@ -31,7 +34,6 @@ def groups(posterior: Posterior) -> Any:
         "sample_stats": {"lp": posterior.log_density},
         "observed_data": observed,
     }
-    coords = {"test": [test.name for test in tests]}
     with warnings.catch_warnings():
         # 0.23 warns when draws of a parameter outnumber its chains, which is always so here
         warnings.simplefilter("ignore")
@@ -134,10 +136,14 @@ def _is_tree(arviz: Any) -> bool:
     return int(arviz.__version__.split(".")[0]) >= 1
 
 
-def _variables(posterior: Posterior) -> tuple[dict[str, np.ndarray], dict[str, list[str]]]:
+def _variables(
+    posterior: Posterior, tests: Sequence[str]
+) -> tuple[dict[str, np.ndarray], dict[str, list[str]], dict[str, list[str]]]:
+    """Return draws, dimensions and coordinates by name."""
     values = posterior.values()
     variables: dict[str, np.ndarray] = {}
     dims: dict[str, list[str]] = {}
+    coords = {"test": list(tests)}
     for slot in posterior.fit.slots:
         name = slot.parameter.name
         if slot.test is None:
@@ -145,8 +151,11 @@ def _variables(posterior: Posterior) -> tuple[dict[str, np.ndarray], dict[str, l
         elif name not in variables:
             same = [s for s in posterior.fit.slots if s.parameter.name == name]
             variables[name] = np.stack([values[s.name] for s in same], axis=-1)
-            dims[name] = ["test"]
-    return variables, dims
+            # an event, or the timing of a slow logger, belongs to some of the tests alone
+            held = [tests[s.test] for s in same if s.test is not None]
+            dims[name] = ["test" if held == list(tests) else f"test_of_{name}"]
+            coords[dims[name][0]] = held
+    return variables, dims, coords
 
 
 def _label(data: Any, posterior: Posterior) -> None:
@@ -157,3 +166,9 @@ def _label(data: Any, posterior: Posterior) -> None:
         group[name].attrs["long_name"] = parameter.meaning
     group.attrs["method"] = posterior.method
     group.attrs["verdict"] = posterior.sentence()
+    stated = stated_moment()
+    for name in ("posterior", "sample_stats", "observed_data"):
+        attributes = data[name].attrs
+        attributes.pop("created_at", None)
+        if stated is not None:
+            attributes["created_at"] = stated.isoformat()

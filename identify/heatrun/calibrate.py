@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from .bench.reduction import reduce
 from .errors import InputError
 from .fit import fit
 from .model import Model, Order
+from .moment import moment
 from .motor import Motor
 from .posterior import Posterior, sample
 from .predict import Prediction, predict
@@ -193,7 +193,7 @@ def manifest(calibration: Calibration, command: str, seed: int) -> dict[str, Any
         "format": "heatrun-run/1",
         "command": command,
         "seed": seed,
-        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "date": moment().isoformat(timespec="seconds"),
         "platform": platform.system(),
         "inputs": [
             {"path": calibration.motor.path, "sha256": calibration.motor.sha256},

@@ -5,16 +5,20 @@ from __future__ import annotations
 import argparse
 import io
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from importlib import import_module
 
+from .caches import damaged_are_replaced, use_caches
 from .commands import COMMANDS
 from .commands.exit_codes import DONE, INTERRUPTED, NOT_ALLOWED, WRONG_USE
 from .commands.interrupt import SENTENCE, ends_at_once
 from .errors import InputError, UsageError, of_file
-from .runtime import cache_compilations, one_thread_for_small_matrices
+from .memory_limit import prepare_for_limit
+from .moment import check_stated_moment
+from .runtime import one_thread_for_small_matrices
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -26,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else list(arguments)
     with ends_at_once():
         options = _parser().parse_args(words)
-        options.command_line = " ".join(["heatrun", *words])
+        options.command_line = shlex.join(["heatrun", *words])
     # a command that serves until it is stopped says `set_defaults(handles_interrupt=True)`
     handles_interrupt = getattr(options, "handles_interrupt", False)
     is_last = arguments is None
@@ -36,9 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _call(options: argparse.Namespace) -> int:
     """Run the command of the options and turn what it raises into messages and exit codes."""
-    from .commands.console import print_error, printable
+    from .commands.console import print_error, printable, say
 
-    cache_compilations()
+    use_caches(say)
     one_thread_for_small_matrices()
     as_json = getattr(options, "json", False)
     if isinstance(sys.stdout, io.TextIOWrapper):
@@ -46,7 +50,10 @@ def _call(options: argparse.Namespace) -> int:
         encoding = "utf-8" if as_json else None
         sys.stdout.reconfigure(encoding=encoding, errors="backslashreplace")
     try:
-        code = int(options.run_command(options))
+        check_stated_moment()
+        prepare_for_limit(options.command)
+        with damaged_are_replaced(say):
+            code = int(options.run_command(options))
         sys.stdout.flush()
     except UsageError as error:
         print(f"heatrun: {printable(str(error))}", file=sys.stderr)

@@ -25,14 +25,15 @@ class FolderLock:
         self._release = None if descriptor is None else weakref.finalize(self, os.close, descriptor)
 
     @classmethod
-    def take(cls, folder: Path) -> FolderLock:
+    def take(cls, folder: Path, *, waits: bool = False) -> FolderLock:
         """Make the folder if it is not there and lock it.
 
         Args:
             folder: The folder; its parents are made too.
+            waits: Whether to wait until another process has let it go.
 
         Raises:
-            InputError: If another process works in it.
+            InputError: If another process works in it, unless this one waits.
             OSError: If it cannot be made or opened.
         """
         while True:
@@ -41,7 +42,7 @@ class FolderLock:
                 return cls(None)
             descriptor = os.open(folder, os.O_RDONLY)
             try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if waits else fcntl.LOCK_NB))
                 if _is_at(descriptor, folder):
                     return cls(descriptor)
             except BlockingIOError as error:
@@ -55,6 +56,17 @@ class FolderLock:
                 os.close(descriptor)
                 raise
             os.close(descriptor)
+
+    @classmethod
+    def is_free(cls, folder: Path) -> bool:
+        """Whether no living process works in an existing folder; False where nobody can know."""
+        if fcntl is None or not folder.is_dir():
+            return False
+        try:
+            cls.take(folder).release()
+        except InputError:
+            return False
+        return True
 
     def release(self) -> None:
         """Let the folder go; nothing happens if it was let go before."""

@@ -47,6 +47,8 @@ class Motor:
         parameters: Overrides of prior or value by parameter name.
         raster_s: Step that MDF and TDMS channels are averaged to [s], or None for the samples of
             the winding.
+        decimal: Decimal sign of the bench's text tables, `"."` or `","`; the other one then
+            separates thousands. None finds it out of each file, and asks where it cannot.
         sha256: Digest of the motor file, empty if made in memory.
         path: The motor file, empty if made in memory.
     """
@@ -65,5 +67,6 @@ class Motor:
     columns: Mapping[str, str] = field(default_factory=dict)
     parameters: Mapping[str, ParameterOverride] = field(default_factory=dict)
     raster_s: float | None = None
+    decimal: Literal[".", ","] | None = None
     sha256: str = ""
     path: str = ""

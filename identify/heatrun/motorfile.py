@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, cast
 
 from .bench.claims import did_you_mean, parse_claims
+from .bench.open_file import read_start
 from .errors import InputError
 from .motor import Motor, ParameterOverride
+from .plausible import RANGES, UNITS, refuse_implausible
+from .toml_text import LARGEST_BYTES, parse_toml
 
 COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
 """B of R(T) = R (B + T)/(B + Tref): copper by IEEE 112 and NEMA MG 1 (IEC 60034-1 uses 235 for
@@ -29,6 +31,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "insulation_class",
         "rated_speed_rpm",
         "raster_s",
+        "decimal",
     ),
     "winding": (
         "material",
@@ -46,6 +49,9 @@ LARGEST = 10**30
 """Beyond it no quantity of a motor means anything in any unit."""
 
 MOST_PHASES = 99
+
+LONGEST_TEXT = 500
+"""Letters of a name or a right-hand side; the names of columns in use have fewer than 100."""
 
 Limits = tuple[float, float, str]
 POSITIVE: Limits = (0.0, math.inf, "above 0")
@@ -65,8 +71,8 @@ def load_motor(path: str | Path) -> Motor:
             closest one), a value of another type or out of range, or two that contradict.
     """
     where = str(path)
-    data = _bytes(path)
-    content = _parse(data, where)
+    data = read_start(path, LARGEST_BYTES)
+    content = parse_toml(data, where)
     _check_keys(content, (*KEYS, "columns", "parameters"), where, "section")
     sections = {name: _section(content, name, where) for name in KEYS}
     for name, keys in KEYS.items():
@@ -102,38 +108,10 @@ def load_motor(path: str | Path) -> Motor:
         columns=_columns(_section(content, "columns", where), where),
         parameters=_parameters(_section(content, "parameters", where), where),
         raster_s=_number(motor, "raster_s", POSITIVE, at),
+        decimal=cast(Literal[".", ","] | None, _choice(motor, "decimal", (".", ","), at)),
         sha256=hashlib.sha256(data).hexdigest(),
         path=where,
     )
-
-
-def _bytes(path: str | Path) -> bytes:
-    try:
-        return Path(path).read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(
-            f"The motor file cannot be opened ({reason}).",
-            where=str(path),
-            remedy="Check the path.",
-        ) from error
-
-
-def _parse(data: bytes, where: str) -> Mapping[str, Any]:
-    try:
-        return tomllib.loads(data.decode("utf-8-sig"))  # editors on Windows add a mark in front
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"Expected UTF-8 text, got another byte at position {error.start}.",
-            where=where,
-            remedy="Save the motor file as UTF-8.",
-        ) from error
-    except (ValueError, RecursionError) as error:  # ValueError: an integer of 5000 digits
-        raise InputError(
-            f"The motor file is no valid TOML: {error}.",
-            where=where,
-            remedy='Write lines such as name = "…" below a [section].',
-        ) from error
 
 
 def _section(content: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any]:
@@ -151,7 +129,7 @@ def _check_keys(content: Mapping[str, Any], known: tuple[str, ...], where: str, 
     for key in content:
         if key not in known:
             raise InputError(
-                f"The {kind} '{key}' is not known. {did_you_mean(key, known)}".strip(),
+                f"The {kind} '{key[:60]}' is not known. {did_you_mean(key[:60], known)}".strip(),
                 where=where,
                 remedy=f"Known are: {', '.join(known)}.",
             )
@@ -170,6 +148,10 @@ def _text(section: Mapping[str, Any], key: str, where: str) -> str:
     value = section[key]
     if not isinstance(value, str) or not value.strip():
         raise InputError(f"Expected a text for {key}, got {_shown(value)}.", where=where)
+    if len(value) > LONGEST_TEXT:
+        raise InputError(
+            f"Expected at most {LONGEST_TEXT} letters for {key}, got {len(value)}.", where=where
+        )
     return value.strip()
 
 
@@ -261,7 +243,10 @@ def _parameters(section: Mapping[str, Any], where: str) -> dict[str, ParameterOv
                 remedy=f"Write [parameters.{name}] and below it fixed = 0.1, for example.",
             )
         _check_keys(keys, OVERRIDE_KEYS, at, "key")
-        overrides[name] = _override(keys, at)
+        overrides[name] = said = _override(keys, at)
+        unit = UNITS.get(name)
+        if unit is not None:  # those of effects are looked at where the effects are known
+            refuse_implausible(name, said, unit, RANGES[unit], at)
     return overrides
 
 

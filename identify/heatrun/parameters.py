@@ -21,6 +21,7 @@ from jaxtyping import Array, Float
 
 from .errors import InputError
 from .motor import Motor, ParameterOverride
+from .plausible import RANGES, UNITS, limits_around, refuse_implausible
 
 Transform = Literal["log", "linear"]
 Role = Literal["network", "resistance", "start", "instrument", "effect", "noise"]
@@ -233,6 +234,15 @@ def check_names(known: Sequence[str], motor: Motor) -> None:
             )
 
 
+def _refuse_implausible(parameter: Parameter, said: ParameterOverride, where: str) -> None:
+    if parameter.name in UNITS:
+        limits = RANGES[UNITS[parameter.name]]
+    else:  # of an effect
+        is_log = parameter.transform == "log"
+        limits = limits_around(parameter.centre, parameter.sd, is_log=is_log)
+    refuse_implausible(parameter.name, said, parameter.unit, limits, where)
+
+
 def _override(parameter: Parameter, said: ParameterOverride, motor: Motor) -> Parameter:
     where = f"{motor.path or motor.name}, [parameters.{parameter.name}]"
     is_log = parameter.transform == "log"
@@ -249,6 +259,7 @@ def _override(parameter: Parameter, said: ParameterOverride, motor: Motor) -> Pa
             where=where,
             remedy=f"Give sd in {parameter.unit}.",
         )
+    _refuse_implausible(parameter, said, where)
     centre = parameter.centre if said.value is None else said.value
     sd = parameter.sd
     if said.sd is not None:

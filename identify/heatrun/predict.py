@@ -35,7 +35,7 @@ class Prediction:
         parameters: Limits by level ("50", "95") from the parameters alone [degC].
         total: Limits by level with the noise of a block mean [degC].
         sd: Standard deviation with noise [K], shape (block,).
-        nodes: Median temperature of each node at the end of each block [degC].
+        nodes: Median of the mean temperature of each node over each block [degC].
         nodes_95: Its 95 % limits [degC].
         flows: Median heat flow by link over each block [W].
         draws: The readings themselves, without noise [degC], shape (draw, block).
@@ -150,17 +150,20 @@ def _start_from_readings(
 
 @partial(jax.jit, static_argnames="structure")
 def _courses(structure: Structure, data: Data, z: Float[Array, "draw parameter"]):
-    """Return readings by block, node temperatures at block ends and mean flows, over draws."""
+    """Return readings, node temperatures and flows, all as means over blocks, over draws."""
     test = data.tests[0]
+    num_steps = test.weight.shape[1]
+
+    def means(course):
+        return course.reshape(-1, num_steps).mean(axis=1)
 
     def one(z):
         values = data.priors.values(structure.form, z, 0)
         trace = structure.model.simulate(values, test.inputs)
-        num_steps = test.weight.shape[1]
         return {
             "reading": structure.model.block_means(values, test),
-            "nodes": {n: T[num_steps::num_steps] for n, T in trace.temperature.items()},
-            "flows": {n: P.reshape(-1, num_steps).mean(axis=1) for n, P in trace.flow.items()},
+            "nodes": {n: means(0.5 * (T[1:] + T[:-1])) for n, T in trace.temperature.items()},
+            "flows": {n: means(P) for n, P in trace.flow.items()},
         }
 
     return jax.lax.map(one, z, batch_size=50)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .bench import Finding
+from .column_mapping import mapping_text
 from .printable import printable
 
 _MARK = {"error": "ERROR  ", "warning": "warning", "note": "note   "}
@@ -50,6 +51,9 @@ def result_text(result: Mapping[str, Any]) -> str:
     lines += ["", result["verdict"]["sentence"]]
     if result["comparison"]:
         lines += [f"  {sentence}" for sentence in result["comparison"]["words"]]
+    columns = mapping_text(result["tests"])
+    if columns:
+        lines += ["", columns]
     graver = [f for f in result["findings"] if f["severity"] != "note"]
     if graver:
         lines += ["", "Findings"]
@@ -57,7 +61,7 @@ def result_text(result: Mapping[str, Any]) -> str:
             f"  {_MARK[f['severity']]} {f['where']}: {f['message']} {f['remedy']}".rstrip()
             for f in graver
         ]
-    return "\n".join(printable(line) for line in lines)
+    return "\n".join(printable(line) for text in lines for line in text.split("\n"))
 
 
 def discovery_text(result: Mapping[str, Any]) -> str:

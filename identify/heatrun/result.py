@@ -10,6 +10,7 @@ import numpy as np
 from . import __version__, noise
 from .bench.blocks import Blocks
 from .bench.record import Finding, Record
+from .column_mapping import describe_mapping
 from .compare import compare, residual_row, verdict
 from .derived import derive
 from .identifiability import forecast, state
@@ -41,6 +42,7 @@ def describe_test(
         "sha256": "" if source is None else source.sha256,
         "reader": "" if source is None else source.reader,
         "notes": [*record.notes, *blocks.notes],
+        "mapping": describe_mapping(record),
         "duration_s": record.duration_s,
         "num_samples": int(record.time_s.size),
         "sample_s": blocks.sample_s,

@@ -13,7 +13,7 @@ import math
 import os
 import platform
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -23,7 +23,9 @@ from typing import Any
 import numpy as np
 
 from .errors import InputError
+from .file_set import is_aside
 from .folder_lock import FolderLock
+from .undisturbed import undisturbed
 from .whole_files import PARTIAL, drop_partials, writable, write_whole
 
 MANIFEST = "manifest.json"
@@ -92,9 +94,10 @@ class RunFolder:
         from the checkpoints, and under its name the folder is whole.
         """
         self.write_json(MANIFEST, {**manifest, "files": listing(self.partial)})
-        if self.path.exists():
-            self.path.replace(_replaced(self.path))
-        self.partial.replace(self.path)
+        with undisturbed():
+            if self.path.exists():
+                self.path.replace(_replaced(self.path))
+            self.partial.replace(self.path)
         _settle(self.path)
         if self.lock is not None:
             self.lock.release()
@@ -111,6 +114,7 @@ def listing(folder: Path) -> dict[str, str]:
         if name not in (MANIFEST, IDENTITY)
         and not name.startswith(f"{CHECKPOINTS}{os.sep}")
         and not path.name.endswith(PARTIAL)
+        and not is_aside(path.relative_to(folder))
     }
 
 
@@ -177,14 +181,18 @@ def dump(content: Any) -> str:
     return json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False)
 
 
-def load_result(path: Path) -> dict[str, Any]:
+def load_result(path: Path, read: Callable[[Path], bytes] = Path.read_bytes) -> dict[str, Any]:
     """Return `fit.json` of a run folder.
+
+    Args:
+        path: The run folder.
+        read: Reads a file.
 
     Raises:
         InputError: If the folder is no run, or the file is damaged or was changed.
     """
     try:
-        result = json.loads(read_listed(path, "fit.json"))
+        result = json.loads(read_listed(path, "fit.json", read))
     except (ValueError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
@@ -200,12 +208,13 @@ def load_result(path: Path) -> dict[str, Any]:
     return result
 
 
-def read_listed(run: Path, name: str) -> bytes:
+def read_listed(run: Path, name: str, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes:
     """Return a file of a run, which is what the manifest says.
 
     Args:
         run: The run folder.
         name: Name of the file in it.
+        read: Reads a file.
 
     Raises:
         InputError: If the folder is no run, or the file is missing, damaged or was changed.
@@ -216,8 +225,8 @@ def read_listed(run: Path, name: str) -> bytes:
             remedy="Pass the folder that `heatrun calibrate --out` wrote.",
         )
     try:
-        listed = json.loads((run / MANIFEST).read_bytes())["files"][name]
-        content = (run / name).read_bytes()
+        listed = json.loads(read(run / MANIFEST))["files"][name]
+        content = read(run / name)
     except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise InputError(
             f"{name} or the {MANIFEST} that lists it cannot be read "
@@ -234,10 +243,11 @@ def read_listed(run: Path, name: str) -> bytes:
     return content
 
 
-def list_again(run: Path) -> None:
-    """Bring the manifest of a run up to date after files of it were written again."""
+def listed_anew(run: Path, written: Path) -> bytes:
+    """Return the manifest of a run as it is once the files of a folder are in the run too."""
     manifest = json.loads((run / MANIFEST).read_bytes())
-    write_whole(run / MANIFEST, (dump({**manifest, "files": listing(run)}) + "\n").encode())
+    files = dict(sorted({**manifest["files"], **listing(written)}.items()))
+    return (dump({**manifest, "files": files}) + "\n").encode()
 
 
 def _plain(value: Any) -> Any:

@@ -33,17 +33,6 @@ def configure() -> None:
         os.environ.setdefault("XLA_FLAGS", OPTIONS)
 
 
-def cache_compilations() -> None:
-    """Let JAX keep what it compiles in the user's cache folder; for commands, before JAX is used.
-
-    The second run of a command then needs about half the processor time of the first. Nothing
-    changes where the user has set JAX_COMPILATION_CACHE_DIR.
-    """
-    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", os.path.join(base, "heatrun", "jax"))
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
-
-
 def one_thread_for_small_matrices() -> None:
     """Keep the linear algebra of NumPy and SciPy on one thread; for commands, before NumPy is used.
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,39 +14,31 @@ import pandas as pd
 
 from .calibrate import Calibration
 from .errors import InputError
-from .folder_lock import FolderLock
-from .run_folder import dump, list_again, load_result, read_listed
+from .file_set import together
+from .run_folder import MANIFEST, dump, listed_anew, load_result, read_listed
 from .sheet.bands import band_table
 from .sheet.content import sheet_content
 from .sheet.figures import draw
 from .sheet.pdf import write_pdf
 from .sheet.xlsx import write_xlsx
-from .whole_files import drop_partials, write_whole
-
-Tables = Sequence[tuple[str, str, pd.DataFrame]]
+from .whole_files import writable, write_whole
 
 
 def write_sheet_of(found: Calibration, folder: Path) -> list[Path]:
-    """Write courses, figures and sheet of a calibration into a folder."""
-    tables = [
-        (
-            test.record.name,
-            test.role,
-            band_table({order: rows[index] for order, rows in found.predictions.items()}),
-        )
-        for index, test in enumerate(found.tests)
-    ]
-    for number, (_, _, table) in enumerate(tables, start=1):
-        text = table.to_csv(index=False, float_format="%.6g")
-        write_whole(folder / f"course_{number}.csv", text.encode())
-    order = "second" if "second" in found.posteriors else "first"
-    posterior = found.posteriors[order]
-    draws = {
-        slot.name: posterior.values()[slot.name].ravel()
-        for slot in posterior.fit.slots
-        if slot.parameter.role in ("network", "resistance")
-    }
-    return _write(found.result, tables, draws, folder)
+    """Write courses, figures and sheet of a calibration into its folder.
+
+    Sheet and figures are made of the files of the run and of nothing else, so that `heatrun sheet`
+    makes the same bytes of them at any later time.
+
+    Args:
+        found: The calibration.
+        folder: With `fit.json` and the draws of the run in it.
+    """
+    for index, _ in enumerate(found.tests):
+        table = band_table({order: rows[index] for order, rows in found.predictions.items()})
+        text = table.to_csv(index=False)  # to all digits
+        write_whole(folder / _course_name(index + 1), text.encode())
+    return _write(_read(folder, lambda name: (folder / name).read_bytes()), folder)
 
 
 def rewrite_sheet(run: Path, folder: Path) -> list[Path]:
@@ -52,26 +46,14 @@ def rewrite_sheet(run: Path, folder: Path) -> list[Path]:
 
     Args:
         run: The run folder.
-        folder: Where the sheet and the figures go.
+        folder: Where the sheet and the figures go: all of them, or none.
 
     Raises:
         InputError: If the folder is no run, or misses one of its files.
     """
-    from . import archive
-
-    result = load_result(run)
-    is_same = folder.resolve() == run.resolve()
-    lock = FolderLock.take(run) if is_same else None
+    load_result(run)
     try:
-        order = "second" if "second" in result["models"] else "first"
-        tables = [
-            (test["name"], test["role"], _course(run, number))
-            for number, test in enumerate(result["tests"], start=1)
-        ]
-        read_listed(run, f"posterior_{order}.nc")
-        group = archive.read(run / f"posterior_{order}.nc")["posterior"]
-        free = [n for n, e in result["models"][order]["parameters"].items() if not e["fixed"]]
-        draws = {name: np.asarray(group[name]).ravel() for name in free}
+        content = _read(run, lambda name: read_listed(run, name))
     except InputError:
         raise
     except Exception as error:  # what is no run of ours fails in nearly any way
@@ -80,39 +62,71 @@ def rewrite_sheet(run: Path, folder: Path) -> list[Path]:
             where=str(run),
             remedy="Calibrate again.",
         ) from error
-    folder.mkdir(parents=True, exist_ok=True)
     try:
-        written = _write(result, tables, draws, folder)
+        with writable("the sheet", folder), together(folder, "sheet") as files:
+            written = _write(content, files.aside)
+            if folder.resolve() == run.resolve():
+                # what stands in the run and in its manifest changes together
+                write_whole(files.aside / MANIFEST, listed_anew(run, files.aside))
     except (LookupError, TypeError, ValueError, AttributeError) as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(
             f"the run does not hold what a sheet needs ({type(error).__name__}: {error}).",
             where=str(run),
             remedy="Calibrate again with this version.",
         ) from error
-    if lock is not None:
-        drop_partials(run)
-        list_again(run)
-        lock.release()
-    return written
+    return [folder / path.relative_to(files.aside) for path in written]
 
 
-def _course(run: Path, number: int) -> pd.DataFrame:
-    return pd.read_csv(io.BytesIO(read_listed(run, f"course_{number}.csv")))
+@dataclass(frozen=True)
+class _Content:
+    """What a sheet is made of: `fit.json`, courses by test, draws by parameter."""
+
+    result: Mapping[str, Any]
+    tables: Sequence[tuple[str, str, pd.DataFrame]]
+    draws: Mapping[str, np.ndarray]
 
 
-def _write(
-    result: Mapping[str, Any], tables: Tables, draws: Mapping[str, np.ndarray], folder: Path
-) -> list[Path]:
+def _read(run: Path, read: Callable[[str], bytes]) -> _Content:
+    """Return what a sheet is made of from the files of a run, each by its name."""
+    from . import archive
+
+    result = json.loads(read("fit.json"))
+    order = "second" if "second" in result["models"] else "first"
+    tables = [
+        (test["name"], test["role"], _course(read(_course_name(number))))
+        for number, test in enumerate(result["tests"], start=1)
+    ]
+    name = f"posterior_{order}.nc"
+    read(name)
+    group = archive.read(run / name)["posterior"]
+    free = [n for n, e in result["models"][order]["parameters"].items() if not e["fixed"]]
+    return _Content(result, tables, {name: np.asarray(group[name]).ravel() for name in free})
+
+
+def _course_name(number: int) -> str:
+    return f"course_{number}.csv"
+
+
+def _course(content: bytes) -> pd.DataFrame:
+    # as words first: read as numbers, some versions of pandas lose the last digit
+    words = pd.read_csv(io.BytesIO(content), dtype=str, keep_default_na=False)
+    return words.replace("", "nan").astype(float)
+
+
+def _write(content: _Content, folder: Path) -> list[Path]:
+    result = content.result
     units = {
         name: entry["unit"]
         for model in result["models"].values()
         for name, entry in model["parameters"].items()
     }
-    figures = draw(tables, draws, units, folder / "figures")
+    figures = draw(content.tables, content.draws, units, folder / "figures")
     write_whole(folder / "sheet.json", (dump(sheet_content(result)) + "\n").encode())
     return [
         write_pdf(result, figures, folder / "sheet.pdf"),
-        write_xlsx(result, tables, folder / "sheet.xlsx"),
+        write_xlsx(result, content.tables, folder / "sheet.xlsx"),
         folder / "sheet.json",
         *figures,
     ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -17,11 +16,14 @@ from lptn import Trace, growth_rate
 
 from .bench import Record, read_record, require
 from .bench.blocks import Blocks
+from .bench.open_file import read_start
 from .bench.reduction import reduce
 from .errors import InputError
+from .file_set import together
 from .model import ALL_NAMES, NETWORK, Model, Order, parameters
 from .motor import Motor
 from .run_folder import load_result
+from .toml_text import LARGEST_BYTES, parse_toml
 from .whole_files import writable, write_whole
 
 LARGEST = 1e30
@@ -61,9 +63,9 @@ def simulate_file(
     if Path(source).is_dir():
         table, lacking = _with_bands(table, Path(source), record, motor, order, seed)
     target = folder / f"{record.name}_virtual.csv"
-    with writable("the record", target):
-        folder.mkdir(parents=True, exist_ok=True)
-        write_whole(target, table.to_csv(index=False, float_format="%.6g").encode())
+    with writable("the record", target), together(folder, "virtual") as files:
+        text = table.to_csv(index=False, float_format="%.6g")
+        write_whole(files.aside / target.name, text.encode())
     rmse = None
     if measured is not None and np.any(np.isfinite(measured)):
         virtual = np.interp(record.time_s, table["time_s"], table["winding_degC"])
@@ -211,13 +213,7 @@ def parameters_from(source: Path, order: Order) -> dict[str, float]:
                 where=str(source),
                 remedy="Calibrate again.",
             ) from error
-    try:
-        content = tomllib.loads(source.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(
-            f"expected a run folder or a TOML file of parameters: {error}.", where=str(source),
-            remedy="Write lines such as Ceq_w = 666.75.",
-        ) from error  # fmt: skip
+    content = parse_toml(read_start(source, LARGEST_BYTES), str(source), "file of parameters")
     content = content.get("parameters", content)
     if not isinstance(content, dict):
         raise InputError(

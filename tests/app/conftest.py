@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
+import importlib.util
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -18,6 +21,7 @@ DATA = ROOT / "data" / "synthetic"
 CHROMIUM = next((p for name in ("chromium", "chromium-browser", "google-chrome")
                  if (p := shutil.which(name))), None)  # fmt: skip
 START_S = 60
+PR_SET_PDEATHSIG = 1
 
 
 class Served:
@@ -25,24 +29,52 @@ class Served:
 
     def __init__(self, folder: Path, *options: str) -> None:
         self.folder, self.out = folder, folder.parent / "runs"
-        log = folder.parent / f"{folder.name}.log"
-        with log.open("w") as file:
+        self.log = folder.parent / f"{folder.name}.log"
+        with self.log.open("w") as file:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "heatrun.cli", "view", str(folder), "--no-browser",
                  "--port", "0", "--out", str(self.out), *options],
-                stderr=file, env=dict(os.environ),
+                stdout=file, stderr=file, env=dict(os.environ), preexec_fn=_end_with_the_tests,
             )  # fmt: skip
+        try:
+            self.url = self._told()
+        except BaseException:
+            self.close()
+            raise
+
+    def _told(self) -> str:
         end = time.monotonic() + START_S
-        found = None
-        while found is None and time.monotonic() < end and self.process.poll() is None:
+        while time.monotonic() < end and self.process.poll() is None:
+            found = re.search(r"http://\S+:\d+/\S*(?= shows)", self.log.read_text())
+            if found:
+                return found.group()
             time.sleep(0.1)
-            found = re.search(r"http://[\d.]+:\d+/", log.read_text())
-        assert found, log.read_text()
-        self.url = found.group()
+        raise AssertionError(self.log.read_text())
+
+    @property
+    def most_MB(self) -> float:
+        """Most resident memory so far [MB]."""
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        return int(re.search(r"VmHWM:\s+(\d+)", status).group(1)) / 1e3
+
+    def children(self) -> list[int]:
+        """Return the processes that the server has started."""
+        listed = Path(f"/proc/{self.process.pid}/task").glob("*/children")
+        return [int(pid) for each in listed for pid in each.read_text().split()]
 
     def close(self) -> None:
         self.process.terminate()
-        self.process.wait(10)
+        try:
+            self.process.wait(20)
+        finally:
+            self.process.kill()
+            self.process.wait()
+
+
+def _end_with_the_tests() -> None:
+    """Let the server end when pytest does, also when a time limit ends that without a word."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def _fill(where: Path) -> Path:
@@ -67,16 +99,54 @@ def bench_data() -> Path:
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     """One server for the tests of a file; a test that changes a file brings its own."""
     server = Served(_fill(tmp_path_factory.mktemp("view") / "bench"))
-    yield server
-    server.close()
+    try:
+        yield server
+    finally:
+        server.close()
 
 
 @pytest.fixture
 def served_empty(tmp_path: Path) -> Iterator[Served]:
     (tmp_path / "empty").mkdir()
     server = Served(tmp_path / "empty", "--max-upload-MB", "1")
-    yield server
-    server.close()
+    try:
+        yield server
+    finally:
+        server.close()
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Callable[..., Served]]:
+    """Start servers with options, each of a folder of its own, ended after the test."""
+    started: list[Served] = []
+
+    def start(*options: str, fill: Callable[[Path], object] | None = None) -> Served:
+        folder = _fill(tmp_path / f"bench{len(started)}")
+        if fill is not None:
+            fill(folder)
+        started.append(Served(folder, *options))
+        return started[-1]
+
+    try:
+        yield start
+    finally:
+        for server in started:
+            server.close()
+
+
+@pytest.fixture(scope="session")
+def served_class() -> type[Served]:
+    return Served
+
+
+@pytest.fixture(scope="session")
+def wire():
+    """The client that sends what it likes: `ask`, `upgrade`, `Tab`."""
+    file = Path(__file__).with_name("wire.py")
+    spec = importlib.util.spec_from_file_location("heatrun_tests_wire", file)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from heatrun.app.jobs import JobQueue
 from heatrun.app.run_view import run_name
 from heatrun.app.store import RecordStore
 from heatrun.app.trace import GAP, Trace
-from heatrun.app.uploads import BoundedDropper, keep_upload, safe_name
+from heatrun.app.uploads import BoundedDropper, UploadRoom, keep_upload, safe_name
 from heatrun.app.words import discovery_html, error_message, message, table
 from heatrun.errors import InputError
 
@@ -122,9 +122,10 @@ def test_an_upload_never_replaces_another(tmp_path):
     assert len(safe_name("x" * 500 + ".csv")) <= 100
 
 
-def test_uploads_end_at_the_limit_whatever_the_browser_sends():
+def test_uploads_end_at_the_limit_whatever_the_browser_sends(tmp_path):
     refused: list[InputError] = []
-    dropper = BoundedDropper(1_000_000, refused.append)
+    room = UploadRoom(tmp_path, 1_000_000)
+    dropper = BoundedDropper(room, refused.append)
 
     def send(name: str, data: bytes, chunk: int, total: int) -> None:
         event = SimpleNamespace(
@@ -141,6 +142,16 @@ def test_uploads_end_at_the_limit_whatever_the_browser_sends():
     assert "exceed 1 MB" in refused[0].problem
     send("b.csv", b"late", 2, 2)
     assert "b.csv" not in dropper.value
+    assert not room.take(400_000)
+    assert dropper.arrived() == {"a.csv": b"x" * 600_000}
+    keep_upload(tmp_path, "a.csv", b"x" * 600_000)
+    assert not room.take(400_001)
+    assert room.take(399_000)
+    room.give_back(399_000)
+    send("c.csv", b"x" * 300_000, 1, 2)
+    assert not room.take(200_000)
+    dropper.close()
+    assert room.take(200_000)
 
 
 def test_a_large_file_is_refused_before_it_is_read(folder):

@@ -1,18 +1,19 @@
-"""Calibrations killed and interrupted at random moments of every phase; the table of outcomes.
+"""All commands and the page's jobs killed, on full disks and short of memory; the table of it.
 
-Each run goes into one folder until it ends: killed up to three times, started again with the same
-command each time, then left alone. Whatever lies at the destination must be a whole run, the
-exit code and message right, and the posterior the same to the last bit as that of a run that
-nobody disturbed.
+Each trial takes one command, strikes it several times at drawn moments of its phases or before
+drawn file operations, starts it again each time and lets it end. Whatever lies at the destination
+must be whole, the exit code and message right, nothing may be left over, and the result must be
+that of a command that nobody disturbed.
 
-    python tests/faults/campaign.py [--kills 40] [--minutes 22] [--seed 2] [--results FOLDER]
+What was seen stands in a file to which every trial adds; started again, the campaign goes on.
+
+    python tests/faults/campaign.py [--kills 1000] [--minutes 60] [--seed 2] [--workers 2]
+        [--only NAME] [--parts kills,full,memory] [--results FOLDER] [--scratch FOLDER]
 """
 
 from __future__ import annotations
 
 import argparse
-import gzip
-import hashlib
 import json
 import os
 import random
@@ -20,227 +21,187 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter
-from dataclasses import dataclass, field
 from pathlib import Path
+from types import FrameType
 
-import h5py
-import numpy as np
-from report import write_table
+ROOT = Path(__file__).parents[2]
+PARTS = ("kills", "full", "memory")
+PER_DISK = 3
+"""Trials of every case on each kind of full disk."""
 
-DATA = Path(__file__).parents[2] / "data" / "synthetic"
-METHODS = {"quick": ["--quick"], "emcee": []}
-PHASES = {
-    "reading": "",
-    "fitting": "least squares",
-    "sampling": "sampling the posterior",
-    "writing": "writing the sheet",
-}
-"""What a command says on stderr when a phase begins."""
+WHOLE = 1000
+"""Signals for which the targets of the cases are given."""
 
-MOST_KILLS = 3  # of one run, after which it is left to end
+PER_TRIAL = 4.0
+"""Signals of a trial, nearly."""
 
+NICE = 10
+"""How far the campaign stands back behind other work on the machine."""
 
-@dataclass
-class Tally:
-    """What was seen; the campaign fails if `faults` is not empty."""
-
-    kills: Counter = field(default_factory=Counter)
-    num_finished: int = 0
-    num_resumed: int = 0
-    num_early: int = 0
-    faults: list[str] = field(default_factory=list)
+Job = tuple[str, str, object]
+"""Part, name of the case, and the limit of memory or the kind of disk."""
 
 
-def listen() -> None:
-    """Let a process be interrupted even where a shell in the background started this one."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+def open_jobs(rows: list[dict], parts: list[str], only: str, kills: int) -> list[tuple[Job, float]]:
+    """Return what is still to be done, each with how much of it."""
+    from commands import CASES, PAGE
+    from limits import DISKS, MEMORY_MB
 
-
-class Command:
-    """A command in a process of its own, with the times at which its phases began."""
-
-    def __init__(self, words: list[str]) -> None:
-        self.began = {"reading": time.monotonic()}
-        self.err: list[str] = []
-        self.process = subprocess.Popen(
-            words,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            preexec_fn=listen,
+    cases = [case for case in (*CASES, *PAGE) if only in case.name]
+    done = Counter(row["case"] for row in rows if row["kind"] == "kill")
+    jobs: list[tuple[Job, float]] = []
+    if "kills" in parts and sum(row["kind"] == "kill" for row in rows) < kills:
+        wanted = {case.name: case.target * kills / WHOLE for case in cases}
+        jobs += [(("kills", name, None), max(target - done[name], 0.05 * target) / PER_TRIAL)
+                 for name, target in wanted.items()]  # fmt: skip
+    plain = [case for case in cases if case not in PAGE]
+    if "full" in parts:
+        seen = Counter(
+            (row["case"], row["way"]) for row in rows if row["kind"] in ("full", "skipped")
         )
-        self._reader = threading.Thread(target=self._read)
-        self._reader.start()
-
-    def _read(self) -> None:
-        assert self.process.stderr is not None
-        for line in self.process.stderr:
-            self.err.append(line)
-            for phase, words in PHASES.items():
-                if words and words in line:
-                    self.began.setdefault(phase, time.monotonic())
-
-    def wait(self) -> int:
-        """Return the exit code, after all that it said was read."""
-        code = self.process.wait()
-        self._reader.join()
-        return code
+        for case in plain:
+            for way in DISKS:
+                lacking = PER_DISK - seen[case.name, way]
+                jobs += [(("full", case.name, way), 1.0 * lacking)] if lacking > 0 else []
+    if "memory" in parts:
+        tried = {(row["case"], row["size_MB"]) for row in rows if row["kind"] == "memory"}
+        jobs += [(("memory", case.name, size), 1.0) for case in plain for size in MEMORY_MB
+                 if (case.name, size) not in tried]  # fmt: skip
+    return jobs
 
 
-def words_of(folder: Path, method: str, out: Path) -> list[str]:
-    """Return the command that is run again and again."""
-    head = [sys.executable, "-m", "heatrun.cli", "calibrate", str(folder / "motor.toml")]
-    tail = [str(folder / "duty.csv"), "--out", str(out)]
-    return [*head, *tail, *METHODS[method]]
+def work(options: argparse.Namespace) -> None:
+    """Do trials until all is done or time is up; the process of one worker."""
+    from bench import MARK, Bench, product
+    from commands import CASES, PAGE
+    from kills import disturb
+    from limits import fill, squeeze
+    from pages import disturb_page
+    from started import warm_up
+    from tally import Tally
+
+    signal.signal(signal.SIGTERM, _leave)
+    os.nice(options.nice)
+    warm_up()
+    cases = {case.name: case for case in (*CASES, *PAGE)}
+    bench = Bench(options.scratch / f"worker_{options.worker}", os.environ[MARK])
+    bench.prepare()
+    tally = Tally(options.results / "kills.jsonl", product())
+    trial = 0
+    while time.time() < options.until:
+        rows = tally.rows()
+        jobs = open_jobs(rows, options.parts, options.only, options.kills)
+        if not jobs:
+            return
+        trial += 1
+        draw = random.Random(f"{options.seed} {len(rows)} {options.worker} {trial}")
+        part, name, how = draw.choices([job for job, _ in jobs], [size for _, size in jobs])[0]
+        case, began = cases[name], _seconds()
+        if part == "full":
+            found = fill(bench, case, str(how), draw)
+        elif part == "memory":
+            assert isinstance(how, int)
+            found = squeeze(bench, case, how)
+        else:
+            found = (disturb_page if case in PAGE else disturb)(bench, case, draw)
+        spent = [
+            round((now - then) / len(found), 2) for now, then in zip(_seconds(), began, strict=True)
+        ]
+        same = {"case": name, "command": case.command, "seconds": spent[0], "cpu_s": spent[1]}
+        found = [{**same, **row} for row in (*bench.learnt(), *found)]
+        tally.add(_without_places(row, options.scratch) for row in found)
 
 
-def prepare(folder: Path) -> None:
-    """Write the motor and the bundled 30-minute duty at 1 Hz."""
-    (folder / "motor.toml").write_bytes((DATA / "motor.toml").read_bytes())
-    with gzip.open(DATA / "duty_30min.csv.gz", "rt") as file:
-        lines = file.read().splitlines()
-    (folder / "duty.csv").write_text("\n".join([lines[0], *lines[1::10]]) + "\n")
+def _without_places(row: dict, scratch: Path) -> dict:
+    """Return a row whose texts name no folder of this machine."""
+    text = json.dumps(row)
+    for place, name in ((scratch, "SCRATCH"), (ROOT, "."), (sys.base_prefix, "PYTHON")):
+        text = text.replace(str(place), name)
+    return json.loads(text)
 
 
-def posterior(run: Path) -> dict[str, object]:
-    """Return all draws of a run, bit by bit, and the models of its fit.json."""
-    content: dict[str, object] = {"models": json.loads((run / "fit.json").read_text())["models"]}
-    for order in ("first", "second"):
-        with h5py.File(run / f"posterior_{order}.nc") as file:
-            for group in ("posterior", "sample_stats", "observed_data"):
-                for name, values in file[group].items():
-                    array = np.asarray(values)
-                    # not the bytes of texts, which are addresses
-                    content[f"{order}/{group}/{name}"] = (
-                        array.tolist() if array.dtype == object else array.tobytes()
-                    )
-    return content
+def _seconds() -> tuple[float, float]:
+    """Return the time, and the processor time of this process and its children [s]."""
+    used = os.times()
+    return time.monotonic(), sum(used[:4])
 
 
-def is_whole(run: Path) -> bool:
-    """Whether every file that the manifest lists is there as it was, and nothing else."""
+def _leave(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(128 + number)
+
+
+def supervise(options: argparse.Namespace) -> int:
+    """Start the workers, say how far they are, and wait for them; 1 if one failed."""
+    from bench import MARK, product
+    from tally import Tally, num_kills
+
+    began, codes = time.monotonic(), []
+    tally = Tally(options.results / "kills.jsonl", product())
+    signal.signal(signal.SIGTERM, _leave)
+    workers = []
+    for number in range(options.workers):
+        folder = options.scratch / f"worker_{number}"
+        environment = {
+            **os.environ,
+            MARK: f"{os.getpid()} {number} {time.time_ns()};",
+            # JAX reads them when it is imported, which is before the fork
+            "JAX_COMPILATION_CACHE_DIR": str(folder / "cache"),
+            "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.3",
+            "OPENBLAS_NUM_THREADS": "1",
+            "NUMEXPR_MAX_THREADS": "1",
+        }
+        words = [sys.executable, __file__, *sys.argv[1:], "--scratch", str(options.scratch),
+                 "--worker", str(number), "--until", str(options.until)]  # fmt: skip
+        workers.append(subprocess.Popen(words, env=environment, start_new_session=True))
     try:
-        files = json.loads((run / "manifest.json").read_text())["files"]
-        return all(
-            hashlib.sha256((run / name).read_bytes()).hexdigest() == digest
-            for name, digest in files.items()
-        )
-    except (OSError, ValueError, KeyError):
-        return False
-
-
-def disturb(words: list[str], phase: str, delay_s: float, number: signal.Signals) -> Command:
-    """Run a command and send it a signal some time after a phase began."""
-    command = Command(words)
-    while command.process.poll() is None:
-        begun = command.began.get(phase)
-        if begun is not None and time.monotonic() >= begun + delay_s:
-            command.process.send_signal(number)
-            break
-        time.sleep(0.005)
-    return command
-
-
-def lengths(command: Command, ended: float) -> dict[str, float]:
-    """Return how long each phase of a command took [s]."""
-    starts = [*command.began.values(), ended]
-    return dict(zip(command.began, np.diff(starts), strict=True))
-
-
-def campaign(folder: Path, num_kills: int, seed: int, limit_s: float) -> Tally:
-    """Kill and interrupt until so many signals have struck a running command, or time is up."""
-    end = time.monotonic() + limit_s
-    prepare(folder)
-    draw = random.Random(seed)
-    tally = Tally()
-    expected, spans = {}, {}
-    for method in METHODS:
-        # the second run finds everything compiled, as those that are disturbed will
-        for _ in range(2):
-            command = Command(words_of(folder, method, folder / f"clean_{method}"))
-            if command.wait() != 0:
-                raise SystemExit("the undisturbed run failed:\n" + "".join(command.err))
-        spans[method] = lengths(command, time.monotonic())
-        expected[method] = posterior(folder / f"clean_{method}")
-    number = 0
-    while sum(tally.kills.values()) < num_kills and time.monotonic() < end:
-        number += 1
-        method = draw.choice(list(METHODS))
-        out = folder / f"run_{number}"
-        words = words_of(folder, method, out)
-        resumes = False
-        for _ in range(draw.randint(1, MOST_KILLS)):
-            phase = draw.choice(list(PHASES))
-            sent = draw.choice([signal.SIGKILL, signal.SIGINT])
-            delay = draw.uniform(0.0, spans[method][phase])
-            command = disturb(words, phase, delay, sent)
-            code, said = command.wait(), "".join(command.err)
-            where = f"run {number}, {method}, {sent.name} {delay:.2f} s into {phase}"
-            if is_early(sent, code, said):
-                tally.num_early += 1
-                continue
-            tally.faults += [f"{where}: {fault}" for fault in judge(out, sent, code, said)]
-            if code == 0:
-                break
-            tally.kills[method, list(command.began)[-1], sent.name] += 1
-            if out.exists():  # struck between the last rename and the end of the process
-                break
-            resumes = (folder / f"run_{number}.partial").exists()
-        if not out.exists():
-            command = Command(words)
-            code, said = command.wait(), "".join(command.err)
-            tally.num_resumed += "taking up the unfinished run" in said
-            if code != 0 or (resumes and "taking up" not in said):
-                tally.faults.append(f"run {number}: going on ended with {code}: {said[-300:]}")
-        tally.num_finished += 1
-        if not is_whole(out) or posterior(out) != expected[method]:
-            tally.faults.append(f"run {number}: the posterior is not that of the clean run")
-        left = [path.name for path in folder.iterdir() if f"run_{number}." in path.name]
-        if left:
-            tally.faults.append(f"run {number}: {left} stayed behind")
-        print(f"{number}: {sum(tally.kills.values())} signals", file=sys.stderr, flush=True)
-    return tally
-
-
-def is_early(sent: signal.Signals, code: int, said: str) -> bool:
-    """Whether an interrupt struck while Python started, before any line of the package ran."""
-    in_python = "Traceback" in said and "heatrun" not in said
-    return sent is signal.SIGINT and code == -signal.SIGINT and (in_python or not said)
-
-
-def judge(out: Path, sent: signal.Signals, code: int, said: str) -> list[str]:
-    """Return what is wrong with how a disturbed command ended."""
-    faults = []
-    if out.exists() and not is_whole(out):
-        faults.append("a half-written run lies at the destination")
-    if "Traceback" in said or "Exception ignored" in said:
-        faults.append(f"a traceback was shown: {said[-400:]}")
-    if sent is signal.SIGINT and code not in (0, 130):
-        faults.append(f"exit code {code} after an interrupt: {said[-200:]}")
-    if code == 130 and "interrupted" not in said:
-        faults.append("no word about the interrupt")
-    return faults
+        while any(worker.poll() is None for worker in workers):
+            time.sleep(5.0)
+            if int(time.monotonic() - began) % 60 < 5:
+                said = f"{num_kills(tally.rows())} signals, {time.monotonic() - began:.0f} s"
+                print(said, file=sys.stderr, flush=True)
+    finally:
+        for worker in workers:
+            if worker.poll() is None:
+                worker.terminate()
+        codes = [worker.wait() for worker in workers]
+    return int(any(codes))
 
 
 def main() -> int:
-    """Run the campaign and write its table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kills", type=int, default=40)
-    parser.add_argument("--minutes", type=float, default=22.0, help="after which it stops")
+    """Go on with the campaign and write its table; 1 if there is a fault."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--kills", type=int, default=WHOLE)
+    parser.add_argument("--minutes", type=float, default=60.0, help="after which it stops")
     parser.add_argument("--seed", type=int, default=2)
-    parser.add_argument("--results", type=Path, default=Path("results") / "faults")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--nice", type=int, default=NICE)
+    parser.add_argument("--only", default="", help="part of the name of a case")
+    parser.add_argument("--parts", type=lambda text: text.split(","), default=list(PARTS))
+    parser.add_argument("--results", type=Path, default=ROOT / "results" / "faults")
+    parser.add_argument("--scratch", type=Path)
+    parser.add_argument("--table", default="table.md", help="name of the table")
+    parser.add_argument("--worker", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--until", type=float, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp()
-    began = time.monotonic()
-    with tempfile.TemporaryDirectory() as name:
-        tally = campaign(Path(name), options.kills, options.seed, 60.0 * options.minutes)
-    minutes = (time.monotonic() - began) / 60.0
-    write_table(tally, options.results, options.kills, options.seed, minutes)
-    print("\n".join(tally.faults), file=sys.stderr)
-    return 1 if tally.faults else 0
+    options.results = options.results.resolve()
+    options.until = options.until or time.time() + 60.0 * options.minutes
+    options.scratch = (
+        options.scratch or Path(tempfile.gettempdir()) / f"heatrun-faults-{os.getuid()}"
+    )
+    if options.worker is not None:
+        work(options)
+        return 0
+    from bench import product
+    from report import write_table
+    from tally import Tally
+
+    failed = supervise(options)
+    tally = Tally(options.results / "kills.jsonl", product())
+    num_faults = write_table(tally, options.results / options.table)
+    print(f"{num_faults} faults; {options.results / options.table}", file=sys.stderr)
+    return 1 if num_faults or failed else 0
 
 
 if __name__ == "__main__":

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce, rounding_step
+from heatrun.bench.reduction import reduce
+from heatrun.bench.rounding import rounding_step
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 
@@ -76,11 +77,42 @@ def test_short_tests_get_short_blocks(motor):
     assert blocks.block_s <= 2.5
 
 
-@pytest.mark.parametrize("step", [1.0, 0.5, 0.1])
-def test_resolution_is_seen(step):
+def readings(step, *, noise=0.3, size=4000):
+    """Return a warming winding with noise, rounded to a step [degC]."""
+    time = np.arange(size)
+    noises = np.random.default_rng(3).normal(0.0, noise, size)
+    warm = 20.0 + 70.0 * (1.0 - np.exp(-time / 900.0)) + noises
+    return np.round(warm / step) * step
+
+
+@pytest.mark.parametrize("step", [2.0, 1.0, 0.5, 0.1, 1.0 / 16.0])
+def test_resolution_is_seen_whatever_the_grid_begins_at(step):
+    assert rounding_step(readings(step)) == pytest.approx(step, rel=1e-6)
+    in_kelvin = readings(step) + 273.15  # rounded as kelvin, converted by the reader
+    assert rounding_step(in_kelvin - 2 * 273.15) == pytest.approx(step, rel=1e-6)
+
+
+def test_resolution_in_fahrenheit_is_seen():
+    assert rounding_step(readings(5.0 / 9.0) - 160.0 / 9.0) == pytest.approx(5.0 / 9.0, rel=1e-6)
+
+
+def test_resolution_is_seen_in_random_and_in_32_bit_readings():
     values = np.random.default_rng(3).uniform(20, 90, 500)
-    assert rounding_step(np.round(values / step) * step) == step
-    assert rounding_step(values) == 0.0
+    assert rounding_step(np.round(values, 1)) == pytest.approx(0.1, rel=1e-6)
+    assert rounding_step(readings(0.1).astype(np.float32)) == pytest.approx(0.1, rel=1e-4)
+    assert rounding_step(values) is None
+
+
+def test_resolution_is_seen_in_few_equal_steps_and_not_in_a_failing_sensor():
+    slow = np.repeat([20.0, 21.0, 22.0, 23.0, 24.0], 60)
+    assert rounding_step(slow) == 1.0
+    assert rounding_step(np.repeat([20.0, 20.3, 51.2, 20.0], 60)) is None
+
+
+def test_a_fit_books_the_rounding_of_a_shifted_grid(motor):
+    time = np.arange(0.0, 4000.0, 1.0)
+    blocks = reduce(record(time, winding=readings(1.0) + 0.15), motor)
+    assert blocks.rounding_K == pytest.approx(1.0, rel=1e-6)
 
 
 def test_what_cannot_be_reduced_is_said(motor):

@@ -12,7 +12,7 @@ from heatrun.bench.channels import map_columns
 from heatrun.bench.header import split_name
 from heatrun.bench.maps import COLUMN_MAPS
 from heatrun.bench.schema import CHANNEL
-from heatrun.bench.table import Column, Table
+from heatrun.bench.table import Column, Stated, Table
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 
@@ -72,6 +72,137 @@ def test_a_unit_that_only_the_motor_file_gives():
 def test_a_column_without_a_unit_is_noted():
     found = mapped("coil", columns={"winding_degC": "coil"}, value=20.0)
     assert "no unit given, taken as degC" in found.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "factor", "unit_from"),
+    [
+        ("P_loss kW", "P_loss kW", 1e3, "name"),
+        ("P_loss kW", "P_loss", 1e3, "name"),
+        ("P_loss kW", "P_loss [W]", 1.0, "stated"),
+        ("[kW] P_loss", "P_loss", 1e3, "stated"),
+        ("[kW] P_loss", "[kW] P_loss", 1e3, "stated"),
+        ("[furlong] P_loss", "[furlong] P_loss [kW]", 1e3, "stated"),
+        ("P|kW", "P", 1e3, "stated"),
+        ("P<kW>", "P<kW>", 1e3, "stated"),
+        ("Pv_kW_mean", "Pv_kW_mean", 1e3, "name"),
+        ("P\u00a0[kW]", "P [kW]", 1e3, "stated"),
+        ("P_loss", "P_loss", 1.0, "assumed"),
+        ("P (in kW)", "P in kW", 1e3, "stated"),
+    ],
+)
+def test_columns_of_the_motor_file_name_headers_of_every_form(name, text, factor, unit_from):
+    found = mapped(name, columns={"losses_W": text}, value=2.0)
+    assert found.channels["losses_W"][0] == 2.0 * factor
+    (reading,) = found.readings
+    assert (reading.column, reading.unit_from) == (name, unit_from)
+
+
+def test_a_letter_at_the_end_is_not_left_off_the_name_asked_for():
+    with pytest.raises(InputError, match="names 'T' for coolant_degC, which the file does not"):
+        mapped("T_K", columns={"coolant_degC": "T"})
+
+
+@pytest.mark.parametrize(
+    ("name", "channel", "factor"),
+    [
+        ("losses_kW_avg", "losses_W", 1e3),
+        ("Losses kW", "losses_W", 1e3),
+        ("[kW] losses", "losses_W", 1e3),
+        ("speedRpm", "speed_rpm", 1.0),
+        ("torque mNm mean", "torque_Nm", 1e-3),
+        ("phase_current_rms [A]", "phase_current_A", 1.0),
+        ("phase_current_kA_rms", "phase_current_A", 1e3),
+        ("time, min", "time_s", 60.0),
+    ],
+)
+def test_built_in_names_with_units_and_means(name, channel, factor):
+    assert mapped(name, value=8.0).channels[channel][0] == pytest.approx(8.0 * factor, rel=1e-15)
+
+
+@pytest.mark.parametrize("name", ["winding_max", "Winding F", "winding_degC_std", "i_d_rms"])
+def test_what_is_no_mean_is_not_taken_for_the_channel(name):
+    assert not {"winding_degC", "i_d_A"} & set(mapped(name, "x").channels)
+
+
+def test_the_plain_name_comes_before_its_mean():
+    found = mapped("winding_mean [degC]", "winding [degC]")
+    assert found.columns["winding_degC"] == "winding [degC]"
+    found = mapped("winding_min", "winding_mean [K]", "winding_max", value=293.15)
+    assert found.columns["winding_degC"] == "winding_mean [K]"
+    with pytest.raises(InputError, match="both stand for winding_degC"):
+        mapped("winding_mean [degC]", "winding_avg [degC]")
+
+
+def test_a_unit_that_is_not_understood_matters_where_it_is_used():
+    assert "P [furlong]" in mapped("t", "P [furlong]").unused
+    with pytest.raises(InputError, match=r"The unit 'furlong' is not known") as caught:
+        mapped("P [furlong]", columns={"losses_W": "P"})
+    assert "'P [furlong]' as losses_W" in caught.value.where
+    assert '[columns] losses_W = "P [furlong] [W]"' in caught.value.remedy
+    line = "P [furlong] [kW]"
+    found = mapped("P [furlong]", columns={"losses_W": line}, value=2.0)
+    assert found.channels["losses_W"][0] == 2000.0
+    assert [finding.id for finding in found.findings] == ["unit_overridden"]
+
+
+def column_with(name: str, *beside: Stated) -> Table:
+    values = np.array([2.0, 3.0])
+    return Table((Column(name, *split_name(name), values, beside=beside),))
+
+
+def read_power(name: str, *beside: Stated, text: str = ""):
+    columns = {"losses_W": text or split_name(name)[0]}
+    found = map_columns(column_with(name, *beside), columns, where="test.csv")
+    (reading,) = found.readings
+    return found.channels["losses_W"][0], reading.unit_from, [one.id for one in found.findings]
+
+
+@pytest.mark.parametrize(
+    ("name", "beside", "said"),
+    [
+        ("P [kW]", "W", ("The name says kW", "the row of units W")),
+        ("P_kW", "W", ("The name says kW", "the row of units W")),
+        ("losses_W", "kW", ("The name says W", "the row of units kW")),
+        ("P [kW] (W)", "kW", ("The name says kW", "the unit behind it W")),
+    ],
+)
+def test_two_statements_that_contradict_each_other_are_both_named(name, beside, said):
+    row = Stated(beside, "the row of units")
+    with pytest.raises(InputError) as caught:
+        read_power(name, row)
+    for words in said:
+        assert words in caught.value.problem
+    assert f'"{name} [W]"' in caught.value.remedy
+    for unit, factor in (("W", 1.0), ("kW", 1e3)):
+        value, unit_from, findings = read_power(name, row, text=f"{name} [{unit}]")
+        assert (value, unit_from) == (2.0 * factor, "stated")
+        assert findings == ["unit_overridden"]
+
+
+def test_statements_that_agree_are_one():
+    row = Stated("Kilowatt", "the row of units")
+    assert read_power("P_kW [kW]", row) == (2000.0, "stated", [])
+    line = Stated("kW", "the line 'P in kW'")
+    assert read_power("P", row, line) == (2000.0, "stated", [])
+
+
+def test_what_a_line_says_of_all_columns_gives_way_to_what_stands_at_one():
+    line = Stated("kW", "the line 'powers in kW'", "quantity")
+    assert read_power("P", line) == (2000.0, "stated", [])
+    assert read_power("P [W]", line) == (2.0, "stated", [])
+    unclear = Stated("kW", "the line 'rated power in kW'", "unclear")
+    assert read_power("P_W", unclear)[0] == 2.0
+    with pytest.raises(InputError, match="'rated power in kW' speaks of kW") as caught:
+        read_power("P", unclear)
+    assert '"P [W]" or [columns] losses_W = "P [kW]"' in caught.value.remedy
+    assert read_power("P", Stated("W", "the line 'rated power in W'", "unclear"))[1] == "assumed"
+
+
+def test_the_name_of_a_line_is_bounded():
+    with pytest.raises(InputError, match="at most 1000 characters, got 100000") as caught:
+        mapped("P", columns={"losses_W": "(" * 100_000})
+    assert "[columns] losses_W" in caught.value.where
 
 
 def test_typo_in_a_channel_or_a_column():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from heatrun.bench.checks import CHECKS, check_record
-from heatrun.bench.record import Finding, Record
+from heatrun.bench.record import ColumnReading, Finding, Record
 from heatrun.motor import Motor
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
@@ -142,6 +142,17 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
         ),
         MOTOR, "error", "as_degC", (20, 24),
     ),
+    "unit_suspected": (
+        changed(CLEAN, time_s=CLEAN.time_s / 3600.0), MOTOR, "error", "factor_time_s_h",
+        (3600, 3600),
+    ),
+    "unit_assumed": (
+        replace(
+            CLEAN,
+            mapping=(ColumnReading("time_s", "t", "s", "assumed", "names of the time", "run.csv"),),
+        ),
+        MOTOR, "note", "num_columns", (1, 1),
+    ),
     "ambient_implausible": (
         changed(CLEAN, ambient_degC=CLEAN["winding_degC"], winding_degC=CLEAN["ambient_degC"]),
         MOTOR, "error", "", (0, 0),
@@ -254,6 +265,10 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "Fahrenheit in the winding alone": (
         "units_temperature",
         changed(CLEAN, winding_degC=32.0 + 1.8 * CLEAN["winding_degC"]), MOTOR, "warning",
+    ),
+    "Fahrenheit in the ambient alone": (
+        "units_temperature",
+        changed(CLEAN, ambient_degC=32.0 + 1.8 * CLEAN["ambient_degC"]), MOTOR, "error",
     ),
     "chamber at 70 degC, unit declared": (
         "units_temperature",

@@ -111,8 +111,8 @@ def amplitude(table):
     ("make", "words"),
     [
         (lambda table: "", "empty"),
-        (header_only, "."),
-        (lambda table: table.to_csv(index=False).replace(",", "@"), "."),
+        (header_only, "no line of numbers"),
+        (lambda table: table.to_csv(index=False).replace(",", "@"), "no line of numbers"),
         (without_current, "phase_current_A"),
         (unknown_unit, "furlong"),
         (nan_block, "nan_block"),

@@ -94,6 +94,17 @@ def test_bands_cover_a_held_out_test(posterior, bench, generator, motor):
     assert np.all(prediction.nodes["stator"] < np.maximum(prediction.nodes["winding"], 30.0) + 20)
 
 
+def test_temperatures_and_flows_of_a_row_belong_to_one_mean(posterior, blocks):
+    found = predict(posterior, blocks)
+    Req_w = np.median(posterior.values()["Req_w"])
+    flow = found.flows["winding", "stator"]
+    by_nodes = (found.nodes["winding"] - found.nodes["stator"]) / Req_w
+    # medians of products are not products of medians: a hundredth of the largest flow
+    np.testing.assert_allclose(by_nodes, flow, atol=0.01 * np.max(np.abs(flow)))
+    offset = found.nodes["winding"] - found.median  # of the sensor: one number for all rows
+    assert np.ptp(offset) < 0.02 * np.ptp(found.median)
+
+
 def test_a_longer_test_is_forecast_to_say_more(fitted):
     longer = forecast(fitted)
     for name in ("Ceq_sr", "Req_sr"):

@@ -213,6 +213,32 @@ def test_units_of_the_file_are_converted_and_must_agree(path):
     assert np.array_equal(read_record(path, motor)["winding_degC"], SLOW)
 
 
+@pytest.mark.parametrize(
+    ("name", "unit", "unit_from", "said"),
+    [
+        ("P_kW", "", "name", None),
+        ("P kW", "kW", "stated", None),
+        ("[kW] P", "", "stated", None),
+        ("P", "kW", "stated", None),
+        ("P_kW", "W", "", "The name says kW, the unit beside it W"),
+        ("P", "furlong", "", "The unit 'furlong' is not known"),
+    ],
+)
+def test_units_of_names_and_of_the_file(path, name, unit, unit_from, said):
+    written(path, ("Rig/A", [signal(name, SLOW, unit=unit), signal("winding_degC", SLOW)]))
+    motor = Motor("M", columns={"losses_W": name})
+    if said is None:
+        record = read_record(path, motor)
+        assert np.array_equal(record["losses_W"], 1000.0 * SLOW)
+        assert record.mapping[0].unit_from == unit_from
+        return
+    with pytest.raises(InputError, match=said) as caught:
+        read_record(path, motor)
+    assert f'losses_W = "{name} [' in caught.value.remedy
+    motor = Motor("M", columns={"losses_W": f"{name} [kW]"})
+    assert np.array_equal(read_record(path, motor)["losses_W"], 1000.0 * SLOW)
+
+
 def test_a_name_in_several_groups_asks_for_one(path):
     written(path, ("Left", [signal("T", SLOW, unit="degC")]), ("Right", [signal("T", 2 * SLOW)]))
     with pytest.raises(InputError, match=r"'Left/T' and 'Right/T' both stand .*\"Left/T\""):

@@ -10,6 +10,7 @@ import pytest
 
 from heatrun.bench.read import read_raw, read_record
 from heatrun.errors import InputError
+from heatrun.motor import Motor
 
 pyarrow = pytest.importorskip("pyarrow")
 
@@ -65,6 +66,29 @@ def test_unit_in_the_metadata(path):
     schema = pyarrow.schema([pyarrow.field("time_s", pyarrow.float64()), field])
     pyarrow.parquet.write_table(pyarrow.table([[0.0, 1.0], [293.15, 294.15]], schema=schema), path)
     np.testing.assert_allclose(read_record(path)["winding_degC"], [20.0, 21.0], atol=1e-12)
+
+
+def test_metadata_and_name_must_agree(path):
+    import pyarrow.parquet
+
+    def write(name: str) -> None:
+        field = pyarrow.field(name, pyarrow.float64(), metadata={"unit": "kW"})
+        schema = pyarrow.schema([pyarrow.field("time_s", pyarrow.float64()), field])
+        table = pyarrow.table([[0.0, 1.0], [2.0, 3.0]], schema=schema)
+        pyarrow.parquet.write_table(table, path)
+
+    for name in ("losses [W]", "losses_W"):
+        write(name)
+        with pytest.raises(InputError, match="The name says W, the field's metadata kW"):
+            read_record(path)
+        motor = Motor("M", columns={"losses_W": f"{name} [kW]"})
+        record = read_record(path, motor)
+        assert record["losses_W"].tolist() == [2000.0, 3000.0]
+        assert [finding.id for finding in record.findings] == ["unit_overridden"]
+    write("losses_kW_mean")
+    record = read_record(path)
+    assert record["losses_W"].tolist() == [2000.0, 3000.0]
+    assert record.mapping[1].unit_from == "stated"
 
 
 def test_damaged_and_empty_files(path):

@@ -136,6 +136,29 @@ def test_the_motor_file_may_name_the_time(path):
     np.testing.assert_allclose(read_record(path, rate_Hz=10.0).time_s, FAST, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("name", "unit", "text", "factor", "unit_from"),
+    [
+        ("clock", "ms", "clock", 1e-3, "stated"),
+        ("clock", "s", "clock [ms]", 1e-3, "stated"),
+        ("clock_ms", "", "clock_ms", 1e-3, "name"),
+        ("[min] clock", "", "clock", 60.0, "stated"),
+        ("clock", "", "clock", 1.0, "assumed"),
+    ],
+)
+def test_units_of_channels_of_times(path, name, unit, text, factor, unit_from):
+    written(path, [channel("A", name, FAST, unit), channel("A", "winding_degC", FAST)])
+    record = read_record(path, Motor("M", columns={"time_s": text}))
+    np.testing.assert_allclose(record.time_s, factor * FAST, rtol=1e-12)
+    assert record.mapping[0].unit_from == unit_from
+
+
+def test_times_of_two_units_are_asked_for(path):
+    written(path, [channel("A", "t [s]", FAST, "ms"), channel("A", "winding_degC", FAST)])
+    with pytest.raises(InputError, match="The name says s, the unit beside it ms"):
+        read_record(path)
+
+
 def test_lengths_without_times_and_groups_of_one_name(path):
     written(path, [channel("A", "winding_degC", FAST), channel("B", "losses_W", SLOW)])
     with pytest.raises(InputError, match=r"must be of one length.* 200, 'losses_W' 20"):

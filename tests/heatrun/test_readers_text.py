@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from heatrun.bench.channels import map_columns
 from heatrun.bench.read import read_raw
 from heatrun.bench.text import read_text
 from heatrun.errors import InputError
@@ -93,6 +94,105 @@ def test_row_of_units_below_the_names():
     assert [column.unit for column in found.values()] == ["ms", "furlong"]
 
 
+DATA = "0,20,5\n1,21,5\n2,22,6\n"
+
+
+def units(text: str) -> list[str]:
+    """Return the units in which t, T and P of a table are read, and how each is known."""
+    table = read_text(text.encode(), "test.csv")
+    names = {"time_s": "t", "winding_degC": "T", "losses_W": "P"}
+    found = map_columns(table, names, where="test.csv")
+    marks = {"stated": "", "assumed": "?"}
+    return [one.unit + marks[one.unit_from] for one in found.readings]
+
+
+@pytest.mark.parametrize(
+    "row",
+    ["min,K,kW", "[min],[K],[kW]", "(min),(K),(kW)", "min,kelvin,kilowatts", "# min, K, kW",
+     "min,K,in kW", "----,---,---\nmin,K,kW", "\nmin,K,kW", "Unit,min,K,kW", "Einheit:,min,K,kW"],
+)  # fmt: skip
+@pytest.mark.parametrize("pattern", ["t,T,P\n{}\n", "{}\nt,T,P\n"])
+def test_row_of_units_below_or_above_the_names(pattern, row):
+    assert units(pattern.format(row) + DATA) == ["min", "K", "kW"]
+
+
+def test_row_of_units_under_a_column_of_their_own_name():
+    for row in ("Unit,min,K,kW", "Einheit,min,K,kW", "-,min,K,kW"):
+        for head in (f"No,t,T,P\n{row}\n", f"{row}\nNo,t,T,P\n"):
+            assert units(f"{head}1,0,20,5\n2,1,21,5\n") == ["min", "K", "kW"]
+
+
+def test_row_of_units_in_blanks():
+    for head in ("t T P\nmin K kW\n", "# t T P\n# min K kW\n", "# min K kW\n# t T P\n"):
+        assert units(f"{head}0 20 5\n1 21 5\n") == ["min", "K", "kW"]
+
+
+def test_row_with_a_unit_that_is_not_known():
+    with pytest.raises(InputError, match="The unit 'furlong' is not known for a power"):
+        units("t,T,P\nmin,K,furlong\n" + DATA)
+
+
+def test_row_of_units_and_names_must_agree():
+    text = "t [s],T,P [W]\ns,K,kW\n" + DATA
+    with pytest.raises(InputError, match="The name says W, the row of units kW"):
+        units(text)
+    with pytest.raises(InputError, match="The row of units says min, the line 't in s' s"):
+        units("# t in s\nmin,K,kW\nt,T,P\n" + DATA)
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("# P in kW", ["s?", "degC?", "kW"]),
+        ("% P: kW", ["s?", "degC?", "kW"]),
+        ("# P = kW", ["s?", "degC?", "kW"]),
+        ("P [kW]", ["s?", "degC?", "kW"]),
+        ("# P is given in kilowatts", ["s?", "degC?", "kW"]),
+        ("# Unit of P: kW", ["s?", "degC?", "kW"]),
+        ("# column 3: kW", ["s?", "degC?", "kW"]),
+        ("# 3: P [kW]", ["s?", "degC?", "kW"]),
+        ("# T: K", ["s?", "K", "W?"]),  # not t
+        ("# t in min, P in kW", ["min", "degC?", "kW"]),
+        ("# t [min]; T [K]; P [kW]", ["min", "K", "kW"]),
+        ("# units: min, K, kW", ["min", "K", "kW"]),
+        ("# Units min K kW", ["min", "K", "kW"]),
+        ("Einheiten: min; K; kW", ["min", "K", "kW"]),
+        ("# all temperatures in °F", ["s?", "degF", "W?"]),
+        ("Leistungen in kW", ["s?", "degC?", "kW"]),
+        ("Time unit: ms", ["ms", "degC?", "W?"]),
+        ("Rated power [kW],50", ["s?", "degC?", "W?"]),
+        ("Motor: X, power: 5 kW", ["s?", "degC?", "W?"]),
+        ("Sensor: U12 in rack B", ["s?", "degC?", "W?"]),
+        ("# rated speed in rpm", ["s?", "degC?", "W?"]),
+    ],
+)
+def test_units_in_comment_lines(line, expected):
+    assert units(f"{line}\nt,T,P\n{DATA}") == expected
+    if line[0] in "#%":
+        assert units(f"t,T,P\n{line}\n{DATA}") == expected
+
+
+@pytest.mark.parametrize("line", ["# units: kW", "# rated power in kW", "# P in furlong", "# P: K"])
+def test_comment_lines_that_are_not_understood_are_asked_for(line):
+    with pytest.raises(InputError) as caught:
+        units(f"{line}\nt,T,P\n{DATA}")
+    assert 'losses_W = "P [W]"' in caught.value.remedy
+
+
+def test_a_comment_below_the_names_is_kept_and_is_no_row_of_names():
+    found, table = columns("t,P\n# P in kW, t in min\n0,1\n1,2\n")
+    assert list(found) == ["t", "P"]
+    assert [column.unit for column in found.values()] == ["min", "kW"]
+    assert table.notes == ("Preamble: # P in kW, t in min",)
+    assert table.findings == ()
+
+
+def test_a_cell_too_long_for_a_name_is_refused():
+    with pytest.raises(InputError, match="at most 1000 characters") as caught:
+        columns("t," + "(" * 100_000 + "\n0,1\n1,2\n")
+    assert caught.value.where == "test.csv, column 2"
+
+
 def test_numbers_as_names():
     found, _ = columns("Time;1;2;3\n0;20;21;22\n1;20;21;22\n")
     assert list(found) == ["Time", "1", "2", "3"]
@@ -128,9 +228,14 @@ def test_infinity_is_reported():
 
 
 def test_separators_of_thousands_are_not_guessed():
-    found, table = columns("t;P\n0,0;1.234,5\n0,1;1.234,6\n0,2;999,5\n")
+    found, table = columns("t;P\n0,05;1.234\n0,1;1.235\n0,25;999\n")
     assert np.isnan(found["P"].values).tolist() == [True, True, False]
-    assert "1.234,5" in table.findings[0].message
+    assert found["P"].question is not None
+    assert "1.234" in table.findings[0].message
+    # Beside the decimal sign, or twice, they can be nothing else.
+    found, table = columns("t;P\n0,0;1.234,5\n0,1;1.234\n0,2;999,5\n")
+    assert found["P"].values.tolist() == [1234.5, 1234.0, 999.5]
+    assert table.findings == ()
 
 
 def test_trailing_delimiters():

@@ -6,7 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from heatrun.bench.clock import read_clock, read_dates
+from heatrun.bench.clock import read_clock
+from heatrun.bench.dates import read_dates
+from heatrun.bench.time_format import parse_time_format
 from heatrun.bench.timegrid import exact_grid, from_first_sample
 
 
@@ -36,9 +38,13 @@ def test_clock_times_that_are_none():
         (["20/11/2025 18:02:33.0", "21/11/2025 18:02:33.0"], [0, 86400], "day/month/year"),
         (["11/20/2025 11:59:59 PM", "11/21/2025 12:00:00 AM"], [0, 1], "month/day/year"),
         (["05.11.2025 18:02", "06.11.2025 18:03"], [0, 86460], "day/month/year"),
-        # Neither number is above 12: the order under which the test is the shorter one
-        (["01/02/2025 23:59:59", "02/02/2025 00:00:01"], [0, 2], "day/month/year"),
-        (["02/01/2025 23:59:59", "02/02/2025 00:00:01"], [0, 2], "month/day/year"),
+        # On one day the order makes no difference, with a short year neither
+        (["01/02/25 23:59:58", "01/02/25 23:59:59"], [0, 1], "makes no difference"),
+        # The other orders run backwards, or skip a year
+        (["12/01/2025 23:59:59", "01/02/2026 00:00:00"], [0, 31 * 86400 + 1], "month/day/year"),
+        (["25-11-20 23:59:59", "25-11-21 00:00:00"], [0, 1], "year-month-day"),
+        (["20-11-25 23:59:59", "21-11-25 00:00:00"], [0, 1], "day/month/year"),
+        (["31/12/25 23:59:59", "01/01/26 00:00:00"], [0, 1], "day/month/year"),
         # Clocks go back on this night; the zone tells
         (["2025-10-26T02:59:59+02:00", "2025-10-26T02:00:00+01:00"], [0, 1], "year-month-day"),
     ],
@@ -47,6 +53,28 @@ def test_dates(cells, seconds, order):
     column = read_dates(pd.Series(cells))
     assert column.seconds.tolist() == seconds
     assert order in column.note
+
+
+@pytest.mark.parametrize(
+    ("cells", "first", "second"),
+    [
+        # Neither number is above 12, and both orders run forward
+        (["01/02/2025 23:59:59", "02/02/2025 00:00:01"], "2 s in all", "30 days in all"),
+        (["02/01/2025 23:59:59", "02/02/2025 00:00:01"], "30 days in all", "2 s in all"),
+        (["05/06/25 10:00", "05/07/25 10:00"], "30 days in all", "24 h in all"),
+    ],
+)
+def test_dates_of_two_readings_are_a_question(cells, first, second):
+    column = read_dates(pd.Series(cells), "Time")
+    assert column.question is not None
+    assert f"day/month/year ({first})" in column.question.problem
+    assert f"month/day/year ({second})" in column.question.problem
+    for answer in column.question.answers:
+        stated = parse_time_format(answer.removeprefix("Time [").removesuffix("]"))
+        assert stated is not None
+        answered = read_dates(pd.Series(cells), "Time", stated.order)
+        assert answered.question is None
+        assert "as stated" in answered.note
 
 
 def test_a_day_that_is_none():

@@ -9,6 +9,8 @@ import openpyxl
 import pytest
 from pypdf import PdfReader
 
+from heatrun import archive
+from heatrun.bench.record import ColumnReading
 from heatrun.calibrate import Test as BenchTest
 from heatrun.calibrate import calibrate
 from heatrun.run_folder import dump
@@ -22,7 +24,8 @@ HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* \\ <script> \x1b[31m שלום @imp
 @pytest.fixture(scope="module")
 def found(duty, blocks, motor):
     """A calibration whose names are as bad as a user can make them."""
-    named = replace(duty, name=HOSTILE)
+    column = ColumnReading("time_s", HOSTILE, "s", "assumed", "names of the time", "a.csv")
+    named = replace(duty, name=HOSTILE, mapping=(column,))
     evil = replace(motor, name=HOSTILE)
     tests = [BenchTest(named, replace(blocks, name=HOSTILE), "calibration", ())]
     return calibrate(evil, tests, orders=["second"], method="quick", command=HOSTILE)
@@ -31,6 +34,8 @@ def found(duty, blocks, motor):
 @pytest.fixture(scope="module")
 def folder(found, tmp_path_factory):
     path = tmp_path_factory.mktemp("sheet")
+    (path / "fit.json").write_text(dump(found.result), encoding="utf-8")
+    archive.write(found.posteriors["second"], path / "posterior_second.nc")
     write_sheet_of(found, path)
     return path
 
@@ -46,6 +51,17 @@ def test_names_do_not_act_as_markup_in_the_pdf(folder):
         assert word in flat
     assert "\x1b" not in text
     assert "Ceq_w" in text
+
+
+def test_the_sheet_says_how_columns_were_read(folder, found):
+    text = "".join(page.extract_text() for page in PdfReader(folder / "sheet.pdf").pages)
+    assert "Columns and units" in text
+    assert "ASSUMED" in text
+    assert "Unit assumed for time_s" in " ".join(text.split())
+    (row,) = found.result["tests"][0]["mapping"]
+    assert (row["channel"], row["unit"], row["unit_from"]) == ("time_s", "s", "assumed")
+    cells = list(openpyxl.load_workbook(folder / "sheet.xlsx")["Columns"].values)
+    assert cells[1][1:5] == ("time_s", HOSTILE.replace("\x1b", "_x001B_"), "s", "ASSUMED")
 
 
 def test_names_are_no_formulas_in_the_workbook(folder):

@@ -100,9 +100,9 @@ def main() -> None:
 
 
 def _run(job: dict[str, Any]) -> dict[str, Any]:
-    from heatrun.runtime import cache_compilations
+    from heatrun.caches import use_caches
 
-    cache_compilations()
+    use_caches(print)
     from coverage_cases import run
 
     return run(job)

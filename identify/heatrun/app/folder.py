@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
-import tomllib
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
 
 from ..errors import InputError
 from ..run_folder import MANIFEST
+from .confined import is_inside, open_inside, outside
 
 SUFFIXES = frozenset(
     (".csv", ".tsv", ".txt", ".dat", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms")
@@ -21,6 +23,18 @@ MAX_DEPTH = 3
 
 MAX_ENTRIES = 5000
 """Directory entries that are looked at; a folder with more is cut, and the page says so."""
+
+MAX_MOTOR_BYTES = 1 << 20
+"""Beginning of a TOML file in which the table `[motor]` is looked for [byte]."""
+
+MAX_SCANNED_BYTES = 32 << 20
+"""What is read of all TOML files together; those beyond are not offered as motor files [byte]."""
+
+MOTOR = re.compile(
+    rb"""^(?:\xef\xbb\xbf)?[ \t]*(?:\[[ \t]*)?(?:motor|"motor"|'motor')[ \t]*[\].=]""", re.MULTILINE
+)
+"""What makes a TOML file a motor file: the table `[motor]`, or a key of it. The file is not parsed
+for it, so that none of a thousand can hold up or end the list of the others."""
 
 
 @dataclass(frozen=True)
@@ -81,23 +95,24 @@ class Folder:
             InputError: If it is not a file, or lies outside the folder by `..`, by an absolute
                 path or through a link.
         """
-        try:
-            found = (self.root / name).resolve()
-            if found.is_relative_to(self.root) and found.is_file():
-                return found
-        except (OSError, ValueError):  # a name that no file can have
-            pass
-        raise InputError(
-            "Expected a file in the folder that is shown; this is none.",
-            where=repr(name),
-            remedy="Put the file into the folder, or start heatrun view on its folder.",
-        )
+        if not is_inside(self.root, self.root / name):
+            raise outside(name)
+        return (self.root / name).resolve()
+
+    def open(self, path: Path) -> BufferedReader:
+        """Open a file in the folder for reading; it is judged again, as it is opened.
+
+        Raises:
+            InputError: As `path`.
+        """
+        return open_inside(self.root, path)
 
     def list(self) -> Listing:
         """Return what the folder holds; runs, hidden files and links that lead out are left out."""
         tests: list[str] = []
         motors: list[str] = []
         num_seen = 0
+        room = MAX_SCANNED_BYTES
         for path in self._files():
             num_seen += 1
             if num_seen > MAX_ENTRIES:
@@ -105,8 +120,11 @@ class Folder:
             name = path.relative_to(self.root).as_posix()
             if _ending(path) in SUFFIXES:
                 tests.append(name)
-            elif path.suffix.lower() == ".toml" and _is_motor(path):
-                motors.append(name)
+            elif path.suffix.lower() == ".toml":
+                start = self._start(path, room)
+                room -= len(start)
+                if MOTOR.search(start):
+                    motors.append(name)
         tests.sort(key=_nearest)
         motors.sort(key=_nearest)
         return Listing(tuple(tests), tuple(motors), num_seen > MAX_ENTRIES)
@@ -125,9 +143,15 @@ class Folder:
             )
             for name in sorted(files):
                 path = here / name
-                if name.startswith(".") or not path.resolve().is_relative_to(self.root):
-                    continue
-                yield path
+                if not name.startswith(".") and is_inside(self.root, path):
+                    yield path
+
+    def _start(self, path: Path, room: int) -> bytes:
+        try:
+            with self.open(path) as file:
+                return file.read(min(room, MAX_MOTOR_BYTES))
+        except (OSError, InputError):
+            return b""
 
 
 def _nearest(name: str) -> tuple[int, str]:
@@ -138,11 +162,3 @@ def _nearest(name: str) -> tuple[int, str]:
 def _ending(path: Path) -> str:
     name = path.name.lower().removesuffix(".gz")
     return Path(name).suffix
-
-
-def _is_motor(path: Path) -> bool:
-    try:
-        with path.open("rb") as file:
-            return "motor" in tomllib.loads(file.read(1 << 20).decode("utf-8"))
-    except (OSError, ValueError):
-        return False

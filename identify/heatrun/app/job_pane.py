@@ -7,9 +7,10 @@ from html import escape
 
 import panel as pn
 
+from ..errors import InputError
 from .jobs import Job, JobQueue
 from .look import Look, pane_css
-from .words import message
+from .words import error_message, message
 
 POLL_MS = 250
 
@@ -52,7 +53,11 @@ class JobPane:
             when_done: Told the job once it has succeeded.
             when_failed: Told the job once it has failed, for what there is of it all the same.
         """
-        self.job = self._queue.submit(words)
+        try:
+            self.job = self._queue.submit(words)
+        except InputError as error:
+            self._words.object = error_message(error)
+            return
         self._when_done, self._when_failed = when_done, when_failed
         self.start.disabled = True
         self._cancel.visible = self._bar.visible = True

@@ -5,21 +5,35 @@ from __future__ import annotations
 import atexit
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from ..commands.console import PROGRESS
 from ..commands.exit_codes import DONE
+from ..errors import InputError
+
+SERVER = "HEATRUN_SERVER"
+"""Variable of the environment that names the server's process to its commands."""
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
 NUM_LINES = 200
 """Lines of a command's messages that are kept."""
+
+MAX_JOBS = 20
+"""Commands that run or wait at a time."""
+
+END_S = 5.0
+"""Wait for a command that was told to end, before it is killed [s]."""
+
+KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 
 
 @dataclass
@@ -60,6 +74,7 @@ class JobQueue:
     def __init__(self) -> None:
         self._jobs: list[Job] = []
         self._changed = threading.Condition()
+        self._is_closed = False
         threading.Thread(target=self._work, daemon=True, name="heatrun jobs").start()
         atexit.register(self.close)
 
@@ -68,11 +83,18 @@ class JobQueue:
 
         Args:
             words: The words after `heatrun`; `--json` is added.
+
+        Raises:
+            InputError: If `MAX_JOBS` commands wait.
         """
         with self._changed:
             for job in self._jobs:
                 if job.words == tuple(words) and not job.is_over:
                     return job
+            if sum(not job.is_over for job in self._jobs) >= MAX_JOBS:
+                raise InputError(
+                    f"{MAX_JOBS} commands wait already.", remedy="Cancel some, or wait."
+                )
             job = Job(tuple(words))
             self._jobs.append(job)
             self._changed.notify_all()
@@ -96,18 +118,33 @@ class JobQueue:
             elif job.state == "running":
                 job.state = "cancelled"
                 if job.process is not None:
-                    job.process.terminate()
+                    _signal(job.process, signal.SIGTERM)
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Cancel everything."""
-        for job in list(self._jobs):
+        """Cancel everything, start nothing more and wait until it has ended."""
+        with self._changed:
+            self._is_closed = True
+            jobs = list(self._jobs)
+        for job in jobs:
             self.cancel(job)
+        for job in jobs:
+            if job.process is None:
+                continue
+            try:
+                job.process.wait(END_S)
+            except subprocess.TimeoutExpired:
+                _signal(job.process, KILL)
+                job.process.wait()
 
     def _next(self) -> Job | None:
         """Forget what is over and return the first command that waits."""
         self._jobs = [job for job in self._jobs if not job.is_over]
-        return next((job for job in self._jobs if job.state == "waiting"), None)
+        return (
+            None
+            if self._is_closed
+            else next((job for job in self._jobs if job.state == "waiting"), None)
+        )
 
     def _work(self) -> None:
         while True:
@@ -121,15 +158,32 @@ class JobQueue:
 
 def _start(words: Sequence[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "heatrun.cli", *words, "--json"],
+        [sys.executable, "-m", f"{__package__}.job_process", *words, "--json"],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         encoding="utf-8",
         errors="replace",
-        env={**os.environ, PROGRESS: "json", "PYTHONIOENCODING": "utf-8"},
+        env={
+            **os.environ,
+            PROGRESS: "json",
+            "PYTHONIOENCODING": "utf-8",
+            SERVER: str(os.getpid()),
+        },
+        start_new_session=True,
     )
+
+
+def _signal(process: subprocess.Popen[str], number: int) -> None:
+    """Send a signal to a command and to what it has started."""
+    if process.poll() is not None:
+        return
+    if hasattr(os, "killpg"):
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, number)
+    else:
+        process.terminate()
 
 
 def _follow(job: Job) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from html import escape
+from io import BufferedReader
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -11,7 +12,7 @@ from urllib.parse import urlencode
 import panel as pn
 
 from ..bench.schema import CHANNELS
-from ..errors import InputError
+from ..errors import InputError, of_file
 from ..vcycle import TEST_TYPES, Kind
 from .calibrating import calibrating
 from .discovering import discovering
@@ -19,13 +20,16 @@ from .folder import Folder
 from .frame import asked, asked_look, framed
 from .jobs import JobQueue
 from .look import pane_css, tabs_css
-from .reading import Reading, read_tests
+from .reading import Reading, problem, read_tests
 from .reporting import Reporting
 from .runs import Run, runs_under
 from .signals import Signals
 from .store import Opened, RecordStore
-from .uploads import BoundedDropper, keep_upload
+from .uploads import BoundedDropper, UploadRoom, keep_upload
 from .words import error_message, message
+
+MAX_READERS = 4
+"""Readings at a time; one that takes long does not keep the page from the tests chosen since."""
 
 WATCH_MS = 2000
 """How often the files that are shown are looked at for changes."""
@@ -47,17 +51,19 @@ class Page:
         self,
         folder: Folder,
         out: Path,
-        uploads: Path,
+        room: UploadRoom,
         store: RecordStore,
         queue: JobQueue,
-        max_upload_bytes: int,
     ) -> None:
         self.folder, self.out = folder, out
         self.opened: tuple[Opened, ...] = ()
-        self._uploads = uploads
+        self._room = room
+        self._uploads = Folder(room.folder)
         self._store = store
         self._runs: dict[str, Run] = {}
         self._generation = 0
+        self._num_reading = 0
+        self._is_waiting = False
         self.look = asked_look()
 
         self._motor_choice = pn.widgets.Select(name="Motor file", sizing_mode="stretch_width")
@@ -71,7 +77,7 @@ class Page:
         self._run = pn.widgets.Select(name="Simulated course of run", sizing_mode="stretch_width")
         self._follow = pn.widgets.Toggle(name="Follow changes", width=150)
         self._refresh = pn.widgets.Button(name="Look again", width=110)
-        self._dropper = BoundedDropper(max_upload_bytes, self._refuse, height=90, width=290)
+        self._dropper = BoundedDropper(room, self._refuse, height=90, width=290)
         self._banner = self.pane("")
         self._upload_problem = self.pane("")
 
@@ -105,6 +111,7 @@ class Page:
             self.open_tests()
         if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
             pn.state.add_periodic_callback(self._watch, period=WATCH_MS)
+            pn.state.on_session_destroyed(lambda _: self._dropper.close())
 
     @property
     def kind(self) -> Kind:
@@ -134,8 +141,12 @@ class Page:
             InputError: If there is none inside the folders that may be read.
         """
         if name.startswith(UPLOADED):
-            return Folder(self._uploads).path(name.removeprefix(UPLOADED))
+            return self._uploads.path(name.removeprefix(UPLOADED))
         return self.folder.path(name)
+
+    def _open(self, path: Path) -> BufferedReader:
+        sent = self._uploads
+        return (sent if path.is_relative_to(sent.root) else self.folder).open(path)
 
     def pane(self, html: str) -> pn.pane.HTML:
         """Return a pane of text in the page's style."""
@@ -150,7 +161,7 @@ class Page:
     def list_folder(self) -> None:
         """Bring the lists up to date; what is chosen and still there stays chosen."""
         listing = self.folder.list()
-        sent = Folder(self._uploads).list()
+        sent = self._uploads.list()
         tests = [*listing.tests, *(UPLOADED + name for name in sent.tests)]
         motors = [*listing.motors, *(UPLOADED + name for name in sent.motors), NO_MOTOR]
         motor = self._motor_choice.value
@@ -167,7 +178,8 @@ class Page:
         Args:
             choose: A run whose simulated course is shown from now on.
         """
-        runs = runs_under([self.out, self.folder.root, self.folder.root / "runs"])
+        root = self.folder.root
+        runs = runs_under([(self.out, self.out), (root, root), (root / "runs", root)])
         self._runs = {run.path.name: run for run in reversed(runs)}
         names = [NO_RUN, *reversed(self._runs)]
         chosen = self._run.value if choose is None else choose.name
@@ -205,6 +217,10 @@ class Page:
     def open_tests(self) -> None:
         """Read the chosen tests in the background and show them."""
         self._generation += 1
+        self._is_waiting = self._num_reading >= MAX_READERS
+        if self._is_waiting:
+            return
+        self._num_reading += 1
         generation = self._generation
         names = self.chosen
         document = pn.state.curdoc
@@ -214,11 +230,14 @@ class Page:
         motor_name = None if motor in (None, NO_MOTOR) else str(motor)
 
         def work() -> None:
-            reading = read_tests(names, motor_name, self.path, self._store)
+            reading = read_tests(names, motor_name, self.path, self._store, self._open)
 
             def show() -> None:
+                self._num_reading -= 1
                 if generation == self._generation:
                     self._take(reading)
+                elif self._num_reading < MAX_READERS and self._is_waiting:
+                    self.open_tests()
 
             if document is None:
                 show()
@@ -257,8 +276,16 @@ class Page:
 
     def _draw(self) -> None:
         self._write_address()
-        bands = self.run.bands(self.opened) if self.run else []
+        try:
+            bands = self.run.bands(self.opened) if self.run else []
+        except Exception as error:  # a result of another version, or a damaged one
+            bands = []
+            self.say(problem(f"run {self._run.value}", error))
         self.signals.show(self.opened, self._channels.value, bands)
+
+    def say(self, html: str) -> None:
+        """Show a sentence above everything."""
+        self._banner.object = html
 
     def _watch(self) -> None:
         changed = [each for each in self.opened if not each.is_current()]
@@ -274,13 +301,15 @@ class Page:
                 "the old content. “Look again” shows the new one.",
             )
 
-    def _keep(self, event: Any) -> None:
+    def _keep(self, _: Any) -> None:
         problems = ""
-        for name, content in dict(event.new).items():
+        for name, content in self._dropper.arrived().items():
             try:
-                keep_upload(self._uploads, name, content)
+                keep_upload(self._room.folder, name, content)
             except InputError as error:
                 problems += error_message(error)
+            except OSError as error:
+                problems += error_message(of_file(error))
         self._upload_problem.object = problems
         self.list_folder()
 

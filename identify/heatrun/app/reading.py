@@ -5,12 +5,15 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 
 from ..bench.checks import check_record
+from ..column_mapping import HEAD, describe_columns, grouped
 from ..errors import InputError
 from ..motor import Motor
 from ..motorfile import load_motor
+from ..opening import Opener, opening_by
 from .store import Opened, RecordStore
 from .words import error_message, findings_html, message, table
 
@@ -35,6 +38,7 @@ def read_tests(
     motor_name: str | None,
     path: Callable[[str], Path],
     store: RecordStore,
+    opener: Opener,
 ) -> Reading:
     """Read tests; one that cannot be read is named, and the others are.
 
@@ -43,28 +47,41 @@ def read_tests(
         motor_name: The motor file as the page lists it, or None.
         path: Returns the file of a name, or raises InputError.
         store: Holds what was read before.
+        opener: Opens files in the folders that are shown, and no others.
     """
     opened: list[Opened] = []
     problems: list[str] = []
     findings = []
-    try:
-        motor = None if motor_name is None else load_motor(path(motor_name))
-    except InputError as error:
-        return Reading((), error_message(error), message("warning", "The motor file is at fault."))
-    for name in names:
+    with opening_by(opener):
         try:
-            test = store.open(path(name), motor)
-            findings += check_record(test.record, motor) if motor else []
-            opened.append(test)
-        except InputError as error:
-            problems.append(error_message(error))
-        except MemoryError:
-            problems.append(message("error", f"{name}: the memory does not suffice for it."))
+            motor = None if motor_name is None else load_motor(path(motor_name))
         except Exception as error:
-            traceback.print_exc()
-            words = f"{name}: an error of heatrun itself ({error!r}); the terminal has the details."
-            problems.append(message("error", words))
+            fault = message("warning", "The motor file is at fault.")
+            return Reading((), problem(str(motor_name), error), fault)
+        for name in names:
+            try:
+                test = store.open(path(name), motor)
+                findings += check_record(test.record, motor) if motor else []
+                opened.append(test)
+            except Exception as error:
+                problems.append(problem(name, error))
     return Reading(tuple(opened), "".join(problems), _checks(opened, motor, findings))
+
+
+def problem(name: str, error: Exception) -> str:
+    """Return what went wrong with a file as HTML; what is not the file's fault is printed too.
+
+    Args:
+        name: The file as the page lists it.
+        error: What was raised.
+    """
+    if isinstance(error, InputError):
+        return error_message(error)
+    if isinstance(error, MemoryError):
+        return message("error", f"{name}: the memory does not suffice for it.")
+    traceback.print_exception(error)
+    words = f"{name}: an error of heatrun itself ({error!r:.200}); the terminal has the details."
+    return message("error", words)
 
 
 def _checks(opened: Sequence[Opened], motor: Motor | None, findings: Sequence) -> str:
@@ -82,4 +99,10 @@ def _notes(opened: Sequence[Opened]) -> str:
         for each in opened
         if each.record.unused
     ]
-    return "<h3>How the files were read</h3>" + table(("test", "note"), rows) if rows else ""
+    tests = [describe_columns(each.record) for each in opened]
+    columns = "".join(
+        f"<h3>Columns of {escape(names)}</h3>" + table(HEAD, lines)
+        for names, lines in grouped(tests)
+    )
+    notes = "<h3>How the files were read</h3>" + table(("test", "note"), rows) if rows else ""
+    return columns + notes

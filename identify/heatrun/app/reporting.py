@@ -11,6 +11,7 @@ import panel as pn
 
 from ..errors import InputError
 from ..vcycle import TEST_TYPES
+from .downloads import download
 from .job_pane import JobPane
 from .jobs import Job, JobQueue
 from .words import error_message, message, table
@@ -112,14 +113,10 @@ class Reporting:
                 )
             ]  # fmt: skip
         files = [Path(path) for path in report["written"]]
+        root = (self._page.out.parent / "reports").resolve()
         buttons = [
-            pn.widgets.FileDownload(
-                file=str(path), filename=path.name, label=path.name, button_type="default",
-                width=380,
-            )
-            for path in files
-            if path.suffix in (".pdf", ".csv")
-        ]  # fmt: skip
+            download(path, root, width=380) for path in files if path.suffix in (".pdf", ".csv")
+        ]
         rows = [
             (row["label"], "undefined" if row["value"] is None else row["value"], row["unit"],
              row["note"])

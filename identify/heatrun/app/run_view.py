@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Callable, Mapping
+from html import escape
+from pathlib import Path
 from typing import Any
 
 import panel as pn
 
+from ..errors import InputError
+from .downloads import download
 from .look import Look, pane_css
+from .reading import problem
 from .runs import Run
-from .words import message
+from .words import error_message, message
 
 FIGURE_PX = 860
+
+MAX_FIGURE_BYTES = 20_000_000
+
+PNG = b"\x89PNG\r\n\x1a\n"
+"""First bytes of a PNG."""
 
 
 def run_view(run: Run, look: Look, say: Callable[[Mapping[str, Any]], str], what: str) -> pn.Column:
@@ -27,22 +38,33 @@ def run_view(run: Run, look: Look, say: Callable[[Mapping[str, Any]], str], what
     if result is None:
         words = message("warning", f"{run.path} holds no {what}, or it is damaged.")
         return pn.Column(pn.pane.HTML(words, stylesheets=[pane_css(look)]))
-    files = [
-        pn.widgets.FileDownload(
-            file=str(path), filename=path.name, label=path.name, button_type="default", width=170
-        )
-        for path in run.downloads()
-    ]
+    try:
+        said = say(result)
+    except Exception as error:  # a result of another version, or a damaged one
+        said = problem(run.path.name, error)
+    files = [download(path, run.root, width=170) for path in run.downloads()]
     figures = [
-        pn.pane.PNG(str(path), alt_text=path.stem, max_width=FIGURE_PX, sizing_mode="scale_width")
-        for path in run.figures()
+        pn.pane.HTML(_figure(run, path), sizing_mode="stretch_width") for path in run.figures()
     ]
     return pn.Column(
         pn.FlexBox(*files),
-        pn.pane.HTML(say(result), stylesheets=[pane_css(look)], sizing_mode="stretch_width"),
+        pn.pane.HTML(said, stylesheets=[pane_css(look)], sizing_mode="stretch_width"),
         *figures,
         sizing_mode="stretch_width",
     )
+
+
+def _figure(run: Run, path: Path) -> str:
+    """Return a figure as HTML: in the page itself, so that nothing asks for its file later."""
+    try:
+        content = run.read(path, MAX_FIGURE_BYTES)
+    except InputError as error:
+        return error_message(error)
+    if not content.startswith(PNG):
+        return message("warning", f"{path.name} is no PNG.")
+    source = f"data:image/png;base64,{b64encode(content).decode()}"
+    style = f"width: 100%; max-width: {FIGURE_PX}px"
+    return f'<img src="{source}" alt="{escape(path.stem)}" style="{style}">'
 
 
 def run_name(text: str, default: str) -> str:

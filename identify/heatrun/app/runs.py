@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import pandas as pd
 
 from ..errors import InputError
 from ..run_folder import MANIFEST, load_result
+from .confined import is_inside, read_inside
 from .folder import Stamp
 from .plots import Band
 from .store import Opened
@@ -20,38 +22,59 @@ from .store import Opened
 DOWNLOADS = ("sheet.pdf", "sheet.xlsx", "sheet.json", "fit.json", "discovery.pdf", "discovery.json")
 """Files of a run that the page hands out."""
 
+MAX_BYTES = 200_000_000
+"""Largest file of a run that is read [byte]; it goes to the browser as one message."""
+
+MAX_FIGURES = 100
+MAX_RUNS = 500
+
 
 @dataclass(frozen=True)
 class Run:
-    """A whole run folder."""
+    """A whole run folder.
+
+    Attributes:
+        path: The folder, with links resolved.
+        root: The folder that is shown or that runs go to, outside of which nothing is read.
+    """
 
     path: Path
+    root: Path
 
     @property
     def discovery(self) -> dict[str, Any] | None:
         """What `heatrun discover` found, or None."""
-        return _discovery(self.path, self.stamp)
+        return _discovery(self.path, self.root, self.stamp)
 
     @property
     def calibration(self) -> dict[str, Any] | None:
         """What `heatrun calibrate` found, or None."""
-        return _calibration(self.path, self.stamp)
+        return _calibration(self.path, self.root, self.stamp)
 
     @property
     def stamp(self) -> Stamp:
         """State of the run's manifest: another one means another run under the same name."""
         return Stamp.of(self.path / MANIFEST)
 
+    def read(self, path: Path, max_bytes: int = MAX_BYTES) -> bytes:
+        """Return the content of a file of the run.
+
+        Raises:
+            InputError: If it is none, is too large or lies elsewhere.
+        """
+        return read_inside(self.root, path, max_bytes)
+
     def figures(self) -> list[Path]:
         """Return the figures, those of the discovery first."""
         folders = [self.path / "discovery", self.path / "figures"]
-        return [file for folder in folders for file in sorted(folder.glob("*.png"))]
+        found = [file for folder in folders for file in sorted(folder.glob("*.png"))]
+        return [file for file in found if is_inside(self.root, file)][:MAX_FIGURES]
 
     def downloads(self) -> list[Path]:
         """Return the files that the page hands out."""
         courses = sorted(self.path.glob("course_*.csv"))
         named = [self.path / name for name in DOWNLOADS]
-        return [path for path in named if path.is_file()] + courses
+        return [path for path in [*named, *courses] if is_inside(self.root, path)]
 
     def bands(self, tests: Sequence[Opened]) -> list[Band]:
         """Return the predicted courses of those tests that the run has seen.
@@ -72,7 +95,7 @@ class Run:
     def _band(self, number: int, test: str) -> Band | None:
         file = self.path / f"course_{number}.csv"
         try:
-            course = pd.read_csv(file)
+            course = pd.read_csv(io.BytesIO(self.read(file)))
         except (OSError, ValueError):
             return None
         order = "second" if "second_winding_degC" in course else "first"
@@ -85,34 +108,35 @@ class Run:
         return Band(label, course["time_s"].to_numpy(float), median, low, high)
 
 
-def runs_under(folders: Sequence[Path]) -> list[Run]:
-    """Return the run folders directly in some folders, the youngest first."""
+def runs_under(places: Sequence[tuple[Path, Path]]) -> list[Run]:
+    """Return the run folders directly in some folders, the youngest first.
+
+    Args:
+        places: Folders, each with the one that its runs must lie in.
+    """
     found = {
-        path.parent.resolve()
-        for folder in folders
+        Run(path.parent.resolve(), root.resolve())
+        for folder, root in places
         if folder.is_dir()
         for path in folder.glob(f"*/{MANIFEST}")
+        if is_inside(root.resolve(), path)
     }
-    return sorted(map(Run, found), key=lambda run: run.stamp.changed_ns, reverse=True)
+    return sorted(found, key=lambda run: run.stamp.changed_ns, reverse=True)[:MAX_RUNS]
 
 
 @lru_cache(maxsize=256)
-def _calibration(path: Path, stamp: Stamp) -> dict[str, Any] | None:
+def _calibration(path: Path, root: Path, stamp: Stamp) -> dict[str, Any] | None:
     """Return `fit.json`, checked and parsed once for as long as the manifest stays."""
     try:
-        return load_result(path)
+        return load_result(path, lambda file: read_inside(root, file, MAX_BYTES))
     except InputError:
         return None
 
 
 @lru_cache(maxsize=256)
-def _discovery(path: Path, stamp: Stamp) -> dict[str, Any] | None:
-    return _json(path / "discovery.json")
-
-
-def _json(file: Path) -> dict[str, Any] | None:
+def _discovery(path: Path, root: Path, stamp: Stamp) -> dict[str, Any] | None:
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        content = json.loads(read_inside(root, path / "discovery.json", MAX_BYTES))
+    except (ValueError, RecursionError):  # ValueError: InputError too
         return None
     return content if isinstance(content, dict) else None

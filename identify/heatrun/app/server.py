@@ -1,49 +1,58 @@
-"""The server of the live view: on this machine alone, for pages of its own alone."""
+"""The server of the live view: its folder, its address, its jobs, and its end."""
 
 from __future__ import annotations
 
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import panel as pn
-from bokeh.server.auth_provider import NullAuth
-from tornado.web import HTTPError
 
-from ..errors import InputError
+from .binding import bind
 from .folder import Folder
+from .gate import Gate, Ticket
 from .jobs import JobQueue
 from .page import Page
+from .reading import problem
+from .serving import serve
 from .store import RecordStore
+from .uploads import UploadRoom
 
 LOOPBACK = "127.0.0.1"
 
 
-class OwnHostOnly(NullAuth):
-    """Refuses requests that name another host, such as those of a page that was bound to this one.
+@dataclass(frozen=True)
+class ViewServer:
+    """A server that listens and is not started yet.
 
-    The websocket, on which everything but the page's frame travels, checks its origin against the
-    same names.
+    Attributes:
+        url: The page's address, with its token where one is asked for.
+        is_loopback: Whether it is reachable from this machine alone.
     """
 
-    def __init__(self, hosts: frozenset[str]) -> None:
-        self._hosts = hosts
+    url: str
+    is_loopback: bool
+    _server: Any
+    _queue: JobQueue
+    _uploads: tempfile.TemporaryDirectory[str]
 
     @property
-    def get_user(self) -> Any:
-        """Return the check; there are no users apart."""
+    def loop(self) -> Any:
+        """The event loop that serves."""
+        return self._server.io_loop
 
-        def check(handler: Any) -> str:
-            if handler.request.host.lower() not in self._hosts:
-                raise HTTPError(403, reason="This host name is not served")
-            return "bench"
+    def run(self) -> None:
+        """Serve until the loop is stopped."""
+        self._server.start()
+        self.loop.start()
 
-        return check
-
-    @property
-    def login_url(self) -> Any:
-        """Nobody is ever sent there."""
-        return "/"
+    def close(self) -> None:
+        """End the commands that run, and remove what was sent."""
+        self._queue.close()
+        self._server.stop()
+        self._uploads.cleanup()
 
 
 def make_server(
@@ -52,59 +61,51 @@ def make_server(
     *,
     port: int = 5006,
     address: str = LOOPBACK,
+    asks_token: bool = False,
     max_file_bytes: int,
     max_upload_bytes: int,
-) -> Any:
+) -> ViewServer:
     """Return the server, not started yet.
 
     Args:
         folder: The tests and motor files that it shows; nothing else can be opened.
         out: Where run folders and reports go.
         port: TCP port; 0 takes a free one.
-        address: Network address; the default is reachable from this machine alone.
+        address: Network address; the default is reachable from this machine alone. Any other
+            asks for a token.
+        asks_token: Ask for a token at loopback too, for machines with several users.
         max_file_bytes: Largest file that is opened [byte].
-        max_upload_bytes: Sum of uploads of a page [byte].
+        max_upload_bytes: Sum of uploads of all pages [byte].
 
     Raises:
-        InputError: If the folder is none, or the port is taken.
+        InputError: If the folder is none, or the address or port cannot be used.
     """
     shown = Folder(folder)
+    binding = bind(address, port)
     store, queue = RecordStore(max_file_bytes), JobQueue()
     uploads = tempfile.TemporaryDirectory(prefix="heatrun-uploads-")
+    room = UploadRoom(Path(uploads.name), max_upload_bytes)
+
+    pages: WeakKeyDictionary[Any, Page] = WeakKeyDictionary()
 
     def page() -> Any:
-        return Page(shown, out, Path(uploads.name), store, queue, max_upload_bytes).view
+        try:
+            made = Page(shown, out, room, store, queue)
+        except Exception as error:
+            return pn.pane.HTML(problem("the page", error))
+        pages[pn.state.curdoc] = made
+        return made.view
 
-    try:
-        server = _bind({"/": page}, address, port)
-    except OSError as error:
-        raise InputError(
-            f"Port {port} of {address} cannot be used: {error.strerror}.",
-            remedy="Choose another one with --port.",
-        ) from error
-    server.heatrun_uploads = uploads  # lives as long as the server
-    return server
+    def say(error: BaseException) -> None:
+        """Show an error on the page that it happened on, which goes on."""
+        told = problem("the page", error if isinstance(error, Exception) else Exception(error))
+        found = pages.get(pn.state.curdoc)
+        if found is not None:
+            found.say(told)
 
+    pn.config.exception_handler = say
 
-def _bind(apps: dict[str, Any], address: str, port: int) -> Any:
-    """Bind first, so that the names that may be asked for carry the port."""
-    from bokeh.server.util import bind_sockets
-
-    sockets, bound = bind_sockets(address, port)
-    for socket in sockets:
-        socket.close()
-    names = {address, "localhost"} if address == LOOPBACK else {address}
-    hosts = frozenset(f"{name}:{bound}" for name in names)
-    return pn.io.server.get_server(
-        apps,
-        port=bound,
-        address=address,
-        websocket_origin=sorted(hosts),
-        auth_provider=OwnHostOnly(hosts),
-        title="heatrun",
-        show=False,
-        start=False,
-        check_unused_sessions=10_000,
-        unused_session_lifetime=30_000,
-        websocket_max_message_size=8_000_000,
-    )
+    ticket = Ticket() if asks_token or not binding.is_loopback else None
+    server = serve(page, binding.sockets, Gate(binding.names, binding.port, ticket))
+    url = binding.url if ticket is None else f"{binding.url}?token={ticket.token}"
+    return ViewServer(url, binding.is_loopback, server, queue, uploads)

@@ -39,6 +39,7 @@ class RecordStore:
         self._max_file_bytes = max_file_bytes
         self._kept: OrderedDict[tuple[Path, Stamp, str], Opened] = OrderedDict()
         self._lock = threading.Lock()
+        self._reading: dict[tuple[Path, Stamp, str], threading.Lock] = {}
 
     def open(self, path: Path, motor: Motor | None) -> Opened:
         """Return the record of a file.
@@ -66,18 +67,32 @@ class RecordStore:
             if key in self._kept:
                 self._kept.move_to_end(key)
                 return self._kept[key]
-            record = read_test(path, motor) if motor else read_record(path)
-            if Stamp.of(path) != stamp:
-                raise InputError(
-                    "The file changed while it was read.",
-                    where=path.name,
-                    remedy="Wait until the bench has written it, and open it again.",
-                )
-            opened = Opened(record, path, stamp)
-            self._kept[key] = opened
-            while len(self._kept) > 1 and self._num_bytes() > MAX_STORED_BYTES:
-                self._kept.popitem(last=False)
-            return opened
+            turn = self._reading.setdefault(key, threading.Lock())
+        # who wants the same file waits for it; who wants another one does not
+        with turn:
+            try:
+                with self._lock:
+                    if key in self._kept:
+                        return self._kept[key]
+                opened = self._read(path, motor, stamp)
+                with self._lock:
+                    self._kept[key] = opened
+                    while len(self._kept) > 1 and self._num_bytes() > MAX_STORED_BYTES:
+                        self._kept.popitem(last=False)
+                return opened
+            finally:
+                with self._lock:
+                    self._reading.pop(key, None)
+
+    def _read(self, path: Path, motor: Motor | None, stamp: Stamp) -> Opened:
+        record = read_test(path, motor) if motor else read_record(path)
+        if Stamp.of(path) != stamp:
+            raise InputError(
+                "The file changed while it was read.",
+                where=path.name,
+                remedy="Wait until the bench has written it, and open it again.",
+            )
+        return Opened(record, path, stamp)
 
     def _num_bytes(self) -> int:
         return sum(

@@ -17,39 +17,94 @@ from .folder import SUFFIXES
 MAX_NAME = 100
 """Longest file name that is kept [character]."""
 
+MAX_FILES = 1000
+"""Most files that are kept, be they empty."""
+
+PIECE_BYTES = 1000
+"""What a piece of a file takes in memory beside its bytes [byte]."""
+
 RESERVED = re.compile(r"^(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
 """Names that are devices on Windows."""
 
 
+class UploadRoom:
+    """What the uploads of all pages may take together, in memory and on the disk.
+
+    Attributes:
+        folder: Where they are kept.
+        max_bytes: Limit of their sum [byte].
+    """
+
+    def __init__(self, folder: Path, max_bytes: int) -> None:
+        self.folder, self.max_bytes = folder, max_bytes
+        self._num_pending = 0
+
+    def take(self, num_bytes: int) -> bool:
+        """Take room for what is on its way; return False, and take nothing, if there is none."""
+        kept = [path.stat().st_size for path in self.folder.iterdir()]
+        wanted = sum(kept) + self._num_pending + num_bytes
+        if wanted > self.max_bytes or len(kept) >= MAX_FILES:
+            return False
+        self._num_pending += num_bytes
+        return True
+
+    def give_back(self, num_bytes: int) -> None:
+        """Give back the room of what has been kept as a file, or will not arrive."""
+        self._num_pending -= num_bytes
+
+
 class BoundedDropper(pn.widgets.FileDropper):
-    """A drop zone that holds to its limit on the server, whatever the browser sends."""
+    """A drop zone that holds to the server's limit, whatever the browser sends."""
 
     def __init__(
-        self, max_bytes: int, when_refused: Callable[[InputError], None], **keywords: Any
+        self, room: UploadRoom, when_refused: Callable[[InputError], None], **keywords: Any
     ) -> None:
         super().__init__(
-            max_file_size=f"{max_bytes // 1_000_000}MB",
+            max_file_size=f"{room.max_bytes // 1_000_000}MB",
             multiple=True,
             chunk_size=2_000_000,
             **keywords,
         )
-        self._max_bytes = max_bytes
+        self._room = room
         self._when_refused = when_refused
-        self._num_received = 0
+        self._num_pending: dict[str, int] = {}
 
     def _process_event(self, event: Any) -> None:
-        data = event.data
-        self._num_received += len(data.get("data") or b"")
-        if self._num_received > self._max_bytes:
-            self._file_buffer.clear()
+        if event.event_name != "upload_event":
+            return  # a file that was sent stays: other pages may show it
+        name, piece = str(event.data["name"]), event.data.get("data") or b""
+        if event.data["chunk"] == 1:
+            self._forget(name)
+        elif name not in self._file_buffer:
+            return  # the rest of a file that was refused
+        if not self._room.take(len(piece) + PIECE_BYTES):
+            self._forget(name)
             self._when_refused(
                 InputError(
-                    f"Uploads of this page exceed {self._max_bytes / 1e6:.0f} MB.",
+                    f"Uploads of all pages exceed {self._room.max_bytes / 1e6:.0f} MB.",
                     remedy="Put the file into the folder that is shown.",
                 )
             )
             return
+        self._num_pending[name] = self._num_pending.get(name, 0) + len(piece) + PIECE_BYTES
         super()._process_event(event)
+
+    def arrived(self) -> dict[str, bytes | str]:
+        """Return the files that have arrived; they are not kept here any longer."""
+        files = dict(self.value)
+        self.value.clear()
+        for name in files:
+            self._forget(name)
+        return files
+
+    def close(self) -> None:
+        """Give back the room of files that will not arrive any more."""
+        for name in list(self._num_pending):
+            self._forget(name)
+
+    def _forget(self, name: str) -> None:
+        self._file_buffer.pop(name, None)
+        self._room.give_back(self._num_pending.pop(name, 0))
 
 
 def safe_name(name: str) -> str:

@@ -9,13 +9,15 @@ import numpy as np
 
 from ..errors import InputError
 from .claims import NOT_RECORDED, Claim, did_you_mean, parse_claims
-from .labels import columns_of, suffix_unit
+from .column_unit import line_of, overridden, unit_of
+from .header import read_heading
+from .labels import columns_of, is_sure, named_unit
 from .mapping import Assignment
 from .maps import COLUMN_MAPS, ColumnMap
-from .record import ColumnReading, Finding, Record, UnitSource
+from .record import ColumnReading, Finding, Record
 from .schema import CHANNEL, REQUIRED
 from .table import Column, Table
-from .units import find_unit, require_unit, to_canonical
+from .units import require_unit
 
 
 @dataclass(frozen=True)
@@ -137,9 +139,12 @@ def _claimed(
 ) -> Column | None:
     """Return the column that a line of `[columns]` names."""
     pool = tuple(pool)
+    quantity = CHANNEL[claim.channel].quantity
     for matches in (
         [column for column in pool if column.name == claim.text],
+        [column for column in pool if claim.base and column.name == claim.base],
         [column for column in pool if claim.label in (column.name, column.label)],
+        [column for column in pool if claim.label == _stem(column, quantity)],
     ):
         if len(matches) > 1:
             raise _two_columns(claim.channel, matches, where)
@@ -165,29 +170,36 @@ def _claimed(
     )
 
 
+def _stem(column: Column, quantity: str) -> str | None:
+    """Return the label of a column without a unit in it that can be nothing else."""
+    named = named_unit(column.label, quantity)
+    return named.stem if named and is_sure(named.unit) and named.stem else None
+
+
 def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
     channel = CHANNEL[claim.channel]
-    exact = column.name == claim.text
-    unit = column.unit if exact or claim.unit is None else claim.unit
-    if column.note and column.unit == "s":  # a clock, already in seconds
-        unit = "s"
-    elif column.unit and unit and unit != column.unit:
-        stated = find_unit(column.unit, channel.quantity)
-        if stated != require_unit(unit, channel.quantity, where=mapping.where):
-            mapping.findings.append(
-                Finding(
-                    id="unit_overridden",
-                    severity="warning",
-                    message=f"The file gives {column.unit}, [columns] says {unit}; {unit} is used.",
-                    where=f"{mapping.where}, column '{column.name}'",
-                    remedy="Remove the unit from [columns] if the file is right.",
-                )
+    where = f"{mapping.where}, column '{column.name}' as {channel.name}"
+    decided = claim.bracket if column.name == claim.base else claim.unit
+    if column.name == claim.text and len(read_heading(claim.text).units) > 1:
+        decided = None  # it says two things at once
+    if decided is None or column.is_seconds:
+        unit, unit_from = unit_of(column, channel, where)
+        mapping.add(channel, column, unit, "[columns]", unit_from)
+        return
+    remedy = f"Say it in the motor file: {line_of(channel, column)}."
+    known = require_unit(decided, channel.quantity, where=where, remedy=remedy)
+    if against := overridden(column, channel, decided):
+        mapping.findings.append(
+            Finding(
+                id="unit_overridden",
+                severity="warning",
+                message=f"{against.source[:1].upper()}{against.source[1:]} gives {against.text}, "
+                f"[columns] says {known.symbol}; {known.symbol} is used.",
+                where=f"{mapping.where}, column '{column.name}'",
+                remedy="Remove the unit from [columns] if the file is right.",
             )
-    unit_from: UnitSource = "stated"
-    if unit is None:
-        unit = suffix_unit(column.label, channel)
-        unit_from = "name" if unit else "assumed"
-    mapping.add(channel, column, unit, "[columns]", unit_from)
+        )
+    mapping.add(channel, column, decided, "[columns]", "stated")
 
 
 def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:
@@ -201,23 +213,9 @@ def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:
         if not matches:
             continue
         (column,) = matches
-        stated = column.unit and require_unit(
-            column.unit, channel.quantity, where=f"{mapping.where}, column '{column.name}'"
-        )
-        names_unit = channel.unit != "1"
-        if names_unit and stated and to_canonical(np.ones(1), stated)[0] != 1.0:
-            raise InputError(
-                f"The name says {channel.unit}, the unit behind it {column.unit}.",
-                where=f"{mapping.where}, column '{column.name}'",
-                remedy=f'Decide in [columns]: {channel.name} = "{channel.name} [{channel.unit}]".',
-            )
-        mapping.add(
-            channel,
-            column,
-            column.unit or channel.unit,
-            "canonical name",
-            "stated" if column.unit else "name",
-        )
+        where = f"{mapping.where}, column '{column.name}' as {channel.name}"
+        unit, unit_from = unit_of(column, channel, where)
+        mapping.add(channel, column, unit, "canonical name", unit_from)
 
 
 def _num_present(column_map: ColumnMap, pool: Iterable[Column]) -> int:
@@ -252,10 +250,10 @@ def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Colum
             )
             continue
         channel = CHANNEL[name]
-        by_name = suffix_unit(column.label, channel)
-        unit = column.unit or by_name or column_map.units.get(label)
-        unit_from: UnitSource = "stated" if column.unit else "name" if by_name else "assumed"
+        where = f"{mapping.where}, column '{column.name}' as {channel.name}"
         try:
+            unit, unit_from = unit_of(column, channel, where)
+            unit = unit or column_map.units.get(label)
             mapping.add(channel, column, unit, column_map.name, unit_from)
         except InputError as error:
             raise InputError(

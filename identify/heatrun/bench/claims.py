@@ -15,6 +15,7 @@ from .schema import CHANNEL
 NOT_RECORDED = "none"
 """Right-hand side of `[columns]` by which no column becomes the channel."""
 
+BRACKET_AT_END = re.compile(r"(?P<base>.*\S)\s*\[(?P<unit>[^\[\]]+)\]", re.DOTALL)
 RATE = re.compile(r"^rate\s+(?P<rate>[0-9.eE+-]+)\s*Hz$", re.IGNORECASE)
 
 
@@ -27,6 +28,8 @@ class Claim:
         text: The right-hand side as written.
         label: Its column name without the unit.
         unit: Its unit text, or None.
+        base: What stands before square brackets at its end, whatever it is; empty without them.
+        bracket: What stands in them.
         rate_Hz: Sampling rate that stands for a time column [Hz], or None.
     """
 
@@ -34,6 +37,8 @@ class Claim:
     text: str
     label: str
     unit: str | None
+    base: str = ""
+    bracket: str = ""
     rate_Hz: float | None = None
 
 
@@ -72,10 +77,12 @@ def parse_claims(columns: Mapping[str, str], where: str) -> tuple[Claim, ...]:
             )
         rate = RATE.match(text.strip())
         if rate and channel == "time_s":
-            claims.append(Claim(channel, text, text, None, _rate(rate["rate"], where)))
+            claims.append(Claim(channel, text, text, None, rate_Hz=_rate(rate["rate"], where)))
             continue
-        label, unit = split_name(text)
-        claims.append(Claim(channel, text.strip(), label, unit))
+        label, unit = split_name(text, f"{where}, [columns] {channel}")
+        base = BRACKET_AT_END.fullmatch(text.strip())
+        pair = (base["base"], base["unit"].strip()) if base else ("", "")
+        claims.append(Claim(channel, text.strip(), label, unit, *pair))
     return tuple(claims)
 
 

@@ -1,27 +1,31 @@
-"""Times written as a clock or as a date, turned to seconds."""
+"""Times written as a clock, turned to seconds: by the format that the header states, or by their
+own look where that leaves one reading.
+"""
 
 from __future__ import annotations
 
-import datetime
 import re
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-CLOCK = r"(?:(?P<hour>[0-9]+):)?(?P<minute>[0-9]+):(?P<second>[0-5]?[0-9](?:[.,][0-9]*)?)"
-DATE = r"(?P<first>[0-9]{1,4})(?P<sign>[-/.])(?P<middle>[0-9]{1,2})[-/.](?P<last>[0-9]{1,4})"
-DATE_TIME = (
-    DATE + r"[T ,_]\s*(?P<hour>[0-9]{1,2}):(?P<minute>[0-5][0-9])"
-    r"(?::(?P<second>[0-5]?[0-9](?:[.,][0-9]*)?))?\s*(?P<half>[AaPp][Mm])?"
-    r"\s*(?P<zone>Z|[+-][0-9]{2}:?[0-9]{2})?"
-)
-CLOCK_CELL = re.compile(CLOCK)
-DATE_TIME_CELL = re.compile(DATE_TIME)
-ORDERS = {"day/month/year": (0, 1, 2), "month/day/year": (1, 0, 2), "year-month-day": (2, 1, 0)}
-"""Where day, month and year stand among the three numbers of a date."""
+from .table import Question
+from .time_format import SECONDS, SIZE, TimeFormat
 
-SECONDS_PER_DAY = 86400
+HALF = r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
+CLOCK = r"(?:(?P<hour>[0-9]+):)?(?P<minute>[0-9]+):(?P<second>[0-5]?[0-9](?:[.,][0-9]*)?)" + HALF
+CLOCK_CELL = re.compile(CLOCK)
+
+DAY_S = 86400.0
+HOUR_S = 3600.0
+LONGEST_PAUSE_S = 60.0
+LONGEST_PAUSE_STEPS = 5.0
+"""Across midnight a clock may skip so much, in seconds or in steps; a longer pause leaves the
+backward step as it is, which the checks refuse."""
+
+FAR_LESS_REGULAR = 3.0
+"""Ratio of the largest to the smallest step; so many times that of another reading is a doubt."""
 
 
 @dataclass(frozen=True)
@@ -31,119 +35,226 @@ class ClockColumn:
     Attributes:
         seconds: Shape (time,); for dates from the first one; NaN where a cell is no such time.
         note: How the cells were read, as a sentence without its subject.
+        question: What the cells leave open, or None.
+        doubt: What speaks against the reading, as a sentence, or empty.
     """
 
     seconds: np.ndarray
     note: str
+    question: Question | None = None
+    doubt: str = ""
 
 
-def is_time(cell: str) -> bool:
-    """Return whether a cell is a clock time or a date with a time."""
-    return bool(CLOCK_CELL.fullmatch(cell) or DATE_TIME_CELL.fullmatch(cell))
-
-
-def read_clock(cells: pd.Series) -> ClockColumn:
-    """Read `m:ss.s` and `h:mm:ss.s`, also mixed.
-
-    Args:
-        cells: Texts without blanks around them, shape (time,).
-    """
-    parts = cells.str.extract(f"^{CLOCK}$")
-    hour = _numbers(parts["hour"].fillna("0"))
-    minute = _numbers(parts["minute"])
-    with_hour = parts["hour"].notna().to_numpy()
-    seconds = 3600.0 * hour + 60.0 * minute + _numbers(parts["second"])
-    seconds[with_hour & (minute >= 60)] = np.nan
-    seconds = np.round(seconds, _decimals(parts["second"]))  # undo the rounding of the sum
-    readable = np.isfinite(seconds)
-    forms = [
-        form
-        for form, present in (
-            ("minutes:seconds", (readable & ~with_hour).any()),
-            ("hours:minutes:seconds", (readable & with_hour).any()),
-        )
-        if present
-    ]
-    return ClockColumn(seconds, f"read as {' and '.join(forms)}")
-
-
-def read_dates(cells: pd.Series) -> ClockColumn:
-    """Read dates with a time, in the order of day and month that the dates themselves show.
+def read_stated(cells: pd.Series, stated: TimeFormat) -> ClockColumn:
+    """Read clock times in the format that the header or `[columns]` states, and in no other.
 
     Args:
         cells: As `read_clock`.
+        stated: The format, of a clock.
     """
-    parts = cells.str.extract(f"^{DATE_TIME}$")
-    triples = parts[["first", "middle", "last"]]
-    unique = triples.dropna().drop_duplicates()
-    signs = set(parts["sign"].dropna())
-    order, reason = _order([tuple(row) for row in unique.to_numpy()], signs)
-    days = {tuple(row): _day(tuple(row), order) for row in unique.to_numpy()}
-    keys = zip(*(triples[name] for name in triples), strict=True)
-    day = np.array([days.get(key, np.nan) for key in keys], dtype=float)
+    parts = cells.str.extract(f"^{_pattern(stated)}$")
+    seconds = np.zeros(len(cells))
+    for index, part in enumerate(stated.parts):
+        if part == "f":
+            whole = numbers(parts["f"].fillna("0"))
+            digits = parts["f"].fillna("0").str.len().to_numpy(dtype=float)
+            seconds += whole / 10.0**digits
+            continue
+        value = numbers(parts[part])
+        if index:
+            value[value >= SIZE[part]] = np.nan
+        seconds += SECONDS[part] * value
+    if "h" in stated.parts:
+        seconds = _half_days(seconds, parts["half"])
+    if "s" in stated.parts:
+        places = "." + parts["f"] if "f" in stated.parts else parts["s"]
+        seconds = np.round(seconds, decimals(places))  # undo the rounding of the sum
+    seconds, wrapped = _unwrapped(seconds, stated.parts)
+    return ClockColumn(seconds, f"read as {stated.spoken}, as stated{wrapped}")
 
-    hour = _numbers(parts["hour"])
-    half = parts["half"].str.lower()
-    twelve = half.notna().to_numpy()
-    hour[twelve & ((hour < 1) | (hour > 12))] = np.nan
-    hour = np.where(twelve, hour % 12 + 12 * (half == "pm").to_numpy(), hour)
-    hour[hour > 24] = np.nan
-    clock = 3600.0 * hour + 60.0 * _numbers(parts["minute"])
-    clock += _numbers(parts["second"].fillna("0")) - _zone_seconds(parts["zone"])
 
-    readable = np.flatnonzero(np.isfinite(day + clock))
-    if readable.size == 0:
-        return ClockColumn(np.full(len(cells), np.nan), "")
-    first = readable[0]
-    seconds = (day - day[first]) * SECONDS_PER_DAY + (clock - clock[first])
-    seconds = np.round(seconds, _decimals(parts["second"]))
+def read_clock(cells: pd.Series, name: str = "time") -> ClockColumn:
+    """Read `m:ss.s` and `h:mm:ss.s`, also mixed; `a:b` only where it can be but one of two.
+
+    Args:
+        cells: Texts without blanks around them, shape (time,).
+        name: Name of the column, for the answers to a question.
+    """
+    parts = cells.str.extract(f"^{CLOCK}$")
+    hour = numbers(parts["hour"].fillna("0"))
+    minute = numbers(parts["minute"])
+    with_hour = parts["hour"].notna().to_numpy()
+    readable = parts["minute"].notna().to_numpy()
+    has_fraction = bool(parts["second"].str.contains(r"[.,]", na=False).any())
+    if not (with_hour & readable).any() and not has_fraction:
+        return _two_parts(parts, name)
+    seconds = HOUR_S * hour + 60.0 * minute + numbers(parts["second"])
+    seconds[with_hour & (minute >= 60)] = np.nan
+    seconds = _half_days(seconds, parts["half"])
+    seconds = np.round(seconds, decimals(parts["second"]))  # undo the rounding of the sum
+    readable = np.isfinite(seconds)
+    forms = [
+        (form, letters)
+        for form, letters, present in (
+            ("minutes:seconds", "ms", (readable & ~with_hour).any()),
+            ("hours:minutes:seconds", "hms", (readable & with_hour).any()),
+        )
+        if present
+    ]
+    note = f"read as {' and '.join(form for form, _ in forms)}"
+    if len(forms) != 1:
+        return ClockColumn(seconds, note)
+    seconds, wrapped = _unwrapped(seconds, forms[0][1])
+    question = None
+    if forms[0][1] == "hms" and not has_fraction and parts["half"].isna().all():
+        question = _other_parts(seconds, parts, name)
+    return ClockColumn(seconds, note + wrapped, question)
+
+
+def _two_parts(parts: pd.DataFrame, name: str) -> ClockColumn:
+    """Return `a:b`: minutes and seconds, or hours and minutes."""
+    first, second = numbers(parts["minute"]), numbers(parts["second"])
+    short, short_wrapped = _unwrapped(60.0 * first + second, "ms")
+    long, long_wrapped = _unwrapped(_half_days(HOUR_S * first + 60.0 * second, parts["half"]), "hm")
+    if parts["half"].notna().any():
+        return ClockColumn(long, f"read as hours:minutes, for they have am or pm{long_wrapped}")
+    forward = rises(short), rises(long)
+    if forward == (False, True):
+        return ClockColumn(
+            long, f"read as hours:minutes, as minutes:seconds would run backwards{long_wrapped}"
+        )
+    if forward == (True, False):
+        return ClockColumn(
+            short, f"read as minutes:seconds, as hours:minutes would run backwards{short_wrapped}"
+        )
+    largest = float(np.nanmax(first))
+    either = f"minutes:seconds ({_spoken(short)}) or hours:minutes ({_spoken(long)})"
+    if largest >= SIZE["m"]:
+        return ClockColumn(
+            short,
+            f"read as minutes:seconds, for the first number goes up to {largest:.0f}",
+            doubt=f"The times may be {either}; minutes:seconds is taken, for the first number goes "
+            f"up to {largest:.0f}.",
+        )
+    problem = f"The times, {_example(parts)}, may be {either}; the file does not say which."
     return ClockColumn(
-        seconds, f"read as {order} ({reason}), seconds from {cells.iloc[int(first)]}"
+        short, "read as minutes:seconds", Question(problem, (f"{name} [mm:ss]", f"{name} [hh:mm]"))
     )
 
 
-def _numbers(texts: pd.Series) -> np.ndarray:
+def _other_parts(seconds: np.ndarray, parts: pd.DataFrame, name: str) -> Question | None:
+    """Return the question of `a:b:c` that is far more regular in another reading, or None."""
+    first, middle, last = (numbers(parts[part]) for part in ("hour", "minute", "second"))
+    other = DAY_S * first + HOUR_S * middle + 60.0 * last
+    other[middle >= SIZE["h"]] = np.nan
+    hundredths = 60.0 * first + middle + 0.01 * last
+    for times, spoken, answer in (
+        (other, "days:hours:minutes", "d:hh:mm"),
+        (hundredths, "minutes:seconds:hundredths", "mm:ss:ff"),
+    ):
+        if np.isfinite(times).sum() < np.isfinite(seconds).sum() or not rises(times):
+            continue
+        if not rises(seconds) or _irregularity(seconds) > FAR_LESS_REGULAR * _irregularity(times):
+            return Question(
+                f"The times, {_example(parts)}, may be hours:minutes:seconds "
+                f"({_spoken(seconds)}), with jumps, or {spoken} ({_spoken(times)}), without.",
+                (f"{name} [hh:mm:ss]", f"{name} [{answer}]"),
+            )
+    return None
+
+
+def spoken_duration(seconds: float) -> str:
+    """Return a duration [s] in the largest unit of which it has at least two."""
+    for unit, size in (("days", DAY_S), ("h", HOUR_S), ("min", 60.0)):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.3g} s"
+
+
+def _spoken(seconds: np.ndarray) -> str:
+    """Return median step and span of times, in words."""
+    known = seconds[np.isfinite(seconds)]
+    if known.size < 2:
+        return "one time alone"
+    step, span = float(np.median(np.diff(known))), float(np.ptp(known))
+    return f"a step of {spoken_duration(step)}, {spoken_duration(span)} in all"
+
+
+def _example(parts: pd.DataFrame) -> str:
+    """Return the first and the last time as they stand in the file."""
+    known = parts[parts["minute"].notna()]
+    shown = []
+    for _, row in known.iloc[[0, -1]].iterrows():
+        cells = [row["hour"], row["minute"], row["second"]]
+        shown.append(":".join(cell for cell in cells if isinstance(cell, str)))
+    return f"'{shown[0]}' to '{shown[1]}'"
+
+
+def _pattern(stated: TimeFormat) -> str:
+    pieces = [rf"(?P<{stated.parts[0]}>[0-9]+)"]
+    for part, sign in zip(stated.parts[1:], stated.separators, strict=False):
+        if part == "f":  # a cell may leave the fraction out
+            pieces.append(rf"(?:{'[.,]' if sign in '.,' else re.escape(sign)}(?P<f>[0-9]+))?")
+            continue
+        between = r"\s+" if sign == " " else rf"\s*{re.escape(sign)}\s*"
+        fraction = r"(?:[.,][0-9]*)?" if part == "s" and "f" not in stated.parts else ""
+        pieces.append(rf"{between}(?P<{part}>[0-9]{{1,2}}{fraction})")
+    return "".join(pieces) + HALF
+
+
+def _half_days(seconds: np.ndarray, half: pd.Series) -> np.ndarray:
+    """Return times of a day of twice twelve hours; NaN where there is no such hour."""
+    twelve = half.notna().to_numpy()
+    if not twelve.any():
+        return seconds
+    within = (seconds >= HOUR_S) & (seconds < 13 * HOUR_S)
+    afternoon = (half.str.lower() == "p").to_numpy()
+    counted = np.where(within, seconds % (DAY_S / 2) + DAY_S / 2 * afternoon, np.nan)
+    return np.where(twelve, counted, seconds)
+
+
+def _unwrapped(seconds: np.ndarray, parts: str) -> tuple[np.ndarray, str]:
+    """Return times that go on where the clock begins anew, and words for it.
+
+    Only what is plainly the clock's own turn is followed: at midnight, or at the full hour for
+    minutes and seconds alone. Any other backward step stays, and the checks refuse it.
+    """
+    period = DAY_S if "h" in parts else HOUR_S
+    known = np.flatnonzero(np.isfinite(seconds))
+    steps = np.diff(seconds[known])
+    turns = steps < 0
+    if "d" in parts or not turns.any() or np.nanmax(seconds) >= period:
+        return seconds, ""
+    forward = steps[steps > 0]
+    step = float(np.median(forward)) if forward.size else 0.0
+    pause = steps[turns] + period
+    if np.any(pause > max(LONGEST_PAUSE_S, LONGEST_PAUSE_STEPS * step)):
+        return seconds, ""
+    moved = seconds.copy()
+    moved[known[1:]] += period * np.cumsum(turns)
+    count, where = int(turns.sum()), "midnight" if "h" in parts else "the full hour"
+    return moved, f", going on past {where}{f' ({count} times)' if count > 1 else ''}"
+
+
+def rises(seconds: np.ndarray) -> bool:
+    """Return whether times, shape (time,), never step back; NaN is passed over."""
+    known = seconds[np.isfinite(seconds)]
+    return known.size > 0 and bool(np.all(np.diff(known) >= 0))
+
+
+def _irregularity(seconds: np.ndarray) -> float:
+    """Return the largest step over the smallest of those forward [1]."""
+    steps = np.diff(seconds[np.isfinite(seconds)])
+    forward = steps[steps > 0]
+    return float(np.max(forward) / np.min(forward)) if forward.size else 1.0
+
+
+def numbers(texts: pd.Series) -> np.ndarray:
+    """Return texts of numbers, with point or comma, as numbers; NaN where there is none."""
     return texts.str.replace(",", ".").astype(float).to_numpy(copy=True)
 
 
-def _decimals(seconds: pd.Series) -> int:
+def decimals(seconds: pd.Series) -> int:
     """Return the most decimals that any cell writes."""
     fraction = seconds.dropna().str.extract(r"[.,]([0-9]*)$")[0].dropna()
     return int(fraction.str.len().max()) if len(fraction) else 0
-
-
-def _zone_seconds(zones: pd.Series) -> np.ndarray:
-    """Return the offset from UTC [s]; 0 where none is written."""
-    offsets = {
-        zone: 0.0
-        if zone == "Z"
-        else float(f"{zone[0]}1") * (3600.0 * int(zone[1:3]) + 60.0 * int(zone[-2:]))
-        for zone in zones.dropna().unique()
-    }
-    return zones.map(offsets).astype(float).fillna(0.0).to_numpy()
-
-
-def _day(date: tuple[str, ...], order: str) -> float:
-    """Return the day number of a date, NaN if there is no such day."""
-    day, month, year = (int(date[place]) for place in ORDERS[order])
-    try:
-        return datetime.date(year + 2000 if year < 100 else year, month, day).toordinal()
-    except ValueError:
-        return np.nan
-
-
-def _order(dates: list[tuple[str, ...]], signs: set[str]) -> tuple[str, str]:
-    """Return the order of day, month and year that the dates allow, and why that one."""
-    if all(len(date[0]) == 4 for date in dates):
-        return "year-month-day", "the year comes first"
-    if signs == {"."}:
-        return "day/month/year", "dots between the numbers"
-    for order, place in (("day/month/year", 0), ("month/day/year", 1)):
-        decisive = [date for date in dates if int(date[place]) > 12]
-        if decisive:
-            return order, f"decided by {'/'.join(decisive[0])}"
-    if len(dates) <= 1:
-        return "day/month/year", "the order of day and month makes no difference on one day"
-    spans = {order: np.ptp([_day(date, order) for date in dates]) for order in list(ORDERS)[:2]}
-    best = min(spans, key=lambda order: spans[order])
-    return best, f"the order that makes the test the shorter one, {spans[best] + 1:.0f} days"

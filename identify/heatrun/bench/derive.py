@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -128,3 +128,18 @@ def derive(
         derived[way.channel] = way.compute(channels, phases)
         notes.append(f"{way.channel} is derived: {way.formula}.")
     return derived, tuple(notes)
+
+
+def formulas(channels: Collection[str], read: Collection[str]) -> dict[str, str]:
+    """Return the formula of each channel that was derived, in the order of preference.
+
+    Args:
+        channels: Canonical names that a record has.
+        read: Those of them that were columns of a file.
+    """
+    found: dict[str, str] = {}
+    for way in DERIVATIONS:
+        is_derived = way.channel in channels and way.channel not in read
+        if is_derived and way.channel not in found and all(name in read for name in way.needs):
+            found[way.channel] = way.formula
+    return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping
-from pathlib import Path
+from typing import BinaryIO
 
 from .measurement import Measurement
 
@@ -14,38 +14,33 @@ TDMS = (b"TDSm",)
 
 @contextlib.contextmanager
 def opened(
-    path: str | Path, columns: Mapping[str, str] | None = None
+    stream: BinaryIO, where: str, columns: Mapping[str, str] | None = None
 ) -> Iterator[Measurement | None]:
     """Open a measurement file for the time of the context.
 
     Args:
-        path: Any file.
+        stream: Any file, seekable.
+        where: The file, for messages.
         columns: `[columns]` of the motor file.
 
     Returns:
-        The measurement; None for a file of another format, or one that cannot be opened, which is
-        for the readers of these to say.
+        The measurement; None for a file of another format.
 
     Raises:
         InputError: If the file is a measurement and damaged, or the library for it is missing.
     """
-    where = str(path)
-    try:
-        with Path(path).open("rb") as stream:
-            start = stream.read(8)
-    except (OSError, ValueError):
-        start = b""
-    if not start.startswith((*MDF, *TDMS)):
+    stream.seek(0)
+    start = stream.read(8)
+    stream.seek(0)
+    if start.startswith(MDF):  # each reader loads a large library, so late
+        from .mdf import open_mdf
+
+        with open_mdf(stream, where) as measurement:
+            yield measurement
+    elif start.startswith(TDMS):
+        from .tdms import open_tdms
+
+        with open_tdms(stream, where, columns) as measurement:
+            yield measurement
+    else:
         yield None
-        return
-    with Path(path).open("rb") as stream:
-        if start.startswith(MDF):  # each reader loads a large library, so late
-            from .mdf import open_mdf
-
-            with open_mdf(stream, where) as measurement:
-                yield measurement
-        else:
-            from .tdms import open_tdms
-
-            with open_tdms(stream, where, columns) as measurement:
-                yield measurement

@@ -12,7 +12,8 @@ from .align import join
 from .read import read_record
 from .record import Record
 
-RATE = re.compile(r"^(?P<path>.+)@(?P<rate>[0-9.]+)\s*Hz$")
+RATE = re.compile(r"^(?P<path>.*)@(?P<rate>[^@/\\]*)Hz$", re.DOTALL)
+NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?|\.[0-9]+")
 
 
 def read_test(path: Path | str, motor: Motor) -> Record:
@@ -31,7 +32,7 @@ def read_test(path: Path | str, motor: Motor) -> Record:
         InputError: If a file cannot be read or the two cannot be joined.
     """
     text = str(path)
-    if Path(text).exists() or "+" not in text:
+    if _exists(text) or "+" not in text:
         return _read(text, motor)
     first, _, second = text.partition("+")
     if "+" in second:
@@ -49,7 +50,22 @@ def read_test(path: Path | str, motor: Motor) -> Record:
 
 
 def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:
-    found = None if Path(text).exists() else RATE.match(text)
+    found = None if _exists(text) else RATE.match(text)
     if found is None:
         return read_record(Path(text), motor, is_part=is_part)
-    return read_record(Path(found["path"]), motor, rate_Hz=float(found["rate"]), is_part=is_part)
+    rate = found["rate"].strip()
+    if not found["path"] or not NUMBER.fullmatch(rate):
+        raise InputError(
+            f"Expected a file and its sampling rate, as in drive.csv@10Hz, got '{text[:80]}'.",
+            where=text,
+            remedy="Write the rate as a number with a point, such as 10 or 0.5.",
+        )
+    return read_record(Path(found["path"]), motor, rate_Hz=float(rate), is_part=is_part)
+
+
+def _exists(text: str) -> bool:
+    """Return whether there is such a file; a name that no file can have is none."""
+    try:
+        return Path(text).exists()
+    except (OSError, ValueError):
+        return False

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .column_unit import line_of
 from .record import ColumnReading, Finding, UnitSource
 from .schema import Channel
 from .table import Column
 from .units import require_unit, to_canonical
 
-AMPLITUDE = re.compile(r"peak|ampl|(^|[_ ])(pk|max)\b|scheitel", re.IGNORECASE)
+AMPLITUDE = re.compile(r"peak|ampl|(^|[_ ])(pk|max|amp)(?![a-z])|scheitel", re.IGNORECASE)
 
 
 @dataclass
@@ -59,10 +60,14 @@ class Assignment:
             unit_from: How the unit is known.
 
         Raises:
-            InputError: If the unit is not one of the channel's quantity.
+            InputError: If the unit is not one of the channel's quantity, or the file leaves
+                open how the column is to be read.
         """
         where = f"{self.where}, column '{column.name}' as {channel.name}"
-        known = require_unit(unit or channel.unit, channel.quantity, where=where)
+        if column.question is not None:
+            raise column.question.asked(channel.name, where)
+        remedy = f"Say it in the motor file: {line_of(channel, column)}."
+        known = require_unit(unit or channel.unit, channel.quantity, where=where, remedy=remedy)
         values = to_canonical(column.values, known)
         said = f"in {known.symbol}" if unit else f"no unit given, taken as {known.symbol}"
         read = f", {column.note}" if column.note else ""
@@ -75,7 +80,7 @@ class Assignment:
         if (
             channel.quantity == "phase current"
             and AMPLITUDE.search(column.label)
-            and known.factor == 1.0
+            and not known.symbol.endswith("_peak")
         ):
             self.findings.append(
                 Finding(

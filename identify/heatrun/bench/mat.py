@@ -5,17 +5,20 @@ from __future__ import annotations
 import io
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
-from .header import split_name
 from .mat5 import DamagedFileError, read_variables
 from .open_file import LARGEST_NUMBERS
 from .record import Finding
-from .table import Column, Table
+from .stored import Stored, as_stated, wanted
+from .table import Table
+
+DIMENSION_ALONE = "This is a netCDF dimension but not a netCDF variable"
+"""What netCDF 4 writes beside the zeros that stand for a dimension in HDF5."""
 
 REMEDY = "Save the signals as numeric vectors of one length: save('test.mat', 't', 'Is', …)."
 
@@ -44,7 +47,11 @@ def read_mat(data: bytes, where: str) -> Table:
         variables = read_variables(data)
     except DamagedFileError as error:
         raise _damaged(where, str(error)) from error
-    return _table(variables, "MAT 5", where)
+    plain = {
+        name: Stored(value) if isinstance(value, np.ndarray) else value
+        for name, value in variables.items()
+    }
+    return table_of(plain, "MAT 5", where)
 
 
 def read_hdf5(data: bytes, where: str) -> Table:
@@ -55,7 +62,8 @@ def read_hdf5(data: bytes, where: str) -> Table:
         where: As `read_mat`.
 
     Returns:
-        As `read_mat`.
+        As `read_mat`; units, scaling and marks of missing values that stand as attributes beside
+        the numbers are followed, also those of netCDF 4.
 
     Raises:
         InputError: As `read_mat`.
@@ -70,7 +78,7 @@ def read_hdf5(data: bytes, where: str) -> Table:
             variables = {name: _value(file, name) for name in names}
     except Exception as error:  # a damaged file raises nearly anything in there
         raise _damaged(where, f"{type(error).__name__}: {error}") from error
-    return _table(variables, "MAT 7.3 (HDF5)", where)
+    return table_of(variables, "MAT 7.3 (HDF5)", where)
 
 
 def _own(file: Any, name: str) -> Any:
@@ -98,7 +106,7 @@ def _check_size(file: Any, names: Sequence[str]) -> None:
         raise ValueError(f"{size} numbers, more than the {LARGEST_NUMBERS} that are read")
 
 
-def _value(file: Any, name: str) -> np.ndarray | str:
+def _value(file: Any, name: str) -> Stored | str:
     """Return the numbers of an HDF5 item, or what it is instead."""
     import h5py
 
@@ -111,12 +119,30 @@ def _value(file: Any, name: str) -> np.ndarray | str:
     kind = kind.decode("ascii", "replace") if isinstance(kind, bytes) else str(kind)
     if kind in ("char", "cell", "struct") or "MATLAB_empty" in item.attrs:
         return {"char": "text"}.get(kind, kind)
-    return item[()].astype(np.float64) if item.dtype.kind in "fiub" else "complex or other"
+    if str(_text(item.attrs.get("NAME", ""))).startswith(DIMENSION_ALONE):
+        return "dimension without values"
+    if item.dtype.kind not in "fiub":
+        return "complex or other"
+    return as_stated(item[()], {key: item.attrs[key] for key in wanted(list(item.attrs))})
 
 
-def _table(variables: dict[str, np.ndarray | str], reader: str, where: str) -> Table:
-    numeric = {name: value for name, value in variables.items() if isinstance(value, np.ndarray)}
-    vectors = {name: value.ravel() for name, value in numeric.items() if _is_vector(value)}
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def table_of(variables: Mapping[str, Stored | str], reader: str, where: str) -> Table:
+    """Return the vectors of one common length as columns, and scalars as constants.
+
+    Args:
+        variables: Name to numbers, or to what the variable is instead.
+        reader: Format, for the record.
+        where: The file, for messages.
+
+    Raises:
+        InputError: If there is no numeric vector.
+    """
+    numeric = {name: value for name, value in variables.items() if isinstance(value, Stored)}
+    vectors = {name: one.values.ravel() for name, one in numeric.items() if _is_vector(one.values)}
     lengths = Counter(value.size for value in vectors.values())
     if not lengths:
         held = ", ".join(variables) or "nothing"
@@ -129,10 +155,14 @@ def _table(variables: dict[str, np.ndarray | str], reader: str, where: str) -> T
     length = max(lengths, key=lambda size: (lengths[size], size))
     columns, constants, left_out = [], {}, []
     for name, value in variables.items():
-        if name in vectors and vectors[name].size == length:
-            columns.append(Column(name, *split_name(name), vectors[name]))
-        elif isinstance(value, np.ndarray) and value.size == 1:
-            constants[name] = float(value.ravel()[0])
+        if isinstance(value, Stored) and name in vectors and vectors[name].size == length:
+            columns.append(value.column(name, vectors[name]))
+        elif isinstance(value, Stored) and value.values.size == 1:
+            number = float(value.values.ravel()[0])
+            if value.is_plain:
+                constants[name] = number
+            else:  # a constant has no unit of its own
+                columns.append(value.column(name, np.full(length, number)))
         else:
             left_out.append(f"{name} ({_kind(value)})")
     findings = _left_out(left_out, length, where)
@@ -143,10 +173,10 @@ def _is_vector(value: np.ndarray) -> bool:
     return value.size > 1 and value.size == max(value.shape)
 
 
-def _kind(value: np.ndarray | str) -> str:
+def _kind(value: Stored | str) -> str:
     if isinstance(value, str):
         return value
-    return f"{'x'.join(str(size) for size in value.shape)} numbers"
+    return f"{'x'.join(str(size) for size in value.values.shape)} numbers"
 
 
 def _left_out(names: list[str], length: int, where: str) -> tuple[Finding, ...]:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .header import split_name
-from .record import Finding
-from .table import Column, Table
+from .record import Finding, UnitSource
+from .table import Column, Stated, Table
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,7 @@ class Measurement:
         start: When the measurement began, as the file says it, or empty.
         time_names: Names that the channels of time have in the file.
         findings: Doubts about the file.
+        time_unit_from: How it is known that the times are seconds.
     """
 
     channels: tuple[StoredChannel, ...]
@@ -70,6 +71,7 @@ class Measurement:
     start: str = ""
     time_names: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+    time_unit_from: UnitSource = "stated"
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,12 @@ class Header:
         for name, stored in self.channels.items():
             label, unit = split_name(stored.name)
             samples = (values or {}).get(name, blank[name in zeros])
-            columns.append(Column(name, label, unit or stored.unit, samples))
+            beside = (Stated(stored.unit, "the unit beside it"),) if stored.unit else ()
+            columns.append(
+                Column(
+                    name, label, unit or stored.unit, samples, beside=beside, heading=stored.name
+                )
+            )
         return Table(tuple(columns), self.texts)
 
 
@@ -127,8 +134,10 @@ def header_of(measurement: Measurement, columns: Mapping[str, str]) -> Header:
     """
     asked = {split_name(text)[0] for text in columns.values()} | set(columns.values())
     counts = Counter(stored.name for stored in measurement.channels)
-    claimed = split_name(columns.get("time_s", ""))[0]
-    time = claimed if claimed in measurement.time_names else "time_s"
+    asked_time = columns.get("time_s", "").strip()
+    claimed = {asked_time, split_name(asked_time)[0]} - {""}
+    named = (name for name in measurement.time_names if claimed & {name, split_name(name)[0]})
+    time = next(named, "time_s")
     note = f"seconds from {measurement.start}" if measurement.start else ""
     channels: dict[str, StoredChannel] = {}
     texts: dict[str, str] = {}
@@ -144,4 +153,13 @@ def header_of(measurement: Measurement, columns: Mapping[str, str]) -> Header:
             texts[name] = stored.text
         else:
             channels[name] = stored
-    return Header(channels, texts, Column(time, time, "s", np.ones(1), note))
+    clock = Column(
+        time,
+        split_name(time)[0],
+        "s",
+        np.ones(1),
+        note,
+        is_clock=True,
+        unit_from=measurement.time_unit_from,
+    )
+    return Header(channels, texts, clock)

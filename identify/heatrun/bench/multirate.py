@@ -17,13 +17,11 @@ from ..errors import InputError
 from .axes import averaged, axes_of, common_times, raster_note
 from .channels import MappedColumns, map_columns
 from .derive import derive
-from .header import split_name
 from .measurement import Header, Measurement, Series, header_of
 from .raster import means_around
 from .record import Finding
 from .schema import CHANNEL
 from .table import Table
-from .units import find_unit
 
 OUTPUT = "winding_degC"
 """The channel that a fit compares: its samples are never multiplied by interpolation. Inputs are
@@ -76,7 +74,7 @@ def read_measurement(
         needed = [name for name in needed if name in header.channels and name not in series]
         if not needed:
             break
-        _require_readable(header, mapped, columns, where)
+        _require_readable(header, mapped, where)
         found = measurement.read([header.channels[name] for name in needed])
         series |= dict(zip(needed, found, strict=True))
     if not series:
@@ -156,10 +154,8 @@ def _zeros(series: Mapping[str, Series]) -> set[str]:
     return {name for name, one in series.items() if not np.nan_to_num(one.values).any()}
 
 
-def _require_readable(
-    header: Header, mapped: MappedColumns, columns: Mapping[str, str], where: str
-) -> None:
-    """Refuse a needed channel that is not read as numbers, or whose two units contradict."""
+def _require_readable(header: Header, mapped: MappedColumns, where: str) -> None:
+    """Refuse a needed channel that is not read as numbers."""
     for channel, name in mapped.columns.items():
         stored = header.channels.get(name)
         if stored is None:
@@ -167,17 +163,6 @@ def _require_readable(
         at = f"{where}, channel '{name}' as {channel}"
         if stored.refusal:
             raise InputError(stored.refusal[0], where=at, remedy=stored.refusal[1])
-        said = split_name(stored.name)[1]
-        is_decided = split_name(columns.get(channel, ""))[1] is not None
-        if said is None or stored.unit is None or is_decided:
-            continue
-        quantity = CHANNEL[channel].quantity
-        if find_unit(said, quantity) != find_unit(stored.unit, quantity):
-            raise InputError(
-                f"The name says {said}, the unit beside it {stored.unit}.",
-                where=at,
-                remedy=f'Decide in [columns]: {channel} = "{name} [{said}]".',
-            )
 
 
 def _nothing_known(header: Header, where: str) -> InputError:

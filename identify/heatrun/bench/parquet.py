@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import InputError
 from .header import split_name
 from .open_file import LARGEST_NUMBERS
+from .stored import as_stated, wanted
 from .table import Column, Table
 
 NANOSECONDS = 1e-9
@@ -25,8 +26,8 @@ def read_parquet(data: bytes, where: str) -> Table:
 
     Returns:
         Numbers and truth values as columns, timestamps in seconds from the first one, durations
-        in seconds; an index that pandas stored is a column like the others. The unit of a column
-        is that behind its name or the field's metadata `unit`.
+        in seconds; an index that pandas stored is a column like the others. Units and
+        scaling that the metadata of a field state are followed, as `heatrun.bench.stored` does.
 
     Raises:
         InputError: If pyarrow is not installed, the file is damaged or holds no numbers.
@@ -42,16 +43,18 @@ def read_parquet(data: bytes, where: str) -> Table:
     try:
         table, texts = _numbers_of(pyarrow.parquet.ParquetFile(io.BytesIO(data)))
         columns = []
+        by_column = _units_of_frame(table.schema)
         for field, chunks in zip(table.schema, table.columns, strict=True):
             name = "time" if _is_unnamed_time(field) else field.name
             values, note = _values(chunks, field.type)
             if values is None:
                 texts[name] = f"{field.type}"
                 continue
-            label, unit = split_name(name)
-            stored = (field.metadata or {}).get(b"unit", b"").decode()
-            unit = "s" if note else unit or stored or None
-            columns.append(Column(name, label, unit, values, note))
+            if note:
+                columns.append(Column(name, split_name(name)[0], "s", values, note))
+                continue
+            stored = as_stated(values, _attributes(field, by_column.get(field.name)))
+            columns.append(stored.column(name, stored.values, "the field's metadata"))
         columns += _range_index(table.schema, table.num_rows)
     except Exception as error:  # a damaged file raises nearly anything in there
         raise InputError(
@@ -66,6 +69,27 @@ def read_parquet(data: bytes, where: str) -> Table:
             remedy="Check that the export contains the samples.",
         )
     return Table(tuple(columns), texts, {}, (), (), "Parquet")
+
+
+def _attributes(field: Any, unit: str | None) -> dict[str, str]:
+    """Return what the metadata of a field, or of the whole frame, say about its numbers."""
+    metadata = {
+        key.decode("utf-8", "replace"): text.decode("utf-8", "replace")
+        for key, text in (field.metadata or {}).items()
+    }
+    of_frame = {} if unit is None else {"unit_string": unit}
+    return of_frame | {name: metadata[name] for name in wanted(list(metadata))}
+
+
+def _units_of_frame(schema: Any) -> dict[str, str]:
+    """Return units by column that pandas keeps as attributes of a frame."""
+    attributes = json.loads((schema.metadata or {}).get(b"PANDAS_ATTRS", b"{}"))
+    units: dict[str, str] = {}
+    for key in ("unit", "units"):
+        held = attributes.get(key) if isinstance(attributes, dict) else None
+        if isinstance(held, dict):
+            units |= {name: text for name, text in held.items() if isinstance(text, str)}
+    return units
 
 
 def _numbers_of(file) -> tuple[Any, dict[str, str]]:

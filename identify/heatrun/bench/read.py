@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +17,17 @@ from .claims import positive_rate
 from .constants import constant_notes, resistance_conflict
 from .derive import derive
 from .formats import opened
+from .hints import NO_HINTS, Hints, hints_of
+from .missing_rows import missing_rows, with_missing_rows
 from .multirate import read_all, read_measurement
-from .open_file import digest, read_file, unzip
-from .record import Record, Source
+from .open_file import digest_of, open_input, read_stream, unzip
+from .record import Finding, Record, Source
 from .table import Table
 from .timegrid import exact_grid, from_first_sample
 
 GZIP = b"\x1f\x8b"
 HDF5 = b"\x89HDF\r\n\x1a\n"
+NETCDF3 = (b"CDF\x01", b"CDF\x02")
 HDF5_OFFSET = 512  # MATLAB writes its own header of this size in front
 OTHER_FORMATS = {
     b"PK\x03\x04": "a zip archive or spreadsheet",
@@ -36,6 +40,7 @@ OTHER_FORMATS = {
     b"\x80\x05": "a Python pickle",
     b"%PDF": "a PDF document",
     b"\xfd7zXZ\x00": "an xz archive",
+    b"CDF\x05": "a netCDF file with 64-bit data",
     b"BZh": "a bzip2 archive",
     b"\x28\xb5\x2f\xfd": "a zstd archive",
     b"7z\xbc\xaf\x27\x1c": "a 7z archive",
@@ -48,6 +53,7 @@ REMEDIES = {
     b"UnFinMF ": "Unpack it first.",
     b"TDSm": "Unpack it first.",
     b"TDSh": "Give the TDMS file itself.",
+    b"CDF\x05": "Convert it to netCDF 4, for example by: nccopy -k nc4 OLD.nc NEW.nc",
 }
 """What to do about them; for all others, export the recording as CSV."""
 
@@ -55,8 +61,8 @@ REMEDIES = {
 def read_raw(path: str | Path) -> Table:
     """Read a bench file under its own column names.
 
-    The format is told from the content: text (CSV and the like), MATLAB 5 and 7.3, Parquet; each
-    of them also compressed by gzip; MDF 4 and TDMS.
+    The format is told from the content: text (CSV and the like), MATLAB 5 and 7.3, HDF5, netCDF 3
+    and 4, Parquet; each of them also compressed by gzip; MDF 4 and TDMS.
 
     Args:
         path: The file.
@@ -67,10 +73,11 @@ def read_raw(path: str | Path) -> Table:
     Raises:
         InputError: If the file cannot be read as a table of numbers.
     """
-    with opened(path) as measurement:
+    where = str(path)
+    with open_input(path) as stream, opened(stream, where) as measurement:
         if measurement is not None:
-            return read_all(measurement, where=str(path))
-    return _read_bytes(read_file(path), str(path))
+            return read_all(measurement, where=where)
+        return _read_bytes(read_stream(stream, where), where, NO_HINTS)
 
 
 def read_record(
@@ -107,9 +114,9 @@ def read_record(
     columns = motor.columns if motor else None
     phases, losses = (motor.phases, motor.losses) if motor else (3, "balance")
     raster_s = motor.raster_s if motor else None
-    with opened(path, columns) as measurement:
+    with open_input(path) as stream, opened(stream, where, columns) as measurement:
         if measurement is not None:
-            sha256 = digest(path)
+            sha256 = digest_of(stream)
             table, mapped = read_measurement(
                 measurement,
                 columns,
@@ -120,21 +127,24 @@ def read_record(
                 losses=losses,
             )
         else:
-            data = read_file(path)
+            data = read_stream(stream, where)
             sha256 = hashlib.sha256(data).hexdigest()
-            table = _read_bytes(data, where)
+            hints = hints_of(columns, motor.decimal if motor else None, where=where)
+            table = _read_bytes(data, where, hints)
             mapped = map_columns(table, columns, where=where, is_part=is_part)
             if raster_s is not None:
                 unused = f"raster_s = {raster_s:g} is for MDF and TDMS; the file keeps its times."
                 mapped = replace(mapped, notes=(*mapped.notes, unused))
     channels = dict(mapped.channels)
-    time_s, time_notes = _time(mapped, table, rate_Hz, where)
+    time_s, time_notes, missing = _time(mapped, table, rate_Hz, where)
+    if time_s.size > table.num_rows and table.sample_numbers is not None:
+        channels = with_missing_rows(channels, table.sample_numbers)
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
     channels, derived = derive(channels, phases=phases, losses=losses)
     # a name goes on to figures, tables and the terminal, where a control character would act
     test = name or "".join(c if c.isprintable() else "?" for c in _stem(Path(path)))
     conflict = resistance_conflict(table.constants, motor, where)
-    findings = (*table.findings, *mapped.findings, *conflict)
+    findings = (*table.findings, *missing, *mapped.findings, *conflict)
     return Record(
         name=test,
         channels=channels,
@@ -152,15 +162,15 @@ def read_record(
     )
 
 
-def _read_bytes(data: bytes, where: str) -> Table:
+def _read_bytes(data: bytes, where: str, hints: Hints) -> Table:
     if data.startswith(GZIP):
         data = unzip(data, where)
-        table = _reader(data, where)(data, where)
+        table = _reader(data, where, hints)(data, where)
         return replace(table, reader=f"{table.reader}, gzip")
-    return _reader(data, where)(data, where)
+    return _reader(data, where, hints)(data, where)
 
 
-def _reader(data: bytes, where: str) -> Callable[[bytes, str], Table]:
+def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Table]:
     """Return the reader for a content; imported here since each loads a large library."""
     for start, kind in OTHER_FORMATS.items():
         if data.startswith(start):
@@ -177,19 +187,24 @@ def _reader(data: bytes, where: str) -> Callable[[bytes, str], Table]:
         from .mat import read_mat
 
         return read_mat
+    if data.startswith(NETCDF3):
+        from .netcdf3 import read_netcdf3
+
+        return read_netcdf3
     if data.startswith(b"PAR1"):
         from .parquet import read_parquet
 
         return read_parquet
     from .text import read_text
 
-    return read_text
+    return partial(read_text, hints=hints)
 
 
 def _time(
     mapped: MappedColumns, table: Table, rate_Hz: float | None, where: str
-) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return the time axis [s] and the notes on how it came about."""
+) -> tuple[np.ndarray, tuple[str, ...], tuple[Finding, ...]]:
+    """Return the time axis [s], the notes on how it came about, and what is missing on it."""
+    rows = table.sample_numbers
     measured = mapped.channels.get("time_s")
     if measured is not None:
         if rate_Hz is not None:
@@ -206,17 +221,23 @@ def _time(
         time_s, gridded = exact_grid(time_s)
         ignored = "The rate in [columns] is not used: the file has its own time."
         notes = (shifted, gridded, ignored if mapped.rate_Hz is not None else "")
-        return time_s, tuple(note for note in notes if note)
+        lost = () if rows is None else (missing_rows(rows, None, time_s, where),)
+        return time_s, tuple(note for note in notes if note), lost
     rate = rate_Hz if rate_Hz is not None else mapped.rate_Hz
     if rate is None:
         names = ", ".join(column.name for column in table.columns)
+        texts = f"; columns of text: {', '.join(table.text_columns)}" if table.text_columns else ""
         raise InputError(
-            f"The file has no time column; its columns are: {names}.",
+            f"The file has no time column; its columns are: {names}{texts}.",
             where=where,
-            remedy='Map it by [columns] time_s = "name [s]" in the motor file, or give the '
-            'sampling rate by time_s = "rate 10 Hz".',
+            remedy='Map it by [columns] time_s = "name [s]" in the motor file, a clock with its '
+            'format as in "name [hh:mm:ss]", or give the sampling rate by time_s = "rate 10 Hz".',
         )
-    return np.arange(table.num_rows) / rate, (f"time_s is made from a rate of {rate:g} Hz.",)
+    note = f"time_s is made from a rate of {rate:g} Hz."
+    if rows is None:
+        return np.arange(table.num_rows) / rate, (note,), ()
+    time_s = np.arange(rows[-1] + 1) / rate
+    return time_s, (note,), (missing_rows(rows, rate, time_s, where),)
 
 
 def _stem(path: Path) -> str:

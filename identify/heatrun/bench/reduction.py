@@ -6,7 +6,6 @@ import math
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from lptn import Inputs
 
@@ -14,6 +13,7 @@ from ..errors import InputError
 from ..motor import Motor
 from .blocks import BLOCK_S, Blocks
 from .record import Record
+from .rounding import rounding_step
 
 STEP_S = 2.0
 """Length of a step [s]: on a winding of 90 s a jump of load inside a step then costs a few
@@ -85,7 +85,7 @@ def reduce(
         count=count,
         time=middle - time[0],
         block_s=step * steps_per_block,
-        rounding_K=rounding_step(record["winding_degC"][is_read]),
+        rounding_K=rounding_step(record["winding_degC"][is_read]) or 0.0,
         start_degC=start,
         start_slope=slope,
         sample_s=sample_s,
@@ -93,17 +93,6 @@ def reduce(
         first_s=float(time[0]),
         notes=notes,
     )
-
-
-def rounding_step(reading: Float[np.ndarray, " time"]) -> float:
-    """Return the resolution of a reading [K]: the step that all its values are multiples of.
-
-    Returns 0 where the values share no step of 0.01 K or coarser.
-    """
-    for step in (1.0, 0.5, 0.25, 0.2, 0.1, 0.05, 0.02, 0.01):
-        if np.all(np.abs(reading / step - np.round(reading / step)) < 1e-6 / step):
-            return step
-    return 0.0
 
 
 def _require(record: Record, motor: Motor) -> None:

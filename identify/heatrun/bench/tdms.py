@@ -15,13 +15,15 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..errors import InputError
+from .column_unit import unit_of
 from .foreign import BrokenFileError, damaged, reading
 from .header import split_name
-from .labels import columns_of, suffix_unit
+from .labels import columns_of
 from .maps import COLUMN_MAPS
 from .measurement import Measurement, Series, StoredChannel
+from .record import UnitSource
 from .schema import CHANNEL
-from .table import Column
+from .table import Column, Stated
 from .tdms_scales import scaling_refusal
 from .tdms_segments import check_segments
 from .units import require_unit, to_canonical
@@ -38,6 +40,9 @@ KINDS = {"O": "text", "U": "text", "S": "text", "M": "dates", "c": "complex numb
 """What a channel holds, by the kind of its type; others are raw bytes."""
 
 
+LEAST_KNOWN: tuple[UnitSource, ...] = ("assumed", "name", "stated")
+
+
 @dataclass(frozen=True)
 class Clock:
     """Where the times of a group come from.
@@ -45,10 +50,12 @@ class Clock:
     Attributes:
         channel: The channel of times, None if each channel has a start and an increment.
         origin: First date in it, None for plain numbers.
+        unit: Unit of plain numbers that `[columns]` gives, None if it gives none.
     """
 
     channel: Any = None
     origin: np.datetime64 | None = None
+    unit: str | None = None
 
 
 @contextlib.contextmanager
@@ -81,8 +88,8 @@ def open_tdms(
         stream.seek(0)
         file: Any = TdmsFile.open(stream)
         _check_lengths(file, stream.seek(0, io.SEEK_END))
-        labels = (split_name((columns or {}).get("time_s", ""))[0], *TIME_LABELS)
-        clocks = {group.name: _clock(group, labels) for group in file.groups()}
+        claimed = split_name((columns or {}).get("time_s", ""))
+        clocks = {group.name: _clock(group, *claimed) for group in file.groups()}
         origin = _origin(file, clocks)
         channels = tuple(
             _stored(channel, group, file)
@@ -91,6 +98,9 @@ def open_tdms(
             if channel is not clocks[group.name].channel
         )
     used = [clock.channel.name for clock in clocks.values() if clock.channel is not None]
+    plain = [clock for clock in clocks.values() if clock.channel is not None and not clock.origin]
+    known_from = [_clock_unit(clock, where)[1] for clock in plain]
+    least: list[UnitSource] = [one for one in LEAST_KNOWN if one in known_from]
     try:
         yield Measurement(
             channels=channels,
@@ -99,6 +109,7 @@ def open_tdms(
             start="" if origin is None else f"{origin} UTC",
             time_names=tuple(dict.fromkeys(used)),
             findings=findings,
+            time_unit_from=least[0] if least else "stated",
         )
     finally:
         with reading(WHAT, where):
@@ -121,19 +132,19 @@ def _check_lengths(file: Any, size: int) -> None:
                 raise BrokenFileError(f"{len(channel)} samples of '{channel.name}' in {size} bytes")
 
 
-def _clock(group: Any, labels: Sequence[str]) -> Clock:
+def _clock(group: Any, claimed: str, unit: str | None) -> Clock:
     """Return the channel of times of a group whose channels have no waveform properties."""
     channels = group.channels()
     if all(_increment(channel) is not None for channel in channels):
         return Clock()
     pool = [Column(one.name, split_name(one.name)[0], None, np.empty(0)) for one in channels]
-    for label in labels:
+    for label in (claimed, *TIME_LABELS):
         for found in columns_of(label, "time_s", pool) if label else ():
             channel = channels[pool.index(found)]
             if channel.dtype.kind == "M" and len(channel):
                 return Clock(channel, np.datetime64(channel[0], "us"))
             if channel.dtype.kind in "iuf":
-                return Clock(channel)
+                return Clock(channel, unit=unit if label == claimed else None)
     return Clock()
 
 
@@ -230,8 +241,22 @@ def _clock_times(clock: Clock, origin: np.datetime64 | None, where: str) -> np.n
     if clock.origin is not None and origin is not None:
         dates = np.asarray(channel.read_data())
         return (dates - origin) / MICROSECOND * 1e-6
-    quantity = CHANNEL["time_s"]
-    label, said = split_name(channel.name)
-    unit = said or channel.properties.get("unit_string") or suffix_unit(label, quantity) or "s"
-    known = require_unit(str(unit), quantity.quantity, where=f"{where}, times '{channel.name}'")
+    known = require_unit(_clock_unit(clock, where)[0], "time", where=f"{where}, times")
     return to_canonical(_numbers(channel), known)
+
+
+def _clock_unit(clock: Clock, where: str) -> tuple[str, UnitSource]:
+    """Return the unit of times that are plain numbers, and how it is known."""
+    time = CHANNEL["time_s"]
+    if clock.unit is not None:
+        return clock.unit, "stated"
+    label, said = split_name(clock.channel.name)
+    stored = clock.channel.properties.get("unit_string")
+    beside = (Stated(stored.strip(), "the unit beside it"),) if _is_text(stored) else ()
+    column = Column(clock.channel.name, label, said, np.empty(0), beside=beside)
+    unit, known_from = unit_of(column, time, f"{where}, times '{clock.channel.name}'")
+    return unit or time.unit, known_from
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) and bool(value.strip())

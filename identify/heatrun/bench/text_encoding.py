@@ -30,8 +30,12 @@ def decode(data: bytes, where: str) -> tuple[str, str]:
         InputError: If the bytes are no text in UTF-8, UTF-16, UTF-32, Windows-1252 or Latin-1.
     """
     text, encoding = _decode(data, where)
-    # A Ctrl-Z ends the file on old loggers; nothing of a table stands behind it.
-    text = text.replace("\r\n", "\n").replace("\r", "\n").partition("\x1a")[0]
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    # A Ctrl-Z ends the file on old loggers, which pad the rest of the last block behind it. With
+    # anything else behind it, it stands in a cell, which then is no number.
+    before, found, behind = text.partition("\x1a")
+    if found and not behind.strip("\x1a\0 \t\n"):
+        text = before
     if CONTROL.search(text):
         raise InputError(
             "Expected a table as text, got bytes that are no text.",

@@ -7,14 +7,18 @@ are numbers. Lines above the header are kept as preamble.
 from __future__ import annotations
 
 import csv
+import itertools
 import re
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..errors import InputError
-from .clock import is_time
-from .header import unit_of_cell
+from .clock import CLOCK_CELL
+from .dates import DATE_TIME_CELL
+from .remarks import is_remark
+from .text_decimal import GROUPED, NUMBER, is_unsettled
+from .unit_rows import is_comment, uncommented, units_of_row
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 """In the order of preference where two explain the lines alike; the blank means runs of blanks."""
@@ -29,17 +33,7 @@ MISSING = frozenset(
 STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 """Switches, in lower case, as fans and relays are logged; they say nothing about the layout."""
 
-NUMBER = {
-    "." : r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?",
-    "," : r"[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]+)?",
-}  # fmt: skip
-"""What a number looks like, by decimal sign."""
-
-GROUPED_CELL = {
-    ".": re.compile(r"[+-]?[0-9]{1,3}(?:,[0-9]{3})+(?:\.[0-9]+)?"),
-    ",": re.compile(r"[+-]?[0-9]{1,3}(?:\.[0-9]{3})+(?:,[0-9]+)?"),
-}
-"""Numbers with separators of thousands: never read as values, but they show the layout."""
+GROUPED_CELL = {sign: re.compile(pattern) for sign, pattern in GROUPED.items()}
 
 GROUPED_WEIGHT = 0.9
 """Below 1, so that 1,234 in a file of such cells is a decimal comma before it is a thousand."""
@@ -59,18 +53,21 @@ class Layout:
         decimal: `"."` or `","`.
         width: Number of cells in a line of data.
         names: Cells of the header, at most `width`.
-        units: Unit text by column, None where the file has no row of units.
-        preamble: Lines above the header.
+        units: Rows of units, each with the unit text by column, None where a cell is empty.
+        preamble: Lines above the header, and comments below it.
         first_line: Index of the first line of data, counted from 0.
+        is_unsettled: Every number with the decimal sign may be a whole one with a separator of
+            thousands.
     """
 
     delimiter: str
     decimal: str
     width: int
     names: tuple[str, ...]
-    units: tuple[str | None, ...] | None
+    units: tuple[tuple[str | None, ...], ...]
     preamble: tuple[str, ...]
     first_line: int
+    is_unsettled: bool = False
 
     @property
     def description(self) -> str:
@@ -98,12 +95,13 @@ def split_line(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def find_layout(text: str, where: str) -> Layout:
+def find_layout(text: str, where: str, stated_decimal: str | None = None) -> Layout:
     r"""Return the layout of a text table.
 
     Args:
         text: The whole text, with `\n` line ends.
         where: The file, for messages.
+        stated_decimal: Decimal sign that the motor file states, or None.
 
     Raises:
         InputError: If there is no table of numbers, only one column, no header or no data.
@@ -113,8 +111,14 @@ def find_layout(text: str, where: str) -> Layout:
         lines.pop()
     if not lines:
         raise InputError("Expected a table, got an empty file.", where=where, remedy=_COPY_AGAIN)
-    delimiter, decimal, width = _best_split(lines, where)
-    if delimiter != "," and decimal == "." and not re.search(r"[0-9]\.[0-9]", text):
+    signs = (".", ",") if stated_decimal is None else (stated_decimal,)
+    delimiter, decimal, width = _best_split(lines, signs, where)
+    if (
+        stated_decimal is None
+        and delimiter != ","
+        and decimal == "."
+        and not re.search(r"[0-9]\.[0-9]", text)
+    ):
         # Only whole numbers so far: the sign may show itself far below the sample.
         decimal = "," if re.search(r"[0-9],[0-9]", text) else "."
 
@@ -123,7 +127,7 @@ def find_layout(text: str, where: str) -> Layout:
     start = next((i for i, row in enumerate(rows) if _is_data(row, numeric, decimal)), None)
     if start is None:
         raise _no_table(where)
-    header = _header_above(rows, start, numeric, decimal)
+    header = _header_above(lines, rows, start, numeric, decimal)
     if header is None and any(not _is_value(cell, decimal) for cell in rows[start]):
         header = start  # numbers as names: "Time;1;2;3"
     if header is None:
@@ -132,22 +136,34 @@ def find_layout(text: str, where: str) -> Layout:
             where=where,
             remedy=f"Add a row of names and units above: time_s{delimiter}winding_degC and so on.",
         )
-    first, units = header + 1, None
-    while first < len(rows) and _is_between(rows[first], decimal):
-        units = units or _units(rows[first], width)
+    units = _units_above(lines, rows, header, decimal)
+    above, first = list(lines[:header]), header + 1
+    while first < len(rows):
+        row = units_of_row(rows[first], rows[header]) if _is_text(rows[first], decimal) else None
+        units += [row] if row else []
+        if row is None and is_comment(lines[first]) and _is_text(rows[first], decimal):
+            above.append(lines[first])
+        elif row is None and not _is_rule(rows[first]):
+            break
         first += 1
     return Layout(
         delimiter,
         decimal,
         width,
         _names(lines[header], rows[header], delimiter, width, where),
-        units,
-        tuple(text for line in lines[:header] if (text := line.strip(' \t",;|'))),
+        tuple(_in_columns(row, width) for row in units),
+        tuple(said for line in above if (said := line.strip(' \t",;|'))),
         first,
+        stated_decimal is None and is_unsettled(text, first, delimiter, decimal),
     )
 
 
 _COPY_AGAIN = "Copy the file again from the bench; it may have been cut."
+
+
+def is_time(cell: str) -> bool:
+    """Return whether a cell is a clock time or a date with a time."""
+    return bool(CLOCK_CELL.fullmatch(cell) or DATE_TIME_CELL.fullmatch(cell))
 
 
 def is_number(cell: str, decimal: str) -> bool:
@@ -167,7 +183,7 @@ def _num_values(cells: Sequence[str], decimal: str) -> int:
     return sum(is_number(cell, decimal) or is_time(cell) for cell in cells)
 
 
-def _best_split(lines: Sequence[str], where: str) -> tuple[str, str, int]:
+def _best_split(lines: Sequence[str], signs: Sequence[str], where: str) -> tuple[str, str, int]:
     """Return delimiter, decimal sign and width under which most cells are numbers."""
     step = max(1, len(lines) // SCORED_LINES)
     sample = lines[::step] if step > 1 else lines
@@ -175,7 +191,7 @@ def _best_split(lines: Sequence[str], where: str) -> tuple[str, str, int]:
     single = False
     for delimiter in DELIMITERS:
         rows = [split_line(line, delimiter) for line in sample]
-        for decimal in (".", ","):
+        for decimal in signs:
             score_of: defaultdict[int, float] = defaultdict(float)
             for row in rows:
                 filled = _filled(row)
@@ -234,35 +250,61 @@ def _is_data(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> bool:
 
 
 def _header_above(
-    rows: Sequence[list[str]], start: int, numeric: Sequence[bool], decimal: str
+    lines: Sequence[str],
+    rows: Sequence[list[str]],
+    start: int,
+    numeric: Sequence[bool],
+    decimal: str,
 ) -> int | None:
     """Return the nearest line above the data that can be a row of names."""
-    units_only = None
-    for index in range(start - 1, -1, -1):
-        row = rows[index]
-        cells = [cell for cell, is_numeric in zip(row, numeric, strict=False) if is_numeric]
-        if len(_filled(row)) < 2 or _num_values(_filled(cells), decimal):
+    candidates = [
+        index
+        for index in range(start - 1, -1, -1)
+        if len(_filled(rows[index])) >= 2
+        and not _is_rule(rows[index])
+        and not _num_values(
+            [cell for cell, known in zip(rows[index], numeric, strict=False) if known], decimal
+        )
+    ]
+    fallback = None
+    for index, above in itertools.zip_longest(candidates, candidates[1:]):
+        names = rows[above] if above is not None and above == index - 1 else None
+        if units_of_row(rows[index], names) is None:
+            if not is_comment(lines[index]):
+                return index
+            is_wide = len(_trimmed(uncommented(rows[index]))) == len(numeric)
+            if is_wide and not (above is not None and is_remark(lines[index], rows[above])):
+                return index
+        fallback = index if fallback is None else fallback
+    return fallback
+
+
+def _units_above(
+    lines: Sequence[str], rows: Sequence[list[str]], header: int, decimal: str
+) -> list[list[str | None]]:
+    """Return the row of units above the names, if the next line that is filled is one."""
+    for index in range(header - 1, -1, -1):
+        if not lines[index].strip() or _is_rule(rows[index]):
             continue
-        if all(unit_of_cell(cell) for cell in _filled(row)):
-            units_only = index if units_only is None else units_only
-            continue
-        return index
-    return units_only
+        row = units_of_row(rows[index]) if _is_text(rows[index], decimal) else None
+        is_one = row is not None and len(_filled(rows[index])) >= 2
+        return [row] if row and is_one and len(row) <= len(rows[header]) + 1 else []
+    return []
 
 
-def _is_between(row: Sequence[str], decimal: str) -> bool:
-    """Return whether a row below the header is one of units, a rule or empty."""
-    filled = _filled(row)
-    return not _num_values(filled, decimal) and all(
-        unit_of_cell(cell) or set(cell) <= set("-=_") for cell in filled
-    )
+def _in_columns(row: list[str | None], width: int) -> tuple[str | None, ...]:
+    """Return the cells of a row of units by column; in front there may be one cell "Unit" more."""
+    cells = row[1:] if len(row) == width + 1 and row[0] is None and row[-1] else row
+    return tuple((*cells, *(None,) * width)[:width])
 
 
-def _units(row: Sequence[str], width: int) -> tuple[str | None, ...] | None:
-    units = tuple(unit_of_cell(cell) for cell in row)
-    if not any(units):
-        return None
-    return (units + (None,) * width)[:width]
+def _is_text(row: Sequence[str], decimal: str) -> bool:
+    return not _num_values(_filled(row), decimal)
+
+
+def _is_rule(row: Sequence[str]) -> bool:
+    """Return whether a row below the header is a rule or empty."""
+    return all(set(cell) <= set("-=_") for cell in _filled(row))
 
 
 def _names(line: str, row: list[str], delimiter: str, width: int, where: str) -> tuple[str, ...]:

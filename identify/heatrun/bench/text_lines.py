@@ -11,13 +11,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..printable import printable
 from .record import Finding
+from .text_decimal import start_of_line
 from .text_layout import Layout
 
 RAGGED_LIMIT = 0.1
 """Share of lines with another number of cells beyond which the layout was not understood."""
 
 PIECE_BYTES = 2**24
+
+LEAST_SPACED = 3
+"""Lines from which on a blank line behind each is a way of writing and no missing sample."""
+
+MOST_TEXTS, LONGEST_TEXT = 100, 200
+"""So many ragged lines are looked into, and so many letters of each."""
 
 NUM_NAMED = 5  # so many line numbers stand in a message
 
@@ -30,15 +38,25 @@ class DataLines:
         text: These lines, in UTF-8.
         numbers: Line number in the file of each, from 1.
         ragged: Line numbers of those left out.
+        sample_numbers: As `heatrun.bench.table.Table`.
+        ragged_texts: The first of these lines themselves.
+        is_double_spaced: A blank line stands behind each line.
     """
 
     text: bytes
     numbers: np.ndarray
     ragged: np.ndarray
+    sample_numbers: np.ndarray | None = None
+    is_double_spaced: bool = False
+    ragged_texts: tuple[str, ...] = ()
 
 
 def data_lines(text: str, layout: Layout, where: str) -> DataLines:
     r"""Return the lines of data; blank ones and lines of delimiters alone are no data.
+
+    Between the data they are samples that are missing, like lines with another number of cells,
+    and the numbers of the samples count them. Behind the data they are nothing: spreadsheets end
+    in lines of delimiters alone.
 
     Args:
         text: The whole text, with `\n` line ends.
@@ -48,11 +66,8 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
     Raises:
         InputError: If there is no line of data, or too many have another number of cells.
     """
-    offset = 0
-    for _ in range(layout.first_line):
-        offset = text.find("\n", offset) + 1
-    body = text[offset:].encode() + b"\n"
-    ends, num_cells, is_empty = _count_by_pieces(body, layout.delimiter)
+    body = text[start_of_line(text, layout.first_line) :].encode() + b"\n"
+    ends, num_cells, is_empty, is_blank = _count_by_pieces(body, layout.delimiter)
     good = (num_cells == layout.width) & ~is_empty
     ragged = ~good & ~is_empty
     numbers = np.arange(ends.size) + layout.first_line + 1
@@ -64,9 +79,19 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
             where=where,
             remedy="Export with one delimiter and the same number of cells in every line.",
         )
-    if not good.all():
-        body = _joined(body, ends, good)
-    return DataLines(body, numbers[good], numbers[ragged])
+    if good.all():
+        return DataLines(body, numbers, numbers[ragged])
+    texts = _texts(body, ends, ragged)
+    body = _joined(body, ends, good)
+    held = np.flatnonzero(~is_blank)
+    is_double_spaced = held.size >= LEAST_SPACED and bool(np.all(np.diff(held) == 2))
+    counted = ~is_blank if is_double_spaced else np.ones_like(good)
+    sample = (np.cumsum(counted) - 1)[good]
+    sample -= sample[0]
+    is_whole = sample[-1] == sample.size - 1
+    return DataLines(
+        body, numbers[good], numbers[ragged], None if is_whole else sample, is_double_spaced, texts
+    )
 
 
 def ragged_lines(lines: DataLines, layout: Layout, where: str) -> list[Finding]:
@@ -86,13 +111,21 @@ def ragged_lines(lines: DataLines, layout: Layout, where: str) -> list[Finding]:
         Finding(
             id="ragged_rows",
             severity="warning",
-            message=f"Lines without exactly {layout.width} cells are left out "
-            f"({count}): line {first}{more}.",
+            message=f"Lines without exactly {layout.width} cells hold no sample "
+            f"({count}): line {first}{more}; the first is "
+            f"'{printable(lines.ragged_texts[0][:60])}'.",
             where=where,
             remedy="Export again if these samples matter.",
             values={"count": count, "first_line": int(lines.ragged[0])},
         )
     ]
+
+
+def _texts(body: bytes, ends: np.ndarray, ragged: np.ndarray) -> tuple[str, ...]:
+    """Return the first ragged lines."""
+    first = np.flatnonzero(ragged)[:MOST_TEXTS]
+    starts = np.concatenate(([0], ends[:-1] + 1))
+    return tuple(body[starts[line] : ends[line]].decode()[:LONGEST_TEXT] for line in first)
 
 
 def _joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
@@ -103,8 +136,8 @@ def _joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
     return b"".join([body[starts[first] : ends[last - 1] + 1] for first, last in runs])
 
 
-def _count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the end of each line, its number of cells and if all are empty.
+def _count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
+    """Return the end of each line, its number of cells, if all are empty, if it is blank.
 
     By pieces, since counting takes a dozen bytes for each one of the text.
     """
@@ -119,19 +152,23 @@ def _count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, np.ndarra
         ends = np.flatnonzero(piece == ord("\n"))
         found.append((ends + position, *_count_cells(piece, ends, delimiter)))
         position = end
-    ends, num_cells, is_empty = zip(*found, strict=True)
-    return np.concatenate(ends), np.concatenate(num_cells), np.concatenate(is_empty)
+    return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
 
 
 def _count_cells(
     raw: np.ndarray, ends: np.ndarray, delimiter: str
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return for each line its number of cells (0 if a quote stays open) and if all are empty."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return for each line its number of cells (0 if a quote stays open), if all are empty, and
+    if nothing at all stands in it.
+    """
     starts = np.concatenate(([0], ends[:-1] + 1))
     gap = (raw == ord(" ")) | (raw == ord("\t")) | (raw == ord("\n"))
-    # Spreadsheets end in lines of delimiters alone: no sample was ever there.
     solid = np.concatenate(([0], np.cumsum(~gap & (raw != ord(delimiter)), dtype=np.int64)))
     is_empty = solid[ends] == solid[starts]
+    is_blank = is_empty
+    if delimiter != " ":
+        marked = np.concatenate(([0], np.cumsum(raw == ord(delimiter), dtype=np.int64)))
+        is_blank = is_empty & (marked[ends] == marked[starts])
     if delimiter == " ":
         marks = np.flatnonzero(~gap & np.concatenate(([True], gap[:-1])))
     else:
@@ -145,4 +182,4 @@ def _count_cells(
         marks = marks[~within]
     num_marks = np.searchsorted(marks, ends) - np.searchsorted(marks, starts)
     num_cells = num_marks if delimiter == " " else num_marks + 1
-    return np.where(is_open, 0, num_cells), is_empty
+    return np.where(is_open, 0, num_cells), is_empty, is_blank

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from . import words
-from .console import say
+from .console import printable, say
 from .exit_codes import DONE, NOT_ALLOWED
 
 
@@ -23,6 +23,7 @@ def run(options: argparse.Namespace) -> int:
     from ..bench import Finding
     from ..bench.checks import check_record
     from ..bench.joined import read_test
+    from ..column_mapping import describe_columns, mapping_text
     from ..motorfile import load_motor
     from ..report_text import findings_text
     from ..result import describe_finding
@@ -30,15 +31,23 @@ def run(options: argparse.Namespace) -> int:
 
     motor = load_motor(options.motor)
     findings: list[Finding] = []
+    tests: list[dict[str, Any]] = []
     for path in options.tests:
         record = read_test(path, motor)
         say(f"{record.name}: {record.time_s.size} samples over {record.duration_s:.0f} s")
         for note in record.notes:
-            say(f"  {note}")
+            # the table of columns says the same
+            if not any(note.startswith(f"{one.channel} from column") for one in record.mapping):
+                say(f"  {note}")
+        tests.append(describe_columns(record))
         findings += check_record(record, motor)
     has_error = any(finding.severity == "error" for finding in findings)
     if options.json:
-        print(dump({"findings": [describe_finding(finding) for finding in findings]}))
+        described = [describe_finding(finding) for finding in findings]
+        print(dump({"findings": described, "tests": tests}))
     else:
+        columns = mapping_text(tests)
+        if columns:
+            print("\n".join(printable(line) for line in columns.split("\n")), end="\n\n")
         print(findings_text(findings))
     return NOT_ALLOWED if has_error else DONE

@@ -40,6 +40,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Search, write the run folder and print the verdict."""
     from ..calibrate import default_folder, identity, refuse_unwritable
+    from ..column_mapping import describe_columns, mapping_text
     from ..discover.job import run_job
     from ..discover.library import all_effects
     from ..motorfile import load_motor
@@ -83,6 +84,9 @@ def run(options: argparse.Namespace) -> int:
         print(dump({**job.result, "run": str(job.path)}))
     else:
         print(discovery_text(job.result))
+        columns = mapping_text([describe_columns(test.record) for test in tests])
+        if columns:
+            print("\n" + "\n".join(printable(line) for line in columns.split("\n")))
         print(f"\nRun folder:      {printable(str(job.path))}")
         for name in ("discovery.pdf", "sheet.pdf", "discovery.json"):
             print(f"  {name:<14} {job.path / name}")

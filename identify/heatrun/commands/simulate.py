@@ -20,7 +20,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     parser.add_argument("tests", nargs="+", type=Path, metavar="TEST")
     parser.add_argument("--model", choices=("first", "second"), default="second")
-    parser.add_argument("--seed", type=int, default=0)
+    words.add_seed(parser)
     words.add_out(parser, "folder for the CSV files (default: here)")
     words.add_json(parser)
     return parser

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
+import webbrowser
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import words
 from .exit_codes import DONE
+
+if TYPE_CHECKING:
+    from ..app.server import ViewServer
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -26,15 +31,20 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--address",
         default="127.0.0.1",
-        help="network address; the default is reachable from this machine alone, any other by "
-        "everyone who can reach it: there is no password",
+        help="network address; the default is reachable from this machine alone, any other asks "
+        "for the token in the address that is printed",
+    )
+    parser.add_argument(
+        "--token",
+        action="store_true",
+        help="ask for the token at the default address too, where others use this machine",
     )
     parser.add_argument("--no-browser", action="store_true", help="open no window")
     parser.add_argument(
         "--max-file-MB", type=int, default=1000, metavar="MB", help="largest file that is opened"
     )
     parser.add_argument(
-        "--max-upload-MB", type=int, default=200, metavar="MB", help="sum of uploads of a page"
+        "--max-upload-MB", type=int, default=200, metavar="MB", help="sum of all uploads"
     )
     words.add_out(parser, "folder of the runs (default: results/runs)")
     parser.set_defaults(handles_interrupt=True)
@@ -42,7 +52,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Serve until Ctrl-C."""
+    """Serve until Ctrl-C, SIGTERM or SIGHUP."""
     from ..errors import InputError
 
     try:
@@ -58,16 +68,37 @@ def run(options: argparse.Namespace) -> int:
         options.out or Path("results") / "runs",
         port=options.port,
         address=options.address,
+        asks_token=options.token,
         max_file_bytes=options.max_file_MB * 1_000_000,
         max_upload_bytes=options.max_upload_MB * 1_000_000,
     )
-    url = f"http://{options.address}:{server.port}/"
-    print(f"heatrun view: {url} shows {options.folder.resolve()}. Ctrl-C ends it.", file=sys.stderr)
-    server.start()
-    if not options.no_browser:
-        server.io_loop.add_callback(server.show, "/")
     try:
-        server.io_loop.start()
-    except KeyboardInterrupt:
-        server.stop()
+        _end_by_signals(server.loop)
+        _say(server, options.folder.resolve())
+        if not options.no_browser:
+            server.loop.add_callback(webbrowser.open, server.url, 2)
+        server.run()
+    finally:
+        server.close()
     return DONE
+
+
+def _say(server: ViewServer, folder: Path) -> None:
+    """Print the address, and the warning that goes with an address that others can reach."""
+    print(f"heatrun view: {server.url} shows {folder}. Ctrl-C ends it.", file=sys.stderr)
+    if not server.is_loopback:
+        print(
+            "heatrun view: warning: everyone in the network who has this address with its token "
+            "can read the folder and start commands; the connection is not encrypted.",
+            file=sys.stderr,
+        )
+
+
+def _end_by_signals(loop: Any) -> None:
+    """Let Ctrl-C, a kill and the end of the terminal end the loop, and what follows tidy up."""
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        # nohup hands SIGHUP down as ignored, so that a server outlives its terminal
+        if number is None or (name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN):
+            continue
+        signal.signal(number, lambda *_: loop.add_callback_from_signal(loop.stop))

@@ -5,6 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+LARGEST_SEED = 2**32 - 1
+"""What every generator of random numbers here takes."""
+
+LONGEST_SEED = 40
+"""Digits, leading zeros included."""
+
 
 def add_inputs(parser: argparse.ArgumentParser) -> None:
     """Add the motor file and the tests."""
@@ -27,7 +33,7 @@ def add_holdout(parser: argparse.ArgumentParser) -> None:
 
 def add_sampling(parser: argparse.ArgumentParser) -> None:
     """Add the seed and the choice of the quick posterior."""
-    parser.add_argument("--seed", type=int, default=0, help="of everything that is drawn")
+    add_seed(parser)
     parser.add_argument(
         "--quick", action="store_true", help="weighted draws instead of emcee where they hold"
     )
@@ -41,3 +47,32 @@ def add_out(parser: argparse.ArgumentParser, text: str) -> None:
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add the choice of JSON on stdout."""
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+
+
+def add_seed(parser: argparse.ArgumentParser) -> None:
+    """Add the seed of the random numbers."""
+    parser.add_argument(
+        "--seed",
+        type=seed,
+        default=0,
+        metavar="NUMBER",
+        help=f"random seed, a whole number from 0 to {LARGEST_SEED} (default: 0)",
+    )
+
+
+def seed(text: str) -> int:
+    """Return a seed from the word after `--seed`.
+
+    Raises:
+        ArgumentTypeError: If it is no whole number in the range; exit code 2.
+    """
+    if (
+        text.isascii()
+        and text.isdigit()
+        and len(text) <= LONGEST_SEED
+        and int(text) <= LARGEST_SEED
+    ):
+        return int(text)
+    raise argparse.ArgumentTypeError(
+        f"expected a whole number from 0 to {LARGEST_SEED}, got {text[:40]!r}"
+    )

@@ -15,6 +15,7 @@ import scipy.io
 from .. import __version__
 from ..bench.record import Finding
 from ..errors import InputError
+from ..file_set import together
 from ..model import Order
 from ..result import describe_finding
 from ..whole_files import writable, write_whole
@@ -155,10 +156,9 @@ def _describe(name: str, value: np.ndarray) -> dict[str, Any]:
 def _write(folder: Path, contents: Mapping[str, bytes], inputs: tuple[Path, ...]) -> None:
     for name, content in contents.items():
         _refuse_loss(folder / name, content, inputs)
-    with writable("the export", folder):
-        folder.mkdir(parents=True, exist_ok=True)
+    with writable("the export", folder), together(folder, "export") as files:
         for name, content in contents.items():
-            write_whole(folder / name, content)
+            write_whole(files.aside / name, content)
 
 
 def _refuse_loss(path: Path, content: bytes, inputs: tuple[Path, ...]) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..column_mapping import KNOWN_BY, assumption, grouped
+from ..without_folders import command_without_folders, without_folders
 from .digits import format_interval, format_value
 
 DEFINITIONS = (
@@ -32,24 +34,33 @@ def sheet_content(result: Mapping[str, Any]) -> dict[str, Any]:
         result: What stands in `fit.json`.
     """
     motor = result["motor"]
+    paths = [str(each.get("path", "")) for each in (motor, *result["tests"])]
     return {
         "title": _clean(str(motor["name"])),
         "verdict": _clean(result["verdict"]["sentence"]),
         "meta": [
             ["heatrun", str(result["heatrun_version"])],
-            ["command", _clean(str(result["command"]))],
+            ["command", _clean(command_without_folders(str(result["command"])))],
             ["seed", str(result["seed"])],
         ],
         "definitions": [[name, text] for name, text in DEFINITIONS] + _loss_definitions(motor),
         "tests": [_test(test) for test in result["tests"]],
+        "columns": [
+            {"tests": _clean(names), "rows": rows, "assumed": _assumed(rows)}
+            for names, rows in grouped(result["tests"])
+        ],
         "models": [_model(order, model) for order, model in result["models"].items()],
         "comparison": [_clean(w) for w in (result["comparison"] or {"words": []})["words"]],
         "findings": [
-            [f["severity"], _clean(f"{f['where']}: {f['message']} {f['remedy']}".strip(": "))]
+            [f["severity"], _clean(without_folders(_sentence(f), paths))]
             for f in result["findings"]
         ],
         "limits": list(LIMITS),
     }
+
+
+def _sentence(finding: Mapping[str, Any]) -> str:
+    return f"{finding['where']}: {finding['message']} {finding['remedy']}".strip(": ")
 
 
 def _loss_definitions(motor: Mapping[str, Any]) -> list[list[str]]:
@@ -79,6 +90,12 @@ def _test(test: Mapping[str, Any]) -> list[str]:
         span("sink_degC", 1),
         (test["sha256"] or "in memory")[:16],
     ]
+
+
+def _assumed(rows: Sequence[Sequence[str]]) -> str:
+    """Sentence on the units that nothing said, empty if there are none."""
+    channels = [row[0] for row in rows if row[3] == KNOWN_BY["assumed"]]
+    return assumption(channels) if channels else ""
 
 
 def _model(order: str, model: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import xlsxwriter
 
+from ..column_mapping import HEAD, KNOWN_BY
+from ..moment import NO_DATE, stated_moment
 from ..whole_files import write_whole
 from .content import sheet_content
 
@@ -40,6 +42,7 @@ def write_xlsx(
     }
     buffer = io.BytesIO()
     with xlsxwriter.Workbook(buffer, options) as book:
+        book.set_properties({"created": stated_moment() or NO_DATE})
         bold = book.add_format({"bold": True})
         _parameters(book, bold, result, content)
         _correlation(book, bold, result)
@@ -48,6 +51,11 @@ def write_xlsx(
                "sink [degC]", "SHA-256"],
               [[*row[:-1], test["sha256"]]
                for row, test in zip(content["tests"], result["tests"], strict=True)])  # fmt: skip
+        _rows(book, "Columns", bold, ["test", *HEAD, "file"],
+              [[test["name"], row["channel"], row["column"], row["unit"],
+                KNOWN_BY.get(row["unit_from"], row["unit_from"]), row["found_by"],
+                PurePath(row["file"]).name]
+               for test in result["tests"] for row in test.get("mapping") or ()])  # fmt: skip
         _residuals(book, bold, result)
         _rows(book, "Findings", bold, ["severity", "finding"], content["findings"])
         name, _, table = tables[0]

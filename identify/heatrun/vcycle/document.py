@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from ..sheet.figures import save
 from ..sheet.typeset import typeset
+from ..without_folders import without_folders
 from .card import TEST_TYPES
 from .report import Cell, Report, Row, Table
 
@@ -49,26 +50,36 @@ def write_pdf(report: Report, content: Mapping[str, Any], path: Path) -> Path:
 def document_content(report: Report, content: Mapping[str, Any]) -> dict[str, Any]:
     """Return the texts of the PDF, each cell as it is printed; as `write_pdf`."""
     dated = f"{content['date']} ({content['date_from']})" if content.get("date") else "not known"
-    return {
+    texts = {
         "version": f"heatrun {version('heatrun')}",
-        "title": printed(report.title),
+        "title": report.title,
         "heading": TEST_TYPES[report.kind].heading,
-        "test": printed(report.test),
-        "summary": printed(report.summary),
-        "meta": [["Motor", printed(report.motor)], ["Date of the test", dated]]
+        "test": report.test,
+        "summary": report.summary,
+        "meta": [["Motor", report.motor], ["Date of the test", dated]]
         + [
             [
                 "File" if number == 0 else "and",
-                printed(f"{source.path} · SHA-256 {source.sha256[:16]}… · {source.reader}"),
+                f"{source.path} · SHA-256 {source.sha256[:16]}… · {source.reader}",
             ]
             for number, source in enumerate(report.sources)
         ],
         "rows": [_row(row) for row in report.rows],
         "tables": [_table(table) for table in report.tables],
-        "captions": [printed(drawing.caption) for drawing in report.drawings],
-        "findings": [[f.severity, printed(f.sentence())] for f in report.findings],
-        "definitions": [[printed(name), printed(text)] for name, text in report.definitions],
+        "captions": [drawing.caption for drawing in report.drawings],
+        "findings": [[f.severity, f.sentence()] for f in report.findings],
+        "definitions": [[name, text] for name, text in report.definitions],
     }
+    return _printed(texts, [source.path for source in report.sources])
+
+
+def _printed(value: Any, paths: Sequence[str]) -> Any:
+    """Return texts as they are printed, at any depth of lists and objects."""
+    if isinstance(value, str):
+        return printed(without_folders(value, paths))
+    if isinstance(value, Mapping):
+        return {key: _printed(item, paths) for key, item in value.items()}
+    return [_printed(item, paths) for item in value]
 
 
 def number(value: Cell) -> str:
@@ -100,26 +111,30 @@ def printed(text: str) -> str:
 
 
 def _row(row: Row) -> list[str]:
-    value, note = number(row.value), printed(row.note)
+    value, note = _text(row.value), row.note
     if len(value) > LONGEST_VALUE:  # it would take the room of the notes
         value, note = "", f"{value}; {note}" if note else value
-    return [printed(row.label), value, row.unit, note]
+    return [row.label, value, row.unit, note]
 
 
 def _table(table: Table) -> dict[str, Any]:
     head = [f"{c.label} [{c.unit}]" if c.unit not in (None, "", "1") else c.label
             for c in table.columns]  # fmt: skip
     lines = [
-        [f"{printed(line.name)} [{line.unit}]", *(_short(cell) for cell in line.cells)]
+        [f"{line.name} [{line.unit}]", *(_short(cell) for cell in line.cells)]
         for line in table.lines
     ]
-    notes = [f"{printed(line.name)}: {printed(line.note)}" for line in table.lines if line.note]
+    notes = [f"{line.name}: {line.note}" for line in table.lines if line.note]
     return {
-        "title": printed(table.title),
+        "title": table.title,
         "head": ["", *head],
         "lines": lines,
-        "notes": [*notes, printed(table.note)] if table.note else notes,
+        "notes": [*notes, table.note] if table.note else notes,
     }
+
+
+def _text(value: Cell) -> str:
+    return value if isinstance(value, str) else number(value)
 
 
 def _short(value: Cell) -> str:
@@ -127,4 +142,4 @@ def _short(value: Cell) -> str:
     if isinstance(value, float) and math.isfinite(value) and 1e-3 <= abs(value) < 1e5:
         places = max(0, 3 - math.floor(math.log10(abs(value))))
         return f"{value:.{min(places, 4)}f}"
-    return number(value)
+    return _text(value)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bench.checks.rounding import rounding_step
 from ..bench.checks.samples import block_means, samples, sink_channel
 from ..bench.clock_offset import correlation
 from ..bench.record import Record
+from ..bench.rounding import rounding_step
 from ..motor import Motor
 
 INTERVAL_S = 1800.0

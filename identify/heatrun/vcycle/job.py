@@ -9,6 +9,7 @@ from pathlib import Path
 from ..bench.joined import read_test
 from ..bench.record import Record
 from ..errors import InputError
+from ..file_set import together
 from ..motor import Motor
 from ..run_folder import dump, load_result
 from ..whole_files import writable, write_whole
@@ -19,7 +20,7 @@ from .csv_table import csv_table
 from .document import write_pdf
 from .reference import read_reference
 from .report import Report
-from .report_name import TestDate, date_of_test, reserve
+from .report_name import TestDate, choose_name, date_of_test, set_name
 from .tests_in import tests_in
 from .unchanged import refuse_changed
 
@@ -115,15 +116,19 @@ def make_report(
     return outcomes
 
 
-def _write(name: str, report: Report, when: TestDate | None, out: Path) -> Outcome:
+def _write(test: str, report: Report, when: TestDate | None, out: Path) -> Outcome:
     refuse_changed(report.sources)
     identity = [source.sha256 for source in report.sources] or [report.test]
     content = report_content(report, when)
-    with writable("the report", out):
-        pdf = reserve(out, report.kind, when, identity)
-        content = {"report": pdf.name, "identity": identity, **content}
-        table, text = pdf.with_suffix(".csv"), pdf.with_suffix(".json")
-        write_pdf(report, content, pdf)
-        write_whole(table, csv_table(report).encode("utf-8-sig"))
-        write_whole(text, (dump(content) + "\n").encode())
-    return Outcome(name, pdf, table, text, report, content)
+
+    def chosen() -> str:
+        return set_name(choose_name(out, report.kind, when, identity), identity)
+
+    with writable("the report", out), together(out, chosen) as files:
+        name = files.name.partition(".")[0]
+        content = {"report": f"{name}.pdf", "identity": identity, **content}
+        write_pdf(report, content, files.aside / f"{name}.pdf")
+        write_whole(files.aside / f"{name}.csv", csv_table(report).encode("utf-8-sig"))
+        write_whole(files.aside / f"{name}.json", (dump(content) + "\n").encode())
+    pdf, table, text = (out / f"{name}{end}" for end in (".pdf", ".csv", ".json"))
+    return Outcome(test, pdf, table, text, report, content)

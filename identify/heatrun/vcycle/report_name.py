@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import hashlib
 import json
 import re
 import zlib
@@ -10,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import InputError
+from ..file_set import names_begun
+from ..moment import moment
 from .card import TEST_TYPES, Kind
 
 IN_NAME = re.compile(
@@ -72,44 +75,45 @@ def date_of_test(path: Path) -> TestDate:
     return TestDate(changed.date(), "", "time of the last change of the file")
 
 
-def reserve(folder: Path, kind: Kind, when: TestDate | None, identity: list[str]) -> Path:
-    """Return where the report of a test goes, and keep the place: its former one, or a free one.
+def choose_name(folder: Path, kind: Kind, when: TestDate | None, identity: list[str]) -> str:
+    """Return the name of the report of a test, without its ending: its former one, or a free one.
 
-    The place is kept by the JSON beside the report, which is created in one step, so that two
-    commands at once do not take the same one. A PDF without such a JSON is someone else's.
+    A PDF without a JSON of heatrun's beside it is someone else's. A report that another process
+    is writing has its name too; the same one, made of the same files, is replaced by the later.
 
     Args:
-        folder: Of the reports.
+        folder: Of the reports; nobody else may choose a name in it in the meantime.
         kind: Test type.
         when: Date and number of the test; today's for a record in memory.
         identity: Digests of the files behind the report; one with the same is overwritten.
 
     Raises:
         InputError: If a thousand reports of this day are there already.
-        OSError: If the folder cannot be written to.
+        OSError: If the folder cannot be read.
     """
-    day = datetime.datetime.now(tz=datetime.UTC).date() if when is None else when.day
+    day = moment().date() if when is None else when.day
     given = "" if when is None else when.number
     numbers = [given] if given else []
     behind = f"{given}_" if given else ""
     numbers += [f"{behind}{number:03d}" for number in range(1, MOST_REPORTS + 1)]
+    begun = names_begun(folder, TEST_TYPES[kind].stem)
     for number in numbers:
-        path = folder / f"{TEST_TYPES[kind].stem}_{day:%Y_%m_%d}_{number}.pdf"
-        text = path.with_suffix(".json")
-        if path.exists() and not text.exists():
+        name = f"{TEST_TYPES[kind].stem}_{day:%Y_%m_%d}_{number}"
+        others = {n for n in begun if n.partition(".")[0] == name} - {set_name(name, identity)}
+        taken = [folder / f"{name}{end}" for end in (".pdf", ".csv", ".json")]
+        if others or (any(path.exists() for path in taken) and _identity(taken[-1]) != identity):
             continue
-        try:
-            with text.open("x", encoding="utf-8") as file:
-                json.dump({"identity": identity}, file)
-        except FileExistsError:
-            if _identity(text) != identity:
-                continue
-        return path
+        return name
     raise InputError(
         f"{MOST_REPORTS} reports of this test type and day are there already.",
         where=str(folder),
         remedy="Choose another folder with --out.",
     )
+
+
+def set_name(name: str, identity: list[str]) -> str:
+    """Return the name of the files of a report together, which says what they are made of."""
+    return f"{name}.{hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]}"
 
 
 def _identity(path: Path) -> list[str] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..bench.open_file import digest
+from ..bench.open_file import digest, is_pipe
 from ..bench.record import Source
 from ..errors import InputError
 
@@ -19,6 +19,8 @@ def refuse_changed(sources: Iterable[Source]) -> None:
         InputError: If a file is gone or holds other bytes than when it was read.
     """
     for source in sources:
+        if is_pipe(source.path):  # it was read once and cannot be read again, nor replaced
+            continue
         try:
             now = digest(source.path)
         except OSError as error:

@@ -20,8 +20,9 @@ from .presence import missing_channel, nan_block, too_few_samples
 from .resolution import resolution, truncation
 from .sensor import sensor_detached, temperature_jump
 from .stillness import saturation, sensor_stuck
+from .suspicion import referred, unit_suspected
 from .time_axis import sampling, time_backwards, time_duplicate, time_gap, time_jitter
-from .units import ambient_implausible, units_temperature
+from .units import ambient_implausible, unit_assumed, units_temperature
 
 Check = Callable[[Record, Motor], tuple[Finding, ...]]
 
@@ -35,6 +36,8 @@ CHECKS: tuple[Check, ...] = (
     sampling,
     nan_block,
     units_temperature,
+    unit_suspected,
+    unit_assumed,
     ambient_implausible,
     sensor_stuck,
     sensor_detached,
@@ -73,7 +76,7 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
         own = [finding for check in checks for finding in check(record, motor)]
     return tuple(
         finding if finding.test else replace(finding, test=record.name)
-        for finding in (*record.findings, *own)
+        for finding in (*record.findings, *referred(own))
     )
 
 

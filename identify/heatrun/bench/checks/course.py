@@ -6,7 +6,7 @@ import numpy as np
 
 from ...motor import Motor
 from ..record import Finding, Record
-from .rounding import rounding_step
+from ..rounding import rounding_step
 from .samples import block_means, is_loaded, place, samples, sink_channel
 
 START_S = 2.0

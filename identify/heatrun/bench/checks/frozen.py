@@ -13,8 +13,8 @@ import numpy as np
 
 from ...motor import Motor
 from ..record import Record
+from ..rounding import rounding_step
 from .crude_fit import crude_fit
-from .rounding import rounding_step
 from .samples import is_loaded, runs, samples
 
 LIVE_STEP_K = 0.05

@@ -49,8 +49,16 @@ def _copper_and_total(record: Record, motor: Motor) -> tuple[np.ndarray, ...]:
     return block_means(time_s, BLOCK_S, motor.phases * R * current**2, losses)
 
 
-def _copper_shares(record: Record, motor: Motor) -> tuple[np.ndarray, np.ndarray]:
-    """Times and share of the copper loss in the total, block by block while current flows."""
+def copper_shares(record: Record, motor: Motor) -> tuple[np.ndarray, np.ndarray]:
+    """Return the share of the copper loss in the total, block by block while current flows.
+
+    Args:
+        record: Any record.
+        motor: The machine.
+
+    Returns:
+        Times [s] and shares [1], shape (blocks,); empty without a balance or a resistance.
+    """
     time_s, copper, total = _copper_and_total(record, motor)
     flows = is_loaded(copper)
     # A total of zero or less under current is an infinite share.
@@ -64,7 +72,7 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
     Needs `phase_resistance_ohm` and losses that are a balance. An error if it holds for most of the
     time under current, a warning if for 30 s or more.
     """
-    time_s, share = _copper_shares(record, motor)
+    time_s, share = copper_shares(record, motor)
     below = share > 1.0 + COPPER_TOLERANCE
     first, past = runs(below)
     if first.size == 0:
@@ -100,7 +108,7 @@ def current_amplitude(record: Record, motor: Motor) -> tuple[Finding, ...]:
     With an amplitude the copper loss comes out twice too large. That shows where it exceeds the
     measured total, or leaves next to nothing of it in a turning machine, while half of it fits.
     """
-    time_s, share = _copper_shares(record, motor)
+    time_s, share = copper_shares(record, motor)
     if share.size < 3:
         return ()
     typical = float(np.median(share))

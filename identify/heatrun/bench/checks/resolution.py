@@ -6,8 +6,8 @@ import numpy as np
 
 from ...motor import Motor
 from ..record import Finding, Record
+from ..rounding import rounding_step
 from .course import lead_in
-from .rounding import rounding_step
 from .samples import place, samples, sink_channel
 
 NOTED_STEP_K = 0.05

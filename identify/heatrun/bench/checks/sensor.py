@@ -6,7 +6,7 @@ import numpy as np
 
 from ...motor import Motor
 from ..record import Finding, Record
-from .rounding import rounding_step
+from ..rounding import rounding_step
 from .samples import place, runs, samples, sink_channel
 
 MAX_RATE_K_PER_S = 5.0

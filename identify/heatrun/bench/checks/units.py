@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...motor import Motor
+from ..header import split_name
 from ..record import Finding, Record, Severity
 from .course import lead_in
 from .samples import is_loaded, place, samples, sink_channel
@@ -33,9 +34,10 @@ SINK_ABOVE_K = 5.0
 channels."""
 
 
-def _declares_unit(motor: Motor, channel: str) -> bool:
-    """Whether the motor file says the unit of a channel."""
-    return "[" in motor.columns.get(channel, "")
+def _declares_unit(record: Record, motor: Motor, channel: str) -> bool:
+    """Whether the file or the motor file says the unit of a channel."""
+    is_stated = any(r.channel == channel and r.unit_from == "stated" for r in record.mapping)
+    return is_stated or "[" in motor.columns.get(channel, "")
 
 
 def _unit_finding(
@@ -43,13 +45,34 @@ def _unit_finding(
 ) -> Finding:
     as_celsius = typical - 273.15 if unit == "kelvin" else (typical - 32.0) / 1.8
     symbol = "K" if unit == "kelvin" else "degF"
+    column = next((r.column for r in record.mapping if r.channel == channel), "column")
+    column = split_name(column)[0]
     return Finding(
         "units_temperature",
         severity,
         f"Expected degC; {typical:.1f} looks like {unit}, which would be {as_celsius:.1f} degC.",
         place(record, channel, from_s),
-        f'Declare the unit in the motor file: [columns] {channel} = "column [{symbol}]".',
+        f'Declare the unit in the motor file: [columns] {channel} = "{column} [{symbol}]".',
         values={"value": typical, "as_degC": as_celsius},
+    )
+
+
+def unit_assumed(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Note the columns whose unit neither the file nor a name gives."""
+    assumed = [one for one in record.mapping if one.unit_from == "assumed"]
+    if not assumed:
+        return ()
+    first = assumed[0]
+    told = ", ".join(f"{one.channel} in {one.unit} (column '{one.column}')" for one in assumed)
+    return (
+        Finding(
+            "unit_assumed",
+            "note",
+            f"Expected units in the file or in [columns]; assumed are {told}.",
+            record.name,
+            f'State them: [columns] {first.channel} = "{first.column} [{first.unit}]".',
+            values={"num_columns": float(len(assumed))},
+        ),
     )
 
 
@@ -57,7 +80,7 @@ def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report temperatures that look like kelvin or degrees Fahrenheit.
 
     Kelvin is told by value. Fahrenheit is told only where ambient and winding agree at a cold start
-    between 55 and 110, or where a winding that starts at rest equals the ambient converted. A hot
+    between 55 and 110, or where one of the two at a start at rest equals the other converted. A hot
     climate chamber looks the same: where the motor file names the unit it is a warning.
     """
     found = []
@@ -83,9 +106,13 @@ def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
     at_start = float(np.median(winding[:lead]))
     around = float(np.median(ambient[:lead]))
     if low < around < high and abs(at_start - around) < AGREEMENT_K:
-        severity = "warning" if _declares_unit(motor, "ambient_degC") else "error"
+        severity = "warning" if _declares_unit(record, motor, "ambient_degC") else "error"
         return (_unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0]),)
     is_steady = bool(np.ptp(winding[:lead]) < 1.0) and lead > 2
+    if is_steady and low < around < high and abs((around - 32.0) / 1.8 - at_start) < 1.0:
+        # A winding tens of kelvin colder than the air around it has no way to be so.
+        severity = "warning" if _declares_unit(record, motor, "ambient_degC") else "error"
+        return (_unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0]),)
     if is_steady and around < low < at_start and abs((at_start - 32.0) / 1.8 - around) < 1.0:
         return (
             _unit_finding(record, "winding_degC", "Fahrenheit", "warning", at_start, time_s[0]),

@@ -1,0 +1,192 @@
+"""The answers of the live view's server: the page, its websocket, its scripts, and nothing else.
+
+Panel and Bokeh bring more: `/components/…` imports any module that is installed, `/autoload.js`
+gives a session to any origin. A handler that does not stand in `ROUTES` of `serving` is not there.
+"""
+
+from __future__ import annotations
+
+import re
+import secrets
+from html import escape
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+import panel as pn
+from bokeh.protocol.exceptions import ProtocolError
+from bokeh.settings import settings
+from panel.io.server import DocHandler, WSHandler
+from tornado.web import HTTPError, RequestHandler, StaticFileHandler
+
+from .messages import MAX_MESSAGE_BYTES, unpacked_bytes
+
+HEADERS = {
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+
+SHUT = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+"""What no answer may do."""
+
+STATIC = (
+    (re.compile(r"/static/js/(bokeh(?:-[a-z]+)?\.min\.js)"), "bokeh"),
+    (
+        re.compile(
+            r"/static/extensions/panel/"
+            r"(panel\.min\.js|assets/[a-z]+_spinner\.svg|css/[a-z_]+\.css|bundled/(?:filedropper|reactiveesm|theme|"
+            r"vanillatemplate)/[\w@^.%/-]+\.(?:js|css))"
+        ),
+        "panel",
+    ),
+)
+"""Scripts and styles of the page, and the package that each lies in."""
+
+
+SIDEBAR = 'document.getElementById("sidebar-button").onclick = closeNav;'
+
+
+class Guarded(RequestHandler):
+    """What all answers have in common."""
+
+    def set_default_headers(self) -> None:
+        """Forbid the browser what the page does not need."""
+        for name, value in HEADERS.items():
+            self.set_header(name, value)
+        self.set_header("Content-Security-Policy", SHUT)
+        self.clear_header("Server")
+
+    def write_error(self, status_code: int, **keywords: Any) -> None:
+        """Say what is refused, in plain text; what was asked for is not repeated."""
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{status_code}: {self._reason}\n")
+
+
+class Refused(Guarded):
+    """A request that is not let in, whatever it asks for."""
+
+    def initialize(self, status: int, words: str) -> None:
+        """Take the answer."""
+        self._status, self._words = status, words
+
+    def prepare(self) -> None:
+        """Answer."""
+        self.set_status(self._status)
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{self._status}: {self._words}\n")
+
+
+class TokenExchange(Guarded):
+    """Gives the cookie for the token and opens the page without the token in its address.
+
+    It opens it by a page of its own and not by a redirect: a browser that came from elsewhere
+    would not send the cookie along a redirect.
+    """
+
+    def initialize(self, name: str, cookie: str) -> None:
+        """Take the cookie."""
+        self._name, self._value = name, cookie
+
+    def get(self) -> None:
+        """Set the cookie and go on."""
+        self.set_cookie(self._name, self._value, httponly=True, samesite="Strict", path="/")
+        self.set_header("Cache-Control", "no-store")
+        pairs = [
+            (name, value.decode("utf-8", "replace"))
+            for name, values in self.request.query_arguments.items()
+            if name != "token"
+            for value in values
+        ]
+        url = escape("/?" + urlencode(pairs) if pairs else "/")
+        self.finish(
+            f'<!doctype html><meta http-equiv="refresh" content="0;url={url}">'
+            f'<title>heatrun</title><a href="{url}">heatrun</a>'
+        )
+
+
+class PageHandler(Guarded, DocHandler):
+    """The page."""
+
+    MAX_SESSIONS = 60
+    """Tabs at a time, those that were just closed included."""
+
+    async def get(self) -> None:
+        """Send the page, whose own scripts alone may run."""
+        if len(self.application_context._sessions) >= self.MAX_SESSIONS:
+            self.set_header("Retry-After", "20")
+            raise HTTPError(503, reason="Too many tabs are open; close some and try again soon")
+        # A script in the page must bear this mark. 'unsafe-eval' is for BokehJS, which makes
+        # functions of the texts of CustomJS; inline styles are how Bokeh places everything.
+        self._nonce = secrets.token_urlsafe(16)
+        host = self.request.headers["Host"]
+        self.set_header(
+            "Content-Security-Policy",
+            f"{SHUT}; script-src 'self' 'nonce-{self._nonce}' 'unsafe-eval'; "
+            "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+            f"connect-src 'self' ws://{host}",
+        )
+        await super().get()  # pyright: ignore[reportGeneralTypeIssues]
+
+    def write(self, chunk: Any) -> None:
+        """Mark the scripts of the page; there is nothing in it yet that comes from files."""
+        if isinstance(chunk, str):
+            # the template's button says its script in an attribute, which cannot be marked
+            chunk = chunk.replace(' onclick="closeNav()"', "")
+            chunk = chunk.replace("</body>", f"<script>{SIDEBAR}</script></body>")
+            chunk = re.sub(r"<script(?=[\s>])", f'<script nonce="{self._nonce}"', chunk)
+        super().write(chunk)
+
+
+class SocketHandler(Guarded, WSHandler):
+    """The websocket of the page, whose messages are of limited size however they are packed."""
+
+    _num_pending = 0
+
+    def check_origin(self, origin: str) -> bool:
+        """Return True: the gate has let the request in, which knows the names better."""
+        return True
+
+    def get_compression_options(self) -> None:
+        """Take no packed frames: a few bytes may hold anything."""
+
+    async def _receive(self, fragment: str | bytes) -> Any:
+        self._num_pending += len(fragment)
+        if self._num_pending > MAX_MESSAGE_BYTES:
+            self._protocol_error("the message is too large")
+            return None
+        message = await super()._receive(fragment)
+        if message is None:
+            return None
+        self._num_pending = 0
+        try:
+            unpacked_bytes(message.content)
+        except ProtocolError as error:
+            self._protocol_error(str(error))
+            return None
+        return message
+
+
+class StaticHandler(Guarded, StaticFileHandler):
+    """Scripts and styles of Bokeh and Panel."""
+
+    def initialize(self, package: str) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Take the package that the file belongs to."""
+        super().initialize(path=str(_folder_of(package)))
+
+
+class IconHandler(Guarded):
+    """The icon of the tab."""
+
+    def get(self) -> None:
+        """Send it."""
+        self.set_header("Content-Type", "image/x-icon")
+        self.finish(self.application.icon)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _folder_of(package: str) -> Path:
+    if package == "bokeh":
+        return Path(settings.bokehjs_path()) / "js"
+    return Path(pn.__file__).parent / "dist"

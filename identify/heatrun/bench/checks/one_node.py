@@ -1,0 +1,108 @@
+r"""One lumped mass behind a record: how fast it answers, and how much heat leaves it per kelvin.
+
+Integrated over time, the balance of one mass is linear in what is unknown:
+
+$$ T(t) - T(0) = \frac{1}{C} \int P\,dt - \frac{1}{\tau} \int (T - T_0)\,dt $$
+
+so that a least-squares solution of two numbers gives the time constant tau whatever the unit of
+the losses, and the capacity C and conductance G = C/tau in their unit. A machine is more than one
+mass: what comes out lies between its winding's time constant and its slow one. That is enough to
+see whether a clock or a power is wrong by a factor of 60 or 1000, and for nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Record
+from .samples import samples, sink_channel
+
+BLOCKS = 300
+MIN_SAMPLES = 30
+"""Two unknowns and a start; with fewer samples a shape is no evidence."""
+
+MIN_EXPLAINED = 0.4
+"""Share of the temperature's variance [1]: short pulses on a winding leave half to one mass."""
+
+MAX_CONSTANTS = 3.0
+"""A time constant of more than three test lengths is an extrapolation, and none is given."""
+
+MIN_RISE_K = 5.0
+"""Below, drifts of sink and sensors make up the course."""
+
+
+@dataclass(frozen=True)
+class OneNode:
+    """The record as one mass sees it.
+
+    Attributes:
+        tau_s: Time constant [s].
+        capacity_J_per_K: C [J/K]; NaN where no heat flows.
+        conductance_W_per_K: G [W/K]; NaN where no heat flows.
+        duration_s: Length of what was fitted [s].
+    """
+
+    tau_s: float
+    capacity_J_per_K: float
+    conductance_W_per_K: float
+    duration_s: float
+
+
+def one_node(record: Record, motor: Motor) -> OneNode | None:
+    """Fit one mass to a record.
+
+    Args:
+        record: Any record.
+        motor: Says which channel is the sink and what the losses are.
+
+    Returns:
+        The fit, or None where the record is too short, does not move, or is no such course.
+    """
+    channels = ["winding_degC", sink_channel(motor), "losses_W"]
+    is_map = motor.losses == "map"
+    if is_map:
+        if motor.phase_resistance_ohm is None:
+            return None
+        channels.append("phase_current_A")
+    time_s, *columns = samples(record, *channels)
+    if time_s.size < MIN_SAMPLES or np.ptp(columns[0]) < MIN_RISE_K:
+        return None
+    winding, sink, heat = columns[:3]
+    if is_map:
+        B = motor.resistance_coefficient_degC
+        R = (motor.phase_resistance_ohm or 0.0) * (B + winding)
+        R = R / (B + motor.reference_temperature_degC)
+        heat = heat + motor.phases * R * columns[3] ** 2
+    edges = np.linspace(time_s[0], time_s[-1], min(BLOCKS, time_s.size // 2) + 1)
+    step_s = edges[1] - edges[0]
+    winding, sink, heat = (_means(time_s, edges, values) for values in (winding, sink, heat))
+    is_heated = bool(np.any(heat > 0.0))
+    terms = [-_integral(winding - sink, step_s), np.ones(winding.size)]
+    if is_heated:
+        terms.append(_integral(heat, step_s))
+    matrix = np.stack(terms, axis=1)
+    scale = np.linalg.norm(matrix, axis=0)
+    if not np.all(np.isfinite(matrix)) or not np.all(scale > 0.0):
+        return None
+    found = np.linalg.lstsq(matrix / scale, winding, rcond=None)[0] / scale
+    explained = 1.0 - float(np.var(winding - matrix @ found) / np.var(winding))
+    if not (explained > MIN_EXPLAINED and found[0] > 0.0):
+        return None
+    tau_s = 1.0 / float(found[0])
+    duration_s = float(time_s[-1] - time_s[0])
+    if tau_s > MAX_CONSTANTS * duration_s:
+        return None
+    C = 1.0 / float(found[2]) if is_heated and found[2] > 0.0 else float("nan")
+    return OneNode(tau_s, C, C / tau_s, duration_s)
+
+
+def _means(time_s: np.ndarray, edges: np.ndarray, values: np.ndarray) -> np.ndarray:
+    area = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))))
+    return np.diff(np.interp(edges, time_s, area)) / np.diff(edges)
+
+
+def _integral(values: np.ndarray, step_s: float) -> np.ndarray:
+    return np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1])))) * step_s

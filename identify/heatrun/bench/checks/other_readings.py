@@ -1,0 +1,153 @@
+"""A record as it would be if one column were in another unit than it was read in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...motor import Motor
+from ..derive import DERIVATIONS, derive
+from ..record import ColumnReading, Record, UnitSource
+from ..schema import CHANNEL
+from ..unit_table import Unit
+from ..units import QUANTITIES, find_unit, to_canonical
+from .samples import is_measured
+
+LEAST_FACTOR = 1.4
+"""Units closer than this [1], such as foot-pounds and newton metres, are no matter of relations
+that hold within a factor."""
+
+RESISTANCES = (
+    (1e-3, "phase_resistance_ohm is in milliohm"),
+    (0.5, "phase_resistance_ohm was measured between two terminals in star"),
+)
+"""What is mistaken with the resistance, with the factor to the right one [1]."""
+
+
+@dataclass(frozen=True)
+class OtherReading:
+    """One way in which the inputs may have been misread.
+
+    Attributes:
+        channels: Channels whose columns would be in another unit; none for the motor file.
+        unit: Symbol of that unit, empty for the motor file.
+        factor: New value over present one [1].
+        record: The record as it would be.
+        motor: The motor as it would be.
+        readings: How the columns were read; empty where that is not known.
+        sentence: What is supposed, for the message.
+    """
+
+    channels: tuple[str, ...]
+    unit: str
+    factor: float
+    record: Record
+    motor: Motor
+    readings: tuple[ColumnReading, ...]
+    sentence: str
+
+    @property
+    def is_stated(self) -> bool:
+        """Whether the unit that it denies was written down as one."""
+        sources: tuple[UnitSource, ...] = tuple(one.unit_from for one in self.readings)
+        return not self.channels or (bool(sources) and all(one == "stated" for one in sources))
+
+    @property
+    def is_assumed(self) -> bool:
+        """Whether nothing at all said the unit that it denies."""
+        return any(one.unit_from == "assumed" for one in self.readings)
+
+
+def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
+    """Yield the record with each column, and each group of like columns, in each other unit.
+
+    Args:
+        record: Any record; where it does not tell how it was read, every channel counts as read.
+        motor: The machine.
+    """
+    read = {one.channel: one for one in record.mapping}
+    names = [name for name in record.channels if name in CHANNEL and _is_read(name, read)]
+    for group in _groups(names):
+        quantity = CHANNEL[group[0]].quantity
+        present = {_unit_of(name, read) for name in group}
+        if len(present) > 1:
+            continue
+        (as_read,) = present
+        if quantity == "temperature":
+            continue  # told by value, see `heatrun.bench.checks.units`
+        for unit in QUANTITIES[quantity]:
+            factor = unit.factor / as_read.factor
+            is_near = abs(math.log(factor)) < math.log(LEAST_FACTOR)
+            if unit == as_read or (is_near and unit.offset == as_read.offset):
+                continue
+            other = _reread(record, motor, group, as_read, unit, read)
+            if any(_num_measured(other, name) < _num_measured(record, name) for name in group):
+                continue  # beyond all measure, where no relation has a say
+            yield OtherReading(
+                tuple(group),
+                unit.symbol,
+                factor,
+                other,
+                motor,
+                tuple(read[name] for name in group if name in read),
+                f"{' and '.join(group)} {'are' if len(group) > 1 else 'is'} in {unit.symbol}",
+            )
+    if motor.phase_resistance_ohm is not None:
+        for factor, sentence in RESISTANCES:
+            other = replace(motor, phase_resistance_ohm=factor * motor.phase_resistance_ohm)
+            yield OtherReading((), "", factor, record, other, (), sentence)
+
+
+def _is_read(name: str, read: dict[str, ColumnReading]) -> bool:
+    """Whether a channel came from a file; a time from a sampling rate counts as read too."""
+    return not read or name in read or name == "time_s"
+
+
+def _groups(names: Sequence[str]) -> list[list[str]]:
+    """Each channel alone, then all channels of one quantity: a bench writes all powers in kW."""
+    like: dict[str, list[str]] = {}
+    for name in names:
+        like.setdefault(CHANNEL[name].quantity, []).append(name)
+    return [[name] for name in names] + [group for group in like.values() if len(group) > 1]
+
+
+def _unit_of(name: str, read: dict[str, ColumnReading]) -> Unit:
+    quantity = CHANNEL[name].quantity
+    found = find_unit(read[name].unit, quantity) if name in read else None
+    return found or QUANTITIES[quantity][0]
+
+
+def _reread(
+    record: Record,
+    motor: Motor,
+    names: Sequence[str],
+    as_read: Unit,
+    unit: Unit,
+    read: dict[str, ColumnReading],
+) -> Record:
+    """Return a record with columns in another unit, and what was derived from them anew."""
+    channels = dict(record.channels)
+    for name in names:
+        raw = (np.asarray(channels[name], dtype=float) - as_read.offset) / as_read.factor
+        channels[name] = to_canonical(raw, unit)
+    if read:
+        for way in DERIVATIONS:
+            if (
+                way.channel not in read
+                and way.channel in channels
+                and _follows(way.needs, channels)
+            ):
+                del channels[way.channel]
+        channels, _ = derive(channels, phases=motor.phases, losses=motor.losses)
+    return replace(record, channels=channels, findings=())
+
+
+def _num_measured(record: Record, name: str) -> int:
+    return int(np.sum(is_measured(np.asarray(record[name], dtype=float))))
+
+
+def _follows(needs: Sequence[str], channels: dict[str, np.ndarray]) -> bool:
+    return all(need in channels for need in needs)

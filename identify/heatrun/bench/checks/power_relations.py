@@ -1,0 +1,176 @@
+"""Relations between powers, and between speeds, that no machine breaks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...motor import Motor
+from ..derive import dq_power, shaft_power
+from ..record import Record
+from .conflict import Conflict
+from .losses import COPPER_TOLERANCE, copper_shares
+from .samples import block_means, samples
+
+LOW_EFFICIENCY = 0.12
+"""Best efficiency [1] at which an error of 2 pi/60 in the shaft's power may hide: 1.15/9.55."""
+
+USUAL_EFFICIENCY = 0.5
+LOSSES_AGREE = 3.0
+"""Factor [1] between losses and the difference of powers; what bearings, the inverter or a
+factory calibration leave out is less."""
+
+LEAST_DIFFERENCE = 0.03
+"""Below this share of the power [1] the difference of two powers is one of their errors."""
+
+FAST_OVER_RATED = 4.0
+"""Speed over rated speed [1]; field weakening ends at three to four."""
+
+KINEMATIC = 0.5
+"""Relative difference [1] between the shaft's speed and the wheel's times the gear; a slipping
+wheel or a worn tyre makes less."""
+
+
+def _electrical(record: Record, motor: Motor) -> str | None:
+    """Name of the electrical power that the record has, nearest to the machine first."""
+    for name, needs in (
+        ("electrical_power_W", ("electrical_power_W",)),
+        ("dq", ("u_d_V", "u_q_V", "i_d_A", "i_q_A")),
+        ("dc_power_W", ("dc_power_W",)),
+        ("dc", ("dc_voltage_V", "dc_current_A")),
+    ):
+        if all(need in record for need in needs):
+            return name
+    return None
+
+
+def _power(record: Record, name: str, phases: int) -> np.ndarray:
+    if name == "dq":
+        return dq_power(record.channels, phases)
+    if name == "dc":
+        return record["dc_voltage_V"] * record["dc_current_A"]
+    return np.asarray(record[name], dtype=float)
+
+
+def power_conflicts(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
+    """Return what is broken between electrical power, the shaft's, and the losses.
+
+    Args:
+        record: Any record.
+        motor: The machine.
+        is_strict: As `heatrun.bench.checks.relations.conflicts`.
+    """
+    name = _electrical(record, motor)
+    has_shaft = "torque_Nm" in record and "speed_rpm" in record
+    if name is None or not (has_shaft or "mechanical_power_W" in record):
+        return []
+    shaft = (
+        np.asarray(record["mechanical_power_W"], dtype=float)
+        if "mechanical_power_W" in record
+        else shaft_power(record.channels)
+    )
+    both = {
+        "time_s": record.time_s,
+        "electrical": _power(record, name, motor.phases),
+        "shaft": shaft,
+    }
+    time_s, electrical, shaft = samples(Record("", both), "electrical", "shaft")
+    if time_s.size < 3:
+        return []
+    width_s = max(10.0, float(np.ptp(time_s)) / 200.0)
+    _, electrical, shaft = block_means(time_s, width_s, electrical, shaft)
+    found = []
+    inputs = {"dq": ("i_q_A", "u_q_V"), "dc": ("dc_current_A", "dc_voltage_V")}.get(name, (name,))
+    rods = ("mechanical_power_W",) if "mechanical_power_W" in record else ("torque_Nm", "speed_rpm")
+    channels = (*inputs, *rods)
+    # As a generator the roles are exchanged.
+    given = np.where(electrical + shaft > 0.0, electrical, -shaft)
+    taken = np.where(electrical + shaft > 0.0, shaft, -electrical)
+    loaded = given > 0.3 * float(np.max(given, initial=0.0))
+    if loaded.any():
+        typical = float(np.median((taken / np.maximum(given, 1e-300))[loaded]))
+        best = float(np.quantile((taken / np.maximum(given, 1e-300))[loaded], 0.9))
+        values = {"efficiency": best}
+        if typical > 1.0 + COPPER_TOLERANCE:
+            sentence = f"Expected an efficiency below 1; it is {typical:.3g}."
+            found.append(Conflict("power_from_nothing", sentence, channels, False, values))
+        elif 1e-6 < best < (USUAL_EFFICIENCY if is_strict else LOW_EFFICIENCY) and _is_idle(
+            record, motor
+        ):
+            sentence = f"The best efficiency is {best:.2g}."
+            found.append(Conflict("little_efficiency", sentence, channels, True, values))
+    found += _difference(record, motor, width_s, name, both, channels)
+    return found
+
+
+def _is_idle(record: Record, motor: Motor) -> bool:
+    """Whether a low efficiency is left unexplained by copper loss, as far as that is known."""
+    _, share = copper_shares(record, motor)
+    return share.size < 3 or float(np.median(share)) < 0.3
+
+
+def _difference(
+    record: Record,
+    motor: Motor,
+    width_s: float,
+    name: str,
+    powers: Mapping[str, np.ndarray],
+    channels: tuple[str, ...],
+) -> list[Conflict]:
+    """Losses that were recorded against the difference of recorded powers."""
+    if motor.losses != "balance" or "losses_W" not in record:
+        return []
+    whole = Record("", {**powers, "losses_W": record["losses_W"]})
+    columns = block_means(*_with_width(samples(whole, "electrical", "shaft", "losses_W"), width_s))
+    if columns[0].size < 3:
+        return []
+    _, electrical, shaft, losses = columns
+    difference = electrical - shaft
+    larger = np.maximum(np.abs(electrical), np.abs(shaft))
+    is_known = (losses > 0.0) & (difference > LEAST_DIFFERENCE * larger)
+    is_known &= larger > 0.3 * float(np.max(larger, initial=0.0))
+    if np.sum(is_known) < 3:
+        return []
+    ratio = float(np.median(losses[is_known] / difference[is_known]))
+    # Behind an inverter the difference also holds the inverter's losses: it may be the larger one.
+    least = 0.0 if name.startswith("dc") else 1.0 / LOSSES_AGREE
+    if least <= ratio <= LOSSES_AGREE:
+        return []
+    sentence = f"Expected losses_W as electrical power less shaft power; it is {ratio:.3g} of that."
+    values = {"losses_over_difference": ratio}
+    return [Conflict("losses_disagree", sentence, ("losses_W", *channels), False, values)]
+
+
+def _with_width(columns: tuple[np.ndarray, ...], width_s: float) -> tuple:
+    return (columns[0], width_s, *columns[1:])
+
+
+def speed_conflicts(record: Record, motor: Motor) -> list[Conflict]:
+    """Return what is broken between the speed, the rated speed and the vehicle's.
+
+    Args:
+        record: Any record.
+        motor: The machine.
+    """
+    found = []
+    speed = samples(record, "speed_rpm")[1]
+    if speed.size and motor.rated_speed_rpm:
+        ratio = float(np.quantile(np.abs(speed), 0.99)) / motor.rated_speed_rpm
+        if ratio > FAST_OVER_RATED:
+            sentence = f"The speed reaches {ratio:.3g} times rated_speed_rpm."
+            values = {"speed_over_rated": ratio}
+            found.append(Conflict("too_quick", sentence, ("speed_rpm",), True, values))
+    if motor.gear_ratio and motor.wheel_radius_m:
+        _, speed, vehicle = samples(record, "speed_rpm", "vehicle_speed_km_per_h")
+        wheel = vehicle / 3.6 / motor.wheel_radius_m * 30.0 / math.pi * motor.gear_ratio
+        moving = np.abs(wheel) > 0.3 * float(np.max(np.abs(wheel), initial=0.0))
+        if moving.any():
+            ratio = float(np.median(np.abs(speed[moving] / wheel[moving])))
+            if not 1.0 - KINEMATIC <= ratio <= 1.0 + KINEMATIC:
+                sentence = f"Expected the wheel's speed times the gear; the shaft has {ratio:.3g}."
+                values = {"speed_over_wheel": ratio}
+                channels = ("speed_rpm", "vehicle_speed_km_per_h")
+                found.append(Conflict("wheel_disagrees", sentence, channels, False, values))
+    return found

@@ -1,0 +1,156 @@
+"""Relations between channels that no machine breaks, whatever its size.
+
+A relation compares what belongs to one machine: a time with a size, a power with another, a speed
+with a speed. Machines from 1 W to 1 MW differ by a million in watts and by thirty in time, so no
+limit here is one of watts or amperes. Where a relation is broken, a unit has been misread as a
+rule; `heatrun.bench.checks.suspicion` then tries which.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Record
+from .conflict import Conflict
+from .crude_fit import crude_fit
+from .losses import COPPER_TOLERANCE, copper_shares
+from .one_node import one_node
+from .power_relations import power_conflicts, speed_conflicts
+from .samples import samples
+
+SHORTEST_S = {"ambient": 25.0, "coolant": 1.5}
+"""Time constants [s] at 1 W/K below which no machine lies. In air a motor of 100 g has 50 s in the
+wash of its propeller; a coolant may run in the slots themselves."""
+
+LEAST_SHORTEST_S = 5.0
+"""And below which none lies at all."""
+
+LARGER, SMALLER = 0.5, 0.25
+"""Powers of the conductance in W/K that this goes with, above and below 1 W/K. Heat leaves through
+a surface (L²) and is stored in a volume (L³): at one kind of cooling the time constant goes with L,
+that is with the root of the conductance. Fan-cooled 1 MW (700 W/K) has 1000 s and more, a
+water-cooled traction motor (30 W/K) 100 s, a winding with oil in its slots (100 W/K) 20 s. Small
+bodies lose heat better than that: a motor of 3 g (0.01 W/K) has 60 s in still air, and 10 s if the
+test shows its winding alone."""
+
+SETTLES = 4.0
+"""Time constants [1] that a test must last to call a machine too fast: a shorter one may have shown
+its winding alone."""
+
+LONGEST_BY_SIZE_S = 18e3
+"""Machines in still air have 600 to 2000 s times the root of the conductance in W/K, from 3 g
+(0.01 W/K, 60 s) over 10 kg (3 W/K, 2000 s) to 1 MW (700 W/K, 5 h); nine times as slow is none, even
+wrapped up."""
+
+USUAL_BY_SIZE_S = {"ambient": 200.0, "coolant": 40.0}
+"""Middle of what machines have [s], again over the root of the conductance in W/K: from fan-cooled
+(20) to still air (2000), from oil in the slots (2) to a jacket (800)."""
+
+FROM_USUAL = 20.0
+"""Factor [1] within which of it a reading that is to repair a clock must lie."""
+
+LONGEST_S = 360e3
+"""100 h; the largest hydro generators take about ten."""
+
+LEAST_PER_TORQUE = 2.0
+"""Capacity over the largest torque [J/(K Nm)]: the lightest axial-flux traction motors have 0.05
+kg/Nm at peak torque, times 430 J/(kg K) 20, of which the winding alone, all that a short test
+shows, is a tenth; servo motors have 450, standard motors 700."""
+
+LEAST_COPPER = 0.005
+"""Copper loss over total [1] below which a machine runs without load, if the units are right."""
+
+USUAL_COPPER = 0.1
+"""And what a reading that is to repair it must reach."""
+
+
+def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple[Conflict, ...]:
+    """Return the relations that a record breaks.
+
+    Args:
+        record: Any record.
+        motor: The machine.
+        is_strict: Ask for what is usual, not only for what is possible: for a reading that is to
+            repair another.
+    """
+    return (
+        *_time_scale(record, motor, is_strict),
+        *_copper(record, motor, is_strict),
+        *power_conflicts(record, motor, is_strict),
+        *speed_conflicts(record, motor),
+    )
+
+
+def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
+    """Time constant and capacity against the size of the machine."""
+    seen = one_node(record, motor)
+    if seen is None:
+        return []
+    found = []
+    tau, C, G = seen.tau_s, seen.capacity_J_per_K, seen.conductance_W_per_K
+    shortest, longest = _shortest(G, motor.sink), LONGEST_S
+    if math.isfinite(G):
+        root = math.sqrt(G)
+        longest = min(longest, LONGEST_BY_SIZE_S * root)
+        if is_strict:
+            usual = USUAL_BY_SIZE_S[motor.sink] * root
+            shortest = max(shortest, usual / FROM_USUAL)
+            longest = min(longest, usual * FROM_USUAL)
+    values = {"tau_s": tau, "capacity_J_per_K": C, "conductance_W_per_K": G}
+    values = {name: value for name, value in values.items() if math.isfinite(value)}
+    size = f" at {G:.3g} W/K" if math.isfinite(G) else ""
+    came = f"the winding follows with {tau:.3g} s"
+    channels = ("time_s", "winding_degC", "losses_W")
+    has_settled = seen.duration_s > SETTLES * tau
+    if tau < shortest and (is_strict or (has_settled and _stays_short(record, motor, shortest))):
+        sentence = f"Expected a time constant above {shortest:.2g} s{size}; {came}."
+        is_mild = tau > _shortest(G, "coolant")
+        found.append(Conflict("too_fast", sentence, channels, False, values, is_mild))
+    if tau > longest:
+        sentence = f"Expected a time constant below {longest:.2g} s{size}; {came}."
+        found.append(Conflict("too_slow", sentence, channels, False, values))
+    torque = samples(record, "torque_Nm")[1]
+    peak = float(np.quantile(np.abs(torque), 0.99)) if torque.size else 0.0
+    is_light = math.isfinite(C) and LEAST_PER_TORQUE * peak > C
+    if is_light and (is_strict or has_settled):
+        sentence = (
+            f"Expected a heat capacity above {LEAST_PER_TORQUE:.0f} J/K for each Nm of torque; "
+            f"{C:.3g} J/K go with {peak:.3g} Nm."
+        )
+        values = values | {"torque_Nm": peak}
+        found.append(Conflict("too_light", sentence, (*channels, "torque_Nm"), False, values))
+    return found
+
+
+def _shortest(conductance_W_per_K: float, sink: str) -> float:
+    """Shortest time constant [s] of any machine of a size; without a size that of the smallest."""
+    if not math.isfinite(conductance_W_per_K):
+        return LEAST_SHORTEST_S
+    power = LARGER if conductance_W_per_K > 1.0 else SMALLER
+    return max(LEAST_SHORTEST_S, SHORTEST_S[sink] * conductance_W_per_K**power)
+
+
+def _stays_short(record: Record, motor: Motor, shortest_s: float) -> bool:
+    """Whether two masses say the same: one mass takes a short test's winding for the machine."""
+    fit = crude_fit(record, motor)
+    return fit is None or fit.tau_s < 1.5 * shortest_s
+
+
+def _copper(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
+    """Copper loss of the current against the measured total."""
+    _, share = copper_shares(record, motor)
+    if share.size < 3:
+        return []
+    typical = float(np.median(share))
+    channels = ("phase_current_A", "losses_W")
+    values = {"copper_share": typical}
+    if float(np.mean(share > 1.0 + COPPER_TOLERANCE)) > 0.5:
+        sentence = f"Expected losses above the copper loss; they are {1.0 / typical:.2g} of it."
+        return [Conflict("losses_below_copper", sentence, channels, False, values)]
+    if typical < (USUAL_COPPER if is_strict else LEAST_COPPER):
+        sentence = f"The copper loss is {typical:.2g} of the losses, as without load."
+        return [Conflict("little_copper", sentence, channels, True, values)]
+    return []

@@ -1,0 +1,268 @@
+"""A record that breaks a relation of physics: which unit, read otherwise, would mend it?
+
+Each column is tried in each other unit of its quantity, and every relation asked again. What mends
+all of them is named; it is never applied. A unit that was only assumed, or taken from a name, is
+asked about by an error; one that was written down by a warning, since the file may be right and the
+machine unlike others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Finding, Record
+from .conflict import Conflict
+from .losses import losses_negative
+from .one_node import one_node
+from .other_readings import OtherReading, other_readings
+from .relations import USUAL_BY_SIZE_S, conflicts
+from .samples import place, samples
+from .sensor import sensor_detached, temperature_jump
+from .units import ambient_implausible, units_temperature
+
+MAX_SAMPLES = 20_000
+"""Relations hold for means: a longer record is thinned before it is tried in thirty units."""
+
+MAX_NAMED = 3
+"""More suppositions than this are no help."""
+
+MUCH_BETTER = 2.5
+"""A supposition that leaves the time constant so many times [1] further from the usual one than
+the best is not named beside it."""
+
+SYMPTOMS = (temperature_jump, sensor_detached, losses_negative, ambient_implausible)
+"""Checks whose errors a misread unit brings about too; what mends the unit must end them."""
+
+CLOCK = frozenset({"too_fast", "too_slow", "too_light"})
+FAMILIES = (
+    CLOCK,
+    frozenset({"losses_below_copper", "little_copper"}),
+    frozenset({"power_from_nothing", "little_efficiency", "losses_disagree"}),
+    frozenset({"too_quick", "wheel_disagrees"}),
+)
+"""Relations that say the same of a unit: where one is broken, its family must become usual."""
+
+OTHER_COOLING = ' Or does a liquid cool the machine, and [motor] lacks sink = "coolant"?'
+
+SPOKEN = {"time_s": "the time", "speed_rpm": "the speed", "losses_W": "the losses"}
+
+
+def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report relations between channels that the record breaks, and the units that would mend it.
+
+    An error where a unit that was not written down explains it, else a warning; nothing for what is
+    only odd and explained by no unit.
+    """
+    record = _thinned(record)
+    broken = conflicts(record, motor)
+    if not broken or any(f.severity == "error" for f in units_temperature(record, motor)):
+        return ()
+    symptoms = _symptoms(record, motor)
+    is_shown = one_node(record, motor) is not None
+    ids = {conflict.id for conflict in broken}
+    unusual = {conflict.id for conflict in conflicts(record, motor, is_strict=True)}
+    settled = unusual - {id for family in FAMILIES if family & ids for id in family} - CLOCK
+    mending = [
+        one
+        for one in other_readings(record, motor)
+        if _is_asked(one, ids) and _mends(one, settled, is_shown)
+    ]
+    mending = _ranked(mending)
+    is_odd = all(conflict.is_odd for conflict in broken)
+    if not mending:
+        broken = tuple(c for c in broken if not c.is_odd and c.id != "losses_below_copper")
+        return (_unexplained(record, broken),) if broken and not symptoms else ()
+    is_mild = all(conflict.is_odd or conflict.is_mild for conflict in broken)
+    asked = any(one.is_assumed if is_mild else not one.is_stated for one in mending)
+    explained = [*symptoms, *(c.id for c in broken if c.id == "losses_below_copper")]
+    sentences = [_supposed(one) for one in mending]
+    return (
+        Finding(
+            "unit_suspected",
+            "error" if asked and not is_odd else "warning",
+            f"{_told(broken)} {_list(sentences)}",
+            place(record, broken[0].channels[0], float(samples(record)[0][0])),
+            _remedy(mending, record) + (OTHER_COOLING if is_mild and not is_odd else ""),
+            values={
+                **_figures(broken),
+                **{f"explains_{id}": 1.0 for id in explained},
+                **_factors(mending),
+            },
+        ),
+    )
+
+
+def referred(findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings, where those that a suspected unit explains send the reader to it.
+
+    A fall within seconds looks like a sensor that has come off, until the clock is known to be in
+    minutes: the remedy of the one would then mislead.
+    """
+    explained = {
+        name.removeprefix("explains_")
+        for finding in findings
+        if finding.id == "unit_suspected"
+        for name in finding.values
+        if name.startswith("explains_")
+    }
+    remedy = "Explained by the unit that unit_suspected asks about: settle that first."
+    return [
+        replace(finding, remedy=remedy) if finding.id in explained else finding
+        for finding in findings
+    ]
+
+
+def _thinned(record: Record) -> Record:
+    size = np.size(record.time_s)
+    if size <= MAX_SAMPLES:
+        return record
+    step = -(-size // MAX_SAMPLES)
+    return replace(record, channels={k: np.asarray(v)[::step] for k, v in record.channels.items()})
+
+
+def _symptoms(record: Record, motor: Motor) -> list[str]:
+    return [
+        check.__name__
+        for check in SYMPTOMS
+        if any(finding.severity == "error" for finding in check(record, motor))
+    ]
+
+
+def _is_asked(one: OtherReading, ids: set[str]) -> bool:
+    """Whether a relation that is broken speaks of what is read otherwise at all."""
+    if not one.channels:
+        return "losses_below_copper" in ids
+    return bool(ids & CLOCK) or one.channels != ("time_s",)
+
+
+def _mends(one: OtherReading, left: set[str], is_shown: bool) -> bool:
+    """Whether nothing is broken any longer, and nothing unusual either.
+
+    Args:
+        one: The record, read otherwise.
+        left: Relations that are unusual as it was read and not in question: they may stay so.
+        is_shown: The record shows a time constant as it was read: then it must still do so.
+    """
+    if is_shown and one_node(one.record, one.motor) is None:
+        return False
+    return not (
+        conflicts(one.record, one.motor)
+        or any(c.id not in left for c in conflicts(one.record, one.motor, is_strict=True))
+        or _symptoms(one.record, one.motor)
+        or any(f.severity == "error" for f in units_temperature(one.record, one.motor))
+    )
+
+
+def _ranked(mending: Sequence[OtherReading]) -> list[OtherReading]:
+    """Those that bring the machine nearest to the usual ones, single columns for groups."""
+    distance = [_from_usual(one) for one in mending]
+    least = min(distance, default=0.0)
+    # Of what is equally usual the smaller mistake comes first.
+    near = sorted(
+        (abs(math.log(one.factor)), len(one.channels), position)
+        for position, (one, far) in enumerate(zip(mending, distance, strict=True))
+        if far < least + math.log(MUCH_BETTER)
+    )
+    chosen = [mending[position] for _, _, position in near]
+    single = {(*one.channels, one.unit) for one in chosen if len(one.channels) == 1}
+    # A group whose single column is enough says more than is known.
+    chosen = [
+        one
+        for one in chosen
+        if len(one.channels) < 2 or not any((name, one.unit) in single for name in one.channels)
+    ]
+    return chosen[:MAX_NAMED]
+
+
+def _from_usual(one: OtherReading) -> float:
+    """Logarithm of the time constant over the usual one of that size, without its sign."""
+    seen = one_node(one.record, one.motor)
+    if seen is None or not math.isfinite(seen.conductance_W_per_K):
+        return 0.0
+    usual = USUAL_BY_SIZE_S[one.motor.sink] * math.sqrt(seen.conductance_W_per_K)
+    return abs(math.log(seen.tau_s / usual))
+
+
+def _told(broken: Sequence[Conflict]) -> str:
+    """The conflicts in words, the impossible ones first."""
+    firm = [c.sentence for c in broken if not c.is_odd]
+    return " ".join(firm or [c.sentence for c in broken])
+
+
+def _supposed(one: OtherReading) -> str:
+    if not one.readings:
+        return one.sentence
+    how = {"stated": "as the file or [columns] states", "name": "by the name",
+           "assumed": "assumed, no unit given"}  # fmt: skip
+    was = ", ".join(dict.fromkeys(f"{r.unit}, {how[r.unit_from]}" for r in one.readings))
+    return f"{_spoken(one)} (read as {was})"
+
+
+def _spoken(one: OtherReading) -> str:
+    if len(one.channels) == 1 and one.channels[0] in SPOKEN:
+        verb = "were" if one.channels[0] == "losses_W" else "was"
+        return f"{SPOKEN[one.channels[0]]} {verb} in {one.unit}"
+    return one.sentence.replace(" is in", " was in").replace(" are in", " were in")
+
+
+def _list(sentences: Sequence[str]) -> str:
+    return f"All relations hold if {', or if '.join(sentences)}."
+
+
+def _remedy(mending: Sequence[OtherReading], record: Record) -> str:
+    words = []
+    for one in mending:
+        columns = {r.channel: r for r in one.readings}
+        lines = " and ".join(
+            f'{name} = "{columns[name].column if name in columns else "COLUMN"} [{one.unit}]"'
+            for name in one.channels
+        )
+        if one.channels == ("time_s",) and record.mapping and not columns:
+            words.append("check the sampling rate")
+        elif lines:
+            words.append(f"write {lines} into [columns]")
+        else:
+            words.append("correct phase_resistance_ohm in [winding]")
+    if any("time_s" in one.channels for one in mending) and _counts_samples(record):
+        words.append(
+            'if the time column counts samples, write time_s = "rate 10 Hz" with the logger\'s rate'
+        )
+    told = "; or ".join(words)
+    stays = next((r for one in mending for r in one.readings if r.unit_from != "stated"), None)
+    if stays is None:
+        return f"If so, {told}."
+    kept = f'{stays.channel} = "{stays.column} [{stays.unit}]"'
+    return f"If so, {told}. If {stays.unit} is right, write {kept}: then it is a warning only."
+
+
+def _counts_samples(record: Record) -> bool:
+    steps = np.diff(record.time_s)
+    return bool(steps.size) and bool(np.all(steps == np.round(steps)) and np.ptp(steps) == 0.0)
+
+
+def _figures(broken: Sequence[Conflict]) -> dict[str, float]:
+    return {name: value for conflict in broken for name, value in conflict.values.items()}
+
+
+def _factors(mending: Sequence[OtherReading]) -> dict[str, float]:
+    return {
+        f"factor_{'_and_'.join(one.channels) or 'phase_resistance_ohm'}_{one.unit}".rstrip("_"):
+        one.factor
+        for one in mending
+    }  # fmt: skip
+
+
+def _unexplained(record: Record, broken: Sequence[Conflict]) -> Finding:
+    return Finding(
+        "unit_suspected",
+        "warning",
+        f"{_told(broken)} No other unit of a single column explains it.",
+        place(record, broken[0].channels[0], float(samples(record)[0][0])),
+        "Check the columns, their units, and sink and losses in the motor file.",
+        values=_figures(broken),
+    )

@@ -1,0 +1,160 @@
+"""What commands keep between two runs: compilations, lists of fonts; a run does without as well.
+
+Nothing in here is needed. A folder that cannot be written to is a note, a damaged compilation is
+made again and replaced, and the folder of compilations stays below a bound.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import re
+import shutil
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TextIO
+
+from .folder_lock import FolderLock
+
+COMPILATIONS = "heatrun/jax"
+FOLDERS = (COMPILATIONS, "matplotlib", "arviz")
+"""What is made below the user's cache folder, by heatrun and by packages that it loads."""
+
+MOST_BYTES = 256_000_000
+"""About a thousand compilations; a command adds up to some 20 MB, the next start clears away."""
+
+IN_PLACE = ".heatrun-cache"
+"""End of the name of a folder that stands in for a cache folder while one process runs."""
+
+OF_JAX = re.compile(
+    r"Error (?P<what>reading|writing) persistent compilation cache entry for '(?P<module>[^']*)': "
+    r"(?P<error>.*)",
+    re.DOTALL,
+)
+
+
+def use_caches(say: Callable[[str], None]) -> None:
+    """Choose the folders of the caches; for commands, before JAX and matplotlib are loaded.
+
+    The second run of a command then needs about half the processor time of the first. The folder
+    of compilations is the user's to choose by JAX_COMPILATION_CACHE_DIR, and is then left alone.
+
+    Args:
+        say: Told why there is no cache, where that is so.
+    """
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path("~").expanduser() / ".cache")
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
+    refused = next((why for name in FOLDERS if (why := _refusal(base / name))), "")
+    if refused:
+        say(f"{refused}: this run does without the cache and takes longer. Set XDG_CACHE_HOME to "
+            "a writable folder to keep one.")  # fmt: skip
+        stands_in = _stand_in()
+        os.environ["XDG_CACHE_HOME"] = str(stands_in)
+        os.environ.setdefault("MPLCONFIGDIR", str(stands_in / "matplotlib"))
+        return
+    ours = str(base / COMPILATIONS)
+    if os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", ours) == ours:
+        with suppress(OSError):
+            keep_below(Path(ours), MOST_BYTES)
+
+
+def keep_below(folder: Path, most_bytes: int) -> None:
+    """Remove the compilations that were used longest ago until the others take at most so much.
+
+    JAX has a bound of its own; after a kill at the wrong moment it refuses every further entry.
+
+    Args:
+        folder: Of JAX's persistent cache.
+        most_bytes: What may stay [byte].
+    """
+    entries = []
+    for path in folder.glob("*-cache"):
+        with suppress(FileNotFoundError):  # another process clears away too
+            status = path.stat()
+            entries.append((max(status.st_atime_ns, status.st_mtime_ns), status.st_size, path))
+    total = sum(size for _, size, _ in entries)
+    for _, size, path in sorted(entries):
+        if total <= most_bytes:
+            return
+        path.unlink(missing_ok=True)
+        total -= size
+
+
+@contextmanager
+def damaged_are_replaced(say: Callable[[str], None]) -> Iterator[None]:
+    """Remove compilations that JAX cannot read, so that it writes them anew, now and not never.
+
+    JAX compiles what it cannot read, warns, and keeps the damaged entry: at every run again. It
+    names the function in its warning, by which the names of its entries begin.
+
+    Args:
+        say: Told, once, that the cache cannot be written.
+    """
+    before = warnings.showwarning
+    has_said = False
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        nonlocal has_said
+        found = OF_JAX.match(str(message))
+        if found is None:
+            before(message, category, filename, lineno, file, line)
+        elif found["what"] == "reading":
+            _remove(found["module"])
+        elif not has_said:
+            has_said = True
+            say(f"compilations cannot be kept for the next run ({found['error']})")
+
+    warnings.showwarning = show
+    try:
+        yield
+    finally:
+        if warnings.showwarning is show:
+            warnings.showwarning = before
+
+
+def _remove(module: str) -> None:
+    folder = os.environ.get("JAX_COMPILATION_CACHE_DIR", "")
+    if not folder or not module:
+        return
+    with suppress(OSError):
+        for path in Path(folder).iterdir():
+            if path.name.startswith(f"{module}-") and path.name.endswith("-cache"):
+                path.unlink(missing_ok=True)
+
+
+def _refusal(folder: Path) -> str:
+    """Return why a folder cannot be written to; empty if it can."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        return f"{folder} cannot be made ({error.strerror})"
+    return "" if os.access(folder, os.W_OK | os.X_OK) else f"{folder} cannot be written to"
+
+
+def _stand_in() -> Path:
+    """Return an empty folder that goes with the process; those of killed ones go now."""
+    for left in Path(tempfile.gettempdir()).glob(f"*{IN_PLACE}"):
+        with suppress(OSError):
+            is_mine = sys.platform == "win32" or left.lstat().st_uid == os.getuid()
+            if is_mine and not left.is_symlink() and FolderLock.is_free(left):
+                shutil.rmtree(left, ignore_errors=True)
+    folder = Path(tempfile.mkdtemp(suffix=IN_PLACE))
+    lock = FolderLock.take(folder)
+
+    def clear() -> None:
+        lock.release()
+        shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(clear)
+    return folder

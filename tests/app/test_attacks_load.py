@@ -1,0 +1,195 @@
+"""Clients that send too much, too slowly, or too often, and the end of the server."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import os
+import shutil
+import signal
+import socket
+import time
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+BOMB_MB = 300
+CUT_S = 60
+
+
+def _until(is_so, seconds: float = 180.0) -> None:
+    end = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < end
+        time.sleep(0.2)
+
+
+def _is_running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_a_packed_message_is_measured_before_it_is_unpacked(served, wire):
+    packed = base64.b64encode(gzip.compress(bytes(BOMB_MB * 10**6))).decode()
+    part = {"type": "bytes", "data": packed}
+    before = served.most_MB
+    for data in (part, [part] * 3, {"type": "map", "entries": [["a", part]]}):
+        tab = wire.Tab(served.url)
+        event = {"kind": "MessageSent", "msg_type": "x", "msg_data": data}
+        tab.send("PATCH-DOC", {"events": [event]})
+        assert tab.is_closed()
+        tab.close()
+    assert served.most_MB - before < 0.5 * BOMB_MB
+    _alive(served, wire)
+
+
+def test_many_small_packed_parts_are_measured_together(served, wire):
+    packed = base64.b64encode(gzip.compress(bytes(10**6))).decode()
+    tab = wire.Tab(served.url)
+    before = served.most_MB
+    data = [{"type": "bytes", "data": packed}] * BOMB_MB
+    tab.send("PATCH-DOC", {"events": [{"kind": "MessageSent", "msg_type": "x", "msg_data": data}]})
+    assert tab.is_closed()
+    tab.close()
+    assert served.most_MB - before < 0.5 * BOMB_MB
+    _alive(served, wire)
+
+
+def test_frames_are_not_packed_and_messages_end_at_a_size(served, wire):
+    tab = wire.Tab(served.url)
+    assert "permessage-deflate" not in tab.handshake
+    header = {"msgid": "1", "msgtype": "PATCH-DOC", "num_buffers": 1000}
+    before = served.most_MB
+    try:
+        for part in (header, {}, {"events": []}):
+            tab.frame(json.dumps(part).encode())
+        for number in range(100):
+            tab.frame(json.dumps({"id": str(number)}).encode())
+            tab.frame(bytes(3_000_000), 2)
+        assert tab.is_closed()
+    except (BrokenPipeError, ConnectionResetError):
+        pass  # it did not even hear us out
+    tab.close()
+    assert served.most_MB - before < 150
+    _alive(served, wire)
+
+
+def test_uploads_of_all_pages_share_one_limit(serve, wire):
+    server = serve("--max-upload-MB", "1")
+    first, second = wire.Tab(server.url), wire.Tab(server.url)
+
+    def dropper(tab) -> str:
+        (found,) = tab.models("panel.models.file_dropper.FileDropper")
+        return found["id"]
+
+    first.upload(dropper(first), "a.csv", b"time_s,winding_degC\n" + b"0,20\n" * 120_000)
+    _until(lambda: "uploaded/a.csv" in first.document())
+    second.upload(dropper(second), "b.csv", b"time_s,winding_degC\n" + b"0,20\n" * 120_000)
+    _until(lambda: "exceed 1 MB" in second.document())
+    # a file that was begun takes room too, and gives it back when its page goes
+    third = wire.Tab(server.url)
+    assert "uploaded/a.csv" in third.document()
+    assert "uploaded/b.csv" not in third.document()
+    third.upload(dropper(third), "c.csv", b"t\n" * 150_000, 1, 2)
+    second.upload(dropper(second), "d.csv", b"time_s,winding_degC\n" + b"0,20\n" * 30_000)
+    _until(lambda: "exceed 1 MB" in second.document())
+    for tab in (first, second, third):
+        tab.close()
+
+
+def _alive(served, wire) -> None:
+    tab = wire.Tab(served.url)
+    assert "duty_30min.csv.gz" in tab.document()
+    tab.close()
+
+
+def test_connections_that_say_nothing_are_cut(served, wire):
+    parts = urlsplit(served.url)
+    address = (parts.hostname, parts.port)
+    silent = socket.create_connection(address, timeout=CUT_S)
+    half = socket.create_connection(address, timeout=CUT_S)
+    half.sendall(b"GET / HTTP/1.1\r\nHost: ")
+    body = socket.create_connection(address, timeout=CUT_S)
+    body.sendall(f"GET / HTTP/1.1\r\nHost: {parts.netloc}\r\nContent-Length: 9\r\n\r\nx".encode())
+    large = socket.create_connection(address, timeout=CUT_S)
+    large.sendall(
+        f"GET / HTTP/1.1\r\nHost: {parts.netloc}\r\nContent-Length: 99999999\r\n\r\n".encode()
+    )
+    for each in (silent, half, body, large):
+        while each.recv(65536):
+            pass
+        each.close()
+    _alive(served, wire)
+
+
+def test_a_flood_of_connections_leaves_the_page_alive(served, wire):
+    tab = wire.Tab(served.url)
+    parts = urlsplit(served.url)
+    flood = [socket.create_connection((parts.hostname, parts.port), timeout=60) for _ in range(400)]
+    try:
+        _alive(served, wire)
+        assert "duty_30min.csv.gz" in tab.document()
+        open_files = len(list(Path(f"/proc/{served.process.pid}/fd").iterdir()))
+        assert open_files < 300
+    finally:
+        for each in (*flood, tab):
+            each.close()
+
+
+def test_a_flood_of_pages_ends_at_a_number(serve, wire):
+    server = serve()
+    tab = wire.Tab(server.url)
+    answers = []
+    for _ in range(10):
+        answers += [wire.ask(server.url)[0] for _ in range(7)]
+        assert "duty_30min.csv.gz" in tab.document()  # the page of a user goes on all the while
+    assert answers[0] == 200
+    assert set(answers) <= {200, 503}  # a slow machine forgets the first ones before the last
+    tab.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGKILL])
+def test_nothing_is_left_when_the_server_ends(serve, wire, tmp_path, monkeypatch, number):
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    server = serve()
+    tab = wire.Tab(server.url, "?test=duty_30min.csv.gz&motor=motor.toml")
+    assert [each for each in temporary.iterdir() if each.name.startswith("heatrun-uploads-")]
+    (button,) = [
+        model["id"] for model in tab.models("panel.models.widgets.Button") + tab.models("Button")
+        if model["attributes"].get("label") == "Calibrate"
+    ]  # fmt: skip
+    event = {"type": "event", "name": "button_click",
+             "values": {"type": "map", "entries": [["model", {"id": button}]]}}  # fmt: skip
+    told = {"kind": "MessageSent", "msg_type": "bokeh_event", "msg_data": event}
+    tab.send("PATCH-DOC", {"events": [told]})
+    _until(lambda: server.children())
+    jobs = server.children()
+    server.process.send_signal(number)
+    server.process.wait(60)
+    tab.close()
+    _until(lambda: not any(map(_is_running, jobs)), 60)
+    if number != signal.SIGKILL:
+        assert server.process.returncode == 0
+        assert not [each for each in temporary.iterdir() if each.name.startswith("heatrun-uploads")]
+    assert "Traceback" not in server.log.read_text()
+
+
+def test_a_server_under_nohup_outlives_its_terminal(folder, served_class, wire):
+    if shutil.which("nohup") is None:
+        pytest.skip("no nohup here")
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        server = served_class(folder)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    try:
+        os.kill(server.process.pid, signal.SIGHUP)
+        _alive(server, wire)
+    finally:
+        server.close()

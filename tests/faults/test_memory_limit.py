@@ -1,0 +1,51 @@
+"""A limit of the address space is a sentence, not the abort of compiled code."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("resource")
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+
+
+def limited(kilobytes: int, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "heatrun.cli", *words]
+    line = ["bash", "-c", f'ulimit -v {kilobytes}; exec "$@"', "bash", *command]
+    return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("command", ["calibrate", "compare", "discover"])
+def test_a_limit_below_what_a_fit_takes_is_said_at_once(command, tmp_path):
+    done = limited(1_500_000, tmp_path, command, "motor.toml", "duty.csv", "--json")
+    assert done.returncode == 1, done.stderr
+    assert (
+        "more memory than there is: the address space of a process is limited to 1.5 GB"
+        in (json.loads(done.stdout)["error"]["problem"])
+    )
+    assert "ulimit -v" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_commands_that_compile_nothing_have_no_such_limit(tmp_path):
+    done = limited(1_500_000, tmp_path, "sheet", "run")
+    assert "is not a run folder" in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.skipif((os.cpu_count() or 1) > 2, reason="more cores take more")
+def test_two_gigabytes_are_enough_for_both_orders(tmp_path):
+    (tmp_path / "motor.toml").write_bytes((DATA / "motor.toml").read_bytes())
+    with gzip.open(DATA / "duty_30min.csv.gz", "rt") as file:
+        lines = file.read().splitlines()
+    (tmp_path / "duty.csv").write_text("\n".join([lines[0], *lines[1::10]]) + "\n")
+    done = limited(
+        2_000_000, tmp_path, "calibrate", "motor.toml", "duty.csv", "--quick", "--out", "run"
+    )
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,264 @@
+"""Every unit in every form of header: converted by its own factor or asked for, never passed over.
+
+Exhaustive and without files: each spelling of each unit of each quantity, in each way in which a
+header may hold a unit.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from heatrun.bench import header
+from heatrun.bench.column_unit import unit_of
+from heatrun.bench.header import LONGEST_NAME, LONGEST_UNIT, plain, split_name
+from heatrun.bench.schema import CHANNEL
+from heatrun.bench.table import Column
+from heatrun.bench.unit_table import QUANTITIES, Unit
+from heatrun.bench.units import require_unit
+from heatrun.errors import InputError
+
+COLUMNS = {
+    "time": ("time_s", "Zeit"),
+    "temperature": ("winding_degC", "T_w"),
+    "phase current": ("phase_current_A", "I_ph"),
+    "dq current": ("i_d_A", "Id"),
+    "direct current": ("dc_current_A", "Idc"),
+    "voltage": ("dc_voltage_V", "Udc"),
+    "power": ("losses_W", "P_loss"),
+    "speed": ("speed_rpm", "n_mot"),
+    "torque": ("torque_Nm", "M"),
+    "flow": ("coolant_flow_L_per_min", "Vdot"),
+    "velocity": ("vehicle_speed_km_per_h", "v"),
+    "fraction": ("fan", "blower"),
+}
+
+MARKED = (
+    "{0} [{1}]", "{0}[{1}]", "{0}_[{1}]", "[{1}] {0}", "[{1}]{0}", "{0} [{1}] avg", "{0}[{1}]_mean",
+    "{0} [ {1} ]", "{0} [in {1}]", "{0} [unit: {1}]", "{0} [{1}, mean]", "{0} [mean {1}]",
+    "{0} ({1})", "{0}({1})", "({1}) {0}", "{0} ({1}) avg", "{0} (in {1})", "{0} (unit {1})",
+    "{0} (stator) [{1}]", "{0} [{1}] (stator)", "{0} {{{1}}}", "{0}<{1}>", "{0} <{1}>",
+    "{0} in {1}", "{0}, in {1}", "{0} in {1} avg", "{0} / {1}", "{0}/{1}", "{0}, {1}", "{0},{1}",
+    "# {0} [{1}]", "{0} [{1}]\u200b", "{0}\u00a0[{1}]", "{0}\u202f({1})", "{0}\u00a0in\u2009{1}",
+    "{0}［{1}］", "{0}（{1}）", "{0}／{1}", "  {0}   [{1}] ",
+)  # fmt: skip
+"""Forms in which the unit is marked as one."""
+
+PLAIN = (
+    "{0} {1}", "{0}_{1}", "{0}-{1}", "{0}:{1}", "{0}: {1}", "{0}|{1}", "{0} = {1}", "{0} - {1}",
+    "{0}.{1}", "{0}\u00a0{1}", "{0}_{1}_mean", "{0}_{1}_avg", "{0} {1} avg", "{0} {1} mean",
+    "{0}_mean_{1}", "{0}_{1}_max", "{0} – {1}", "{0}_{1}_2",
+)  # fmt: skip
+"""Forms in which it is a part of the name."""
+
+LEADING = ("{1} {0}", "{1}_{0}", "{1}: {0}", "{0}_{1}_rotor", "{0} {1} rotor")
+"""Forms of the second kind in which only what can be nothing else is told from the name."""
+
+
+def read(name: str, quantity: str) -> tuple[Unit | None, str]:
+    """Return the unit that a column of this name is read in and how it is known."""
+    channel = CHANNEL[COLUMNS[quantity][0]]
+    column = Column(name, *split_name(name), np.ones(1))
+    text, known_from = unit_of(column, channel, "test")
+    return require_unit(text or channel.unit, quantity, where="test"), known_from
+
+
+def spellings():
+    for quantity, units in QUANTITIES.items():
+        for unit in units:
+            for spelling in dict.fromkeys((unit.symbol, *unit.spellings)):
+                yield quantity, unit, spelling
+
+
+def outcome(form: str, quantity: str, unit: Unit, spelling: str) -> str:
+    name = form.format(COLUMNS[quantity][1], spelling)
+    try:
+        found, known_from = read(name, quantity)
+    except InputError:
+        return "asked"
+    if found == unit:
+        return known_from
+    return f"{name!r} of {quantity} read in {found and found.symbol}, {known_from}"
+
+
+@pytest.mark.parametrize("form", [*MARKED, *PLAIN])
+def test_every_unit_is_converted_or_asked_for(form):
+    outcomes = Counter(
+        outcome(form, *case) for case in spellings() if any(sign.isalpha() for sign in case[2])
+    )
+    assert set(outcomes) <= {"stated", "name", "assumed", "asked"}
+
+
+@pytest.mark.parametrize("form", LEADING)
+def test_a_unit_in_front_or_within_is_converted_or_asked_for(form):
+    # A single letter within a name is a part of it: the K of "TC_K_rotor" is a kind of sensor.
+    within = form.startswith("{0}")
+    cases = [case for case in spellings() if any(sign.isalpha() for sign in case[2])]
+    outcomes = Counter(outcome(form, *case) for case in cases if not (within and len(case[2]) == 1))
+    assert set(outcomes) <= {"stated", "name", "assumed", "asked"}
+
+
+ASKED = {"h", "K", "MW"}
+"""Symbols that may as well be a part of the name where no mark sets them off."""
+
+
+@pytest.mark.parametrize("form", [*MARKED, *PLAIN])
+def test_what_benches_write_is_read_and_not_asked_for(form):
+    for quantity, units in QUANTITIES.items():
+        for unit in units:
+            if unit.symbol[0].isalpha() and not (unit.symbol in ASKED and form in PLAIN):
+                found = outcome(form, quantity, unit, unit.symbol)
+                assert found == "stated" if form in MARKED else found in ("stated", "name")
+
+
+@pytest.mark.parametrize("form", MARKED)
+@pytest.mark.parametrize("wrong", ["kVA", "furlong", "Celcius", "gal/min", "kW", "1/s"])
+def test_what_is_marked_and_not_understood_is_asked_for(form, wrong):
+    name = form.format("T_w", wrong)
+    if wrong == "furlong" and not any(sign in plain(form) for sign in ("[", "in ", " / ", "unit")):
+        assert split_name(name)[1] is None  # a word in round brackets is a word
+        return
+    with pytest.raises(InputError):
+        read(name, "temperature")
+
+
+WHOLE = {
+    "temperature": (
+        "T_1", "T1", "T_w", "Tw_m", "Te", "Temp_K1", "Temp K1", "T (stator)", "T (front)",
+        "Coolant (outlet)", "Coolant (in)", "Coolant in", "T_in", "T_out", "Water in temp",
+        "Temperature in stator", "Temperature in the housing", "Temp in slot 3", "pm",
+        "Stator Body", "stator_winding", "T_max", "T_min", "T mean", "Winding (max)",
+        "Winding, slot 3",
+        "Winding / end", "Stator/Rotor", "Rig/T_w", "Bearing DE", "Bearing (NDE)", "T_L1", "T_U",
+        "T_U1", "T_V", "Phase U", "T_hs", "T_h", "T_s", "T_us", "TC_K_rotor", "Type K thermocouple",
+        "T_ref", "T (core)", "T (secondary)", "T_std", "Temp: stator", "Temp - stator", "T|stator",
+        "T-1", "T<stator>", "T = stator", "Kanal 3", "Channel 12", "PT100_1", "T_MW", "T_amb_raw",
+        "Temperature of oil", "T_n", "T_d", "Temp 2", "T_A", "T_W", "T_N", "T_Nut", "Hot spot",
+    ),
+    "speed": ("n", "n_h", "n_mot", "speed", "motor_speed", "Speed (shaft)", "n_soll", "omega_m"),
+    "voltage": ("u_d", "u_q", "us", "u_s", "Ud", "U_ph", "Voltage", "u_h"),
+    "dq current": ("i_d", "i_q", "Id", "i_s", "iq_ref"),
+    "phase current": ("Is", "I_s", "I_1", "Phase Current", "I_U", "I_max", "Imot"),
+    "power": ("Pd", "P_loss", "Pv", "Pol", "P_h", "P_s", "losses", "P_el", "P_min", "P_ms"),
+    "torque": ("M", "torque", "Torque (shaft)", "M_n", "T_sh", "M_h"),
+    "time": ("t", "time", "Zeit", "timestamp", "Time Tag", "t_1", "Time of day", "t_d"),
+    "fraction": ("fan", "fan_state", "Lüfter"),
+}  # fmt: skip
+"""Names of benches in which nothing is a unit, whatever they look like."""
+
+
+@pytest.mark.parametrize("quantity", WHOLE)
+def test_names_without_a_unit_stay_whole(quantity):
+    for name in WHOLE[quantity]:
+        assert split_name(name) == (name, None)
+        found, known_from = read(name, quantity)
+        assert (found, known_from) == (QUANTITIES[quantity][0], "assumed"), name
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [
+        ("T_C", "temperature"),  # coolant or degC
+        ("Housing C", "temperature"),
+        ("I_A", "phase current"),  # the first phase or amperes
+        ("V_dc", "voltage"),
+        ("U_V", "voltage"),
+        ("P_W", "power"),
+        ("t_s", "time"),
+    ],
+)
+def test_a_letter_that_changes_nothing_is_taken(name, quantity):
+    found, known_from = read(name, quantity)
+    assert found == QUANTITIES[quantity][0]
+    assert known_from in ("name", "assumed")
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [
+        ("T_f", "temperature"),
+        ("Temp K", "temperature"),
+        ("Winding F", "temperature"),
+        ("P_MW", "power"),
+        ("P_mw", "power"),
+        ("losses at 10 kW", "power"),
+        ("t h", "time"),
+        ("I_MA", "phase current"),
+        ("P_hp", "power"),
+        ("P_GW", "power"),
+        ("n_Hz", "speed"),
+        ("T_kW", "temperature"),
+        ("kW", "temperature"),
+        ("P [kW] (W)", "power"),
+        ("P_kW [W]", "power"),
+        ("speed_rpm [rad/s]", "speed"),
+    ],
+)
+def test_what_may_be_read_in_two_ways_is_a_question(name, quantity):
+    with pytest.raises(InputError) as caught:
+        read(name, quantity)
+    assert f'"{name} [' in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "symbol"),
+    [
+        ("PlosskW", "power", "kW"),
+        ("speedRpm", "speed", "rpm"),
+        ("timeMs", "time", "ms"),
+        ("T_K_mean", "temperature", "K"),
+        ("P_kW_1", "power", "kW"),
+        ("kW", "power", "kW"),
+        ("n in U/min", "speed", "rpm"),
+        ("speed_1/min", "speed", "rpm"),
+        ("n_mot 1000 1/min", "speed", "krpm"),
+        ("I [A, peak]", "phase current", "A_peak"),
+        ("I_kA_peak", "phase current", "kA_peak"),
+        ("Temp°F", "temperature", "degF"),
+        ("Leistung in Kilowatt", "power", "kW"),
+        ("Drehmoment Newtonmeter", "torque", "Nm"),
+        ("velocità (giri al minuto)", "speed", "rpm"),
+        ("température en degrés Celsius", "temperature", "degC"),
+        ("P [kW, mean]", "power", "kW"),
+    ],
+)
+def test_other_ways_to_write_a_unit(name, quantity, symbol):
+    found, _ = read(name, quantity)
+    assert found is not None
+    assert found.symbol == symbol
+
+
+@pytest.mark.parametrize("text", ["hh:mm", "mm:ss", "d:hh:mm", "hh:mm:ss.fff", "HH:MM:SS", "min:s"])
+@pytest.mark.parametrize("form", ["Time [{}]", "Time ({})", "Time {}", "[{}] Time", "Time in {}"])
+def test_a_format_of_clock_times_is_handed_on(form, text):
+    assert split_name(form.format(text)) == ("Time", text)
+    with pytest.raises(InputError, match=text):  # numbers under it
+        read(form.format(text), "time")
+
+
+@pytest.mark.parametrize(
+    "sign", ["(", "[", "{", "<", "()", "[]", ")(", "([", "(a", "_", " ", "/", ",", "-"]
+)
+def test_a_cell_of_signs_alone_is_bounded(sign):
+    for size in (10, 100, LONGEST_NAME // len(sign)):
+        split_name("P " + sign * (size - 2))
+    with pytest.raises(InputError, match="at most 1000 characters"):
+        split_name(sign * 100_000)
+
+
+def test_work_grows_with_the_length_of_the_cell_alone(monkeypatch):
+    lengths: list[int] = []
+    looked_at = header._unit_in_bracket
+
+    def counted(content: str, *, is_square: bool) -> str | None:
+        lengths.append(len(content))
+        return looked_at(content, is_square=is_square)
+
+    monkeypatch.setattr(header, "_unit_in_bracket", counted)
+    for size in (100, 200, 400):
+        for cell in ("(" * size + ")" * size, "(x)" * size, "([{<" * (size // 4) + ">}])" * 9):
+            lengths.clear()
+            split_name(cell[: LONGEST_NAME - 1])
+            assert sum(lengths) <= 2 * LONGEST_UNIT**2 + 3 * size

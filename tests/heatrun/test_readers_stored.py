@@ -1,0 +1,257 @@
+"""HDF5, netCDF and Parquet: units, scaling and marks that stand beside the numbers are followed."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.io import netcdf_file
+
+from heatrun.bench.read import read_raw, read_record
+from heatrun.errors import InputError
+from heatrun.motor import Motor
+
+pyarrow = pytest.importorskip("pyarrow")
+
+N = 50
+MINUTES = np.arange(N, dtype=float)
+KELVIN = np.linspace(293.15, 353.15, N)
+
+# name: stored numbers and attributes; each truth below is written out by hand
+VARIABLES = {
+    "time": (MINUTES, {"units": "minutes since 2024-01-01 12:00:00"}),
+    "T_winding": (KELVIN, {"units": "K"}),
+    "losses_W": (np.full(N, 0.5), {"units": "W"}),
+    "phase_current_A": (np.arange(N, dtype="i2"), {"scale_factor": 0.5, "add_offset": 10.0}),
+}
+MOTOR = Motor("M", columns={"winding_degC": "T_winding"})
+
+
+def hdf5(path, variables):
+    with h5py.File(path, "w") as file:
+        for name, (values, attributes) in variables.items():
+            item = file.create_dataset(name, data=values)
+            for key, value in attributes.items():
+                item.attrs[key] = value
+    return path
+
+
+def netcdf3(path, variables):
+    with netcdf_file(str(path), "w") as file:
+        file.createDimension("time", N)
+        for name, (values, attributes) in variables.items():
+            values = np.asarray(values)
+            item = file.createVariable(name, values.dtype, ("time",) if values.ndim else ())
+            item[...] = values
+            for key, value in attributes.items():
+                setattr(item, key, value)
+    return path
+
+
+def parquet(path, variables):
+    import pyarrow.parquet
+
+    fields, arrays = [], []
+    for name, (values, attributes) in variables.items():
+        array = pyarrow.array(np.broadcast_to(values, (N,)).copy())
+        stated = {key: str(value) for key, value in attributes.items()}
+        fields.append(pyarrow.field(name, array.type, metadata=stated))
+        arrays.append(array)
+    pyarrow.parquet.write_table(pyarrow.table(arrays, schema=pyarrow.schema(fields)), path)
+    return path
+
+
+@pytest.fixture(params=[hdf5, netcdf3, parquet], ids=["hdf5", "netcdf3", "parquet"])
+def write(request, tmp_path):
+    return lambda variables: request.param(tmp_path / "test.nc", variables)
+
+
+def test_units_scaling_and_times_are_followed(write):
+    record = read_record(write(VARIABLES), MOTOR)
+    assert np.array_equal(record.time_s, 60.0 * MINUTES)
+    np.testing.assert_allclose(record["winding_degC"], KELVIN - 273.15, atol=1e-10)
+    assert record["phase_current_A"].tolist() == [10.0 + 0.5 * i for i in range(N)]
+    notes = " ".join(record.notes)
+    assert "minutes since 2024-01-01 12:00:00" in notes
+    assert "stored value times 0.5 plus 10" in notes
+
+
+@pytest.mark.parametrize("key", ["units", "unit", "Unit", "Units", "UNITS"])
+def test_the_unit_under_any_usual_key(write, key):
+    torque = {"torque": (np.ones(N), {key: "mNm"})}
+    record = read_record(write(VARIABLES | torque), MOTOR)
+    assert record["torque_Nm"].tolist() == [1e-3] * N
+
+
+@pytest.mark.parametrize(
+    ("unit", "seconds"),
+    [("hours since 2024-01-01", 3600.0), ("days since 1970-01-01 00:00", 86400.0),
+     ("seconds since 2024-01-01T00:00:00Z", 1.0), ("milliseconds since 2024-01-01", 1e-3),
+     ("h", 3600.0), ("ms", 1e-3), ("minutes", 60.0)],
+)  # fmt: skip
+def test_units_of_time(write, unit, seconds):
+    record = read_record(write(VARIABLES | {"time": (MINUTES, {"units": unit})}), MOTOR)
+    np.testing.assert_allclose(record.time_s, seconds * MINUTES, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "problem"),
+    [
+        ({"units": "months since 2024-01-01"}, "no fixed length"),
+        ({"units": "fortnights"}, "'fortnights' is not known"),
+        ({"units": "m"}, "not known"),
+        ({"gain": 2.0}, "gain = 2"),
+        ({"units": "s", "Scale": 1000.0}, "scale = 1000"),
+        ({"scale_factor": "ten"}, "scale_factor = 'ten'"),
+        ({"units": "s", "unit": "min"}, "two units, s and min"),
+    ],
+)  # fmt: skip
+def test_what_is_not_understood_is_an_error_where_it_is_used(write, attributes, problem):
+    with pytest.raises(InputError, match=problem):
+        read_record(write(VARIABLES | {"time": (MINUTES, attributes)}), MOTOR)
+    unused = VARIABLES | {"counter": (MINUTES, attributes)}
+    assert read_record(write(unused), MOTOR).unused == ("counter",)
+
+
+def test_neutral_and_spoken_attributes_are_no_problem(write):
+    attributes = {"units": "W", "gain": 1.0, "offset": 0.0, "calibration_date": "2024-01-01",
+                  "scale": "linear", "long_name": "losses"}  # fmt: skip
+    record = read_record(write(VARIABLES | {"losses_W": (np.ones(N), attributes)}), MOTOR)
+    assert record["losses_W"].tolist() == [1.0] * N
+
+
+def test_marks_of_missing_values(write):
+    stored = np.arange(N, dtype="i2")
+    stored[3], stored[4], stored[5] = -999, 999, 700
+    marks = {"_FillValue": np.int16(-999), "missing_value": np.int16(999), "valid_max": 600}
+    marks |= {"scale_factor": 0.1, "units": "W"}
+    record = read_record(write(VARIABLES | {"losses_W": (stored, marks)}), MOTOR)
+    assert np.flatnonzero(np.isnan(record["losses_W"])).tolist() == [3, 4, 5]
+    assert record["losses_W"][10] == pytest.approx(1.0)
+    assert any("3 values that the file marks as missing" in note for note in record.notes)
+
+
+def test_a_mark_that_a_short_float_cannot_hold(tmp_path):
+    stored = np.arange(N, dtype="f4")
+    stored[7] = -9999.9
+    path = hdf5(tmp_path / "test.nc", VARIABLES | {"losses_W": (stored, {"_FillValue": -9999.9})})
+    assert np.flatnonzero(np.isnan(read_record(path, MOTOR)["losses_W"])).tolist() == [7]
+
+
+def test_what_netcdf_stores_where_nothing_was_written(tmp_path):
+    stored = np.where(MINUTES == 9.0, 9.969209968386869e36, 1.0).astype("f4")
+    path = netcdf3(tmp_path / "test.nc", VARIABLES | {"losses_W": (stored, {"units": "W"})})
+    assert np.flatnonzero(np.isnan(read_record(path, MOTOR)["losses_W"])).tolist() == [9]
+
+
+@pytest.mark.parametrize("name", ["torque_mNm", "torque [mNm]", "torque (mNm)"])
+def test_a_name_against_the_unit_beside_it_is_a_question(tmp_path, name):
+    for write in (hdf5, parquet):  # classic netCDF has no such names
+        path = write(tmp_path / "test.nc", VARIABLES | {name: (np.full(N, 2.0), {"units": "Nm"})})
+        with pytest.raises(InputError, match=r"name says mNm, the .* Nm\.") as caught:
+            read_record(path, MOTOR)
+        for chosen, torque in (("mNm", 2e-3), ("Nm", 2.0)):
+            answer = f"{name} [{chosen}]"
+            assert f'torque_Nm = "{answer}"' in caught.value.remedy
+            columns = {"winding_degC": "T_winding", "torque_Nm": answer}
+            record = read_record(path, Motor("M", columns=columns))
+            assert record["torque_Nm"].tolist() == [torque] * N
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("P_loss_W", "watt"), ("T_s", "degC"), ("P [kW]", "kW")]
+)
+def test_a_name_that_agrees_is_none(tmp_path, name, unit):
+    table = read_raw(hdf5(tmp_path / "test.h5", VARIABLES | {name: (np.ones(N), {"units": unit})}))
+    assert all(column.question is None for column in table.columns)
+
+
+@pytest.mark.parametrize(
+    "spelling", ["degree_Celsius", "degrees_celsius", "degreesC", "°C", b"degC"]
+)
+def test_spellings_of_netcdf(tmp_path, spelling):
+    stored = VARIABLES | {"T_winding": (KELVIN, {"units": spelling})}
+    record = read_record(hdf5(tmp_path / "test.nc", stored), MOTOR)
+    assert np.array_equal(record["winding_degC"], KELVIN)
+
+
+def test_a_constant_with_a_unit_keeps_it(write):
+    stored = VARIABLES | {"ambient": (np.float64(295.15), {"units": "K"})}
+    record = read_record(write(stored), Motor("M", columns={"ambient_degC": "ambient"}))
+    np.testing.assert_allclose(record["ambient_degC"], 22.0, atol=1e-10)
+
+
+def test_a_dimension_of_netcdf_4_without_values_is_no_column_of_zeros(tmp_path):
+    path = hdf5(tmp_path / "test.nc", VARIABLES)
+    with h5py.File(path, "a") as file:
+        del file["time"]
+        item = file.create_dataset("time", data=np.zeros(N, dtype=">f4"))
+        item.attrs["NAME"] = np.bytes_(
+            f"This is a netCDF dimension but not a netCDF variable. {N:9}"
+        )
+        item.attrs["CLASS"] = np.bytes_("DIMENSION_SCALE")
+    with pytest.raises(InputError, match="no time column"):
+        read_record(path, MOTOR)
+
+
+def test_unsigned_numbers_of_netcdf(tmp_path):
+    stored = np.arange(N, dtype="i1")
+    stored[1], stored[2] = -56, -1
+    marks = {"_Unsigned": "true", "_FillValue": np.int8(-1), "units": "W"}
+    path = netcdf3(tmp_path / "test.nc", VARIABLES | {"losses_W": (stored, marks)})
+    assert read_record(path, MOTOR)["losses_W"][:2].tolist() == [0.0, 200.0]
+    assert np.isnan(read_record(path, MOTOR)["losses_W"][2])
+
+
+def test_units_that_pandas_keeps_for_a_frame(tmp_path):
+    frame = pd.DataFrame({"time_s": MINUTES, "torque": np.ones(N)})
+    frame.attrs["units"] = {"torque": "mNm"}
+    path = tmp_path / "test.parquet"
+    frame.to_parquet(path)
+    if b"PANDAS_ATTRS" in path.read_bytes():  # from pandas 2.1 on
+        assert read_record(path)["torque_Nm"].tolist() == [1e-3] * N
+
+
+def test_damaged_classic_netcdf_raises_our_error_alone(tmp_path):
+    path = netcdf3(tmp_path / "test.nc", VARIABLES)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(5)
+    for _ in range(300):
+        broken = bytearray(whole)
+        for _ in range(rng.integers(1, 4)):
+            broken[rng.integers(4, 600)] = rng.integers(256)
+        path.write_bytes(broken[: rng.integers(4, len(whole))] if rng.random() < 0.3 else broken)
+        try:
+            read_record(path, MOTOR)
+        except InputError:
+            continue
+
+
+def test_a_bomb_in_classic_netcdf(tmp_path):
+    path = netcdf3(tmp_path / "test.nc", VARIABLES)
+    whole = path.read_bytes()
+    size = N.to_bytes(4, "big")
+    path.write_bytes(whole.replace(size, (2**31 - 2).to_bytes(4, "big"), 1))
+    with pytest.raises(InputError):
+        read_raw(path)
+
+
+def test_a_time_without_end_in_classic_netcdf(tmp_path):
+    path = tmp_path / "test.nc"
+    with netcdf_file(str(path), "w") as file:
+        file.createDimension("time", None)
+        for name, unit in (("time", "h"), ("T_winding", "K")):
+            item = file.createVariable(name, "f4", ("time",))
+            item[:] = np.arange(300.0, 300.0 + N)
+            item.units = unit
+    record = read_record(path, MOTOR)
+    assert record.time_s[1] == 3600.0
+    np.testing.assert_allclose(record["winding_degC"], np.arange(N) + 26.85, atol=1e-9)
+
+
+def test_netcdf_of_64_bit_data_is_named(tmp_path):
+    path = tmp_path / "test.nc"
+    path.write_bytes(b"CDF\x05" + bytes(100))
+    with pytest.raises(InputError, match=r"64-bit data.*nccopy"):
+        read_raw(path)

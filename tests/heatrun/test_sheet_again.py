@@ -1,0 +1,85 @@
+"""The sheet of a run is the same bytes whenever it is made, and all of it is there or nothing."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from heatrun import archive
+from heatrun.calibrate import Test as BenchTest
+from heatrun.calibrate import calibrate, manifest
+from heatrun.errors import InputError
+from heatrun.run_folder import RunFolder, load_result
+from heatrun.sheet_of_run import rewrite_sheet, write_sheet_of
+
+
+@pytest.fixture(scope="module")
+def run(duty, blocks, motor, tmp_path_factory):
+    """A run of both orders on a test that is fitted and one that is predicted."""
+    other = BenchTest(replace(duty, name="other"), replace(blocks, name="other"), "holdout", ())
+    tests = [BenchTest(duty, blocks, "calibration", ()), other]
+    found = calibrate(motor, tests, method="quick", command="calibrate")
+    folder = RunFolder.begin(tmp_path_factory.mktemp("again") / "run", {})
+    folder.write_json("fit.json", found.result)
+    for order, posterior in found.posteriors.items():
+        archive.write(posterior, folder.partial / f"posterior_{order}.nc")
+    write_sheet_of(found, folder.partial)
+    return folder.finish(manifest(found, "calibrate", 0))
+
+
+def digests(folder: Path) -> dict[str, str]:
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in files
+    }
+
+
+def test_the_sheet_of_a_run_is_the_one_that_the_run_wrote(run, tmp_path):
+    written = rewrite_sheet(run, tmp_path)
+    again, before = digests(tmp_path), digests(run)
+    assert set(again) == {str(path.relative_to(tmp_path)) for path in written}
+    assert {"sheet.pdf", "sheet.xlsx", "sheet.json", "figures/course_2.png"} <= set(again)
+    assert "figures/first_against_second.png" in again
+    assert again == {name: before[name] for name in again}
+
+
+def test_the_sheet_written_into_its_run_changes_nothing(run):
+    before = digests(run)
+    rewrite_sheet(run, run)
+    assert digests(run) == before
+    load_result(run)
+
+
+def test_a_sheet_that_was_damaged_is_written_and_listed_again(run):
+    before = digests(run)
+    (run / "sheet.json").write_text("{}")
+    (run / "sheet.pdf").unlink()
+    rewrite_sheet(run, run)
+    assert digests(run) == before
+    listed = json.loads((run / "manifest.json").read_text())["files"]
+    assert listed["sheet.pdf"] == before["sheet.pdf"]
+
+
+def test_a_sheet_for_which_there_is_no_room_leaves_no_figure(run, tmp_path, monkeypatch):
+    (tmp_path / "sheet.pdf").write_bytes(b"an earlier one")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("heatrun.sheet_of_run.write_xlsx", full)
+    with pytest.raises(InputError, match="the sheet cannot be written: No space left"):
+        rewrite_sheet(run, tmp_path)
+    assert digests(tmp_path) == {"sheet.pdf": hashlib.sha256(b"an earlier one").hexdigest()}
+    assert [path.name for path in tmp_path.iterdir()] == ["sheet.pdf"]
+
+
+def test_a_folder_in_the_place_of_a_file_is_said_before_anything_moves(run, tmp_path):
+    (tmp_path / "sheet.xlsx").mkdir()
+    with pytest.raises(InputError, match="Is a directory"):
+        rewrite_sheet(run, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["sheet.xlsx"]

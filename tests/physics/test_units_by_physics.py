@@ -1,0 +1,274 @@
+"""Records of very different machines, right and in a wrong unit: what is asked, and what cannot be.
+
+The table says for each wrong unit what a record of five channels shows, and what one with torque,
+speed and electrical power shows. What is invisible is so in principle, as stated beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from bench_machines import (
+    DUTIES,
+    MACHINES,
+    SERVO,
+    STANDARD,
+    TRACTION,
+    Machine,
+    bench_record,
+    cooling_record,
+)
+
+from heatrun.bench.checks import check_record
+from heatrun.bench.checks.suspicion import unit_suspected
+from heatrun.bench.derive import derive
+from heatrun.bench.record import ColumnReading, Finding, Record, UnitSource
+from heatrun.motor import Motor
+
+FIVE = ("time_s", "phase_current_A", "losses_W", "ambient_degC", "coolant_degC", "winding_degC")
+WHOLE = (
+    "time_s", "phase_current_A", "electrical_power_W", "speed_rpm", "torque_Nm", "ambient_degC",
+    "coolant_degC", "winding_degC",
+)  # fmt: skip
+UNITS = {
+    "time_s": "s", "phase_current_A": "A_rms", "losses_W": "W", "electrical_power_W": "W",
+    "speed_rpm": "rpm", "torque_Nm": "Nm",
+}  # fmt: skip
+
+made = cache(bench_record)
+
+
+def motor_of(machine: Machine, *, is_resistance_known: bool = True) -> Motor:
+    resistance = machine.resistance if is_resistance_known else None
+    return Motor(machine.name, sink=machine.sink, phase_resistance_ohm=resistance)
+
+
+def as_read(
+    columns: dict[str, np.ndarray],
+    *,
+    unit_from: UnitSource = "assumed",
+    only: tuple[str, ...] = FIVE,
+    factors: Mapping[str, float] | None = None,
+) -> Record:
+    """A record as the reader leaves it, columns read as if they were in their canonical units."""
+    kept = {k: v * (factors or {}).get(k, 1.0) for k, v in columns.items() if k in only}
+    mapping = tuple(
+        ColumnReading(name, f"column of {name}", UNITS.get(name, "degC"), unit_from, "t", "a.csv")
+        for name in kept
+    )
+    return Record("run", derive(kept)[0], mapping=mapping)
+
+
+def asked(record: Record, motor: Motor) -> list[Finding]:
+    with np.errstate(all="ignore"):  # as `check_record` calls its checks
+        return list(unit_suspected(record, motor))
+
+
+def supposed(finding: Finding) -> list[str]:
+    return [name for name in finding.values if name.startswith("factor_")]
+
+
+@pytest.mark.parametrize("machine", MACHINES, ids=lambda m: m.name)
+@pytest.mark.parametrize("duty", list(DUTIES))
+def test_a_clean_record_of_any_machine_is_not_asked_about(machine, duty):
+    columns = made(machine, duty)
+    for only in (FIVE, WHOLE):
+        for is_known in (True, False):
+            motor = motor_of(machine, is_resistance_known=is_known)
+            assert asked(as_read(columns, only=only), motor) == []
+
+
+@pytest.mark.parametrize("machine", MACHINES, ids=lambda m: m.name)
+def test_cooling_without_current_and_a_short_test_are_not_asked_about(machine):
+    motor = motor_of(machine)
+    assert asked(as_read(cooling_record(machine)), motor) == []
+    # a thirtieth of the usual length shows the winding alone, which is as fast as a wrong clock
+    quick = replace(machine, step_s=machine.step_s / 10.0, minutes=machine.minutes / 30.0)
+    for duty in ("one level", "load and cool-down"):
+        assert asked(as_read(bench_record(quick, duty)), motor) == []
+
+
+@pytest.mark.parametrize("machine", MACHINES, ids=lambda m: m.name)
+def test_a_real_fault_is_not_taken_for_a_unit(machine):
+    columns, motor = made(machine, "steps"), motor_of(machine)
+    time_s, winding = columns["time_s"], columns["winding_degC"]
+    later = time_s >= 0.5 * time_s[-1]
+    # once off, the sensor takes the air's temperature within seconds
+    fall = np.exp(-np.maximum(time_s - time_s[later][0], 0.0) / 4.0)
+    first = winding[later][0]
+    off = np.where(later, machine.sink_degC + (first - machine.sink_degC) * fall, winding)
+    faults = {
+        "came off": {"winding_degC": off},
+        "broken wire": {"winding_degC": np.where(time_s > 0.97 * time_s[-1], 1372.0, winding)},
+        "signs exchanged": {"losses_W": np.where(later, -1.0, 1.0) * columns["losses_W"]},
+    }
+    for name, changed in faults.items():
+        assert asked(as_read({**columns, **changed}), motor) == [], name
+
+
+# wrong unit: factor on what is read, its name, severity with five channels and with all
+CASES: dict[str, tuple[dict[str, float], str, str, str]] = {
+    "minutes": ({"time_s": 1.0 / 60.0}, "factor_time_s_min", "error", "error"),
+    "hours": ({"time_s": 1.0 / 3600.0}, "factor_time_s_h", "error", "error"),
+    "milliseconds": ({"time_s": 1e3}, "factor_time_s_ms", "error", "error"),
+    "losses in kW": ({"losses_W": 1e-3}, "factor_losses_W_kW", "error", ""),
+    # little copper loss is what a machine without load has: odd, and no more
+    "losses in mW": ({"losses_W": 1e3}, "factor_losses_W_mW", "warning", ""),
+    "current in mA": (
+        {"phase_current_A": 1e3}, "factor_phase_current_A_mA_rms", "error", "error"
+    ),
+    "current in kA": (
+        {"phase_current_A": 1e-3}, "factor_phase_current_A_kA_rms", "warning", "warning"
+    ),
+    "power in kW": (
+        {"electrical_power_W": 1e-3}, "factor_electrical_power_W_kW", "", "error"
+    ),
+    "torque in mNm": ({"torque_Nm": 1e3}, "factor_torque_Nm_mNm", "", "error"),
+    # an efficiency of 10 % exists
+    "speed in rad/s": (
+        {"speed_rpm": np.pi / 30.0}, "factor_speed_rpm_rad/s", "", "warning"
+    ),
+    "speed in krpm": ({"speed_rpm": 1e-3}, "factor_speed_rpm_krpm", "", "warning"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("machine", MACHINES, ids=lambda m: m.name)
+@pytest.mark.parametrize("case", list(CASES))
+def test_a_wrong_unit_is_named(machine, case):
+    factors, name, *severities = CASES[case]
+    for only, severity in zip((FIVE, WHOLE), severities, strict=True):
+        if not severity:
+            continue
+        record = as_read(made(machine, "steps"), only=only, factors=factors)
+        (finding,) = asked(record, motor_of(machine))
+        assert name in supposed(finding), finding
+        # a factor is named once, or beside one other that the record cannot tell from it
+        assert len(supposed(finding)) <= 3
+        graver = {"warning": ("warning", "error"), "error": ("error",)}[severity]
+        assert finding.severity in graver
+        unit = name.rsplit("_", 2)[-2] if name.endswith("_rms") else name.rsplit("_", 1)[-1]
+        assert f"{unit}" in finding.message
+        assert "into [columns]" in finding.remedy
+
+
+TEMPERATURES = {
+    "all in kelvin": (("ambient_degC", "winding_degC"), 1.0, 273.15, "ambient_degC", "error"),
+    "winding in kelvin": (("winding_degC",), 1.0, 273.15, "winding_degC", "error"),
+    "ambient in kelvin": (("ambient_degC",), 1.0, 273.15, "ambient_degC", "error"),
+    "all in Fahrenheit": (("ambient_degC", "winding_degC"), 1.8, 32.0, "ambient_degC", "error"),
+    "ambient in Fahrenheit": (("ambient_degC",), 1.8, 32.0, "ambient_degC", "error"),
+    # a winding of 72 degC in air of 22 degC is a hot start as well
+    "winding in Fahrenheit": (("winding_degC",), 1.8, 32.0, "winding_degC", "warning"),
+}
+
+
+@pytest.mark.parametrize(
+    "machine", [m for m in MACHINES if m.sink == "ambient"], ids=lambda m: m.name
+)
+@pytest.mark.parametrize("case", list(TEMPERATURES))
+def test_a_wrong_unit_of_temperature_is_named(machine, case):
+    names, factor, offset, channel, severity = TEMPERATURES[case]
+    columns = dict(made(machine, "steps"))
+    columns |= {name: factor * columns[name] + offset for name in names}
+    found = check_record(as_read(columns), motor_of(machine))
+    named = [f for f in found if f.id == "units_temperature" and channel in f.where]
+    assert [f.severity for f in named] == [severity]
+    symbol = "K" if factor == 1.0 else "degF"
+    assert f'{channel} = "column of {channel} [{symbol}]"' in named[0].remedy
+    assert not [f for f in found if f.id == "unit_suspected"]
+
+
+INVISIBLE = {
+    # Without a resistance no relation ties the current to anything: a network with another Rs0
+    # fits as well.
+    "current in mA, no resistance": (STANDARD, False, {"phase_current_A": 1e3}),
+    # Water takes as much heat from a small body as air from a body thirty times as large.
+    "kW of a water-cooled machine, no resistance": (TRACTION, False, {"losses_W": 1e-3}),
+    # Ten times as slow is what another cooling does: a sample number at 10 Hz read as seconds.
+    "tenths of seconds": (TRACTION, True, {"time_s": 10.0}),
+    # Half of the losses are copper's: as amplitudes they are all of it, which is not impossible.
+    "amplitude where copper is half": (STANDARD, True, {"phase_current_A": 2.0**0.5}),
+}
+
+
+@pytest.mark.parametrize("case", list(INVISIBLE))
+def test_what_a_record_cannot_tell_is_not_asked(case):
+    machine, is_known, factors = INVISIBLE[case]
+    motor = motor_of(machine, is_resistance_known=is_known)
+    assert asked(as_read(made(machine, "steps"), factors=factors), motor) == []
+
+
+def test_an_amplitude_shows_where_it_exceeds_the_losses():
+    columns = made(SERVO, "on and off")
+    (finding,) = asked(as_read(columns, factors={"phase_current_A": 2.0**0.5}), motor_of(SERVO))
+    assert supposed(finding)[0] == "factor_phase_current_A_A_peak"
+    assert "between two terminals" in finding.message
+    assert finding.severity == "error"
+
+
+def test_both_powers_in_kilowatts_are_named_together():
+    columns = made(STANDARD, "steps")
+    both = as_read(
+        columns, only=(*WHOLE, "losses_W"), factors={"losses_W": 1e-3, "electrical_power_W": 1e-3}
+    )
+    (finding,) = asked(both, motor_of(STANDARD))
+    assert supposed(finding) == ["factor_losses_W_and_electrical_power_W_kW"]
+    assert 'losses_W = "column of losses_W [kW]"' in finding.remedy
+    assert 'electrical_power_W = "column of electrical_power_W [kW]"' in finding.remedy
+
+
+@pytest.mark.parametrize(
+    ("unit_from", "severity"), [("assumed", "error"), ("name", "error"), ("stated", "warning")]
+)
+def test_who_said_the_unit_decides_how_it_is_asked(unit_from, severity):
+    record = as_read(made(TRACTION, "steps"), unit_from=unit_from, factors={"time_s": 1.0 / 60.0})
+    (finding,) = asked(record, motor_of(TRACTION))
+    assert finding.severity == severity
+    assert 'time_s = "column of time_s [min]"' in finding.remedy
+    is_said = {"assumed": "no unit given", "name": "by the name", "stated": "states"}
+    assert is_said[unit_from] in finding.message
+
+
+def test_another_kind_of_cooling_is_a_warning_where_a_name_gives_the_unit():
+    # water-cooled, but the motor file gives the air as its sink
+    columns = {k: v for k, v in made(TRACTION, "on and off").items() if k != "coolant_degC"}
+    columns["ambient_degC"] = made(TRACTION, "on and off")["coolant_degC"]
+    motor = replace(motor_of(TRACTION), sink="ambient")
+    record = as_read(columns, unit_from="name", factors={"time_s": 0.3})
+    (finding,) = asked(record, motor)
+    assert finding.severity == "warning"
+    assert 'sink = "coolant"' in finding.remedy
+
+
+def test_minutes_no_longer_look_like_a_sensor_that_came_off():
+    record = as_read(made(TRACTION, "load and cool-down"), factors={"time_s": 1.0 / 60.0})
+    found = check_record(record, motor_of(TRACTION))
+    blocked = [f for f in found if f.id in ("sensor_detached", "temperature_jump")]
+    assert blocked, "the fall within seconds is still seen"
+    assert all("unit_suspected" in f.remedy for f in blocked)
+    assert not [f for f in found if "come off" in f.sentence()]
+
+
+def test_a_sample_number_is_thought_of():
+    columns = made(STANDARD, "steps")
+    record = as_read({**columns, "time_s": np.arange(columns["time_s"].size) * 1.0})
+    motor = motor_of(STANDARD)
+    assert asked(record, motor) == []
+    # every tenth second at 1 kHz: a count of 1000 per second
+    counted = as_read({**columns, "time_s": 1000.0 * np.arange(columns["time_s"].size)})
+    (finding,) = asked(counted, motor)
+    assert 'time_s = "rate 10 Hz"' in finding.remedy
+
+
+def test_wheel_and_shaft_are_compared():
+    columns = dict(made(TRACTION, "steps"))
+    motor = replace(motor_of(TRACTION), gear_ratio=9.1, wheel_radius_m=0.29, rated_speed_rpm=5500)
+    columns["vehicle_speed_km_per_h"] = columns["speed_rpm"] / 9.1 * np.pi / 30.0 * 0.29 * 3.6
+    only = (*FIVE, "speed_rpm", "vehicle_speed_km_per_h")
+    assert asked(as_read(columns, only=only), motor) == []
+    (finding,) = asked(as_read(columns, only=only, factors={"speed_rpm": np.pi / 30.0}), motor)
+    assert supposed(finding) == ["factor_speed_rpm_rad/s"]
