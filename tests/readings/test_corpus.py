@@ -30,7 +30,7 @@ def words(found: list[Outcome]) -> str:
 @pytest.mark.parametrize("kind", list(SOURCES))
 def test_no_file_is_misread_in_silence(kind):
     wrong = [o for o in outcomes(kind) if o.verdict in (MISREAD, TRACEBACK)]
-    assert not wrong, words(wrong)
+    assert not words(wrong)
 
 
 def test_few_files_that_leave_nothing_open_are_asked_about():
@@ -43,7 +43,7 @@ def test_few_files_that_leave_nothing_open_are_asked_about():
 def test_no_ordinary_file_is_asked_about():
     needless = [o for kind in SOURCES for o in outcomes(kind)
                 if o.case.truth is Truth.PLAIN and o.verdict == NEEDLESS]  # fmt: skip
-    assert not needless, words(needless)
+    assert not words(needless)
 
 
 def test_the_corpus_is_large_and_its_names_are_unique():
