@@ -133,6 +133,12 @@ def test_a_creeping_clock_names_milliseconds_unless_its_unit_is_stated(unit_from
     assert ('time_s = "column of time_s [ms]"' in told.message) is is_named
 
 
+def in_hall(columns, hall_K):
+    """The same in a hall or chamber that much warmer; the copper loss stays as it is."""
+    temperatures = {n: v + hall_K for n, v in columns.items() if n.endswith("degC")}
+    return {**columns, **temperatures}
+
+
 def started_hot(machine, at_degC, duty):
     """A record of a winding that starts hot, over a stator as hot."""
     columns = dict(bench_record(machine, duty))
@@ -142,9 +148,13 @@ def started_hot(machine, at_degC, duty):
 
 
 @pytest.mark.parametrize("machine", AIR, ids=lambda m: m.name)
-@pytest.mark.parametrize("sensors_K", [-2.0, 0.0, 2.0])
-def test_a_winding_in_fahrenheit_is_named_where_the_load_is_on_from_the_start(machine, sensors_K):
-    columns = start_of(made(machine, "steps"), 1e9)
+@pytest.mark.parametrize(
+    ("sensors_K", "hall_K"), [(-2.0, 0.0), (0.0, 0.0), (2.0, 0.0), (0.0, -20.0)]
+)
+def test_a_winding_in_fahrenheit_is_named_where_the_load_is_on_from_the_start(
+    machine, sensors_K, hall_K
+):
+    columns = in_hall(start_of(made(machine, "steps"), 1e9), hall_K)
     true = columns["winding_degC"] + sensors_K
     record = as_read({**columns, "winding_degC": 1.8 * true + 32.0})
     found = [f for f in check_record(record, motor_of(machine)) if f.id == "units_temperature"]
@@ -163,9 +173,12 @@ def test_a_hot_start_is_no_fahrenheit_where_the_winding_cools_again(machine):
 
 @pytest.mark.parametrize("machine", AIR, ids=lambda m: m.name)
 @pytest.mark.parametrize("scale", [10.0, 100.0, 1000.0])
-@pytest.mark.parametrize(("unit_from", "severity"), [("assumed", "error"), ("stated", "warning")])
-def test_a_winding_in_tenths_of_degrees_is_named(machine, scale, unit_from, severity):
-    columns = dict(made(machine, "steps"))
+@pytest.mark.parametrize(
+    ("unit_from", "severity", "hall_K"),
+    [("assumed", "error", 0.0), ("stated", "warning", 0.0), ("assumed", "error", -15.0)],
+)
+def test_a_winding_in_tenths_of_degrees_is_named(machine, scale, unit_from, severity, hall_K):
+    columns = in_hall(made(machine, "steps"), hall_K)
     columns["winding_degC"] = scale * columns["winding_degC"]
     found = check_record(as_read(columns, unit_from=unit_from), motor_of(machine))
     told = [f for f in found if f.id == "units_temperature"]

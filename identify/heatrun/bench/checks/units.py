@@ -19,8 +19,12 @@ WINDING_AS_KELVIN = (253.0, 393.0)
 AMBIENT_AS_FAHRENHEIT = (55.0, 110.0)
 """A hall between 13 and 43 degC, in degrees Fahrenheit; as degrees Celsius only a hot chamber."""
 
-HOTTEST_START_DEGC = 150.0
-"""No winding starts a test hotter than this; a scaled one may read so."""
+HOTTEST_START_DEGC, HOTTEST_DEGC = 150.0, 250.0
+"""No winding starts a test hotter than the one, or stays above the other (class 220 with 30 K); a
+scaled one reads so."""
+
+FAHRENHEIT_ABOVE_K = 20.0
+"""A cold winding in Fahrenheit reads so far above any ambient from -15 degC on: 32 + 0.8 T."""
 
 SCALES = (10.0, 100.0, 1000.0)
 """What loggers and buses multiply degrees by to send integers [1]."""
@@ -107,7 +111,7 @@ def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
     Kelvin is told by value. Fahrenheit is told only where ambient and winding agree at a cold start
     between 55 and 110, or where one of the two at the start equals the other converted. A hot
     climate chamber looks the same: where the motor file names the unit it is a warning. Tenths of
-    degrees are told where the winding starts hotter than any and a tenth of it is the sink's.
+    degrees are told where the winding is hotter than any and a tenth of its start is the ambient.
     """
     found = []
     for channel, (low, high) in (
@@ -138,12 +142,15 @@ def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
         # A winding tens of kelvin colder than the air around it has no way to be so.
         severity = "warning" if _declares_unit(record, motor, "ambient_degC") else "error"
         return (_unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0]),)
-    if around < low < at_start and _starts_cold(winding, ambient, lead):
+    is_far = at_start - around > FAHRENHEIT_ABOVE_K
+    if around < low and is_far and _starts_cold(winding, ambient, lead):
         return (
             _unit_finding(record, "winding_degC", "Fahrenheit", "warning", at_start, time_s[0]),
         )
+    high = float(np.quantile(winding, 0.9))
+    is_beyond = at_start > HOTTEST_START_DEGC or high > HOTTEST_DEGC
     for scale in SCALES:
-        if at_start > HOTTEST_START_DEGC and abs(at_start / scale - around) < AGREEMENT_K:
+        if is_beyond and abs(at_start / scale - around) < AGREEMENT_K:
             severity = "warning" if _declares_unit(record, motor, "winding_degC") else "error"
             return (_scaled_finding(record, severity, at_start, scale, float(time_s[0])),)
     return ()
