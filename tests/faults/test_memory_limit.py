@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from heatrun import cli
+
 pytest.importorskip("resource")
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 
@@ -49,3 +51,16 @@ def test_two_gigabytes_are_enough_for_both_orders(tmp_path):
         2_000_000, tmp_path, "calibrate", "motor.toml", "duty.csv", "--quick", "--out", "run"
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_the_sentence_about_memory_needs_no_more_of_it(monkeypatch, capsys):
+    def too_much(options):
+        raise MemoryError
+
+    monkeypatch.setattr("heatrun.commands.check.run", too_much)
+    # a package that is loaded at this point ends in a traceback: there is no room for it
+    monkeypatch.setitem(sys.modules, "heatrun.run_folder", None)
+    assert cli.main(["check", "motor.toml", "test.csv", "--json"]) == 1
+    printed = capsys.readouterr()
+    assert "more memory than there is" in json.loads(printed.out)["error"]["problem"]
+    assert "more memory than there is" in printed.err

@@ -49,12 +49,13 @@ def _line(text: str) -> None:
 
 
 def print_error(error: InputError, *, as_json: bool) -> None:
-    """Print an error as a message, or as JSON with the same words."""
-    from ..run_folder import dump
+    """Print an error as a message, or as JSON with the same words.
 
+    Nothing is imported for it: the error may be that there is no memory left.
+    """
     if as_json:
         described = {"problem": error.problem, "where": error.where, "remedy": error.remedy}
         # standard output may be what cannot be written
         with suppress(OSError):
-            print(dump({"error": described}), flush=True)
+            print(json.dumps({"error": described}, indent=1, ensure_ascii=False), flush=True)
     print(f"heatrun: {printable(str(error))}", file=sys.stderr)
