@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -107,6 +108,14 @@ def test_resolution_is_seen_in_few_equal_steps_and_not_in_a_failing_sensor():
     slow = np.repeat([20.0, 21.0, 22.0, 23.0, 24.0], 60)
     assert rounding_step(slow) == 1.0
     assert rounding_step(np.repeat([20.0, 20.3, 51.2, 20.0], 60)) is None
+
+
+def test_changes_far_below_the_others_are_no_step_and_raise_no_warning():
+    # one course written in two units: a few changes are differences of two roundings
+    changes = np.concatenate([[0.0011, 0.0017, 0.0017, 0.0022], np.linspace(0.0578, 0.19, 235)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert rounding_step(np.cumsum(changes)) is None
 
 
 def test_a_fit_books_the_rounding_of_a_shifted_grid(motor):

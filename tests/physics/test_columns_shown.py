@@ -117,7 +117,7 @@ def test_a_long_name_keeps_its_beginning_and_its_end():
 def test_the_live_view_shows_the_columns(bench):
     path = bench()
     reading = read_tests(
-        [path.name], "motor.toml", lambda name: path.with_name(name), RecordStore()
+        [path.name], "motor.toml", path.with_name, RecordStore(), lambda opened: opened.open("rb")
     )
     assert "Columns of duty" in reading.checks
     assert "ASSUMED" in reading.checks

@@ -69,6 +69,8 @@ def _refined(changes: np.ndarray, step: float) -> float:
     """Return the step that short changes agree on: one change carries the dust of its float."""
     near = changes[changes <= max(SHORT * step, float(np.min(changes)))]
     counts = np.round(near / step)
+    if not np.any(counts > 0):
+        return step  # only the dust of roundings elsewhere is as short
     return float(np.median(near[counts > 0] / counts[counts > 0]))
 
 

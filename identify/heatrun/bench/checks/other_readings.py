@@ -33,7 +33,7 @@ class OtherReading:
 
     Attributes:
         channels: Channels whose columns would be in another unit; none for the motor file.
-        unit: Symbol of that unit, empty for the motor file.
+        units: Symbol of that unit for each channel; none for the motor file.
         factor: New value over present one [1].
         record: The record as it would be.
         motor: The motor as it would be.
@@ -42,12 +42,17 @@ class OtherReading:
     """
 
     channels: tuple[str, ...]
-    unit: str
+    units: tuple[str, ...]
     factor: float
     record: Record
     motor: Motor
     readings: tuple[ColumnReading, ...]
     sentence: str
+
+    @property
+    def unit(self) -> str:
+        """The units in one word or more, empty for the motor file."""
+        return " and ".join(dict.fromkeys(self.units))
 
     @property
     def is_stated(self) -> bool:
@@ -78,17 +83,20 @@ def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
         (as_read,) = present
         if quantity == "temperature":
             continue  # told by value, see `heatrun.bench.checks.units`
+        alike = {(as_read.factor, as_read.offset)}  # Nmm says no more than mNm
         for unit in QUANTITIES[quantity]:
             factor = unit.factor / as_read.factor
             is_near = abs(math.log(factor)) < math.log(LEAST_FACTOR)
-            if unit == as_read or (is_near and unit.offset == as_read.offset):
+            is_same = (unit.factor, unit.offset) in alike
+            if is_same or (is_near and unit.offset == as_read.offset):
                 continue
+            alike.add((unit.factor, unit.offset))
             other = _reread(record, motor, group, as_read, unit, read)
             if any(_num_measured(other, name) < _num_measured(record, name) for name in group):
                 continue  # beyond all measure, where no relation has a say
             yield OtherReading(
                 tuple(group),
-                unit.symbol,
+                (unit.symbol,) * len(group),
                 factor,
                 other,
                 motor,
@@ -98,7 +106,43 @@ def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
     if motor.phase_resistance_ohm is not None:
         for factor, sentence in RESISTANCES:
             other = replace(motor, phase_resistance_ohm=factor * motor.phase_resistance_ohm)
-            yield OtherReading((), "", factor, record, other, (), sentence)
+            yield OtherReading((), (), factor, record, other, (), sentence)
+
+
+def scaled_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
+    """Yield the record with powers and phase current both in thousands, or in thousandths.
+
+    Args:
+        record: Any record.
+        motor: The machine.
+    """
+    read = {one.channel: one for one in record.mapping}
+    names = [name for name in record.channels if name in CHANNEL and _is_read(name, read)]
+    powers = [name for name in names if CHANNEL[name].quantity == "power"]
+    currents = [name for name in names if CHANNEL[name].quantity == "phase current"]
+    if not powers or not currents:
+        return
+    for prefix, factor in (("k", 1e3), ("m", 1e-3)):
+        other, units = record, []
+        for name in (*powers, *currents):
+            as_read = _unit_of(name, read)
+            unit = find_unit(prefix + as_read.symbol, CHANNEL[name].quantity)
+            if unit is None:
+                break
+            other = _reread(other, motor, [name], as_read, unit, read)
+            units.append(unit.symbol)
+        if len(units) < len(powers) + len(currents):
+            continue
+        channels = (*powers, *currents)
+        yield OtherReading(
+            channels,
+            tuple(units),
+            factor,
+            other,
+            motor,
+            tuple(read[name] for name in channels if name in read),
+            " and ".join(f"{n} is in {u}" for n, u in zip(channels, units, strict=True)),
+        )
 
 
 def _is_read(name: str, read: dict[str, ColumnReading]) -> bool:

@@ -25,6 +25,24 @@ factory calibration leave out is less."""
 LEAST_DIFFERENCE = 0.03
 """Below this share of the power [1] the difference of two powers is one of their errors."""
 
+LOST_BEHIND_DC = 0.5
+"""Share of the DC power [1] that neither the shaft nor the machine's losses take, above which an
+inverter is a poor one; at standstill it may be."""
+
+USUAL_BEHIND_DC = 0.3
+"""And below which it must fall where another reading is to repair it; small drives reach it."""
+
+LEAST_LOSSES = 0.003
+"""Losses over shaft power [1]: the largest generators reach an efficiency of 99 %, no machine
+99.7."""
+
+USUAL_LOSSES = 0.01
+"""And what another reading that is to repair it must reach."""
+
+TURNS = 0.95
+"""Share of the loaded time [1] in which the shaft must turn the same way: at standstill its power
+is the noise of two instruments, whatever the unit."""
+
 FAST_OVER_RATED = 4.0
 """Speed over rated speed [1]; field weakening ends at three to four."""
 
@@ -64,13 +82,17 @@ def power_conflicts(record: Record, motor: Motor, is_strict: bool) -> list[Confl
     """
     name = _electrical(record, motor)
     has_shaft = "torque_Nm" in record and "speed_rpm" in record
-    if name is None or not (has_shaft or "mechanical_power_W" in record):
+    if not (has_shaft or "mechanical_power_W" in record):
         return []
     shaft = (
         np.asarray(record["mechanical_power_W"], dtype=float)
         if "mechanical_power_W" in record
         else shaft_power(record.channels)
     )
+    rods = ("mechanical_power_W",) if "mechanical_power_W" in record else ("torque_Nm", "speed_rpm")
+    lossless = _lossless(record, motor, shaft, rods, is_strict)
+    if name is None:
+        return lossless
     both = {
         "time_s": record.time_s,
         "electrical": _power(record, name, motor.phases),
@@ -78,12 +100,11 @@ def power_conflicts(record: Record, motor: Motor, is_strict: bool) -> list[Confl
     }
     time_s, electrical, shaft = samples(Record("", both), "electrical", "shaft")
     if time_s.size < 3:
-        return []
-    width_s = max(10.0, float(np.ptp(time_s)) / 200.0)
+        return lossless
+    width_s = _width_s(time_s)
     _, electrical, shaft = block_means(time_s, width_s, electrical, shaft)
     found = []
     inputs = {"dq": ("i_q_A", "u_q_V"), "dc": ("dc_current_A", "dc_voltage_V")}.get(name, (name,))
-    rods = ("mechanical_power_W",) if "mechanical_power_W" in record else ("torque_Nm", "speed_rpm")
     channels = (*inputs, *rods)
     # As a generator the roles are exchanged.
     given = np.where(electrical + shaft > 0.0, electrical, -shaft)
@@ -102,7 +123,71 @@ def power_conflicts(record: Record, motor: Motor, is_strict: bool) -> list[Confl
             sentence = f"The best efficiency is {best:.2g}."
             found.append(Conflict("little_efficiency", sentence, channels, True, values))
     found += _difference(record, motor, width_s, name, both, channels)
-    return found
+    if name.startswith("dc"):
+        found += _behind_dc(record, motor, width_s, both, channels, is_strict)
+    # What says that power comes from nothing says this too.
+    return found if any(c.id == "power_from_nothing" for c in found) else [*found, *lossless]
+
+
+def _width_s(time_s: np.ndarray) -> float:
+    return max(10.0, float(np.ptp(time_s)) / 200.0)
+
+
+def _has_losses(record: Record, motor: Motor) -> bool:
+    """Whether the losses of the machine were recorded, and not derived from the powers."""
+    is_read = not record.mapping or any(one.channel == "losses_W" for one in record.mapping)
+    return motor.losses == "balance" and "losses_W" in record and is_read
+
+
+def _lossless(
+    record: Record, motor: Motor, shaft: np.ndarray, rods: tuple[str, ...], is_strict: bool
+) -> list[Conflict]:
+    """Losses that were recorded against the power of the shaft."""
+    if not _has_losses(record, motor):
+        return []
+    both = {"time_s": record.time_s, "shaft": np.abs(shaft), "losses_W": record["losses_W"]}
+    time_s, shaft, losses = samples(Record("", both), "shaft", "losses_W")
+    if time_s.size < 3:
+        return []
+    _, shaft, losses = block_means(time_s, _width_s(time_s), shaft, losses)
+    loaded = (shaft > 0.3 * float(np.max(shaft, initial=0.0))) & (losses > 0.0)
+    if np.sum(loaded) < max(3, 0.5 * np.sum(shaft > 0.3 * np.max(shaft))):
+        return []
+    share = float(np.median(losses[loaded] / shaft[loaded]))
+    least = USUAL_LOSSES if is_strict else LEAST_LOSSES
+    if share >= least:
+        return []
+    sentence = (
+        f"Expected losses above {least:.1%} of the shaft's power; they are {share:.2g} of "
+        f"{float(np.median(shaft[loaded])):.3g} W."
+    )
+    values = {"losses_over_shaft": share}
+    return [Conflict("too_efficient", sentence, ("losses_W", *rods), False, values)]
+
+
+def _behind_dc(
+    record: Record,
+    motor: Motor,
+    width_s: float,
+    powers: Mapping[str, np.ndarray],
+    channels: tuple[str, ...],
+    is_strict: bool,
+) -> list[Conflict]:
+    """DC power against what the shaft and the recorded losses take of it."""
+    if not _has_losses(record, motor):
+        return []
+    whole = Record("", {**powers, "losses_W": record["losses_W"]})
+    columns = block_means(*_with_width(samples(whole, "electrical", "shaft", "losses_W"), width_s))
+    _, electrical, shaft, losses = columns
+    loaded = electrical > 0.3 * float(np.max(electrical, initial=0.0))
+    if np.sum(loaded) < 3 or np.mean(shaft[loaded] > 0.0) < TURNS:
+        return []
+    share = float(np.median((1.0 - (shaft + losses) / np.maximum(electrical, 1e-300))[loaded]))
+    if share <= (USUAL_BEHIND_DC if is_strict else LOST_BEHIND_DC):
+        return []
+    sentence = f"The shaft and losses_W leave {share:.0%} of the DC power to the inverter."
+    values = {"share_to_inverter": share}
+    return [Conflict("lost_behind_dc", sentence, ("losses_W", *channels), True, values)]
 
 
 def _is_idle(record: Record, motor: Motor) -> bool:

@@ -17,7 +17,7 @@ from ..record import Record
 from .conflict import Conflict
 from .crude_fit import crude_fit
 from .losses import COPPER_TOLERANCE, copper_shares
-from .one_node import one_node
+from .one_node import one_node, unsettled
 from .power_relations import power_conflicts, speed_conflicts
 from .samples import samples
 
@@ -55,6 +55,9 @@ FROM_USUAL = 20.0
 LONGEST_S = 360e3
 """100 h; the largest hydro generators take about ten."""
 
+LONGEST_TEST_S = 3e7
+"""A year: no heat run lasts as long, nor does any network of a machine need it."""
+
 LEAST_PER_TORQUE = 2.0
 """Capacity over the largest torque [J/(K Nm)]: the lightest axial-flux traction motors have 0.05
 kg/Nm at peak torque, times 430 J/(kg K) 20, of which the winding alone, all that a short test
@@ -77,6 +80,7 @@ def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple
             repair another.
     """
     return (
+        *_length(record),
         *_time_scale(record, motor, is_strict),
         *_copper(record, motor, is_strict),
         *power_conflicts(record, motor, is_strict),
@@ -84,11 +88,21 @@ def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple
     )
 
 
+def _length(record: Record) -> list[Conflict]:
+    """The length of the test against a year."""
+    time_s = samples(record)[0]
+    length_s = float(time_s[-1] - time_s[0]) if time_s.size else 0.0
+    if length_s <= LONGEST_TEST_S:
+        return []
+    sentence = f"Expected a test of days at most; it lasts {length_s / 31557600.0:.3g} years."
+    return [Conflict("too_long", sentence, ("time_s",), False, {"duration_s": length_s})]
+
+
 def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
     """Time constant and capacity against the size of the machine."""
     seen = one_node(record, motor)
     if seen is None:
-        return []
+        return _slow_start(record, motor)
     found = []
     tau, C, G = seen.tau_s, seen.capacity_J_per_K, seen.conductance_W_per_K
     shortest, longest = _shortest(G, motor.sink), LONGEST_S
@@ -123,6 +137,27 @@ def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]
         values = values | {"torque_Nm": peak}
         found.append(Conflict("too_light", sentence, (*channels, "torque_Nm"), False, values))
     return found
+
+
+def _slow_start(record: Record, motor: Motor) -> list[Conflict]:
+    """A winding that is still warming after a time in which any machine has settled."""
+    seen = unsettled(record, motor)
+    if seen is None:
+        return []
+    G = seen.conductance_W_per_K
+    longest = min(LONGEST_S, LONGEST_BY_SIZE_S * math.sqrt(G))
+    if seen.tau_s <= longest:
+        return []
+    sentence = (
+        f"Expected a time constant below {longest:.2g} s at {G:.3g} W/K at most; "
+        f"after {seen.duration_s:.3g} s the winding has hardly begun to settle."
+    )
+    values = {
+        "tau_s": seen.tau_s,
+        "capacity_J_per_K": seen.capacity_J_per_K,
+        "conductance_W_per_K": G,
+    }
+    return [Conflict("too_slow", sentence, ("time_s", "winding_degC", "losses_W"), False, values)]
 
 
 def _shortest(conductance_W_per_K: float, sink: str) -> float:

@@ -18,8 +18,8 @@ from ...motor import Motor
 from ..record import Finding, Record
 from .conflict import Conflict
 from .losses import losses_negative
-from .one_node import one_node
-from .other_readings import OtherReading, other_readings
+from .one_node import one_node, unsettled
+from .other_readings import OtherReading, other_readings, scaled_readings
 from .relations import USUAL_BY_SIZE_S, conflicts
 from .samples import place, samples
 from .sensor import sensor_detached, temperature_jump
@@ -38,11 +38,19 @@ the best is not named beside it."""
 SYMPTOMS = (temperature_jump, sensor_detached, losses_negative, ambient_implausible)
 """Checks whose errors a misread unit brings about too; what mends the unit must end them."""
 
-CLOCK = frozenset({"too_fast", "too_slow", "too_light"})
+CLOCK = frozenset({"too_long", "too_fast", "too_slow", "too_light"})
 FAMILIES = (
     CLOCK,
     frozenset({"losses_below_copper", "little_copper"}),
-    frozenset({"power_from_nothing", "little_efficiency", "losses_disagree"}),
+    frozenset(
+        {
+            "power_from_nothing",
+            "little_efficiency",
+            "losses_disagree",
+            "lost_behind_dc",
+            "too_efficient",
+        }
+    ),
     frozenset({"too_quick", "wheel_disagrees"}),
 )
 """Relations that say the same of a unit: where one is broken, its family must become usual."""
@@ -67,11 +75,15 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
     ids = {conflict.id for conflict in broken}
     unusual = {conflict.id for conflict in conflicts(record, motor, is_strict=True)}
     settled = unusual - {id for family in FAMILIES if family & ids for id in family} - CLOCK
-    mending = [
-        one
-        for one in other_readings(record, motor)
-        if _is_asked(one, ids) and _mends(one, settled, is_shown)
-    ]
+
+    def mends(one: OtherReading) -> bool:
+        stays = unusual & _kept(one, record) - ids
+        return _is_asked(one, ids) and _mends(one, settled | stays, is_shown)
+
+    mending = [one for one in other_readings(record, motor) if mends(one)]
+    # A resistance that is in doubt does not free the columns from it.
+    if not any(one.channels for one in mending) and not all(c.is_odd for c in broken):
+        mending += [one for one in scaled_readings(record, motor) if mends(one)]
     mending = _ranked(mending)
     is_odd = all(conflict.is_odd for conflict in broken)
     if not mending:
@@ -140,6 +152,20 @@ def _is_asked(one: OtherReading, ids: set[str]) -> bool:
     return bool(ids & CLOCK) or one.channels != ("time_s",)
 
 
+def _kept(one: OtherReading, record: Record) -> set[str]:
+    """Relations of size and time that a reading leaves as they were: no evidence against it."""
+    if not one.channels:
+        return set()  # a resistance is no matter of powers; the size must be usual as well
+    changed = {
+        name
+        for name in ("time_s", "losses_W", "phase_current_A", "torque_Nm")
+        if name in record and not np.array_equal(one.record[name], record[name], equal_nan=True)
+    }
+    if not changed:
+        return {"too_fast", "too_slow", "too_light"}
+    return {"too_fast", "too_slow"} if changed == {"torque_Nm"} else set()
+
+
 def _mends(one: OtherReading, left: set[str], is_shown: bool) -> bool:
     """Whether nothing is broken any longer, and nothing unusual either.
 
@@ -181,7 +207,7 @@ def _ranked(mending: Sequence[OtherReading]) -> list[OtherReading]:
 
 def _from_usual(one: OtherReading) -> float:
     """Logarithm of the time constant over the usual one of that size, without its sign."""
-    seen = one_node(one.record, one.motor)
+    seen = one_node(one.record, one.motor) or unsettled(one.record, one.motor)
     if seen is None or not math.isfinite(seen.conductance_W_per_K):
         return 0.0
     usual = USUAL_BY_SIZE_S[one.motor.sink] * math.sqrt(seen.conductance_W_per_K)
@@ -219,8 +245,8 @@ def _remedy(mending: Sequence[OtherReading], record: Record) -> str:
     for one in mending:
         columns = {r.channel: r for r in one.readings}
         lines = " and ".join(
-            f'{name} = "{columns[name].column if name in columns else "COLUMN"} [{one.unit}]"'
-            for name in one.channels
+            f'{name} = "{columns[name].column if name in columns else "COLUMN"} [{unit}]"'
+            for name, unit in zip(one.channels, one.units, strict=True)
         )
         if one.channels == ("time_s",) and record.mapping and not columns:
             words.append("check the sampling rate")
@@ -251,8 +277,8 @@ def _figures(broken: Sequence[Conflict]) -> dict[str, float]:
 
 def _factors(mending: Sequence[OtherReading]) -> dict[str, float]:
     return {
-        f"factor_{'_and_'.join(one.channels) or 'phase_resistance_ohm'}_{one.unit}".rstrip("_"):
-        one.factor
+        f"factor_{'_and_'.join(one.channels) or 'phase_resistance_ohm'}_"
+        f"{one.unit.replace(' ', '_')}".rstrip("_"): one.factor
         for one in mending
     }  # fmt: skip
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...motor import Motor
 from ..blocks import SLOW_LOGGER_S
+from ..header import split_name
 from ..record import Finding, Record
 from .samples import is_measured, median_step, place, samples
 
@@ -27,6 +28,10 @@ average over time to better than about 1 % in blocks of 100 samples."""
 
 COARSE_S = 10.0
 """A winding's time constant is about 100 s; its answer to a step needs ten samples."""
+
+CREEPS_S = 100.0
+"""No logger of a heat run is as slow, but one of 10 Hz whose milliseconds are read as seconds
+looks so."""
 
 
 def _clock(record: Record) -> np.ndarray:
@@ -144,6 +149,18 @@ def time_jitter(record: Record, motor: Motor) -> tuple[Finding, ...]:
     )
 
 
+def _suspected_unit(record: Record, step_s: float) -> str:
+    """Name milliseconds or microseconds where nothing states the unit of a time that creeps."""
+    column = next((one for one in record.mapping if one.channel == "time_s"), None)
+    if column is None or column.unit_from == "stated" or step_s < CREEPS_S:
+        return ""
+    unit = "ms" if step_s < 1e3 * CREEPS_S else "us"
+    return (
+        f" Nothing states the unit of the time, read as {column.unit}: if it is in {unit}, write "
+        f'time_s = "{split_name(column.column)[0]} [{unit}]" into [columns].'
+    )
+
+
 def sampling(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Note how the record is sampled; warn if too coarse to see the winding answer a step."""
     time_s = samples(record)[0]
@@ -152,6 +169,7 @@ def sampling(record: Record, motor: Motor) -> tuple[Finding, ...]:
     usual = median_step(time_s)
     duration_s = float(time_s[-1] - time_s[0])
     is_coarse = usual > COARSE_S
+    suspected = _suspected_unit(record, usual) if is_coarse else ""
     timing = (
         f" When a load step comes is known to ±{usual / 2.0:.3g} s only; the fit estimates it as "
         "load_timing."
@@ -164,7 +182,8 @@ def sampling(record: Record, motor: Motor) -> tuple[Finding, ...]:
             "warning" if is_coarse else "note",
             f"{time_s.size} samples at {usual:.3g} s over {duration_s / 60.0:.1f} min."
             + (f" Expected at most {COARSE_S:.0f} s: Ceq_w hangs on them." if is_coarse else "")
-            + timing,
+            + timing
+            + suspected,
             place(record, "time_s", float(time_s[0]), float(time_s[-1])),
             "Export at the logger's own rate." if is_coarse else "",
             values={"num_samples": float(time_s.size), "step_s": usual, "duration_s": duration_s},

@@ -19,8 +19,22 @@ WINDING_AS_KELVIN = (253.0, 393.0)
 AMBIENT_AS_FAHRENHEIT = (55.0, 110.0)
 """A hall between 13 and 43 degC, in degrees Fahrenheit; as degrees Celsius only a hot chamber."""
 
+HOTTEST_START_DEGC, HOTTEST_DEGC = 150.0, 250.0
+"""No winding starts a test hotter than the one, or stays above the other (class 220 with 30 K); a
+scaled one reads so."""
+
+FAHRENHEIT_ABOVE_K = 20.0
+"""A cold winding in Fahrenheit reads so far above any ambient from -15 degC on: 32 + 0.8 T."""
+
+SCALES = (10.0, 100.0, 1000.0)
+"""What loggers and buses multiply degrees by to send integers [1]."""
+
 AGREEMENT_K = 3.0
 """Winding and ambient agree so closely at a cold start, sensor errors included."""
+
+COOLS_K = 2.0
+"""What a cold winding falls at most below its first excess over the ambient: its sensor's noise and
+the ambient's own lag."""
 
 PLAUSIBLE_DEGC = {"ambient_degC": (-30.0, 50.0), "coolant_degC": (-40.0, 120.0)}
 """Climate chambers reach -30 degC with a motor inside, halls 50; glycol lies between -40 and
@@ -57,6 +71,21 @@ def _unit_finding(
     )
 
 
+def _scaled_finding(
+    record: Record, severity: Severity, typical: float, scale: float, from_s: float
+) -> Finding:
+    degC = typical / scale
+    return Finding(
+        "units_temperature",
+        severity,
+        f"Expected degC; the winding starts at {typical:.0f} degC, at the sink's temperature if "
+        f"the unit is 1/{scale:.0f} degC ({degC:.1f} degC).",
+        place(record, "winding_degC", from_s),
+        f"Divide the column by {scale:.0f} before it is read.",
+        values={"value": typical, "as_degC": degC, "factor": 1.0 / scale},
+    )
+
+
 def unit_assumed(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Note the columns whose unit neither the file nor a name gives."""
     assumed = [one for one in record.mapping if one.unit_from == "assumed"]
@@ -80,8 +109,9 @@ def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report temperatures that look like kelvin or degrees Fahrenheit.
 
     Kelvin is told by value. Fahrenheit is told only where ambient and winding agree at a cold start
-    between 55 and 110, or where one of the two at a start at rest equals the other converted. A hot
-    climate chamber looks the same: where the motor file names the unit it is a warning.
+    between 55 and 110, or where one of the two at the start equals the other converted. A hot
+    climate chamber looks the same: where the motor file names the unit it is a warning. Tenths of
+    degrees are told where the winding is hotter than any and a tenth of its start is the ambient.
     """
     found = []
     for channel, (low, high) in (
@@ -108,16 +138,34 @@ def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
     if low < around < high and abs(at_start - around) < AGREEMENT_K:
         severity = "warning" if _declares_unit(record, motor, "ambient_degC") else "error"
         return (_unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0]),)
-    is_steady = bool(np.ptp(winding[:lead]) < 1.0) and lead > 2
-    if is_steady and low < around < high and abs((around - 32.0) / 1.8 - at_start) < 1.0:
+    if low < around < high and abs((around - 32.0) / 1.8 - at_start) < AGREEMENT_K:
         # A winding tens of kelvin colder than the air around it has no way to be so.
         severity = "warning" if _declares_unit(record, motor, "ambient_degC") else "error"
         return (_unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0]),)
-    if is_steady and around < low < at_start and abs((at_start - 32.0) / 1.8 - around) < 1.0:
+    is_far = at_start - around > FAHRENHEIT_ABOVE_K
+    if around < low and is_far and _starts_cold(winding, ambient, lead):
         return (
             _unit_finding(record, "winding_degC", "Fahrenheit", "warning", at_start, time_s[0]),
         )
+    high = float(np.quantile(winding, 0.9))
+    is_beyond = at_start > HOTTEST_START_DEGC or high > HOTTEST_DEGC
+    for scale in SCALES:
+        if is_beyond and abs(at_start / scale - around) < AGREEMENT_K:
+            severity = "warning" if _declares_unit(record, motor, "winding_degC") else "error"
+            return (_scaled_finding(record, severity, at_start, scale, float(time_s[0])),)
     return ()
+
+
+def _starts_cold(winding: np.ndarray, ambient: np.ndarray, lead: int) -> bool:
+    """Whether a winding that starts hot starts at the ambient's temperature in Fahrenheit.
+
+    A hot start may lie there by chance; then the winding cools at rest, and read as Fahrenheit it
+    would fall below the ambient.
+    """
+    above = (winding - 32.0) / 1.8 - ambient
+    at_start = float(np.median(above[:lead]))
+    stays = float(np.quantile(above, 0.01)) > at_start - COOLS_K
+    return abs(at_start) < AGREEMENT_K and stays
 
 
 def ambient_implausible(record: Record, motor: Motor) -> tuple[Finding, ...]:
