@@ -12,8 +12,8 @@ from ...motor import Motor
 from ..derive import DERIVATIONS, derive
 from ..record import ColumnReading, Record, UnitSource
 from ..schema import CHANNEL
-from ..unit_table import Unit
-from ..units import QUANTITIES, find_unit, to_canonical
+from ..unit_table import QUANTITIES, Unit
+from ..units import find_unit, to_canonical
 from .samples import is_measured
 
 LEAST_FACTOR = 1.4
