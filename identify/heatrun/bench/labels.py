@@ -45,6 +45,8 @@ NAME_WORDS = frozenset(
 
 DOUBTFUL = {"MW": "MW may be megawatts or, in German, the mean value"}
 
+COUNTED = "belong to the number before it"
+
 PREFIXED = {"power": "W", "voltage": "V", "torque": "Nm", "phase current": "A", "dq current": "A",
             "direct current": "A"}  # fmt: skip
 """What a prefix of the SI may stand before."""
@@ -101,6 +103,23 @@ def named_unit(label: str, quantity: str) -> NamedUnit | None:
                     return None
                 return NamedUnit(word, text, behind, is_sure=True)
     return None
+
+
+def rival_unit(label: str, quantity: str) -> str | None:
+    """Return the unit that a label seems to name, where another statement is held against it.
+
+    Also one that may be part of the name, such as MW; but no single letter, no unit of a number in
+    the name ("losses at 10 kW") and no "amp", which is as often an amplitude.
+
+    Args:
+        label: As `named_unit`.
+        quantity: As `named_unit`.
+    """
+    named = named_unit(label, quantity)
+    if named is None or COUNTED in named.doubt or named.unit.casefold() == "amp":
+        return None
+    is_short = len(named.unit) < 2
+    return None if is_short or not find_unit(named.unit, quantity) else named.unit
 
 
 def _inside(text: str, parts: list[tuple[int, int]], quantity: str) -> NamedUnit | None:
@@ -179,6 +198,8 @@ def _tails(text: str, parts: list[tuple[int, int]]) -> Iterator[tuple[int, int]]
     """Yield where units may begin and end, the longest first."""
     stop = parts[-1][1]
     starts = [start for start, _ in parts[-NUM_PARTS:]]
+    slash = text.find("/", parts[-1][0], stop - 2) + 1
+    starts += [slash] if slash else []
     glued = range(max(parts[-1][0] + 1, stop - 4), stop - 1)
     starts += [start for start in glued if text[start:stop] in GLUED]
     starts += [found.start() for found in CAPITAL.finditer(text, parts[-1][0], stop)]
@@ -227,11 +248,7 @@ def _is_foreign(word: str, quantity: str) -> bool:
 def _after_number(text: str, start: int, word: str) -> str:
     """Return the doubt about a unit behind a number, as in "losses at 10 kW"."""
     before = PARTS.findall(text[max(0, start - 20) : start])
-    return (
-        f"{word} may be the unit or belong to the number before it"
-        if (before and before[-1].isdigit())
-        else ""
-    )
+    return f"{word} may be the unit or {COUNTED}" if (before and before[-1].isdigit()) else ""
 
 
 def columns_of(label: str, channel: str, pool: Iterable[Column]) -> list[Column]:
