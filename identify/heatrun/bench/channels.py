@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from .claims import NOT_RECORDED, Claim, did_you_mean, parse_claims
-from .column_unit import line_of, overridden, statements, unit_of
+from .column_unit import overridden, statements, unit_of, unit_wanted
 from .header import read_heading
 from .labels import columns_of, is_sure, named_unit
 from .mapping import Assignment
@@ -204,7 +204,7 @@ def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
         unit, unit_from = (left, "name") if left else unit_of(column, channel, where)
         mapping.add(channel, column, unit, "[columns]", unit_from)
         return
-    remedy = f"Say it in the motor file: {line_of(channel, column)}."
+    remedy = unit_wanted(channel, column)
     known = require_unit(decided, channel.quantity, where=where, remedy=remedy)
     if against := overridden(column, channel, decided):
         mapping.findings.append(

@@ -69,7 +69,7 @@ def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, U
     quantity = channel.quantity
     stated = statements(column)
     for one in stated:
-        require_unit(one.text, quantity, where=where, remedy=_say(channel, column))
+        require_unit(one.text, quantity, where=where, remedy=unit_wanted(channel, column))
     binding = _binding(column, quantity)
     said = (*binding, *stated)
     rival = rival_unit(column.label, quantity) if stated and not binding else None
@@ -86,7 +86,7 @@ def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, U
     if named is not None:
         if named.doubt:
             raise _doubt(f"{named.doubt}.", (named.unit,), channel, column, where)
-        require_unit(named.unit, quantity, where=where, remedy=_say(channel, column))
+        require_unit(named.unit, quantity, where=where, remedy=unit_wanted(channel, column))
         return named.unit, "name"
     return _by_general(column, channel, where)
 
@@ -167,8 +167,9 @@ def overridden(column: Column, channel: Channel, decided: str) -> Stated | None:
     return None
 
 
-def _say(channel: Channel, column: Column) -> str:
-    return f"Say it in the motor file: {line_of(channel, column)}."
+def unit_wanted(channel: Channel, column: Column) -> str:
+    """Return the remedy where a unit is not understood; none is offered, it may be any of them."""
+    return f"Say it in the motor file, UNIT being one of these: {line_of(channel, column, 'UNIT')}."
 
 
 def _conflict(

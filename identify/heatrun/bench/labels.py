@@ -23,7 +23,7 @@ from .header import plain, unit_of_cell
 from .name_words import EFFECTIVE, MEANS, STATISTICS
 from .schema import CHANNEL
 from .table import Column
-from .unit_table import QUANTITIES, REFUSED
+from .unit_table import BRACKETED_ONLY, QUANTITIES, REFUSED
 from .units import MADE_UP, find_unit, quantities_of, refusal
 
 SHORTEST_WORD = 2
@@ -39,11 +39,14 @@ NAME_WORDS = frozenset(
      "Std.", "ora", "ore", "Cel", "oC", "oF", "C", "Grad", "grad C", "gradi", "deg", "amp", "amps",
      "A_dc", "Adc", "V_dc", "Vdc", "Arms", "A_rms", "Aeff", "A_eff", "Apk", "A_pk", "App", "A_pp",
      "bool", "pu", "pct", "MW", "volt", "kpm", "N_m", "PS", "CV", "var", "mps", "days", "degrees",
-     "tours", "giri", "V-dc", "V.dc", "A-dc", "A.dc", "-", "1")
+     "tours", "giri", "uA", "V-dc", "V.dc", "A-dc", "A.dc", "-", "1")
 )  # fmt: skip
 """Spellings that are also parts of names: a minimum, a stator voltage, the second winding."""
 
-DOUBTFUL = {"MW": "MW may be megawatts or, in German, the mean value"}
+DOUBTFUL = {
+    "MW": "MW may be megawatts or, in German, the mean value",
+    "uA": "uA may be microamperes or the phase u in amperes",
+}
 
 COUNTED = "belong to the number before it"
 
@@ -109,14 +112,15 @@ def rival_unit(label: str, quantity: str) -> str | None:
     """Return the unit that a label seems to name, where another statement is held against it.
 
     Also one that may be part of the name, such as MW; but no single letter, no unit of a number in
-    the name ("losses at 10 kW") and no "amp", which is as often an amplitude.
+    the name ("losses at 10 kW") no "amp", which is as often an amplitude, and no "uA", which may be
+    the phase u.
 
     Args:
         label: As `named_unit`.
         quantity: As `named_unit`.
     """
     named = named_unit(label, quantity)
-    if named is None or COUNTED in named.doubt or named.unit.casefold() == "amp":
+    if named is None or COUNTED in named.doubt or named.unit.casefold() in ("amp", "ua"):
         return None
     is_short = len(named.unit) < 2
     return None if is_short or not find_unit(named.unit, quantity) else named.unit
@@ -128,7 +132,7 @@ def _inside(text: str, parts: list[tuple[int, int]], quantity: str) -> NamedUnit
     for first, (start, _) in enumerate(parts):
         for _, stop in reversed(parts[first : first + NUM_PARTS]):
             word = text[start:stop]
-            unit = find_unit(word, quantity)
+            unit = None if word in BRACKETED_ONLY else find_unit(word, quantity)
             if unit is None:
                 continue
             stem = text[stop:].lstrip(" _-.:|=,;") if start == 0 else text
@@ -220,6 +224,8 @@ def _at_end(text: str, start: int, stop: int, quantity: str) -> tuple[str, str, 
     before = text[start - 1]
     is_part = not before.isalnum()
     stem = text[:start].rstrip(" _-.:|=,;") if is_part else text[:start]
+    if word in BRACKETED_ONLY:
+        return None
     unit = find_unit(word, quantity)
     sure = is_part and is_sure(word)
     if unit is None:

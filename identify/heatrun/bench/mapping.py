@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .column_unit import line_of
+from .column_unit import unit_wanted
 from .record import ColumnReading, Finding, UnitSource
 from .schema import Channel
 from .table import Column
@@ -78,7 +78,7 @@ class Assignment:
         where = f"{self.where}, column '{column.name}' as {channel.name}"
         if column.question is not None:
             raise column.question.asked(channel.name, where)
-        remedy = f"Say it in the motor file: {line_of(channel, column)}."
+        remedy = unit_wanted(channel, column)
         known = require_unit(unit or channel.unit, channel.quantity, where=where, remedy=remedy)
         values = to_canonical(column.values, known)
         said = f"in {known.symbol}" if unit else f"no unit given, taken as {known.symbol}"

@@ -16,8 +16,9 @@ from .hints import NO_HINTS, Hints
 from .record import Finding
 from .remarks import units_of_remarks
 from .table import Column, Question, Stated, Table
+from .text_cells import MISSING
 from .text_encoding import decode
-from .text_layout import MISSING, Layout, find_layout
+from .text_layout import Layout, find_layout
 from .text_lines import DataLines, data_lines, ragged_lines
 from .text_values import doubtful, read_values, unreadable_cells, unsettled_cells
 from .time_format import TimeFormat, parse_time_format, stated_format
