@@ -48,6 +48,9 @@ DOUBTFUL = {
     "uA": "uA may be microamperes or the phase u in amperes",
 }
 
+DAYS = re.compile(r"(?:^|[\s_\-.:|=,;/(\[{<])d(?=$|[\s_\-.:|=,;/)\]}>])")
+"""A d that stands alone in the name of a time: a question, unless the name is t_d."""
+
 COUNTED = "belong to the number before it"
 
 PREFIXED = {"power": "W", "voltage": "V", "torque": "Nm", "phase current": "A", "dq current": "A",
@@ -89,6 +92,8 @@ def named_unit(label: str, quantity: str) -> NamedUnit | None:
     whole = unit_of_cell(text)
     if whole and (find_unit(whole, quantity) or is_sure(whole)):
         return NamedUnit(whole, "", is_sure=is_sure(whole), doubt=DOUBTFUL.get(whole, ""))
+    if quantity == "time" and DAYS.search(text) and len(text) > len("t_d"):
+        return NamedUnit("d", text, doubt="d may be days or part of the name")
     parts = [found.span() for found in PARTS.finditer(text)][-4 * NUM_PARTS :]
     rests = list(_rests(text, parts))
     for rest, behind in rests:

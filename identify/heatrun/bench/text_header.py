@@ -77,8 +77,9 @@ def names_above(
             and _names_time(row)
             and not is_comment(lines[index])
         )
-        between = [one for one in rows[index + 1 : start] if units_of_row(one, row) is None]
-        return index if is_names and not any(map(_speaks_of_units, between)) else header
+        if is_names:
+            between = [one for one in rows[index + 1 : start] if units_of_row(one, row) is None]
+            return header if any(map(_speaks_of_units, between)) else index
     return header
 
 
