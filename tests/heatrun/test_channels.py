@@ -139,7 +139,7 @@ def test_a_unit_that_is_not_understood_matters_where_it_is_used():
     with pytest.raises(InputError, match=r"The unit 'furlong' is not known") as caught:
         mapped("P [furlong]", columns={"losses_W": "P"})
     assert "'P [furlong]' as losses_W" in caught.value.where
-    assert '[columns] losses_W = "P [furlong] [W]"' in caught.value.remedy
+    assert '[columns] losses_W = "P [furlong] [UNIT]"' in caught.value.remedy
     line = "P [furlong] [kW]"
     found = mapped("P [furlong]", columns={"losses_W": line}, value=2.0)
     assert found.channels["losses_W"][0] == 2000.0

@@ -176,7 +176,8 @@ def test_units_in_comment_lines(line, expected):
 def test_comment_lines_that_are_not_understood_are_asked_for(line):
     with pytest.raises(InputError) as caught:
         units(f"{line}\nt,T,P\n{DATA}")
-    assert 'losses_W = "P [W]"' in caught.value.remedy
+    unit = "W" if "kW" in line else "UNIT"
+    assert f'losses_W = "P [{unit}]"' in caught.value.remedy
 
 
 def test_a_comment_below_the_names_is_kept_and_is_no_row_of_names():

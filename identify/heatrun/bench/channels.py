@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from .claims import NOT_RECORDED, Claim, did_you_mean, parse_claims
-from .column_unit import line_of, overridden, unit_of
+from .column_unit import overridden, statements, unit_of, unit_wanted
 from .header import read_heading
 from .labels import columns_of, is_sure, named_unit
 from .mapping import Assignment
@@ -144,7 +144,9 @@ def _claimed(
         [column for column in pool if column.name == claim.text],
         [column for column in pool if claim.base and column.name == claim.base],
         [column for column in pool if claim.label in (column.name, column.label)],
+        [column for column in pool if claim.text == column.label],
         [column for column in pool if claim.label == _stem(column, quantity)],
+        _with_unit_left(claim, pool),
     ):
         if len(matches) > 1:
             raise _two_columns(claim.channel, matches, where)
@@ -176,6 +178,21 @@ def _stem(column: Column, quantity: str) -> str | None:
     return named.stem if named and is_sure(named.unit) and named.stem else None
 
 
+def _with_unit_left(claim: Claim, pool: Iterable[Column]) -> list[Column]:
+    """Return the one column whose name goes on with a unit alone behind the name in `[columns]`."""
+    found = [column for column in pool if column.label.startswith(claim.label)]
+    return found if len(found) == 1 and _unit_left(claim, found[0]) else []
+
+
+def _unit_left(claim: Claim, column: Column) -> str | None:
+    """Return the unit that stands behind the name in `[columns]`, as K in "T_wdg K" for T_wdg."""
+    if claim.unit is not None or not column.label.startswith(claim.label):
+        return None
+    named = named_unit(column.label, CHANNEL[claim.channel].quantity)
+    is_left = named is not None and column.label == f"{claim.label} {named.unit}"
+    return named.unit if named and is_left else None
+
+
 def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
     channel = CHANNEL[claim.channel]
     where = f"{mapping.where}, column '{column.name}' as {channel.name}"
@@ -183,10 +200,11 @@ def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
     if column.name == claim.text and len(read_heading(claim.text).units) > 1:
         decided = None  # it says two things at once
     if decided is None or column.is_seconds:
-        unit, unit_from = unit_of(column, channel, where)
+        left = None if statements(column) else _unit_left(claim, column)
+        unit, unit_from = (left, "name") if left else unit_of(column, channel, where)
         mapping.add(channel, column, unit, "[columns]", unit_from)
         return
-    remedy = f"Say it in the motor file: {line_of(channel, column)}."
+    remedy = unit_wanted(channel, column)
     known = require_unit(decided, channel.quantity, where=where, remedy=remedy)
     if against := overridden(column, channel, decided):
         mapping.findings.append(

@@ -17,6 +17,11 @@ HALF = r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
 CLOCK = r"(?:(?P<hour>[0-9]+):)?(?P<minute>[0-9]+):(?P<second>[0-5]?[0-9](?:[.,][0-9]*)?)" + HALF
 CLOCK_CELL = re.compile(CLOCK)
 
+OF_DAY = r"(?P<hour>[0-9]{1,2}):(?P<minute>[0-5][0-9]):(?P<second>[0-5][0-9](?:\.[0-9]*)?)"
+DAYS = r"(?P<day>[0-9]+) days?,?\s+(?P<clock>[0-9]{1,2}:[0-5][0-9]:[0-5][0-9](?:\.[0-9]*)?)"
+DAYS_CELL = re.compile(DAYS)
+"""Durations as Python and pandas write them: "0 days 00:00:10", "1 day, 0:00:10"."""
+
 DAY_S = 86400.0
 HOUR_S = 3600.0
 LONGEST_PAUSE_S = 60.0
@@ -109,6 +114,23 @@ def read_clock(cells: pd.Series, name: str = "time") -> ClockColumn:
     if forms[0][1] == "hms" and not has_fraction and parts["half"].isna().all():
         question = _other_parts(seconds, parts, name)
     return ClockColumn(seconds, note + wrapped, question)
+
+
+def read_days(cells: pd.Series) -> ClockColumn:
+    """Read durations of days and a clock; where no days stand, there are none.
+
+    Args:
+        cells: As `read_clock`.
+    """
+    days = cells.str.extract(f"^{DAYS}$")
+    clocks = days["clock"].fillna(cells)
+    parts = clocks.str.extract(f"^{OF_DAY}$")
+    hour = numbers(parts["hour"])
+    hour[hour >= SIZE["h"]] = np.nan
+    seconds = HOUR_S * hour + 60.0 * numbers(parts["minute"]) + numbers(parts["second"])
+    seconds += DAY_S * numbers(days["day"].fillna("0"))
+    seconds = np.round(seconds, decimals(parts["second"]))  # undo the rounding of the sum
+    return ClockColumn(seconds, "read as days hours:minutes:seconds")
 
 
 def _two_parts(parts: pd.DataFrame, name: str) -> ClockColumn:

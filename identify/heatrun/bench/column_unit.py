@@ -9,14 +9,18 @@ part of the name counts (`heatrun.bench.labels`), and without that nobody says.
 from __future__ import annotations
 
 import json
+import math
 
 from ..errors import InputError
 from .header import read_heading
-from .labels import named_unit
+from .labels import named_unit, rival_unit
 from .record import UnitSource
 from .schema import CHANNEL, Channel
 from .table import Column, Stated
+from .unit_table import AMPERE, KILOAMPERE, MILLIAMPERE, ROOT_2
 from .units import find_unit, quantities_of, require_unit
+
+PLAIN_AMPERES = frozenset((*AMPERE, *MILLIAMPERE, *KILOAMPERE))
 
 
 def line_of(channel: Channel, column: Column, unit: str | None = None) -> str:
@@ -65,12 +69,15 @@ def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, U
     quantity = channel.quantity
     stated = statements(column)
     for one in stated:
-        require_unit(one.text, quantity, where=where, remedy=_say(channel, column))
+        require_unit(one.text, quantity, where=where, remedy=unit_wanted(channel, column))
     binding = _binding(column, quantity)
     said = (*binding, *stated)
-    for one in said[1:]:
-        if find_unit(one.text, quantity) != find_unit(said[0].text, quantity):
-            raise _conflict(said[0], one, channel, column, where)
+    rival = rival_unit(column.label, quantity) if stated and not binding else None
+    against = (Stated(rival, "the name"), *said) if rival else said
+    may_refine = bool(rival or binding) and column.label not in CHANNEL
+    for one in against[1:]:
+        if not _agrees(against[0], one, quantity, may_refine=may_refine):
+            raise _conflict(against[0], one, channel, column, where)
     if stated:
         return stated[0].text, "stated"
     if binding:
@@ -79,7 +86,7 @@ def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, U
     if named is not None:
         if named.doubt:
             raise _doubt(f"{named.doubt}.", (named.unit,), channel, column, where)
-        require_unit(named.unit, quantity, where=where, remedy=_say(channel, column))
+        require_unit(named.unit, quantity, where=where, remedy=unit_wanted(channel, column))
         return named.unit, "name"
     return _by_general(column, channel, where)
 
@@ -96,6 +103,24 @@ def _binding(column: Column, quantity: str) -> tuple[Stated, ...]:
     if named is None or not named.is_sure or named.doubt or not find_unit(named.unit, quantity):
         return ()
     return (Stated(named.unit, "the name"),)
+
+
+def _agrees(first: Stated, second: Stated, quantity: str, *, may_refine: bool) -> bool:
+    """Return whether two statements mean the same unit.
+
+    Args:
+        first: One of them.
+        second: The other.
+        quantity: Of both.
+        may_refine: The first is a part of the name: a plain A in it says nothing of rms or peak,
+            so that a unit that does is no contradiction.
+    """
+    one, other = find_unit(first.text, quantity), find_unit(second.text, quantity)
+    if one == other:
+        return True
+    if not (may_refine and first.text in PLAIN_AMPERES and one and other):
+        return False
+    return any(math.isclose(other.factor, one.factor * kind) for kind in (1 / ROOT_2, 1.0, ROOT_2))
 
 
 def _by_general(column: Column, channel: Channel, where: str) -> tuple[str | None, UnitSource]:
@@ -134,14 +159,17 @@ def overridden(column: Column, channel: Channel, decided: str) -> Stated | None:
     """
     quantity = channel.quantity
     unit = find_unit(decided, quantity)
-    for one in (*statements(column), *_binding(column, quantity)):
+    rival = rival_unit(column.label, quantity)
+    in_name = _binding(column, quantity) or ((Stated(rival, "the name"),) if rival else ())
+    for one in (*statements(column), *in_name):
         if find_unit(one.text, quantity) != unit:
             return one
     return None
 
 
-def _say(channel: Channel, column: Column) -> str:
-    return f"Say it in the motor file: {line_of(channel, column)}."
+def unit_wanted(channel: Channel, column: Column) -> str:
+    """Return the remedy where a unit is not understood; none is offered, it may be any of them."""
+    return f"Say it in the motor file, UNIT being one of these: {line_of(channel, column, 'UNIT')}."
 
 
 def _conflict(

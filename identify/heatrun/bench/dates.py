@@ -36,13 +36,16 @@ LONGEST_PAUSE_DAYS = 300
 Date = tuple[str, str, str]
 
 
-def read_dates(cells: pd.Series, name: str = "time", order: str = "") -> ClockColumn:
+def read_dates(
+    cells: pd.Series, name: str = "time", order: str = "", *, known_by: str = ""
+) -> ClockColumn:
     """Read dates with a time, in the one order of day, month and year that they allow.
 
     Args:
         cells: Texts without blanks around them, shape (time,).
         name: Name of the column, for the answers to a question.
         order: Key of `PLACES` that the header states, or empty.
+        known_by: Why the order is known beforehand, or empty.
     """
     parts = cells.str.extract(f"^{DATE_TIME}$")
     triples = parts[["first", "middle", "last"]]
@@ -64,7 +67,7 @@ def read_dates(cells: pd.Series, name: str = "time", order: str = "") -> ClockCo
     read = {order: seconds_by(order) for order in orders}
     if not any(np.isfinite(seconds).any() for seconds in read.values()):
         return ClockColumn(np.full(len(cells), np.nan), "")
-    reason = "as stated" if order else ""
+    reason = known_by or ("as stated" if order else "")
     left, why = _possible(read, dates)
     best = left[0]
     seconds = read[best]

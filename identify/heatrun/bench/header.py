@@ -14,7 +14,8 @@ One tokenizer reads names, cells of a row of units, comment lines and the right-
 
 A mark counts with no bracket alone, the leftmost one that leaves a unit. Behind " in " and " / "
 also what is not known counts, unless it is the name of a place ("temperature in stator"); mapped
-to a channel, it is an error. A single letter behind ":", "|", "=" or " - " is left in the label.
+to a channel, it is an error. A single letter behind ":", "|" or " - ", and an F behind "=", is left
+in the label.
 
 A unit that is not marked ("P_kW", "P_loss kW avg") stays in the label. It is read by
 `heatrun.bench.labels`, once it is known which quantity the column is to be: `T_C` is a temperature
@@ -260,7 +261,8 @@ def _is_behind(mark: str, text: str, *, is_known: bool) -> bool:
         is_sure = bool(COMPOUND.search(text)) and (is_known or " " not in text)
         return is_clock_format(text) or (is_sure and _is_it(text, is_known=is_known))
     if is_known:
-        is_single = sign not in ("/", ",") and not sign.endswith("in") and len(text) == 1
+        is_clear = sign in ("/", ",") or sign.endswith("in") or (sign == "=" and text != "F")
+        is_single = not is_clear and len(text) == 1
         return is_unit(text) and not is_single
     if is_name(text):
         return False

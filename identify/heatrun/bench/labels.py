@@ -23,7 +23,7 @@ from .header import plain, unit_of_cell
 from .name_words import EFFECTIVE, MEANS, STATISTICS
 from .schema import CHANNEL
 from .table import Column
-from .unit_table import QUANTITIES, REFUSED
+from .unit_table import BRACKETED_ONLY, QUANTITIES, REFUSED
 from .units import MADE_UP, find_unit, quantities_of, refusal
 
 SHORTEST_WORD = 2
@@ -39,11 +39,19 @@ NAME_WORDS = frozenset(
      "Std.", "ora", "ore", "Cel", "oC", "oF", "C", "Grad", "grad C", "gradi", "deg", "amp", "amps",
      "A_dc", "Adc", "V_dc", "Vdc", "Arms", "A_rms", "Aeff", "A_eff", "Apk", "A_pk", "App", "A_pp",
      "bool", "pu", "pct", "MW", "volt", "kpm", "N_m", "PS", "CV", "var", "mps", "days", "degrees",
-     "tours", "giri", "V-dc", "V.dc", "A-dc", "A.dc", "-", "1")
+     "tours", "giri", "uA", "V-dc", "V.dc", "A-dc", "A.dc", "-", "1")
 )  # fmt: skip
 """Spellings that are also parts of names: a minimum, a stator voltage, the second winding."""
 
-DOUBTFUL = {"MW": "MW may be megawatts or, in German, the mean value"}
+DOUBTFUL = {
+    "MW": "MW may be megawatts or, in German, the mean value",
+    "uA": "uA may be microamperes or the phase u in amperes",
+}
+
+DAYS = re.compile(r"(?:^|[\s_\-.:|=,;/(\[{<])d(?=$|[\s_\-.:|=,;/)\]}>])")
+"""A d that stands alone in the name of a time: a question, unless the name is t_d."""
+
+COUNTED = "belong to the number before it"
 
 PREFIXED = {"power": "W", "voltage": "V", "torque": "Nm", "phase current": "A", "dq current": "A",
             "direct current": "A"}  # fmt: skip
@@ -84,6 +92,8 @@ def named_unit(label: str, quantity: str) -> NamedUnit | None:
     whole = unit_of_cell(text)
     if whole and (find_unit(whole, quantity) or is_sure(whole)):
         return NamedUnit(whole, "", is_sure=is_sure(whole), doubt=DOUBTFUL.get(whole, ""))
+    if quantity == "time" and DAYS.search(text) and len(text) > len("t_d"):
+        return NamedUnit("d", text, doubt="d may be days or part of the name")
     parts = [found.span() for found in PARTS.finditer(text)][-4 * NUM_PARTS :]
     rests = list(_rests(text, parts))
     for rest, behind in rests:
@@ -103,13 +113,31 @@ def named_unit(label: str, quantity: str) -> NamedUnit | None:
     return None
 
 
+def rival_unit(label: str, quantity: str) -> str | None:
+    """Return the unit that a label seems to name, where another statement is held against it.
+
+    Also one that may be part of the name, such as MW; but no single letter, no unit of a number in
+    the name ("losses at 10 kW") no "amp", which is as often an amplitude, and no "uA", which may be
+    the phase u.
+
+    Args:
+        label: As `named_unit`.
+        quantity: As `named_unit`.
+    """
+    named = named_unit(label, quantity)
+    if named is None or COUNTED in named.doubt or named.unit.casefold() in ("amp", "ua"):
+        return None
+    is_short = len(named.unit) < 2
+    return None if is_short or not find_unit(named.unit, quantity) else named.unit
+
+
 def _inside(text: str, parts: list[tuple[int, int]], quantity: str) -> NamedUnit | None:
     """Return the unit at the beginning or in the middle of a label."""
     doubtful = None
     for first, (start, _) in enumerate(parts):
         for _, stop in reversed(parts[first : first + NUM_PARTS]):
             word = text[start:stop]
-            unit = find_unit(word, quantity)
+            unit = None if word in BRACKETED_ONLY else find_unit(word, quantity)
             if unit is None:
                 continue
             stem = text[stop:].lstrip(" _-.:|=,;") if start == 0 else text
@@ -179,6 +207,8 @@ def _tails(text: str, parts: list[tuple[int, int]]) -> Iterator[tuple[int, int]]
     """Yield where units may begin and end, the longest first."""
     stop = parts[-1][1]
     starts = [start for start, _ in parts[-NUM_PARTS:]]
+    slash = text.find("/", parts[-1][0], stop - 2) + 1
+    starts += [slash] if slash else []
     glued = range(max(parts[-1][0] + 1, stop - 4), stop - 1)
     starts += [start for start in glued if text[start:stop] in GLUED]
     starts += [found.start() for found in CAPITAL.finditer(text, parts[-1][0], stop)]
@@ -199,6 +229,8 @@ def _at_end(text: str, start: int, stop: int, quantity: str) -> tuple[str, str, 
     before = text[start - 1]
     is_part = not before.isalnum()
     stem = text[:start].rstrip(" _-.:|=,;") if is_part else text[:start]
+    if word in BRACKETED_ONLY:
+        return None
     unit = find_unit(word, quantity)
     sure = is_part and is_sure(word)
     if unit is None:
@@ -227,11 +259,7 @@ def _is_foreign(word: str, quantity: str) -> bool:
 def _after_number(text: str, start: int, word: str) -> str:
     """Return the doubt about a unit behind a number, as in "losses at 10 kW"."""
     before = PARTS.findall(text[max(0, start - 20) : start])
-    return (
-        f"{word} may be the unit or belong to the number before it"
-        if (before and before[-1].isdigit())
-        else ""
-    )
+    return f"{word} may be the unit or {COUNTED}" if (before and before[-1].isdigit()) else ""
 
 
 def columns_of(label: str, channel: str, pool: Iterable[Column]) -> list[Column]:

@@ -7,13 +7,25 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .column_unit import line_of
+from .column_unit import unit_wanted
 from .record import ColumnReading, Finding, UnitSource
 from .schema import Channel
 from .table import Column
 from .units import require_unit, to_canonical
 
-AMPLITUDE = re.compile(r"peak|ampl|(^|[_ ])(pk|max|amp)(?![a-z])|scheitel", re.IGNORECASE)
+AMPLITUDE = re.compile(
+    r"peak|ampl|scheitel|spitze|crest|crête"
+    r"|(?:^|[^a-z])(?:pk|max|amp|pp|p-p)(?![a-z])"
+    r"|(?:^|[^a-z])(?:i[a-zA-Z0-9]{0,3}|current|strom)?[_ .\-]?(?:hat|dach)(?![a-z])"
+    r"|[îÎ]|i\u0302|\u02c6|\^(?![0-9+-])",
+    re.IGNORECASE,
+)
+"""Names of amplitudes; the hat also as a sign of its own or one that combines with the i."""
+
+KIND = re.compile(r"rms|eff|peak|pk|ampl", re.IGNORECASE)
+"""In a unit, the words by which `[columns]` decides."""
+
+EFFECTIVE = re.compile(r"rms|(?:^|[^a-z])eff(?![a-z])|effekt", re.IGNORECASE)
 
 
 @dataclass
@@ -66,7 +78,7 @@ class Assignment:
         where = f"{self.where}, column '{column.name}' as {channel.name}"
         if column.question is not None:
             raise column.question.asked(channel.name, where)
-        remedy = f"Say it in the motor file: {line_of(channel, column)}."
+        remedy = unit_wanted(channel, column)
         known = require_unit(unit or channel.unit, channel.quantity, where=where, remedy=remedy)
         values = to_canonical(column.values, known)
         said = f"in {known.symbol}" if unit else f"no unit given, taken as {known.symbol}"
@@ -77,21 +89,9 @@ class Assignment:
         )
         self.taken[channel.name] = column
         self.channels[channel.name] = values
-        if (
-            channel.quantity == "phase current"
-            and AMPLITUDE.search(column.label)
-            and not known.symbol.endswith("_peak")
-        ):
-            self.findings.append(
-                Finding(
-                    id="current_maybe_amplitude",
-                    severity="warning",
-                    message=f"The name speaks of an amplitude, the unit is read as {known.symbol}.",
-                    where=where,
-                    remedy=f"Write '{column.label} [A_peak]' in [columns] if it is an amplitude, "
-                    f"'{column.label} [A_rms]' if not.",
-                )
-            )
+        is_decided = source == "[columns]" and bool(KIND.search(unit or ""))
+        doubt = None if is_decided else doubt_of_kind(channel, column, known.symbol, where)
+        self.findings += [doubt] if doubt else []
 
     def used_twice(self) -> list[Finding]:
         """Return a finding for each column that stands for more than one channel."""
@@ -109,3 +109,45 @@ class Assignment:
             for names in users.values()
             if len(names) > 1
         ]
+
+
+def doubt_of_kind(channel: Channel, column: Column, symbol: str, where: str) -> Finding | None:
+    """Return the finding about a current that is read as rms and called an amplitude, or the other
+    way round; None where nothing speaks against the reading.
+
+    Args:
+        channel: What the column becomes.
+        column: The column.
+        symbol: Its unit; of a d or q current the plain one is an amplitude.
+        where: File and column.
+    """
+    prefix = symbol.partition("_")[0]
+    said = next((one for one in column.beside if one.scope == "kind"), None)
+    if channel.quantity == "phase current" and not symbol.endswith("_peak"):
+        if said is None and not AMPLITUDE.search(column.label):
+            return None
+        source = said.source if said else "the name"
+        message = f"{source[:1].upper()}{source[1:]} speaks of an amplitude, the unit is read as "
+        remedy = (
+            f"Write '{column.label} [{prefix}_peak]' in [columns] if it is an amplitude, "
+            f"'{column.label} [{prefix}_rms]' if not."
+        )
+    elif channel.quantity == "dq current" and not symbol.endswith("_rms"):
+        if not EFFECTIVE.search(column.label):
+            return None
+        message = "The name speaks of rms values (amplitude / √2), the unit is read as amplitude, "
+        remedy = (
+            f"Write '{column.label} [{prefix}_rms]' in [columns] if it is rms, "
+            f"'{column.label} [{prefix}_peak]' if not."
+        )
+    else:
+        return None
+    return Finding(
+        id="current_maybe_amplitude"
+        if channel.quantity == "phase current"
+        else "current_maybe_rms",
+        severity="warning",
+        message=f"{message}{symbol}.",
+        where=where,
+        remedy=remedy,
+    )

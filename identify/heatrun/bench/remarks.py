@@ -6,6 +6,7 @@ A line is read as one of these, where NAME is the name of a column and UNIT a un
     NAME ("in" | ":" | "=" | "is in") UNIT, NAME "[" UNIT "]", several with "," or ";" between
     "column" NUMBER ":" UNIT
     "all temperatures in" UNIT        words of a quantity: every column of it that has no unit
+    NAME (":" | "is" | "in") "peak value", also "currents are amplitudes": a doubt about its kind
 
 A unit behind anything else is about none of the columns for sure. It matters only where a column
 of its quantity has no unit and would be read in another one; then it is a question. Lines with a
@@ -35,6 +36,17 @@ PAIR = re.compile(
     re.IGNORECASE,
 )
 BRACKET = re.compile(r"(?P<label>\S[^\[(]*?)\s*[\[(]\s*(?P<unit>[^\[\]()]{1,40})[\])]")
+KIND = re.compile(
+    r"(?P<label>\S[^:=]*?)(?:\s*[:=]|\s+(?:is|are|ist|sind|in|as|als|given|logged|recorded)\b)+"
+    r"\s*(?:(?:an?|the|der|die)\s+)?"
+    r"(?:peak|amplitud|crest|scheitel|spitzen|valeurs? (?:de )?crête|\^|0-p)[\w\s\-]*\.?",
+    re.IGNORECASE,
+)
+"""A line that calls a current an amplitude."""
+
+CURRENT = frozenset(("current", "currents", "phase", "strom", "ströme", "correnti",
+                     "courants", "i", "all", "alle", "the"))  # fmt: skip
+
 LONGEST_LINE = 20_000
 LONGEST_PIECE = 120
 """Characters; what is longer is prose."""
@@ -76,14 +88,14 @@ def units_of_remarks(lines: Sequence[str], names: Sequence[str]) -> tuple[tuple[
         if not 3 <= len(text) <= LONGEST_LINE or NUMBER.fullmatch(PIECE.split(text)[-1].strip()):
             continue
         source = f"the line '{text if len(text) <= 60 else text[:59] + '…'}'"
+        if known is None:
+            known = _index(names)
+        _add_kind(found, text, known, source)
         listed = UNIT_LIST.fullmatch(text)
         if listed and _add_list(found, listed["rest"], source):
             continue
-        pairs = list(_pairs(listed["rest"] if listed else text))
-        if pairs and known is None:
-            known = _index(names)
-        for label, unit in pairs:
-            _add_pair(found, label, unit, known or ({}, {}), source)
+        for label, unit in _pairs(listed["rest"] if listed else text):
+            _add_pair(found, label, unit, known, source)
     return tuple(tuple(said) for said in found)
 
 
@@ -155,6 +167,21 @@ def _add_pair(
         _add_to_all(found, Stated(unit, source, "quantity"))
     elif len(unit) > 1:
         _add_to_all(found, Stated(unit, source, "unclear"))
+
+
+def _add_kind(
+    found: list[list[Stated]], text: str, known: tuple[Index, Index], source: str
+) -> None:
+    """Note what a line calls an amplitude; it is of interest for currents alone."""
+    match = KIND.fullmatch(text) if len(text) <= LONGEST_PIECE else None
+    if match is None:
+        return
+    said = Stated("amplitude", source, "kind")
+    for column in _columns(match["label"], known, len(found)):
+        found[column].append(said)
+    words = re.findall(r"[^\W\d_]+", match["label"].casefold())
+    if words and all(word in CURRENT for word in words):
+        _add_to_all(found, said)
 
 
 def _pair(text: str) -> tuple[str, str] | None:

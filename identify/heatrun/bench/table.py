@@ -43,15 +43,15 @@ class Stated:
     """A unit that a file gives somewhere else than in the name of a column.
 
     Attributes:
-        text: Unit text.
+        text: Unit text; of scope "kind" the word for an amplitude.
         source: Where it stands, such as `"the row of units"`, for messages.
-        scope: What it is about: this column, every column of its quantity, or something that is
-            not clear.
+        scope: What it is about: this column, every column of its quantity, something that is not
+            clear, or the kind of a current alone: that it is an amplitude.
     """
 
     text: str
     source: str
-    scope: Literal["column", "quantity", "unclear"] = "column"
+    scope: Literal["column", "quantity", "unclear", "kind"] = "column"
 
 
 @dataclass(frozen=True)

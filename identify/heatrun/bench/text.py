@@ -16,12 +16,12 @@ from .hints import NO_HINTS, Hints
 from .record import Finding
 from .remarks import units_of_remarks
 from .table import Column, Question, Stated, Table
+from .text_cells import MISSING
 from .text_encoding import decode
-from .text_layout import MISSING, Layout, find_layout
+from .text_layout import Layout, find_layout
 from .text_lines import DataLines, data_lines, ragged_lines
 from .text_values import doubtful, read_values, unreadable_cells, unsettled_cells
 from .time_format import TimeFormat, parse_time_format, stated_format
-from .unit_rows import is_comment
 from .units import find_unit
 
 PARSED_AS_MISSING = sorted({mark for word in MISSING for mark in (word, word.upper(), "NaN")})
@@ -138,9 +138,9 @@ def _label_and_unit(
 
 
 def _refuse_units_between(body: DataLines, layout: Layout, where: str) -> None:
-    """Refuse a comment among the data that speaks of units: from there on they may be others."""
+    """Refuse a line among the data that speaks of units: from there on they may be others."""
     for number, text in zip(body.ragged, body.ragged_texts, strict=False):
-        if is_comment(text) and any(units_of_remarks((text,), layout.names)):
+        if any(units_of_remarks((text.lstrip("; "),), layout.names)):
             raise InputError(
                 f"Line {number} among the data speaks of units: '{printable(text[:80])}'.",
                 where=where,

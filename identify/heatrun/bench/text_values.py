@@ -8,10 +8,12 @@ import numpy as np
 import pandas as pd
 
 from ..printable import printable
-from .clock import CLOCK, ClockColumn, read_clock, read_stated
+from .clock import CLOCK, DAYS, ClockColumn, read_clock, read_days, read_stated
+from .date_words import numbered_dates
 from .dates import DATE_TIME, read_dates
 from .record import Finding
 from .table import Question
+from .text_cells import MISSING, STATES
 from .text_decimal import (
     GROUPED,
     NUMBER,
@@ -20,7 +22,6 @@ from .text_decimal import (
     SURELY_GROUPED,
     THOUSANDS_OR_DECIMALS,
 )
-from .text_layout import MISSING, STATES
 from .time_format import TimeFormat
 
 
@@ -197,15 +198,18 @@ def _read_numbers(texts: pd.Series, decimal: str, has_thousands: bool) -> Values
 
 
 def _read_clock(texts: pd.Series, name: str) -> Values | None:
+    if texts.str.fullmatch(DAYS).any():
+        return _times(read_days(texts))
     if not texts.str.fullmatch(CLOCK).any():
         return None
     return _times(read_clock(texts, name))
 
 
 def _read_dates(texts: pd.Series, name: str) -> Values | None:
-    if not texts.str.fullmatch(DATE_TIME).any():
+    numbered, known_by = numbered_dates(texts)
+    if not known_by and not texts.str.fullmatch(DATE_TIME).any():
         return None
-    column = read_dates(texts, name)
+    column = read_dates(numbered, name, known_by=known_by)
     return _times(column) if column.note else None
 
 
@@ -215,7 +219,12 @@ def _times(column: ClockColumn) -> Values:
 
 def _read_stated(texts: pd.Series, missing: np.ndarray, stated: TimeFormat, name: str) -> Values:
     """Return times in the format that is stated; where most are not of it, that is a question."""
-    column = read_dates(texts, name, stated.order) if stated.order else read_stated(texts, stated)
+    if stated.order:
+        numbered, known_by = numbered_dates(texts)
+        order = "year-month-day" if known_by else stated.order
+        column = read_dates(numbered, name, order, known_by=known_by)
+    else:
+        column = read_stated(texts, stated)
     unreadable = ~missing & ~np.isfinite(column.seconds)
     if 2 * unreadable.sum() <= (~missing).sum():
         return _times(column)

@@ -42,6 +42,7 @@ def _kinds(symbols: Iterable[str], words: Iterable[str]) -> tuple[str, ...]:
 
 AMPERE = ("A", "amp", "amps", "ampere", "amperes", "ampère", "ampères")
 MILLIAMPERE = ("mA", "milliamp", "milliamps", "milliampere", "milliamperes")
+MICROAMPERE = ("µA", "uA", "microamp", "microamps", "microampere", "microamperes")
 KILOAMPERE = ("kA", "kiloamp", "kiloamps", "kiloampere", "kiloamperes")
 
 METRE_WORDS = ("metre", "metres", "meter", "meters")
@@ -77,7 +78,7 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         Unit("h", ("hr", "hrs", "hour", "hours", "Std", "Std.", "Stunde", "Stunden", "ora", "ore",
                    "heure", "heures", "horas"), 3600.0),
         # no "day" and no "Tag": "time of day" and "time tag" name times of other units
-        Unit("days", ("Tage", "giorni", "jours"), 86400.0),
+        Unit("days", ("d", "Tage", "giorni", "jours"), 86400.0),
     ),
     "temperature": (
         Unit("degC", ("°C", "C", "deg C", "deg. C", "deg_C", "deg-C", "Celsius", "degree C",
@@ -100,6 +101,8 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         Unit("mA_peak", _kinds(MILLIAMPERE, PEAK_WORDS), 1e-3 / ROOT_2),
         Unit("kA_rms", (*KILOAMPERE, *_kinds(KILOAMPERE, RMS_WORDS)), 1e3),
         Unit("kA_peak", _kinds(KILOAMPERE, PEAK_WORDS), 1e3 / ROOT_2),
+        Unit("µA_rms", (*MICROAMPERE, *_kinds(MICROAMPERE, RMS_WORDS)), 1e-6),
+        Unit("µA_peak", _kinds(MICROAMPERE, PEAK_WORDS), 1e-6 / ROOT_2),
     ),
     "dq current": (
         Unit("A", (*AMPERE[1:], *_kinds(AMPERE, PEAK_WORDS), "Â")),
@@ -121,9 +124,9 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
     ),
     "power": (
         Unit("W", ("watt", "watts")),
-        Unit("mW", ("milliwatt", "milliwatts"), 1e-3),
-        Unit("kW", ("kilowatt", "kilowatts", "chilowatt", "kilovatios"), 1e3),
-        Unit("MW", ("megawatt", "megawatts"), 1e6),
+        Unit("mW", ("milliwatt", "milliwatts", "mWatt", "mWatts"), 1e-3),
+        Unit("kW", ("kilowatt", "kilowatts", "kWatt", "kWatts", "chilowatt", "kilovatios"), 1e3),
+        Unit("MW", ("megawatt", "megawatts", "MWatt", "MWatts"), 1e6),
     ),
     "speed": (
         Unit("rpm", ("1/min", "min-1", "min^-1", "min^(-1)", "min⁻¹", "/min", "r.p.m.", "r.p.m",
@@ -132,7 +135,8 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
                      "revolutions per min", "turns per minute", "Umdrehungen pro Minute",
                      "giri al minuto", "tours par minute", "tr/mn", "rev_per_min",
                      *_per(REVOLUTION, ("min", "minute")))),
-        Unit("krpm", ("k rpm", "1000 rpm", "1000/min", "1000 1/min", "10^3 rpm", "10³ rpm",
+        Unit("krpm", ("k rpm", "kRPM", "1000 U/min", "1000 r/min", "1000 rpm", "1000/min",
+                      "1000 1/min", "10^3 rpm", "10³ rpm",
                       "x1000 rpm", "rpm x1000", "x 1000 min-1", "kilo rpm", "1000 min-1"), 1e3),
         Unit("rad/s", ("rad s-1", "rad s^-1", "rad.s-1", "rad.s^-1", "rad/sec", "radians/s",
                        "rad per s", "rad per second", "radians per second",
@@ -186,8 +190,11 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
 }  # fmt: skip
 """The units of each quantity; the first of each has factor 1 and is the canonical one."""
 
-EXACT_ONLY = frozenset(("oC", "oF", "Std", "ora", "ore", "Grad"))
+EXACT_ONLY = frozenset(("oC", "oF", "Std", "ora", "ore", "Grad", "uA", "d"))
 """Spellings that are other words in another case: "of", "std" for a standard deviation."""
+
+BRACKETED_ONLY = frozenset(("d",))
+"""Spellings that are units in square brackets and in rows of units alone; elsewhere an axis."""
 
 SPAN = "it is the span between both peaks, twice the amplitude of a sine alone"
 

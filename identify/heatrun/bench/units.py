@@ -19,7 +19,7 @@ from functools import cache, lru_cache
 import numpy as np
 
 from ..errors import InputError
-from .unit_table import EXACT_ONLY, QUANTITIES, REFUSED, Unit
+from .unit_table import BRACKETED_ONLY, EXACT_ONLY, QUANTITIES, REFUSED, Unit
 
 LONGEST_UNIT = 40
 """Characters; a longer text is none."""
@@ -121,7 +121,12 @@ def refusal(spelling: str, quantity: str) -> str | None:
 
 @lru_cache(maxsize=4096)
 def is_unit(spelling: str) -> bool:
-    """Return whether a spelling is a unit of any quantity, accepted or refused with a reason."""
+    """Return whether a spelling is a unit of any quantity, accepted or refused with a reason.
+
+    Not so what is one in square brackets alone.
+    """
+    if spelling.strip() in BRACKETED_ONLY:
+        return False
     return bool(quantities_of(spelling)) or any(refusal(spelling, name) for name in REFUSED)
 
 
@@ -195,7 +200,9 @@ def require_unit(spelling: str, quantity: str, *, where: str, remedy: str = "") 
         problem = f"Expected a unit of {quantity}, got {shown}, a unit of {others[0]}."
     else:
         near = closest_unit(spelling, quantity)
-        meant = f" Did you mean {near}?" if near else ""
+        # another first letter may be another prefix: watt is not what kWat means
+        is_alike = near is not None and near[:1].casefold() == spelling[:1].casefold()
+        meant = f" Did you mean {near}?" if is_alike else ""
         problem = f"The unit '{shown}' is not known for a {quantity}.{meant}"
     raise InputError(
         problem,

@@ -14,6 +14,7 @@ from .numbers_text import marks, writings
 from .rows import ends, lost_rows, tables
 from .scales import broken, scales
 from .statements import comments, conflicts, unit_rows
+from .variants import variants
 
 SOURCES: dict[str, Callable[[], Iterator[Case]]] = {
     "loggers": loggers,
@@ -37,6 +38,7 @@ SOURCES: dict[str, Callable[[], Iterator[Case]]] = {
     "other formats": other_files,
     "scales": scales,
     "broken": broken,
+    "variants": variants,
 }
 """What makes the files of a kind; nothing uses chance that is not seeded."""
 
