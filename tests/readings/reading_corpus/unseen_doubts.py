@@ -13,7 +13,9 @@ from .units import FIVE, SEVEN
 from .unseen_file import beside, changed, comma, made, names_of, stamp, unseen
 
 ASK, OPEN, CONFLICT, REFUSE = Truth.ASK, Truth.OPEN, Truth.CONFLICT, Truth.REFUSE
-LOSS, HEAT, TIME = "loss|P_", "degC|winding|T_w|Tw|temperature|K", "time|step|sampl|clock|second"
+UNIT = r"unit|\[columns\]|not understood"
+"""A warning that says nothing of a unit does not name the doubt."""
+WHEN = UNIT + r"|time_|hh:mm|numbers|dd/mm|month|midnight"
 
 
 def odd_units() -> Iterator[Case]:
@@ -44,30 +46,31 @@ def odd_units() -> Iterator[Case]:
         heads, units = [str(name) for name in FIVE], ["-"] * 5
         heads[at], units[at] = head, unit
         sheet = made(next(n), "|".join(heads), " ".join(units))
-        yield unseen(name, ASK, sheet, subject="|".join((LOSS, HEAT, TIME, "current|phase")))
+        yield unseen(name, ASK, sheet, subject=UNIT)
 
 
 def wrong_units() -> Iterator[Case]:
     """Make numbers in another unit than their plain name says."""
     n = count(1000)
-    for name, truth, units, subject in (
-        ("kilowatts as losses_W", ASK, "- - kW - -", LOSS),
-        ("minutes as time_s", ASK, "min - - - -", TIME),
-        ("hours as time_s", ASK, "h - - - -", TIME),
-        ("milliseconds as time_s", ASK, "ms - - - -", TIME),
-        ("kelvins as winding_degC", ASK, "- - - - K", HEAT),
-        ("kelvins as both temperatures", ASK, "- - - K K", "K|degC|temperature"),
-        ("Fahrenheit as winding_degC", ASK, "- - - - F", HEAT),
-        ("Fahrenheit as ambient_degC", ASK, "- - - F -", "ambient|temperature|degC"),
-        ("Fahrenheit as both temperatures", OPEN, "- - - F F", "ambient|temperature|degC"),
-        ("milliamperes as phase_current_A", ASK, "- mA - - -", "current|loss"),
-        ("amplitudes as phase_current_A", OPEN, "- peak - - -", "current|loss"),
-        ("tenths of a degree as winding_degC", ASK, "- - - - d°C", HEAT),
+    for name, truth, units in (
+        ("kilowatts as losses_W", ASK, "- - kW - -"),
+        ("minutes as time_s", ASK, "min - - - -"),
+        ("hours as time_s", ASK, "h - - - -"),
+        ("milliseconds as time_s", ASK, "ms - - - -"),
+        ("kelvins as winding_degC", ASK, "- - - - K"),
+        ("kelvins as both temperatures", ASK, "- - - K K"),
+        ("Fahrenheit as winding_degC", ASK, "- - - - F"),
+        ("Fahrenheit as ambient_degC", ASK, "- - - F -"),
+        ("Fahrenheit as both temperatures", OPEN, "- - - F F"),
+        ("milliamperes as phase_current_A", ASK, "- mA - - -"),
+        ("tenths of a degree as winding_degC", ASK, "- - - - d°C"),
     ):
         sheet = made(next(n), "", units)
-        yield unseen(name, truth, sheet, mapped=False, subject=subject)
-    sheet = made(1021, "", "- - - - - rad/s -", channels=SEVEN)
-    yield unseen("rad/s as speed_rpm", OPEN, sheet, mapped=False, subject="speed")
+        yield unseen(name, truth, sheet, mapped=False, subject=UNIT)
+    sheet = made(1011, "time_s|I_phase|losses_W|ambient_degC|winding_degC", "- peak - - -")
+    yield unseen("amplitudes as I_phase", OPEN, sheet, subject="amplitude|peak|rms")
+    sheet = made(1021, "|".join((*FIVE, "n", "M")), "- - - - - rad/s -", channels=SEVEN)
+    yield unseen("rad/s as n", OPEN, sheet, subject=UNIT)
 
 
 def conflicts() -> Iterator[Case]:
@@ -85,16 +88,18 @@ def conflicts() -> Iterator[Case]:
     ):  # fmt: skip
         heads = "|".join((*FIVE[:2], head, *FIVE[3:]))
         sheet = made(next(n), heads, "- - kW - -")
-        yield unseen(name, CONFLICT, sheet, layout, subject=LOSS + "|kW")
+        yield unseen(name, CONFLICT, sheet, layout, subject=UNIT)
     sheet = made(next(n), "time_s [ms]|" + "|".join(FIVE[1:]), "ms - - - -")
-    yield unseen("time_s in ms", CONFLICT, sheet, subject=TIME)
+    yield unseen("time_s in ms", CONFLICT, sheet, subject=UNIT)
     sheet = made(next(n), "|".join(FIVE[:4]) + "|winding_degC [K]", "- - - - K")
-    yield unseen("degC in K", CONFLICT, sheet, subject=HEAT)
+    yield unseen("degC in K", CONFLICT, sheet, subject=UNIT)
     sheet = made(next(n), "|".join((*FIVE[:2], "P_kW", *FIVE[3:])), "- - kW - -")
     yield unseen("the name and the motor file", CONFLICT, sheet,
-                 columns={"losses_W": "P_kW [W]"}, subject="P_kW|loss")  # fmt: skip
+                 columns={"losses_W": "P_kW [W]"}, subject=UNIT)  # fmt: skip
     sheet = beside(made(next(n), "|".join((*FIVE[:4], "Tw"))), "Tw", lambda i: f"{30 + i / 7:.2f}")
-    yield unseen("one name twice", CONFLICT, sheet, columns=names_of(sheet), subject="Tw|twice")
+    yield unseen(
+        "one name twice", CONFLICT, sheet, columns=names_of(sheet), subject="both stand|twice"
+    )
 
 
 def open_rows() -> Iterator[Case]:
@@ -159,11 +164,13 @@ def open_times() -> Iterator[Case]:
     ):
         sheet = made(next(n), f"{head}|" + "|".join(FIVE[1:]), clock=clock, step_s=step_s,
                      written_s=0.01)  # fmt: skip
-        yield unseen(name, ASK, sheet, columns={"time_s": head}, subject=TIME + "|gap|date|" + head)
+        # A logger of 1 Hz counts just so.
+        truth = OPEN if name == "sample numbers" else ASK
+        yield unseen(name, truth, sheet, columns={"time_s": head}, subject=WHEN)
     sheet = made(1110, "Time|" + "|".join(FIVE[1:]), step_s=0.5, clock=stamp("%H:%M:%S"))
     sheet = beside(sheet, "Millisecond", lambda i: str(i % 2 * 500), 1)
     yield unseen("milliseconds in a column of their own", ASK, sheet,
-                 columns={"time_s": "Time"}, subject=TIME)  # fmt: skip
+                 columns={"time_s": "Time"}, subject=WHEN)  # fmt: skip
 
 
 def no_bench_files() -> Iterator[Case]:

@@ -54,7 +54,12 @@ def tables() -> Iterator[Case]:
     """Make plain tables with other columns, steps, orders and numbers."""
     n = count(740)
     for step_s in (0.05, 0.5, 1.0, 12.5, 60.0):
-        yield unseen(f"a step of {step_s} s", PLAIN, made(next(n), step_s=step_s), mapped=False)
+        yield unseen(
+            f"a step of {step_s} s",
+            PLAIN,
+            made(next(n), rows=160 if step_s >= 0.5 else 2400, step_s=step_s),
+            mapped=False,
+        )
     for name, channels in (
         ("time in the last column", (*FIVE[1:], FIVE[0])),
         ("backwards", FIVE[::-1]),

@@ -192,7 +192,8 @@ def headers() -> Iterator[Case]:
     ):  # fmt: skip
         sheet = made(next(n), "|".join(FIVE) + "|" + head, f"- - - - - {unit}",
                      channels=(*FIVE, "coolant_flow_L_per_min"))  # fmt: skip
-        yield unseen(name, READ, sheet)
+        truth = Truth.ASK if unit == "gpm" else READ  # an American gallon or a British one
+        yield unseen(name, truth, sheet)
 
 
 def rows_of_units() -> Iterator[Case]:
