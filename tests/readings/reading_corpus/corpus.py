@@ -14,6 +14,7 @@ from .numbers_text import marks, writings
 from .rows import ends, lost_rows, tables
 from .scales import broken, scales
 from .statements import comments, conflicts, unit_rows
+from .unseen import unseen
 from .variants import variants
 
 SOURCES: dict[str, Callable[[], Iterator[Case]]] = {
@@ -39,6 +40,7 @@ SOURCES: dict[str, Callable[[], Iterator[Case]]] = {
     "scales": scales,
     "broken": broken,
     "variants": variants,
+    "unseen": unseen,
 }
 """What makes the files of a kind; nothing uses chance that is not seeded."""
 
