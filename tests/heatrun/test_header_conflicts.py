@@ -8,10 +8,12 @@ import pytest
 from heatrun.bench.channels import map_columns
 from heatrun.bench.column_unit import unit_of
 from heatrun.bench.header import split_name
+from heatrun.bench.read import read_record
 from heatrun.bench.remarks import units_of_remarks
 from heatrun.bench.schema import CHANNEL
 from heatrun.bench.table import Column, Table
 from heatrun.errors import InputError
+from heatrun.motor import Motor
 
 VALUES = np.array([1.0, 2.0])
 
@@ -137,3 +139,31 @@ def test_a_line_that_calls_the_current_an_amplitude_is_passed_on(line):
 @pytest.mark.parametrize("line", ["# peak load: 30 kW", "# P_loss: peak value", "# I_ph: rms"])
 def test_other_lines_about_peaks_are_none_of_the_current(line):
     assert units_of_remarks([line], ["I_ph", "P_loss"])[0] == ()
+
+
+def test_a_factor_in_a_name_is_asked_about_until_the_unit_is_decided(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text("time_s;P_loss x0.1 [W]\n0;10\n1;20\n2;30\n")
+    for text in ("P_loss x0.1 [W]", "P_loss x0.1"):
+        with pytest.raises(InputError, match=r"factor 'x0\.1'"):
+            read_record(path, Motor("M", columns={"losses_W": text}))
+    motor = Motor("M", columns={"losses_W": "P_loss x0.1 [W] [W]"})
+    assert read_record(path, motor)["losses_W"].tolist() == [10.0, 20.0, 30.0]
+
+
+def test_labview_states_its_units_above_the_names(tmp_path):
+    path = tmp_path / "test.lvm"
+    path.write_text(
+        "Y_Unit_Label\tkW\tDeg C\ntime_s\tlosses\twinding\n0\t1\t20\n1\t2\t21\n2\t2\t22\n"
+    )
+    record = read_record(path)
+    assert record["losses_W"].tolist() == [1000.0, 2000.0, 2000.0]
+
+
+def test_a_list_of_channels_above_the_names_states_their_units(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text("Channel;Unit;Device\nlosses;kW;WT1806\nwinding;K;GL840\n\n"
+                    "time_s;losses;winding\n0;1;300\n1;2;301\n2;2;302\n")  # fmt: skip
+    record = read_record(path)
+    assert record["losses_W"].tolist() == [1000.0, 2000.0, 2000.0]
+    assert record["winding_degC"][0] == pytest.approx(26.85)

@@ -145,3 +145,14 @@ def test_a_comment_among_the_data_that_speaks_of_units_is_refused(tmp_path):
     rows[20] = "# second shift"
     path = written(tmp_path, rows, "time_s;losses;winding_degC")
     assert "'# second shift'" in read_record(path).findings[0].message
+
+
+@pytest.mark.parametrize("delimiter", [",", ";"])
+def test_a_temperature_settles_the_decimal_sign(tmp_path, delimiter):
+    path = tmp_path / "test.csv"
+    rows = ["time_s,losses_W,winding [degC]", "1.000,4.500,22.165", "2.000,5.250,22.181"]
+    path.write_text("\n".join(rows).replace(",", delimiter) + "\n")
+    record = read_record(path)
+    assert record["losses_W"].tolist() == [4.5, 5.25]
+    assert record.findings == ()
+    assert any("decimal sign" in note for note in record.notes)

@@ -255,3 +255,20 @@ def test_netcdf_of_64_bit_data_is_named(tmp_path):
     path.write_bytes(b"CDF\x05" + bytes(100))
     with pytest.raises(InputError, match=r"64-bit data.*nccopy"):
         read_raw(path)
+
+
+def test_a_description_states_the_unit_and_must_agree_with_it(tmp_path):
+    def losses(name, attributes):
+        variables = {**VARIABLES, "losses_W": (np.full(N, 0.5), {}), name: (np.ones(N), attributes)}
+        return read_record(hdf5(tmp_path / "test.h5", variables), motor(name))["losses_W"]
+
+    def motor(name):
+        return Motor("M", columns={"winding_degC": "T_winding", "losses_W": name})
+
+    assert losses("loss", {"long_name": "losses in kW"})[0] == 1000.0
+    assert losses("loss", {"units": "kW", "long_name": "losses in kW"})[0] == 1000.0
+    with pytest.raises(InputError, match="kW and W"):
+        losses("loss", {"units": "kW", "long_name": "loss in W"})
+    path = hdf5(tmp_path / "test.h5", {**VARIABLES, "P_W": (np.ones(N), {"units": "kW"})})
+    found = read_record(path, motor("P_W"))
+    assert "unit_beside_name" in {finding.id for finding in found.findings}

@@ -217,7 +217,9 @@ def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
                 remedy="Remove the unit from [columns] if the file is right.",
             )
         )
-    mapping.add(channel, column, decided, "[columns]", "stated")
+    # the name as it stands in the file says nothing of its own
+    is_decided = column.name != claim.text
+    mapping.add(channel, column, decided, "[columns]", "stated", is_decided=is_decided)
 
 
 def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:

@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .column_unit import unit_wanted
+from ..errors import InputError
+from .column_unit import line_of, unit_wanted
 from .record import ColumnReading, Finding, UnitSource
 from .schema import Channel
 from .table import Column
-from .units import require_unit, to_canonical
+from .unit_table import Unit
+from .units import find_unit, require_unit, to_canonical
 
 AMPLITUDE = re.compile(
     r"peak|ampl|scheitel|spitze|crest|crête"
@@ -24,6 +26,14 @@ AMPLITUDE = re.compile(
 
 KIND = re.compile(r"rms|eff|peak|pk|ampl", re.IGNORECASE)
 """In a unit, the words by which `[columns]` decides."""
+
+FACTOR = re.compile(
+    r"(?:(?<![A-Za-z0-9])[x×*]\s?|/\s?)(?:10\^[+-]?[0-9]+|1[eE][+-]?[0-9]+|0?\.[0-9]+|10+)(?![\w.^/])"
+)
+"""A factor in a name, as in "P x0.1 [W]": whether the values hold it already, nobody says."""
+
+LETTER = re.compile(r"_(?P<unit>[A-Za-z])$")
+"""A letter at the end of a label that may be a unit: "P_loss_W"."""
 
 EFFECTIVE = re.compile(r"rms|(?:^|[^a-z])eff(?![a-z])|effekt", re.IGNORECASE)
 
@@ -61,6 +71,8 @@ class Assignment:
         unit: str | None,
         source: str,
         unit_from: UnitSource,
+        *,
+        is_decided: bool = False,
     ) -> None:
         """Take a column for a channel and convert it.
 
@@ -70,6 +82,7 @@ class Assignment:
             unit: Its unit text, None for the canonical unit.
             source: Who says so, for the note.
             unit_from: How the unit is known.
+            is_decided: `[columns]` itself gives the unit, whatever the file says.
 
         Raises:
             InputError: If the unit is not one of the channel's quantity, or the file leaves
@@ -78,6 +91,14 @@ class Assignment:
         where = f"{self.where}, column '{column.name}' as {channel.name}"
         if column.question is not None:
             raise column.question.asked(channel.name, where)
+        if not is_decided and (factor := FACTOR.search(column.label)):
+            raise InputError(
+                f"The name holds the factor '{factor[0].strip()}'; whether the values are to be "
+                "multiplied by it is not said.",
+                where=where,
+                remedy=f"Say what they are in the motor file: {line_of(channel, column)}, or the "
+                "unit that holds; write the values without the factor where none does.",
+            )
         remedy = unit_wanted(channel, column)
         known = require_unit(unit or channel.unit, channel.quantity, where=where, remedy=remedy)
         values = to_canonical(column.values, known)
@@ -89,9 +110,11 @@ class Assignment:
         )
         self.taken[channel.name] = column
         self.channels[channel.name] = values
-        is_decided = source == "[columns]" and bool(KIND.search(unit or ""))
-        doubt = None if is_decided else doubt_of_kind(channel, column, known.symbol, where)
+        is_kind_known = source == "[columns]" and bool(KIND.search(unit or ""))
+        doubt = None if is_kind_known else doubt_of_kind(channel, column, known.symbol, where)
         self.findings += [doubt] if doubt else []
+        letter = _other_letter(channel, column, known, where) if unit_from == "stated" else None
+        self.findings += [letter] if letter and not is_decided else []
 
     def used_twice(self) -> list[Finding]:
         """Return a finding for each column that stands for more than one channel."""
@@ -150,4 +173,25 @@ def doubt_of_kind(channel: Channel, column: Column, symbol: str, where: str) -> 
         message=f"{message}{symbol}.",
         where=where,
         remedy=remedy,
+    )
+
+
+def _other_letter(channel: Channel, column: Column, known: Unit, where: str) -> Finding | None:
+    """Return a finding if a name ends in a letter that is another unit than the stated one.
+
+    A letter may be anything, the W of a winding or the A of a phase; so it is no conflict.
+    """
+    letter = LETTER.search(column.label)
+    named = find_unit(letter["unit"], channel.quantity) if letter else None
+    if named is None or letter is None or letter["unit"] != named.symbol or named == known:
+        return None
+    if channel.quantity != "power":  # "I_A" is the current of a phase, "T_K" that of the coolant
+        return None
+    return Finding(
+        id="unit_beside_name",
+        severity="warning",
+        message=f"The name ends in {letter['unit']}, the unit that is stated is {known.symbol}, "
+        "which is used.",
+        where=where,
+        remedy=f"Confirm it in the motor file: {line_of(channel, column, known.symbol)}.",
     )

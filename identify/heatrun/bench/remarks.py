@@ -5,6 +5,8 @@ A line is read as one of these, where NAME is the name of a column and UNIT a un
     "units:" UNIT "," UNIT …          in the order of the columns, one for each
     NAME ("in" | ":" | "=" | "is in") UNIT, NAME "[" UNIT "]", several with "," or ";" between
     "column" NUMBER ":" UNIT
+    NAME ";" … UNIT …                 a list of channels, one a line, with one unit in each
+    "Y_Unit_Label" UNIT UNIT …        of LabVIEW: of all columns but that of the time
     "all temperatures in" UNIT        words of a quantity: every column of it that has no unit
     NAME (":" | "is" | "in") "peak value", also "currents are amplitudes": a doubt about its kind
 
@@ -29,7 +31,12 @@ Index = dict[str, list[int]]
 
 UNIT_WORDS = r"(?:units?|einheit(?:en)?|unità|unités?|unidad(?:es)?)"
 UNIT_LIST = re.compile(rf"(?:column\s+)?{UNIT_WORDS}\s*[:=;,\t| ]\s*(?P<rest>\S.*)", re.IGNORECASE)
+Y_UNITS = "y_unit_label"
+"""Begins the units of a LabVIEW measurement file, whose first column is the time."""
+
 PIECE = re.compile(r"[;,\t|]")
+CELL = re.compile(r"\s*[;,:=\t|]\s*")
+SINCE = re.compile(r"(?P<unit>[A-Za-zµ]+)\s+since\b.*", re.IGNORECASE)
 PAIR = re.compile(
     r"(?P<label>\S.*?)(?:\s+(?:is|are|ist|sind|given|measured|recorded|logged|angegeben|expressed))*"
     r"(?:\s+in\s+|\s*[:=]\s*(?:in\s+)?|\s+/\s+)(?P<unit>\S.{0,38})",
@@ -91,6 +98,10 @@ def units_of_remarks(lines: Sequence[str], names: Sequence[str]) -> tuple[tuple[
         if known is None:
             known = _index(names)
         _add_kind(found, text, known, source)
+        head, *units = PIECE.split(line)  # blanks are part of units here, as in "Deg C"
+        if head.strip().casefold() == Y_UNITS and _add_list(found[1:], ";".join(units), source):
+            continue
+        _add_described(found, text, known, source)
         listed = UNIT_LIST.fullmatch(text)
         if listed and _add_list(found, listed["rest"], source):
             continue
@@ -142,6 +153,21 @@ def _add_list(found: list[list[Stated]], text: str, source: str) -> bool:
             _add_to_all(found, Stated(unit, source, "unclear"))
         return True
     return False
+
+
+def _add_described(
+    found: list[list[Stated]], text: str, known: tuple[Index, Index], source: str
+) -> None:
+    """Take a line that begins with a name and holds one unit among its cells."""
+    first, *cells = CELL.split(text)
+    columns = _columns(first, known, 0) if len(cells) > 1 or SINCE.search(text) else []
+    if not columns:
+        return
+    since = (SINCE.fullmatch(cell) for cell in cells)
+    units = [cell for cell in cells if is_unit(cell)] + [each["unit"] for each in since if each]
+    if len(units) == 1 and is_unit(units[0]):
+        for column in columns:
+            found[column].append(Stated(units[0], source))
 
 
 def _pairs(text: str) -> Iterator[tuple[str, str]]:

@@ -15,12 +15,18 @@ import numpy as np
 
 from .header import split_name
 from .table import Column, Question, Stated
+from .units import find_unit, is_unit, quantities_of
 
 UNIT_KEYS = ("units", "unit", "unit_string", "ni_unitdescription", "unit_description")
 MISSING_KEYS = ("_fillvalue", "missing_value")
 SCALE_KEYS = ("scale_factor", "add_offset")
 RANGE_KEYS = ("valid_range", "valid_min", "valid_max")
-KNOWN_KEYS = frozenset((*UNIT_KEYS, *MISSING_KEYS, *SCALE_KEYS, *RANGE_KEYS, "_unsigned"))
+TEXT_KEYS = ("long_name", "description", "comment", "label", "title")
+"""Attributes in prose, which may name the unit: "losses in kW"."""
+
+KNOWN_KEYS = frozenset(
+    (*UNIT_KEYS, *TEXT_KEYS, *MISSING_KEYS, *SCALE_KEYS, *RANGE_KEYS, "_unsigned")
+)
 
 OTHER_SCALING = re.compile(
     r"(?:.*_)?(?:scale|scaling|gain|offset|factor|slope|intercept|multiplier|coefficients?|"
@@ -32,6 +38,7 @@ NOT_WRITTEN = 9.969209968386869e36
 """What netCDF stores where nothing was written, in files that name no mark of their own."""
 
 LONGEST_UNIT = 100
+LONGEST_TEXT = 300
 
 SINCE = re.compile(r"(?P<unit>[A-Za-zµ]+)\s+since\s+\S.*", re.IGNORECASE | re.DOTALL)
 SECONDS = {
@@ -222,9 +229,21 @@ def _unit(found: _Reading, said: Mapping[str, Any]) -> str | None:
         text = text.strip().strip("\0")
         if text.casefold() not in NO_UNIT:
             units.append(SPELLINGS.get(text.casefold(), text))
+    for key in TEXT_KEYS:
+        text = said.get(key)
+        if isinstance(text, str) and len(text) <= LONGEST_TEXT:
+            named = split_name(text.strip("\0"))[1]
+            if named is not None and is_unit(named):
+                units += [] if any(_is_same(named, unit) for unit in units) else [named]
     if len(set(units)) > 1:
         found.problems.append(f"two units, {' and '.join(units)}")
     return units[0] if units else None
+
+
+def _is_same(one: str, other: str) -> bool:
+    """Return whether two texts are the same unit of some quantity."""
+    shared = [q for q in quantities_of(one) if find_unit(other, q) is not None]
+    return any(find_unit(one, q) == find_unit(other, q) for q in shared) or one == other
 
 
 def _as_stored(marks: np.ndarray, stored_as: np.dtype) -> np.ndarray:

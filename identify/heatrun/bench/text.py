@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,9 @@ from .text_lines import DataLines, data_lines, ragged_lines
 from .text_values import doubtful, read_values, unreadable_cells, unsettled_cells
 from .time_format import TimeFormat, parse_time_format, stated_format
 from .units import find_unit
+
+HOTTEST = 5000.0
+"""Above it no bench works in any unit of temperature: tungsten melts at 3422 degC."""
 
 PARSED_AS_MISSING = sorted({mark for word in MISSING for mark in (word, word.upper(), "NaN")})
 
@@ -64,6 +68,7 @@ def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     _refuse_units_between(body, layout, where)
     remarks = units_of_remarks(layout.preamble, layout.names)
     unreadable: list[np.ndarray] = []
+    unsettled: dict[int, Question | None] = {}
     for index in range(layout.width):
         named = layout.names[index] if index < len(layout.names) else ""
         name = named or f"column {index + 1}"
@@ -95,22 +100,33 @@ def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
             unreadable.append(values.unreadable)
         else:
             unreadable.append(np.zeros(values.numbers.size, dtype=bool))
-        question = values.question
-        if layout.is_unsettled and question is None and not values.is_time:
-            question = unsettled_cells(cells, layout.decimal)
-            if question is not None and (layout.delimiter, layout.decimal) == (",", "."):
-                # Who separates thousands by a point has a decimal comma, and then no comma between
-                # cells; so it is a doubt and no question.
-                findings.append(_taken_as_decimal(question, name, where))
-                question = None
+        if layout.is_unsettled and values.question is None and not values.is_time:
+            unsettled[len(columns)] = unsettled_cells(cells, layout.decimal)
         if values.is_time and (stated is not None or unit is None or find_unit(unit, "time")):
             unit = "s"
         columns.append(
-            Column(name, label, unit, values.numbers, values.note, beside, question=question)
+            Column(name, label, unit, values.numbers, values.note, beside, question=values.question)
         )
         found = (unreadable_cells(values, name, body.numbers, where), doubtful(values, name, where))
         findings += [finding for finding in found if finding is not None]
     _refuse_second_header(unreadable, body.numbers, where)
+    settled = next(
+        (columns[i] for i, asks in unsettled.items() if asks and _is_hot(columns[i])), None
+    )
+    for index, question in unsettled.items():
+        if question is None or settled is not None:
+            continue
+        if (layout.delimiter, layout.decimal) == (",", "."):
+            # Who separates thousands by a point has a decimal comma, and then no comma between
+            # cells; so it is a doubt and no question.
+            findings.append(_taken_as_decimal(question, columns[index].name, where))
+        else:
+            columns[index] = replace(columns[index], question=question)
+    if settled is not None:
+        notes.append(
+            f"'{layout.decimal}' is the decimal sign: '{settled.name}' would be above "
+            f"{HOTTEST:g} {settled.unit} otherwise."
+        )
     if not columns or not any(np.isfinite(column.values).any() for column in columns):
         raise InputError(
             "Expected at least one line of numbers, found none.",
@@ -135,6 +151,14 @@ def _label_and_unit(
         unit = stated.text
     claimed = parse_time_format(hints.unit_of(name, label) or "")
     return label, unit, claimed or stated
+
+
+def _is_hot(column: Column) -> bool:
+    """Return whether a temperature would be none of this world with its sign left out."""
+    stated = find_unit(column.unit, "temperature") if column.unit else None
+    if stated is None or not np.isfinite(column.values).any():
+        return False
+    return bool(np.nanmin(np.abs(column.values)) * 1000.0 > HOTTEST)
 
 
 def _refuse_units_between(body: DataLines, layout: Layout, where: str) -> None:
