@@ -16,7 +16,7 @@ from .commands import COMMANDS
 from .commands.exit_codes import DONE, INTERRUPTED, NOT_ALLOWED, WRONG_USE
 from .commands.interrupt import SENTENCE, ends_at_once
 from .errors import InputError, UsageError, of_file
-from .memory_limit import prepare_for_limit
+from .memory_limit import is_for_lack_of_memory, prepare_for_limit
 from .moment import check_stated_moment
 from .runtime import one_thread_for_small_matrices
 
@@ -71,11 +71,14 @@ def _call(options: argparse.Namespace) -> int:
         print_error(of_file(error), as_json=as_json)
         _drop_output()
         return NOT_ALLOWED
-    except MemoryError:
+    except (MemoryError, ImportError) as error:
+        if isinstance(error, ImportError) and not is_for_lack_of_memory(error):
+            raise
         print_error(
             InputError(
                 "the job needs more memory than there is.",
-                remedy="Give fewer or shorter records, or records at a lower rate.",
+                remedy="Give fewer or shorter records, or records at a lower rate; or raise the "
+                "limit of the process.",
             ),
             as_json=as_json,
         )
