@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import ctypes
 import importlib.util
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -21,7 +19,16 @@ DATA = ROOT / "data" / "synthetic"
 CHROMIUM = next((p for name in ("chromium", "chromium-browser", "google-chrome")
                  if (p := shutil.which(name))), None)  # fmt: skip
 START_S = 60
-PR_SET_PDEATHSIG = 1
+
+END_WITH_THE_TESTS = """
+import ctypes, os, signal, sys
+if sys.platform == "linux":
+    PR_SET_PDEATHSIG = 1
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+"""
+"""Lets a command end when pytest does, also when a time limit ends that without a word. Not by a
+`preexec_fn`: JAX, loaded by other tests of the process, forbids the fork that this takes."""
 
 
 class Served:
@@ -32,9 +39,9 @@ class Served:
         self.log = folder.parent / f"{folder.name}.log"
         with self.log.open("w") as file:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "heatrun.cli", "view", str(folder), "--no-browser",
-                 "--port", "0", "--out", str(self.out), *options],
-                stdout=file, stderr=file, env=dict(os.environ), preexec_fn=_end_with_the_tests,
+                [sys.executable, "-c", END_WITH_THE_TESTS, "-m", "heatrun.cli", "view", str(folder),
+                 "--no-browser", "--port", "0", "--out", str(self.out), *options],
+                stdout=file, stderr=file, env=dict(os.environ),
             )  # fmt: skip
         try:
             self.url = self._told()
@@ -69,12 +76,6 @@ class Served:
         finally:
             self.process.kill()
             self.process.wait()
-
-
-def _end_with_the_tests() -> None:
-    """Let the server end when pytest does, also when a time limit ends that without a word."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def _fill(where: Path) -> Path:
