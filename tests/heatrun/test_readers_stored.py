@@ -272,3 +272,9 @@ def test_a_description_states_the_unit_and_must_agree_with_it(tmp_path):
     path = hdf5(tmp_path / "test.h5", {**VARIABLES, "P_W": (np.ones(N), {"units": "kW"})})
     found = read_record(path, motor("P_W"))
     assert "unit_beside_name" in {finding.id for finding in found.findings}
+
+
+def test_a_description_of_times_since_a_date_is_no_contradiction(tmp_path):
+    times = {"units": "minutes since 2024-01-01", "long_name": "elapsed time in min"}
+    path = hdf5(tmp_path / "test.h5", {**VARIABLES, "time": (MINUTES, times)})
+    assert read_record(path, MOTOR)["time_s"][1] == 60.0

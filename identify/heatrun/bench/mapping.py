@@ -113,8 +113,9 @@ class Assignment:
         is_kind_known = source == "[columns]" and bool(KIND.search(unit or ""))
         doubt = None if is_kind_known else doubt_of_kind(channel, column, known.symbol, where)
         self.findings += [doubt] if doubt else []
-        letter = _other_letter(channel, column, known, where) if unit_from == "stated" else None
-        self.findings += [letter] if letter and not is_decided else []
+        if unit_from == "stated" and not is_decided:
+            letter = _other_letter(channel, column, known, where)
+            self.findings += [letter] if letter else []
 
     def used_twice(self) -> list[Finding]:
         """Return a finding for each column that stands for more than one channel."""

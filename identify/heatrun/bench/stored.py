@@ -241,7 +241,8 @@ def _unit(found: _Reading, said: Mapping[str, Any]) -> str | None:
 
 
 def _is_same(one: str, other: str) -> bool:
-    """Return whether two texts are the same unit of some quantity."""
+    """Return whether two texts are the same unit of some quantity, or one of them since a date."""
+    one, other = (since["unit"] if (since := SINCE.fullmatch(u)) else u for u in (one, other))
     shared = [q for q in quantities_of(one) if find_unit(other, q) is not None]
     return any(find_unit(one, q) == find_unit(other, q) for q in shared) or one == other
 
