@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 import re
 import shutil
 import subprocess
@@ -51,9 +52,11 @@ def run_octave(folder, variables):
     (folder / "run_prova.m").write_bytes(SCRIPT.read_bytes())
     started = time.perf_counter()
     assert OCTAVE is not None
+    # as it leaves, Octave complains where the home has no folder for its own data
+    own = {**os.environ, "HOME": str(folder), "XDG_DATA_HOME": str(folder)}
     done = subprocess.run(
         [OCTAVE, "--no-init-file", str(folder / "run_prova.m")],
-        capture_output=True, text=True, timeout=120, check=False,
+        capture_output=True, text=True, timeout=120, check=False, env=own,
     )  # fmt: skip
     seconds = time.perf_counter() - started
     assert done.returncode == 0, done.stderr
