@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from importlib import import_module
 
-from .caches import damaged_are_replaced, use_caches
 from .commands import COMMANDS
 from .commands.exit_codes import DONE, INTERRUPTED, NOT_ALLOWED, WRONG_USE
 from .commands.interrupt import SENTENCE, ends_at_once
 from .errors import InputError, UsageError, of_file
+from .io.caches import damaged_are_replaced, use_caches
+from .io.moment import check_stated_moment
 from .memory_limit import is_for_lack_of_memory, prepare_for_limit
-from .moment import check_stated_moment
 from .runtime import one_thread_for_small_matrices
 
 

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, cast
 
-from .bench.claims import did_you_mean, parse_claims
-from .bench.open_file import read_start
+from .bench.channels.claims import did_you_mean, parse_claims
+from .bench.readers.open_file import read_start
 from .errors import InputError
+from .io.toml_text import LARGEST_BYTES, parse_toml
 from .motor import Motor, ParameterOverride
 from .plausible import RANGES, UNITS, refuse_implausible
-from .toml_text import LARGEST_BYTES, parse_toml
 
 COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
 """B of R(T) = R (B + T)/(B + Tref): copper by IEEE 112 and NEMA MG 1 (IEC 60034-1 uses 235 for

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from heatrun.app.confined import open_inside, read_inside
 from heatrun.app.folder import Folder
+from heatrun.app.server.confined import open_inside, read_inside
 from heatrun.errors import InputError
-from heatrun.opening import opening_by
+from heatrun.io.opening import opening_by
 
 SECRET = "root:x:0:0:secret of the system"
 NUM_SWAPS = 400
@@ -144,7 +144,7 @@ def test_no_link_slips_in_between_look_and_open(tmp_path, what):
 
 def test_readers_open_through_the_folder(folder, tmp_path):
     """Whatever a reader is asked to open, it is the folder that opens it."""
-    from heatrun.bench.read import read_record
+    from heatrun.bench.readers.read import read_record
     from heatrun.motorfile import load_motor
 
     for name in ("step_30min.csv.gz", "motor.toml"):

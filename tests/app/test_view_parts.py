@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from heatrun.app.folder import Folder, Stamp
-from heatrun.app.jobs import JobQueue
-from heatrun.app.run_view import run_name
+from heatrun.app.jobs.running import JobQueue
 from heatrun.app.store import RecordStore
+from heatrun.app.tabs.run_view import run_name
 from heatrun.app.trace import GAP, Trace
 from heatrun.app.uploads import BoundedDropper, UploadRoom, keep_upload, safe_name
 from heatrun.app.words import discovery_html, error_message, message, table

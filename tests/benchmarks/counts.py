@@ -19,16 +19,16 @@ import jax  # isort: skip
 import jax.numpy as jnp
 import numpy as np
 
-from heatrun import fit as fit_module
-from heatrun import proposal as proposal_module
-from heatrun import restricted as restricted_module
 from heatrun.bench.joined import read_test
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.calibrate import Test, calibrate
+from heatrun.calibration import Test, calibrate
+from heatrun.inference import fit as fit_module
+from heatrun.inference import restricted as restricted_module
+from heatrun.inference.posterior import sample
+from heatrun.inference.problem import log_posterior_batch
+from heatrun.inference.sampling import importance as proposal_module
 from heatrun.motorfile import load_motor
-from heatrun.posterior import sample
-from heatrun.problem import log_posterior_batch
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 COMPILED = "/jax/core/compile/backend_compile_duration"

@@ -15,10 +15,10 @@ from duty_record import TRUTH, around, record
 from rows import Row, duration, median, seconds
 
 import lptn
-from heatrun.model import Model
+from heatrun.inference.model import Model
+from heatrun.inference.problem import Problem, log_posterior_batch
+from heatrun.inference.sampling.importance import BATCH
 from heatrun.motor import Motor
-from heatrun.problem import Problem, log_posterior_batch
-from heatrun.proposal import BATCH
 from lptn.effects import EFFECTS, AbstractEffect, build
 
 SECTION = "Growth"

@@ -15,12 +15,12 @@ from pathlib import Path
 from heatrun.bench.checks import check_record
 from heatrun.bench.joined import read_test
 from heatrun.bench.reduction import reduce
-from heatrun.fit import fit
-from heatrun.model import Model
+from heatrun.inference.fit import fit
+from heatrun.inference.model import Model
+from heatrun.inference.posterior import weighted_draws
+from heatrun.inference.predict import predict
+from heatrun.inference.problem import Problem
 from heatrun.motorfile import load_motor
-from heatrun.posterior import weighted_draws
-from heatrun.predict import predict
-from heatrun.problem import Problem
 
 
 def main() -> None:

@@ -12,9 +12,9 @@ import numpy as np
 import lptn
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.model import Model
+from heatrun.inference.model import Model
+from heatrun.inference.problem import Problem
 from heatrun.motor import Motor
-from heatrun.problem import Problem
 
 
 def build(theta):

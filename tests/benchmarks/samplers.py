@@ -16,12 +16,12 @@ import rivals
 from duty_record import around
 from rows import Row, duration, seconds
 
-from heatrun import archive
-from heatrun.fit import fit
-from heatrun.fit_result import Fit
-from heatrun.posterior import sample
-from heatrun.problem import log_posterior, log_posterior_batch
-from heatrun.proposal import importance_sample
+from heatrun.inference.fit import fit
+from heatrun.inference.fit_result import Fit
+from heatrun.inference.posterior import sample
+from heatrun.inference.problem import log_posterior, log_posterior_batch
+from heatrun.inference.sampling.importance import importance_sample
+from heatrun.runs import netcdf as archive
 
 SECTION = "Posterior"
 

@@ -16,16 +16,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from heatrun import archive
 from heatrun.bench.joined import read_test
 from heatrun.bench.reduction import reduce
-from heatrun.fit import fit
-from heatrun.fit_result import Fit
-from heatrun.model import Model, Order
+from heatrun.inference.fit import fit
+from heatrun.inference.fit_result import Fit
+from heatrun.inference.model import Model, Order
+from heatrun.inference.noise import NOISE
+from heatrun.inference.problem import Problem, log_posterior
+from heatrun.inference.sampling.importance import Weighted
 from heatrun.motorfile import load_motor
-from heatrun.noise import NOISE
-from heatrun.problem import Problem, log_posterior
-from heatrun.proposal import Weighted
+from heatrun.runs import netcdf as archive
 
 SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
 

@@ -26,8 +26,8 @@ import numpy as np
 import report
 import simulation
 
-from heatrun.posterior import sample
-from heatrun.proposal import importance_sample
+from heatrun.inference.posterior import sample
+from heatrun.inference.sampling.importance import importance_sample
 
 SEED = 20
 OUT = Path(__file__).parents[2] / "results" / "crosschecks"

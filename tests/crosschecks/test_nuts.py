@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.posterior import sample
+from heatrun.inference.posterior import sample
 
 FAR = 4.5
 """Largest difference in Monte Carlo errors: chance passes it once in 2000 comparisons of 14
@@ -80,7 +80,7 @@ def test_weighted_draws_agree_with_the_ensemble(found, ensemble):
 @pytest.mark.parametrize("seed", range(6))
 def test_weighted_draws_find_a_long_tail_or_say_that_they_did_not(found, seed, monkeypatch):
     """One coordinate falls off four times as slowly to one side, as white noise near zero does."""
-    from heatrun import proposal
+    from heatrun.inference.sampling import importance as proposal
 
     left, right = 2.0, 0.5  # standard deviations of the two halves, in those of the fit
 

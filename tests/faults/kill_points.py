@@ -18,8 +18,8 @@ from pathlib import Path
 import emcee
 import numpy as np
 
-from heatrun.checkpoint import Checkpoint
-from heatrun.run_folder import MANIFEST, RunFolder
+from heatrun.inference.sampling.checkpoint import Checkpoint
+from heatrun.runs.run_folder import MANIFEST, RunFolder
 
 EVENTS = ("open", "os.rename", "os.remove", "os.rmdir", "os.mkdir", "shutil.rmtree")
 NUM_CHUNKS = 3

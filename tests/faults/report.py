@@ -10,7 +10,7 @@ from pathlib import Path, PurePath
 from commands import CASES, PAGE
 from tally import Row, Tally, num_kills, upper_limit
 
-from heatrun.run_folder import environment
+from heatrun.runs.run_folder import environment
 
 SIGNALS = ("SIGKILL", "SIGINT", "SIGTERM", "SIGHUP", "cancelled")
 PHASES = ("reading", "fitting", "sampling", "writing", "operation", "idle")

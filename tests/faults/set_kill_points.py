@@ -9,7 +9,7 @@ from pathlib import Path
 
 from kill_points import Countdown, in_child
 
-from heatrun.file_set import READY, names_begun, together
+from heatrun.io.file_set import READY, names_begun, together
 
 NAMES = ("table.csv", "figures/one.png", "figures/two.png", "report.json", "report.pdf")
 FOREIGN = "figures/mine.txt"

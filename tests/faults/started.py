@@ -25,9 +25,10 @@ from pathlib import Path
 
 WRITES = ("open", "os.rename", "os.remove", "os.rmdir", "os.mkdir", "os.link", "os.symlink",
           "shutil.rmtree")  # fmt: skip
-MODULES = ("heatrun.cli", "heatrun.calibrate", "heatrun.discover.job", "heatrun.vcycle",
-           "heatrun.export", "heatrun.virtual", "heatrun.sheet_of_run", "heatrun.archive",
-           "heatrun.report_text", "arviz", "xarray", "h5netcdf",
+MODULES = ("heatrun.cli", "heatrun.calibration", "heatrun.discovery.job",
+           "heatrun.reports.bench_tests", "heatrun.export", "heatrun.simulation",
+           "heatrun.reports.sheet.of_run", "heatrun.runs.netcdf",
+           "heatrun.reports.terminal", "arviz", "xarray", "h5netcdf",
            "matplotlib.backends.backend_agg")  # fmt: skip
 EARLY = 99
 """Exit code of a forked command that was interrupted before the command line began."""

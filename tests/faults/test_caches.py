@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from heatrun.caches import IN_PLACE, keep_below
+from heatrun.io.caches import IN_PLACE, keep_below
 
 COMPILE = """
 import sys
-from heatrun.caches import damaged_are_replaced, use_caches
+from heatrun.io.caches import damaged_are_replaced, use_caches
 use_caches(lambda sentence: print("said:", sentence))
 import jax, jax.numpy as jnp
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
@@ -92,7 +92,9 @@ def test_a_cache_folder_that_cannot_be_made_is_a_note(tmp_path):
     assert err == ""
     assert not list((tmp_path / "temporary").iterdir())
     # what ArviZ makes when it is loaded once ended a calibration after its fit
-    program = "from heatrun.caches import use_caches\nuse_caches(print)\nimport arviz, matplotlib\n"
+    program = (
+        "from heatrun.io.caches import use_caches\nuse_caches(print)\nimport arviz, matplotlib\n"
+    )
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", program + "matplotlib.get_cachedir()"],
         capture_output=True,

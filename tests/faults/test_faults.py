@@ -17,8 +17,8 @@ import pytest
 from heatrun import cli
 from heatrun.commands.console import printable
 from heatrun.errors import InputError
-from heatrun.run_folder import RunFolder, listed_anew, load_result
-from heatrun.whole_files import write_whole
+from heatrun.io.whole_files import write_whole
+from heatrun.runs.run_folder import RunFolder, listed_anew, load_result
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 IDENTITY = {"motor": "m", "seed": 1}
@@ -112,7 +112,7 @@ def test_a_file_that_does_not_fit_leaves_the_old_one_and_no_piece(tmp_path):
     write_whole(path, b"old")
     program = (
         "import resource, pathlib\n"
-        "from heatrun.whole_files import write_whole\n"
+        "from heatrun.io.whole_files import write_whole\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
         f"write_whole(pathlib.Path({str(path)!r}), bytes(5000))\n"
     )
@@ -132,9 +132,9 @@ def test_a_read_only_folder_and_an_unreadable_file_are_said(tmp_path, inputs):
     secret.chmod(0o000)
     program = (
         "import pathlib\n"
-        "from heatrun.bench.read import read_record\n"
+        "from heatrun.bench.readers.read import read_record\n"
         "from heatrun.errors import InputError\n"
-        "from heatrun.run_folder import RunFolder\n"
+        "from heatrun.runs.run_folder import RunFolder\n"
         "import os\n"
         f"os.setuid({NOBODY})\n"  # root may write and read everywhere
         f"for job in (lambda: RunFolder.begin(pathlib.Path({str(tmp_path / 'run')!r}), {{}}),\n"

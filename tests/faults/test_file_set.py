@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from heatrun.file_set import FileSet, names_begun, together
-from heatrun.undisturbed import undisturbed
+from heatrun.io.file_set import FileSet, names_begun, together
+from heatrun.io.undisturbed import undisturbed
 
 NUM_FILES = 5
 
@@ -78,7 +78,7 @@ def test_a_living_process_keeps_what_it_is_writing(tmp_path):
     (mine.aside / "a").write_text("a")
     program = (
         "import pathlib\n"
-        "from heatrun.file_set import together\n"
+        "from heatrun.io.file_set import together\n"
         f"with together(pathlib.Path({str(tmp_path)!r}), 'other') as files:\n"
         "    (files.aside / 'b').write_text('b')\n"
     )

@@ -59,7 +59,7 @@ def test_the_sentence_about_memory_needs_no_more_of_it(monkeypatch, capsys):
 
     monkeypatch.setattr("heatrun.commands.check.run", too_much)
     # a package that is loaded at this point ends in a traceback: there is no room for it
-    monkeypatch.setitem(sys.modules, "heatrun.run_folder", None)
+    monkeypatch.setitem(sys.modules, "heatrun.runs.run_folder", None)
     assert cli.main(["check", "motor.toml", "test.csv", "--json"]) == 1
     printed = capsys.readouterr()
     assert "more memory than there is" in json.loads(printed.out)["error"]["problem"]

@@ -25,13 +25,13 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 
-from heatrun.bench.read import read_record
-from heatrun.checkpoint import Checkpoint
+from heatrun.bench.readers.read import read_record
 from heatrun.errors import InputError
+from heatrun.inference.sampling.checkpoint import Checkpoint
 from heatrun.motorfile import load_motor
-from heatrun.run_folder import load_result
-from heatrun.sheet_of_run import rewrite_sheet
-from heatrun.virtual import parameters_from
+from heatrun.reports.sheet.of_run import rewrite_sheet
+from heatrun.runs.run_folder import load_result
+from heatrun.simulation import parameters_from
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "readings"))
 

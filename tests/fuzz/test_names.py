@@ -9,8 +9,8 @@ import sys
 
 import pytest
 
-from heatrun.bench.read import read_record
-from heatrun.run_folder import dump
+from heatrun.bench.readers.read import read_record
+from heatrun.runs.run_folder import dump
 
 TABLE = "time_s,phase_current_A,losses_W,ambient_degC,winding_degC\n" + "".join(
     f"{t},10,300,20,{20 + 0.001 * t:.3f}\n" for t in range(600)

@@ -7,10 +7,10 @@ import pytest
 
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.fit import fit
-from heatrun.model import Model
+from heatrun.inference.fit import fit
+from heatrun.inference.model import Model
+from heatrun.inference.problem import Problem
 from heatrun.motor import Motor
-from heatrun.problem import Problem
 
 NAMES = {
     "t": "time_s",

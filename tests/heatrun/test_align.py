@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from heatrun.bench import read_record
-from heatrun.bench.align import find_alignment, join
+from heatrun.bench.clocks.align import find_alignment, join
 from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.motor import Motor

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from heatrun.bench import read_record, require
-from heatrun.bench.channels import map_columns
-from heatrun.bench.header import split_name
-from heatrun.bench.maps import COLUMN_MAPS
-from heatrun.bench.schema import CHANNEL
-from heatrun.bench.table import Column, Stated, Table
+from heatrun.bench.channels.channel_map import map_columns
+from heatrun.bench.channels.header import split_name
+from heatrun.bench.channels.maps import COLUMN_MAPS
+from heatrun.bench.channels.schema import CHANNEL
+from heatrun.bench.readers.table import Column, Stated, Table
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 

@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.discover.library import all_effects
-from heatrun.discover.report import write_report
-from heatrun.discover.result import assemble
-from heatrun.discover.run import discover, show
+from heatrun.discovery.library import all_effects
+from heatrun.discovery.result import assemble
+from heatrun.discovery.run import discover, show
 from heatrun.motor import Motor
-from heatrun.run_folder import dump
+from heatrun.reports.discovery.report import write_report
+from heatrun.runs.run_folder import dump
 from lptn import EFFECTS
 
 

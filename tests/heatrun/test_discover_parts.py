@@ -10,15 +10,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun.discover.bootstrap import familywise_p
-from heatrun.discover.engine import Engine
-from heatrun.discover.folds import folds, left_out_errors, rmse
-from heatrun.discover.grow import look
-from heatrun.discover.library import all_effects, library
-from heatrun.discover.start import base_start
+from heatrun.discovery.bootstrap import familywise_p
+from heatrun.discovery.engine import Engine
+from heatrun.discovery.folds import folds, left_out_errors, rmse
+from heatrun.discovery.grow import look
+from heatrun.discovery.library import all_effects, library
+from heatrun.discovery.start import base_start
 from heatrun.errors import InputError
-from heatrun.model import Model
-from heatrun.problem import Problem, linearise
+from heatrun.inference.model import Model
+from heatrun.inference.problem import Problem, linearise
 from lptn import EFFECTS, second_order
 
 MINE = Path(__file__).with_name("cabinet_heater.py")
@@ -145,7 +145,7 @@ def test_an_effect_of_an_installed_package_is_taken_in(monkeypatch):
         def load(self):
             return kind
 
-    monkeypatch.setattr("heatrun.discover.library.entry_points", lambda group: [Entry()])
+    monkeypatch.setattr("heatrun.discovery.library.entry_points", lambda group: [Entry()])
     assert all_effects()[-1] is kind
 
 

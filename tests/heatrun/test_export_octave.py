@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from heatrun.bench.read import read_record
+from heatrun.bench.readers.read import read_record
 from heatrun.bench.record import Record
 from heatrun.export import mat_bytes, simulate_variables, thesis_variables
 from heatrun.motorfile import load_motor

@@ -13,9 +13,9 @@ import pytest
 
 from heatrun import cli
 from heatrun.bench.joined import read_test
-from heatrun.bench.mat5 import read_variables
-from heatrun.bench.read import read_record
-from heatrun.calibrate import calibrate, load_tests, manifest
+from heatrun.bench.readers.mat5 import read_variables
+from heatrun.bench.readers.read import read_record
+from heatrun.calibration import calibrate, load_tests, manifest
 from heatrun.errors import InputError
 from heatrun.export import (
     Corrections,
@@ -24,10 +24,10 @@ from heatrun.export import (
     simulate_variables,
     thesis_variables,
 )
+from heatrun.io.whole_files import write_whole
 from heatrun.motorfile import load_motor
-from heatrun.run_folder import RunFolder
-from heatrun.sheet.bands import band_table
-from heatrun.whole_files import write_whole
+from heatrun.reports.sheet.bands import band_table
+from heatrun.runs.run_folder import RunFolder
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 THESIS = ["B", "Ceqsr", "Ceqw", "Is", "Pd", "Reqsr", "Reqw"]

@@ -9,10 +9,10 @@ import pytest
 
 from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
-from heatrun.fit import fit
-from heatrun.model import Model, parameters
+from heatrun.inference.fit import fit
+from heatrun.inference.model import Model, parameters
+from heatrun.inference.problem import Problem, linearise, log_posterior, residuals
 from heatrun.motor import Motor, ParameterOverride
-from heatrun.problem import Problem, linearise, log_posterior, residuals
 
 
 def test_known_parameters_come_back_within_their_uncertainty(fitted, truth):

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.channels import map_columns
-from heatrun.bench.column_unit import unit_of
-from heatrun.bench.header import split_name
-from heatrun.bench.read import read_record
-from heatrun.bench.remarks import units_of_remarks
-from heatrun.bench.schema import CHANNEL
-from heatrun.bench.table import Column, Table
+from heatrun.bench.channels.channel_map import map_columns
+from heatrun.bench.channels.column_unit import unit_of
+from heatrun.bench.channels.header import split_name
+from heatrun.bench.channels.schema import CHANNEL
+from heatrun.bench.readers.read import read_record
+from heatrun.bench.readers.table import Column, Table
+from heatrun.bench.readers.text.remarks import units_of_remarks
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 

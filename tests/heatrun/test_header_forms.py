@@ -11,13 +11,13 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from heatrun.bench import header
-from heatrun.bench.column_unit import unit_of
-from heatrun.bench.header import LONGEST_NAME, LONGEST_UNIT, plain, split_name
-from heatrun.bench.schema import CHANNEL
-from heatrun.bench.table import Column
-from heatrun.bench.unit_table import QUANTITIES, Unit
-from heatrun.bench.units import require_unit
+from heatrun.bench.channels.channel_map import header
+from heatrun.bench.channels.column_unit import unit_of
+from heatrun.bench.channels.header import LONGEST_NAME, LONGEST_UNIT, plain, split_name
+from heatrun.bench.channels.schema import CHANNEL
+from heatrun.bench.channels.unit_table import QUANTITIES, Unit
+from heatrun.bench.channels.units import require_unit
+from heatrun.bench.readers.table import Column
 from heatrun.errors import InputError
 
 COLUMNS = {

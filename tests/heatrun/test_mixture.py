@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from heatrun.kernels import Kernels
-from heatrun.mixture import Proposal
-from heatrun.proposal import truncated
+from heatrun.inference.kernels import Kernels
+from heatrun.inference.sampling.importance import truncated
+from heatrun.inference.sampling.proposal import Proposal
 
 ERRORS = 5.0
 """Standard errors of a mean that chance leaves in one case of two million."""

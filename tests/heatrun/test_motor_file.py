@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from heatrun import toml_text
 from heatrun.errors import InputError
+from heatrun.io import toml_text
 from heatrun.motor import Motor, ParameterOverride
 from heatrun.motorfile import load_motor
 

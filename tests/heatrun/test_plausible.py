@@ -10,7 +10,7 @@ import pytest
 from heatrun.cli import main
 from heatrun.commands.words import LARGEST_SEED, seed
 from heatrun.errors import InputError
-from heatrun.model import ALL_NAMES, Model, parameters
+from heatrun.inference.model import ALL_NAMES, Model, parameters
 from heatrun.motor import ParameterOverride
 from heatrun.motorfile import load_motor
 from heatrun.plausible import RANGES, UNITS

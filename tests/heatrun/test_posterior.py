@@ -5,16 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun import archive, ensemble_run
 from heatrun.bench.reduction import reduce
-from heatrun.fit import fit
-from heatrun.identifiability import forecast
-from heatrun.mixture import Branches
-from heatrun.model import Model
-from heatrun.posterior import sample
-from heatrun.predict import predict
-from heatrun.problem import Problem
-from heatrun.proposal import importance_sample, pareto_shape
+from heatrun.inference.fit import fit
+from heatrun.inference.identifiability import forecast
+from heatrun.inference.model import Model
+from heatrun.inference.posterior import sample
+from heatrun.inference.predict import predict
+from heatrun.inference.problem import Problem
+from heatrun.inference.sampling import ensemble as ensemble_run
+from heatrun.inference.sampling.importance import importance_sample, pareto_shape
+from heatrun.inference.sampling.proposal import Branches
+from heatrun.runs import netcdf as archive
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +56,7 @@ def test_weighted_draws_agree_with_the_ensemble(blocks, motor):
 
 
 def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble(fitted, monkeypatch):
-    monkeypatch.setattr("heatrun.proposal.PARETO_LIMIT", -1.0)
+    monkeypatch.setattr("heatrun.inference.sampling.importance.PARETO_LIMIT", -1.0)
     assert sample(fitted, method="quick", seed=1, most_steps=500).method == "emcee"
 
 

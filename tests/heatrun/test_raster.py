@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.raster import means_around, raster, require_increasing
+from heatrun.bench.readers.raster import means_around, raster, require_increasing
 from heatrun.errors import InputError
 
 FAST = np.arange(1001) * 0.1

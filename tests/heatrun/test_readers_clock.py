@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from heatrun.bench.checks import check_record
-from heatrun.bench.read import read_record
-from heatrun.bench.text import read_text
-from heatrun.bench.time_format import parse_time_format, stated_format
+from heatrun.bench.clocks.time_format import parse_time_format, stated_format
+from heatrun.bench.readers.read import read_record
+from heatrun.bench.readers.text.reader import read_text
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 

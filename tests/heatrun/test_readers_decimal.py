@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from heatrun.bench.read import read_record
-from heatrun.bench.text import read_text
+from heatrun.bench.readers.read import read_record
+from heatrun.bench.readers.text.reader import read_text
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 from heatrun.motorfile import load_motor

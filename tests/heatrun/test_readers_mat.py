@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from heatrun.bench.read import read_raw, read_record
+from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 

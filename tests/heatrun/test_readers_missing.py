@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.read import read_raw, read_record
+from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 

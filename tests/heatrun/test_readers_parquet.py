@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from heatrun.bench.read import read_raw, read_record
+from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 

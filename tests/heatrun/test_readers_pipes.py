@@ -12,9 +12,9 @@ import threading
 import numpy as np
 import pytest
 
-from heatrun.bench import open_file
 from heatrun.bench.joined import read_test
-from heatrun.bench.read import read_raw, read_record
+from heatrun.bench.readers import open_file
+from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 

@@ -9,8 +9,8 @@ import numpy as np
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from heatrun.bench.read import read_record
-from heatrun.bench.text import read_text
+from heatrun.bench.readers.read import read_record
+from heatrun.bench.readers.text.reader import read_text
 from heatrun.errors import InputError
 
 FEW = settings(max_examples=120, deadline=None)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.channels import map_columns
-from heatrun.bench.text import read_text
+from heatrun.bench.channels.channel_map import map_columns
+from heatrun.bench.readers.text.reader import read_text
 from heatrun.errors import InputError
 
 ROWS = "{0};1;20.5\n{1};2;20.6\n{2};3;20.7\n"

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scipy.io import netcdf_file
 
-from heatrun.bench.read import read_raw, read_record
+from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 

@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from heatrun import cli
-from heatrun.bench.read import read_raw, read_record
-from heatrun.calibrate import load_tests
+from heatrun.bench.readers.read import read_raw, read_record
+from heatrun.calibration import load_tests
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 from heatrun.motorfile import load_motor

@@ -8,9 +8,9 @@ import time
 import numpy as np
 import pytest
 
-from heatrun.bench.channels import map_columns
-from heatrun.bench.read import read_raw
-from heatrun.bench.text import read_text
+from heatrun.bench.channels.channel_map import map_columns
+from heatrun.bench.readers.read import read_raw
+from heatrun.bench.readers.text.reader import read_text
 from heatrun.errors import InputError
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from heatrun.bench.clock import read_clock
-from heatrun.bench.dates import read_dates
-from heatrun.bench.time_format import parse_time_format
-from heatrun.bench.timegrid import exact_grid, from_first_sample
+from heatrun.bench.clocks.clock import read_clock
+from heatrun.bench.clocks.dates import read_dates
+from heatrun.bench.clocks.time_format import parse_time_format
+from heatrun.bench.clocks.timegrid import exact_grid, from_first_sample
 
 
 @pytest.mark.parametrize(

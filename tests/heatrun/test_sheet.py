@@ -9,14 +9,14 @@ import openpyxl
 import pytest
 from pypdf import PdfReader
 
-from heatrun import archive
 from heatrun.bench.record import ColumnReading
-from heatrun.calibrate import Test as BenchTest
-from heatrun.calibrate import calibrate
-from heatrun.run_folder import dump
-from heatrun.sheet import digits
-from heatrun.sheet.worksheet import WorksheetConstants, fill_worksheet
-from heatrun.sheet_of_run import write_sheet_of
+from heatrun.calibration import Test as BenchTest
+from heatrun.calibration import calibrate
+from heatrun.reports.sheet import digits
+from heatrun.reports.sheet.of_run import write_sheet_of
+from heatrun.reports.sheet.worksheet import WorksheetConstants, fill_worksheet
+from heatrun.runs import netcdf as archive
+from heatrun.runs.run_folder import dump
 
 HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* \\ <script> \x1b[31m שלום @import "/etc/passwd"'
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from heatrun import archive
-from heatrun.calibrate import Test as BenchTest
-from heatrun.calibrate import calibrate, manifest
+from heatrun.calibration import Test as BenchTest
+from heatrun.calibration import calibrate, manifest
 from heatrun.errors import InputError
-from heatrun.run_folder import RunFolder, load_result
-from heatrun.sheet_of_run import rewrite_sheet, write_sheet_of
+from heatrun.reports.sheet.of_run import rewrite_sheet, write_sheet_of
+from heatrun.runs import netcdf as archive
+from heatrun.runs.run_folder import RunFolder, load_result
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_a_sheet_for_which_there_is_no_room_leaves_no_figure(run, tmp_path, monk
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("heatrun.sheet_of_run.write_xlsx", full)
+    monkeypatch.setattr("heatrun.reports.sheet.of_run.write_xlsx", full)
     with pytest.raises(InputError, match="the sheet cannot be written: No space left"):
         rewrite_sheet(run, tmp_path)
     assert digests(tmp_path) == {"sheet.pdf": hashlib.sha256(b"an earlier one").hexdigest()}

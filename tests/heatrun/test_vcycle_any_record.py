@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from heatrun.bench.channels.schema import CHANNELS
 from heatrun.bench.record import Record
-from heatrun.bench.schema import CHANNELS
 from heatrun.errors import InputError
 from heatrun.motor import Motor
-from heatrun.run_folder import dump
-from heatrun.vcycle import TEST_TYPES, Reference, build_report, make_report
-from heatrun.vcycle.content import report_content
-from heatrun.vcycle.csv_table import csv_table
-from heatrun.vcycle.document import document_content
+from heatrun.reports.bench_tests import TEST_TYPES, Reference, build_report, make_report
+from heatrun.reports.bench_tests.content import report_content
+from heatrun.reports.bench_tests.csv_table import csv_table
+from heatrun.reports.bench_tests.document import document_content
+from heatrun.runs.run_folder import dump
 
 NAMES = [channel.name for channel in CHANNELS if channel.name != "time_s"]
 MOTORS = (

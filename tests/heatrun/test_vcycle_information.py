@@ -11,9 +11,9 @@ import pytest
 from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
-from heatrun.vcycle import build_report
-from heatrun.vcycle.general_information import general_information
-from heatrun.vcycle.operating_map import operating_map
+from heatrun.reports.bench_tests import build_report
+from heatrun.reports.bench_tests.analysis.general_information import general_information
+from heatrun.reports.bench_tests.analysis.operating_map import operating_map
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
 

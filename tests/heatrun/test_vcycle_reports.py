@@ -16,9 +16,9 @@ from heatrun.bench.joined import read_test
 from heatrun.cli import main
 from heatrun.commands.report import TYPES
 from heatrun.motor import Motor
-from heatrun.vcycle import TEST_TYPES, job, make_report
-from heatrun.vcycle.csv_table import neutral
-from heatrun.vcycle.document import number, printed
+from heatrun.reports.bench_tests import TEST_TYPES, job, make_report
+from heatrun.reports.bench_tests.csv_table import neutral
+from heatrun.reports.bench_tests.document import number, printed
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
 HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* <script> \x1b[31m'

@@ -11,16 +11,16 @@ import pandas as pd
 import pytest
 import xarray
 
-from heatrun.bench.read import read_record
+from heatrun.bench.readers.read import read_record
 from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
-from heatrun.vcycle import build_report, read_reference
-from heatrun.vcycle.equilibrium import equilibrium
-from heatrun.vcycle.loss_split import split_losses
-from heatrun.vcycle.run_draws import read_draws
-from heatrun.vcycle.simulated import simulate_run
-from heatrun.virtual import simulate_file
+from heatrun.reports.bench_tests import build_report, read_reference
+from heatrun.reports.bench_tests.analysis.equilibrium import equilibrium
+from heatrun.reports.bench_tests.analysis.loss_split import split_losses
+from heatrun.reports.bench_tests.run_draws import read_draws
+from heatrun.reports.bench_tests.simulated import simulate_run
+from heatrun.simulation import simulate_file
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
 TRUTH = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062}

@@ -13,15 +13,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heatrun.bench.read import read_record
+from heatrun.bench.readers.read import read_record
 from heatrun.bench.record import Record
 from heatrun.errors import InputError, UsageError
 from heatrun.motor import Motor
 from heatrun.motorfile import load_motor
-from heatrun.vcycle import Reference, build_report, read_reference
-from heatrun.vcycle.pair import pair_records
-from heatrun.vcycle.tolerances import parse_tolerances
-from heatrun.vcycle.validation import validate
+from heatrun.reports.bench_tests import Reference, build_report, read_reference
+from heatrun.reports.bench_tests.analysis.pair import pair_records
+from heatrun.reports.bench_tests.analysis.tolerances import parse_tolerances
+from heatrun.reports.bench_tests.analysis.validation import validate
 
 PROTOTYPES = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)

@@ -11,8 +11,14 @@ from bench_machines import SERVO, bench_record
 from heatrun import cli
 from heatrun.app.reading import read_tests
 from heatrun.app.store import RecordStore
-from heatrun.bench.read import read_record
-from heatrun.column_mapping import LONGEST, describe_mapping, grouped, mapping_rows, mapping_text
+from heatrun.bench.channels.column_mapping import (
+    LONGEST,
+    describe_mapping,
+    grouped,
+    mapping_rows,
+    mapping_text,
+)
+from heatrun.bench.readers.read import read_record
 
 MOTOR = f"""
 [motor]

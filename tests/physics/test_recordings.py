@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from heatrun.bench.align import join
 from heatrun.bench.checks import check_record
-from heatrun.bench.read import read_record
+from heatrun.bench.clocks.align import join
+from heatrun.bench.readers.read import read_record
 from heatrun.motor import Motor
 from heatrun.motorfile import load_motor
 

@@ -23,9 +23,9 @@ from bench_machines import (
     cooling_record,
 )
 
+from heatrun.bench.channels.derive import derive
 from heatrun.bench.checks import check_record
 from heatrun.bench.checks.suspicion import unit_suspected
-from heatrun.bench.derive import derive
 from heatrun.bench.record import ColumnReading, Finding, Record, UnitSource
 from heatrun.motor import Motor
 

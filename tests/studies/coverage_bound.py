@@ -9,7 +9,7 @@ import numpy as np
 from coverage_bench import READING_S, SensorNoise
 
 from heatrun.bench.blocks import Blocks
-from heatrun.problem import Problem, linearise
+from heatrun.inference.problem import Problem, linearise
 
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 

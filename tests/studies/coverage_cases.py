@@ -26,15 +26,15 @@ import heatrun.runtime  # noqa: F401  (settings of JAX before its first use)
 from heatrun.bench.blocks import Blocks
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.fit import fit
-from heatrun.fit_result import Fit
-from heatrun.model import Model
+from heatrun.inference.fit import fit
+from heatrun.inference.fit_result import Fit
+from heatrun.inference.model import Model
+from heatrun.inference.noise import NOISE
+from heatrun.inference.posterior import Posterior, sample, weighted_draws
+from heatrun.inference.predict import predict
+from heatrun.inference.problem import Problem
+from heatrun.inference.reduction_checks import between_samples
 from heatrun.motor import Motor, ParameterOverride
-from heatrun.noise import NOISE
-from heatrun.posterior import Posterior, sample, weighted_draws
-from heatrun.predict import predict
-from heatrun.problem import Problem
-from heatrun.reduction_checks import between_samples
 
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 TIMES = ("tau_winding", "tau_stator", "tau_fast", "tau_slow")

@@ -100,7 +100,7 @@ def main() -> None:
 
 
 def _run(job: dict[str, Any]) -> dict[str, Any]:
-    from heatrun.caches import use_caches
+    from heatrun.io.caches import use_caches
 
     use_caches(print)
     from coverage_cases import run

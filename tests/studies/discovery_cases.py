@@ -13,13 +13,13 @@ import heatrun.runtime  # noqa: F401  (settings of JAX before its first use)
 from heatrun.bench.blocks import Blocks
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.discover.engine import Engine, Refit
-from heatrun.discover.folds import rmse
-from heatrun.discover.library import Candidate
-from heatrun.discover.run import Discovery, discover
-from heatrun.effect_parameters import EVENT
+from heatrun.discovery.engine import Engine, Refit
+from heatrun.discovery.folds import rmse
+from heatrun.discovery.library import Candidate
+from heatrun.discovery.run import Discovery, discover
+from heatrun.inference.effect_parameters import EVENT
+from heatrun.inference.problem import Problem
 from heatrun.motor import Motor
-from heatrun.problem import Problem
 
 SHOWN = (
     "natural_convection", "speed_cooling", "fan_cooling", "cooling_step", "coolant_sink",

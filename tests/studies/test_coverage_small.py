@@ -28,10 +28,10 @@ def ranks():
 
     from heatrun.bench.record import Record
     from heatrun.bench.reduction import reduce
-    from heatrun.fit import fit
-    from heatrun.model import Model
-    from heatrun.posterior import weighted_draws
-    from heatrun.problem import Problem
+    from heatrun.inference.fit import fit
+    from heatrun.inference.model import Model
+    from heatrun.inference.posterior import weighted_draws
+    from heatrun.inference.problem import Problem
 
     usual = CELLS["prior draws"]
     cell = Cell(usual.errors, {}, knows_resistance=False, from_prior=True, prior_test_s=1800.0)

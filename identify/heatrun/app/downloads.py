@@ -8,8 +8,8 @@ from pathlib import Path
 import panel as pn
 
 from ..errors import InputError
-from .confined import read_inside
 from .runs import MAX_BYTES
+from .server.confined import read_inside
 
 
 def download(path: Path, root: Path, *, width: int) -> pn.widgets.FileDownload:

@@ -10,8 +10,8 @@ from io import BufferedReader
 from pathlib import Path
 
 from ..errors import InputError
-from ..run_folder import MANIFEST
-from .confined import is_inside, open_inside, outside
+from ..runs.run_folder import MANIFEST
+from .server.confined import is_inside, open_inside, outside
 
 SUFFIXES = frozenset(
     (".csv", ".tsv", ".txt", ".dat", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms")

@@ -20,7 +20,7 @@ from bokeh.models import (
 )
 from bokeh.plotting import figure
 
-from ..bench.schema import CHANNEL, CHANNELS
+from ..bench.channels.schema import CHANNEL, CHANNELS
 from .look import DASHES, Look
 from .trace import Trace
 

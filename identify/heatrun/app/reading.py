@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from ..bench.channels.column_mapping import HEAD, describe_columns, grouped
 from ..bench.checks import check_record
-from ..column_mapping import HEAD, describe_columns, grouped
 from ..errors import InputError
+from ..io.opening import Opener, opening_by
 from ..motor import Motor
 from ..motorfile import load_motor
-from ..opening import Opener, opening_by
 from .store import Opened, RecordStore
 from .words import error_message, findings_html, message, table
 

@@ -13,10 +13,10 @@ from typing import Any
 import pandas as pd
 
 from ..errors import InputError
-from ..run_folder import MANIFEST, load_result
-from .confined import is_inside, read_inside
+from ..runs.run_folder import MANIFEST, load_result
 from .folder import Stamp
 from .plots import Band
+from .server.confined import is_inside, read_inside
 from .store import Opened
 
 DOWNLOADS = ("sheet.pdf", "sheet.xlsx", "sheet.json", "fit.json", "discovery.pdf", "discovery.json")

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from ..bench import Record
 from ..bench.joined import read_test
-from ..bench.open_file import LARGEST_BYTES
-from ..bench.read import read_record
+from ..bench.readers.open_file import LARGEST_BYTES
+from ..bench.readers.read import read_record
 from ..errors import InputError
 from ..motor import Motor
 from .folder import Stamp

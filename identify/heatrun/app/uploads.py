@@ -11,7 +11,7 @@ from typing import Any
 import panel as pn
 
 from ..errors import InputError
-from ..whole_files import write_whole
+from ..io.whole_files import write_whole
 from .folder import SUFFIXES
 
 MAX_NAME = 100

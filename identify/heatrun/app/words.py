@@ -8,7 +8,7 @@ from typing import Any
 
 from ..bench import Finding
 from ..errors import InputError
-from ..report_text import ranked
+from ..reports.terminal import ranked
 
 
 def message(kind: str, text: str) -> str:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..motor import Motor
-from .align import join
-from .read import read_record
+from .clocks.align import join
+from .readers.read import read_record
 from .record import Record
 
 RATE = re.compile(r"^(?P<path>.*)@(?P<rate>[^@/\\]*)Hz$", re.DOTALL)

@@ -13,9 +13,9 @@ from .exit_codes import DONE, NOT_ALLOWED
 from .loading import load
 
 if TYPE_CHECKING:
-    from ..calibrate import Calibration
+    from ..calibration import Calibration
     from ..motor import Motor
-    from ..run_folder import RunFolder
+    from ..runs.run_folder import RunFolder
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -68,10 +68,10 @@ def calibrate_into_folder(
         holdout: Paths of the tests that are predicted.
         orders: `"first"`, `"second"` or both.
     """
-    from ..calibrate import calibrate, default_folder, identity, refuse_unwritable
-    from ..ratings import parse_duty
-    from ..report_text import result_text
-    from ..run_folder import RunFolder, dump
+    from ..calibration import calibrate, default_folder, identity, refuse_unwritable
+    from ..ratings.duties import parse_duty
+    from ..reports.terminal import result_text
+    from ..runs.run_folder import RunFolder, dump
 
     tests = load(motor, calibration, holdout, as_json=options.json)
     if tests is None:
@@ -112,9 +112,9 @@ def calibrate_into_folder(
 
 
 def _write(found: Calibration, folder: RunFolder, options: argparse.Namespace) -> Path:
-    from .. import archive
-    from ..calibrate import manifest
-    from ..sheet_of_run import write_sheet_of
+    from ..calibration import manifest
+    from ..reports.sheet.of_run import write_sheet_of
+    from ..runs import netcdf as archive
 
     folder.write_json("fit.json", found.result)
     for order, posterior in found.posteriors.items():

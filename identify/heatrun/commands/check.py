@@ -21,13 +21,13 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Print the findings about every test; they forbid a calibration if one is an error."""
     from ..bench import Finding
+    from ..bench.channels.column_mapping import describe_columns, mapping_text
     from ..bench.checks import check_record
     from ..bench.joined import read_test
-    from ..column_mapping import describe_columns, mapping_text
     from ..motorfile import load_motor
-    from ..report_text import findings_text
-    from ..result import describe_finding
-    from ..run_folder import dump
+    from ..reports.terminal import findings_text
+    from ..runs.result import describe_finding
+    from ..runs.run_folder import dump
 
     motor = load_motor(options.motor)
     findings: list[Finding] = []

@@ -25,9 +25,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Fit both orders; a run folder is written only where one is named."""
-    from ..calibrate import calibrate
+    from ..calibration import calibrate
     from ..motorfile import load_motor
-    from ..run_folder import dump
+    from ..runs.run_folder import dump
 
     motor = load_motor(options.motor)
     if options.out is not None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from ..errors import InputError
-from ..printable import printable as printable
+from ..io.printable import printable as printable
 
 PROGRESS = "HEATRUN_PROGRESS"
 """Environment variable; `json` makes the progress on stderr lines of JSON, for programs."""

@@ -39,13 +39,13 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Search, write the run folder and print the verdict."""
-    from ..calibrate import default_folder, identity, refuse_unwritable
-    from ..column_mapping import describe_columns, mapping_text
-    from ..discover.job import run_job
-    from ..discover.library import all_effects
+    from ..bench.channels.column_mapping import describe_columns, mapping_text
+    from ..calibration import default_folder, identity, refuse_unwritable
+    from ..discovery.job import run_job
+    from ..discovery.library import all_effects
     from ..motorfile import load_motor
-    from ..report_text import discovery_text
-    from ..run_folder import RunFolder, dump
+    from ..reports.terminal import discovery_text
+    from ..runs.run_folder import RunFolder, dump
 
     motor = load_motor(options.motor)
     kinds = all_effects(options.effects)

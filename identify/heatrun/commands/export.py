@@ -38,7 +38,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Write the files and print what is in them."""
     from ..export import export_mat
-    from ..run_folder import dump
+    from ..runs.run_folder import dump
 
     written = export_mat(
         options.run,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..calibrate import Test
+    from ..calibration import Test
     from ..motor import Motor
 
 
@@ -16,10 +16,10 @@ def load(
     motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path], *, as_json: bool
 ) -> tuple[Test, ...] | None:
     """Return the tests, or None after the findings that forbid them were printed."""
-    from ..calibrate import Refused, load_tests
-    from ..report_text import findings_text
-    from ..result import describe_finding
-    from ..run_folder import dump
+    from ..calibration import Refused, load_tests
+    from ..reports.terminal import findings_text
+    from ..runs.result import describe_finding
+    from ..runs.run_folder import dump
 
     try:
         return load_tests(motor, calibration, holdout)

@@ -12,10 +12,10 @@ from .console import printable, say
 from .exit_codes import DONE, NOT_ALLOWED
 
 if TYPE_CHECKING:
-    from ..vcycle import Outcome
+    from ..reports.bench_tests import Outcome
 
 TYPES = ("general", "thermal", "energy", "virtual", "real")
-"""As `heatrun.vcycle.TEST_TYPES`, which is slow to import."""
+"""As `heatrun.reports.bench_tests.TEST_TYPES`, which is slow to import."""
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -52,9 +52,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Write the reports and print their tables; one that failed makes the exit code 1."""
     from ..motorfile import load_motor
-    from ..run_folder import dump
-    from ..vcycle import make_report
-    from ..vcycle.tolerances import parse_tolerances
+    from ..reports.bench_tests import make_report
+    from ..reports.bench_tests.analysis.tolerances import parse_tolerances
+    from ..runs.run_folder import dump
 
     tolerances = parse_tolerances(options.tolerance)
     outcomes = make_report(
@@ -85,7 +85,7 @@ def _described(outcome: Outcome) -> dict[str, Any]:
 
 
 def _text(outcomes: Sequence[Outcome]) -> str:
-    from ..vcycle.document import number
+    from ..reports.bench_tests.document import number
 
     lines = []
     for outcome in outcomes:

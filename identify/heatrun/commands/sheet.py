@@ -22,8 +22,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Write the sheet and print its files."""
-    from ..run_folder import dump
-    from ..sheet_of_run import rewrite_sheet
+    from ..reports.sheet.of_run import rewrite_sheet
+    from ..runs.run_folder import dump
 
     written = rewrite_sheet(options.run, options.out or options.run)
     if options.json:

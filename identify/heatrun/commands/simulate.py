@@ -29,8 +29,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Write a CSV file for every test and print how far it is from the measured winding."""
     from ..motorfile import load_motor
-    from ..run_folder import dump
-    from ..virtual import simulate_file
+    from ..runs.run_folder import dump
+    from ..simulation import simulate_file
 
     motor = load_motor(options.motor)
     folder = options.out or Path()

@@ -13,7 +13,7 @@ from . import words
 from .exit_codes import DONE
 
 if TYPE_CHECKING:
-    from ..app.server import ViewServer
+    from ..app.server.running import ViewServer
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     from ..errors import InputError
 
     try:
-        from ..app.server import make_server
+        from ..app.server.running import make_server
     except ImportError as error:
         raise InputError(
             f"The live view needs packages that are not installed ({error.name}).",

@@ -15,10 +15,10 @@ import scipy.io
 from .. import __version__
 from ..bench.record import Finding
 from ..errors import InputError
-from ..file_set import together
-from ..model import Order
-from ..result import describe_finding
-from ..whole_files import writable, write_whole
+from ..inference.model import Order
+from ..io.file_set import together
+from ..io.whole_files import writable, write_whole
+from ..runs.result import describe_finding
 from .course import simulate_variables
 from .rerun import RunTest, read_run_test
 from .variables import UNITS, Corrections, thesis_variables

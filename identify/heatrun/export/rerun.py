@@ -16,14 +16,14 @@ from typing import Any
 
 from ..bench.blocks import Blocks
 from ..bench.joined import read_test
-from ..bench.open_file import digest
+from ..bench.readers.open_file import digest
 from ..bench.record import Record
 from ..bench.reduction import reduce
 from ..errors import InputError
-from ..model import ALL_NAMES, OF_ONE_TEST, Model, Order, parameters
+from ..inference.model import ALL_NAMES, OF_ONE_TEST, Model, Order, parameters
 from ..motor import Motor
 from ..motorfile import load_motor
-from ..run_folder import MANIFEST, load_result
+from ..runs.run_folder import MANIFEST, load_result
 
 
 @dataclass(frozen=True)
@@ -253,8 +253,8 @@ def _with_start(
 ) -> dict[str, float]:
     """Return the values with the start of a test that was not fitted.
 
-    As `heatrun.predict`: the first readings less the sensor's offset, the stator as far below
-    the winding as its prior has it.
+    As `heatrun.inference.predict`: the first readings less the sensor's offset, the stator as far
+    below the winding as its prior has it.
     """
     if not is_held_out:
         return dict(values)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..bench.record import Record
 from ..errors import InputError
-from ..model import Order
+from ..inference.model import Order
 from ..motor import Motor
 
 UNITS: Mapping[str, str] = {

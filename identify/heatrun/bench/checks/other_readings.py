@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...motor import Motor
-from ..derive import DERIVATIONS, derive
+from ..channels.derive import DERIVATIONS, derive
+from ..channels.schema import CHANNEL
+from ..channels.unit_table import QUANTITIES, Unit
+from ..channels.units import find_unit, to_canonical
 from ..record import ColumnReading, Record, UnitSource
-from ..schema import CHANNEL
-from ..unit_table import QUANTITIES, Unit
-from ..units import find_unit, to_canonical
 from .samples import is_measured
 
 LEAST_FACTOR = 1.4

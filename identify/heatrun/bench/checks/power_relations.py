@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...motor import Motor
-from ..derive import dq_power, shaft_power
+from ..channels.derive import dq_power, shaft_power
 from ..record import Record
 from .conflict import Conflict
 from .losses import COPPER_TOLERANCE, copper_shares

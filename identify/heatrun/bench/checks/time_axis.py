@@ -6,7 +6,7 @@ import numpy as np
 
 from ...motor import Motor
 from ..blocks import SLOW_LOGGER_S
-from ..header import split_name
+from ..channels.header import split_name
 from ..record import Finding, Record
 from .samples import is_measured, median_step, place, samples
 

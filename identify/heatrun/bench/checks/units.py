@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...motor import Motor
-from ..header import split_name
+from ..channels.header import split_name
 from ..record import Finding, Record, Severity
 from .course import lead_in
 from .samples import is_loaded, place, samples, sink_channel

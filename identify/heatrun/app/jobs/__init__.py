@@ -1,0 +1,1 @@
+"""Commands that the page starts, in processes of their own."""

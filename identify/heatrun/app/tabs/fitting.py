@@ -1,0 +1,123 @@
+"""What calibration and discovery have in common on the page: tests by role, a run, its result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import panel as pn
+
+from ...errors import InputError
+from ..folder import Stamp
+from ..jobs.pane import JobPane
+from ..jobs.running import Job, JobQueue
+from ..runs import Run
+from ..words import error_message, message
+from .run_view import run_name, run_view
+
+if TYPE_CHECKING:
+    from .page import Page
+
+NONE = "(none yet)"
+
+
+class Fitting:
+    """A form that starts a command on the chosen tests, and the runs it has made.
+
+    Attributes:
+        view: What goes on the page.
+    """
+
+    def __init__(
+        self,
+        page: Page,
+        queue: JobQueue,
+        *,
+        command: str,
+        what: str,
+        orders: Mapping[str, str],
+        say: Callable[[Mapping[str, Any]], str],
+        intro: str,
+    ) -> None:
+        self._page, self._command, self._what, self._say = page, command, what, say
+        self._runs: dict[str, Run] = {}
+        self._state: tuple[Path, Stamp] | None = None
+        self._holdout = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
+        self._order = pn.widgets.Select(name="Network", options=dict(orders), width=200)
+        self._quick = pn.widgets.Checkbox(
+            name="Quick: weighted draws instead of emcee where they hold", value=True
+        )
+        self._name = pn.widgets.TextInput(name="Name of the run", placeholder="by the test")
+        self._problem = page.pane("")
+        self._job = JobPane(queue, page.look, command.capitalize())
+        self._job.start.on_click(lambda _: self._start())
+        self._shown = pn.widgets.Select(name="Result of run", options=[NONE], width=320)
+        self._shown.param.watch(lambda _: self._show(), "value")
+        self._result = pn.Column(sizing_mode="stretch_width")
+        self.view = pn.Column(
+            page.pane(f"<p>{intro}</p>"),
+            page.pane("<h3>Held-out tests (predicted, not fitted)</h3>"),
+            pn.Column(self._holdout, max_height=120, scroll=True, sizing_mode="stretch_width"),
+            pn.Row(self._order, self._name),
+            self._quick,
+            self._job.view,
+            self._problem,
+            self._shown,
+            self._result,
+            sizing_mode="stretch_width",
+        )
+
+    def offer(self, runs: Sequence[Run]) -> None:
+        """Bring the lists of runs and of held-out tests up to date."""
+        self._holdout.options = self._page.tests
+        kept = [run for run in runs if getattr(run, self._what) is not None]
+        self._runs = {run.path.name: run for run in kept}
+        chosen = self._shown.value
+        self._shown.options = [*self._runs] or [NONE]
+        self._shown.value = chosen if chosen in self._runs else self._shown.options[0]
+        self._show()
+
+    def _start(self) -> None:
+        try:
+            words, folder = self._words()
+        except InputError as error:
+            self._problem.object = error_message(error)
+            return
+        self._problem.object = ""
+        self._job.run(words, lambda job: self._done(job, folder))
+
+    def _words(self) -> tuple[list[str], Path]:
+        page = self._page
+        holdout = [str(name) for name in self._holdout.value]
+        fitted = [name for name in page.chosen if name not in holdout]
+        if page.motor_path is None:
+            raise InputError("Expected a motor file.", remedy="Choose one on the left.")
+        if not fitted:
+            raise InputError(
+                "Expected at least one test to fit.",
+                remedy="Choose tests on the left that are not held out.",
+            )
+        stem = Path(fitted[0]).name.split(".")[0]
+        name = run_name(str(self._name.value), f"{run_name(stem, 'test')}_{self._command}")
+        folder = page.out / name
+        words = [self._command, str(page.motor_path), *(str(page.path(name)) for name in fitted)]
+        if holdout:
+            words += ["--holdout", *(str(page.path(name)) for name in holdout)]
+        words += ["--model", str(self._order.value), "--out", str(folder)]
+        return words + (["--quick"] if self._quick.value else []), folder
+
+    def _done(self, job: Job, folder: Path) -> None:
+        self._page.list_runs(choose=folder)
+        self._shown.value = folder.name if folder.name in self._runs else self._shown.value
+        if job.output.get("run") is None:
+            self._problem.object = message("warning", "The command named no run folder.")
+
+    def _show(self) -> None:
+        run = self._runs.get(str(self._shown.value))
+        state = None if run is None else (run.path, run.stamp)
+        if state == self._state:
+            return
+        self._state = state
+        shown = [] if run is None else [run_view(run, self._page.look, self._say, self._what)]
+        self._result[:] = shown

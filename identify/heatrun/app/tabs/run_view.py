@@ -1,0 +1,78 @@
+"""A run on the page: what it says, its figures, its files."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Callable, Mapping
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import panel as pn
+
+from ...errors import InputError
+from ..downloads import download
+from ..look import Look, pane_css
+from ..reading import problem
+from ..runs import Run
+from ..words import error_message, message
+
+FIGURE_PX = 860
+
+MAX_FIGURE_BYTES = 20_000_000
+
+PNG = b"\x89PNG\r\n\x1a\n"
+"""First bytes of a PNG."""
+
+
+def run_view(run: Run, look: Look, say: Callable[[Mapping[str, Any]], str], what: str) -> pn.Column:
+    """Return a column with result, downloads and figures of a run.
+
+    Args:
+        run: The run folder.
+        look: Colours.
+        say: Turns the result into HTML.
+        what: `"calibration"` or `"discovery"`.
+    """
+    result = getattr(run, what)
+    if result is None:
+        words = message("warning", f"{run.path} holds no {what}, or it is damaged.")
+        return pn.Column(pn.pane.HTML(words, stylesheets=[pane_css(look)]))
+    try:
+        said = say(result)
+    except Exception as error:  # a result of another version, or a damaged one
+        said = problem(run.path.name, error)
+    files = [download(path, run.root, width=170) for path in run.downloads()]
+    figures = [
+        pn.pane.HTML(_figure(run, path), sizing_mode="stretch_width") for path in run.figures()
+    ]
+    return pn.Column(
+        pn.FlexBox(*files),
+        pn.pane.HTML(said, stylesheets=[pane_css(look)], sizing_mode="stretch_width"),
+        *figures,
+        sizing_mode="stretch_width",
+    )
+
+
+def _figure(run: Run, path: Path) -> str:
+    """Return a figure as HTML: in the page itself, so that nothing asks for its file later."""
+    try:
+        content = run.read(path, MAX_FIGURE_BYTES)
+    except InputError as error:
+        return error_message(error)
+    if not content.startswith(PNG):
+        return message("warning", f"{path.name} is no PNG.")
+    source = f"data:image/png;base64,{b64encode(content).decode()}"
+    style = f"width: 100%; max-width: {FIGURE_PX}px"
+    return f'<img src="{source}" alt="{escape(path.stem)}" style="{style}">'
+
+
+def run_name(text: str, default: str) -> str:
+    """Return the name of a run folder: letters, digits and `._-`, no folders.
+
+    Args:
+        text: As typed.
+        default: Where nothing is left of it.
+    """
+    kept = "".join(c if c.isalnum() or c in "._-" else "_" for c in text.strip()).lstrip(".-")
+    return kept[:80] or default

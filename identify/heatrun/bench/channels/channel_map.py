@@ -1,0 +1,296 @@
+"""From the columns of a file to canonical channels, by the motor file or by known names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...errors import InputError
+from ..readers.table import Column, Table
+from ..record import ColumnReading, Finding, Record
+from .claims import NOT_RECORDED, Claim, did_you_mean, parse_claims
+from .column_unit import overridden, statements, unit_of, unit_wanted
+from .header import read_heading
+from .labels import columns_of, is_sure, named_unit
+from .mapping import Assignment
+from .maps import COLUMN_MAPS, ColumnMap
+from .schema import CHANNEL, REQUIRED
+from .units import require_unit
+
+
+@dataclass(frozen=True)
+class MappedColumns:
+    """The canonical channels of one file.
+
+    Attributes:
+        channels: Canonical name to float64 in the canonical unit, shape (time,).
+        notes: What was mapped from where, and with which unit.
+        findings: Doubts about the mapping.
+        unused: Columns that became no channel.
+        rate_Hz: Sampling rate that `[columns]` gives in place of a time column [Hz], or None.
+        columns: Canonical name to the name of the column that became it.
+        readings: How each column became its channel.
+    """
+
+    channels: Mapping[str, np.ndarray]
+    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    unused: tuple[str, ...] = ()
+    rate_Hz: float | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
+    readings: tuple[ColumnReading, ...] = ()
+
+
+def map_columns(
+    table: Table,
+    columns: Mapping[str, str] | None = None,
+    *,
+    where: str,
+    is_part: bool = False,
+) -> MappedColumns:
+    """Return the canonical channels of a table.
+
+    The motor file's `[columns]` come first, then exact canonical names, then the built-in maps in
+    their order; a channel found earlier is not looked for again.
+
+    Args:
+        table: What a reader returned.
+        columns: `[columns]` of the motor file.
+        where: The file, for messages.
+        is_part: The file is one of several of the same test: a column that `[columns]` names and
+            the file does not have is a note, not an error.
+
+    Raises:
+        InputError: If a named channel or column does not exist, two columns claim one channel, a
+            unit is not known or belongs to another quantity.
+    """
+    mapping = Assignment(where)
+    pool = table.columns + _constants(table)
+    rate_Hz = None
+    for claim in parse_claims(columns or {}, where):
+        if claim.rate_Hz is not None:
+            rate_Hz = claim.rate_Hz
+            continue
+        if claim.text == NOT_RECORDED:
+            mapping.excluded.add(claim.channel)
+            continue
+        column = _claimed(claim, pool, table, where, is_part)
+        if column is None:
+            mapping.notes.append(f"{claim.channel}: no column '{claim.text}' in this file.")
+            continue
+        _add_claimed(mapping, claim, column)
+    _add_canonical(mapping, table.columns)
+    for column_map in COLUMN_MAPS:
+        if _num_present(column_map, pool) >= column_map.num_needed:
+            _add_by_map(mapping, column_map, pool)
+    used = {id(column) for column in mapping.taken.values()}
+    unused = [column.name for column in table.columns if id(column) not in used]
+    mapping.findings += mapping.used_twice()
+    return MappedColumns(
+        mapping.channels,
+        tuple(mapping.notes),
+        tuple(mapping.findings),
+        (*unused, *table.text_columns),
+        rate_Hz,
+        {name: column.name for name, column in mapping.taken.items()},
+        tuple(mapping.readings),
+    )
+
+
+def require(record: Record, channels: Sequence[str] = REQUIRED) -> None:
+    """Check that a record has channels.
+
+    Args:
+        record: The test.
+        channels: Canonical names; by default those that a fit needs.
+
+    Raises:
+        InputError: Naming the missing channels, what the file has and how to map them.
+    """
+    missing = [name for name in channels if name not in record]
+    if not missing:
+        return
+    meaning = ", ".join(
+        f"{name} ({CHANNEL[name].meaning})" if name in CHANNEL else name for name in missing
+    )
+    unit = CHANNEL[missing[0]].unit if missing[0] in CHANNEL else "unit"
+    raise InputError(
+        f"Missing: {meaning}. The file gives {', '.join(record.channels)}"
+        f"; not used: {', '.join(record.unused) or 'nothing'}.",
+        where=record.name,
+        remedy=f'Map each in the motor file: [columns] {missing[0]} = "COLUMN [{unit}]".',
+    )
+
+
+def _constants(table: Table) -> tuple[Column, ...]:
+    """Return the scalars of a file as columns that stay the same, such as a fixed ambient."""
+    present = {column.name for column in table.columns}
+    return tuple(
+        Column(name, name, None, np.full(table.num_rows, value), "a constant of the file")
+        for name, value in table.constants.items()
+        if name not in present
+    )
+
+
+def _claimed(
+    claim: Claim, pool: Iterable[Column], table: Table, where: str, is_part: bool
+) -> Column | None:
+    """Return the column that a line of `[columns]` names."""
+    pool = tuple(pool)
+    quantity = CHANNEL[claim.channel].quantity
+    for matches in (
+        [column for column in pool if column.name == claim.text],
+        [column for column in pool if claim.base and column.name == claim.base],
+        [column for column in pool if claim.label in (column.name, column.label)],
+        [column for column in pool if claim.text == column.label],
+        [column for column in pool if claim.label == _stem(column, quantity)],
+        _with_unit_left(claim, pool),
+    ):
+        if len(matches) > 1:
+            raise _two_columns(claim.channel, matches, where)
+        if matches:
+            return matches[0]
+    for name, text in table.text_columns.items():
+        if name in (claim.text, claim.label):
+            held = f"the text '{text[:40]}'" if text else "no values"
+            raise InputError(
+                f"Column '{name}' for {claim.channel} holds {held}, expected numbers.",
+                where=where,
+                remedy="Name a column of numbers in [columns].",
+            )
+    if is_part:
+        return None
+    names = [column.name for column in pool]
+    labels = [column.label for column in pool]
+    raise InputError(
+        f"[columns] names '{claim.text}' for {claim.channel}, which the file does not have. "
+        f"{did_you_mean(claim.label, [*names, *labels])}".strip(),
+        where=where,
+        remedy=f"Columns are: {', '.join(names)}.",
+    )
+
+
+def _stem(column: Column, quantity: str) -> str | None:
+    """Return the label of a column without a unit in it that can be nothing else."""
+    named = named_unit(column.label, quantity)
+    return named.stem if named and is_sure(named.unit) and named.stem else None
+
+
+def _with_unit_left(claim: Claim, pool: Iterable[Column]) -> list[Column]:
+    """Return the one column whose name goes on with a unit alone behind the name in `[columns]`."""
+    found = [column for column in pool if column.label.startswith(claim.label)]
+    return found if len(found) == 1 and _unit_left(claim, found[0]) else []
+
+
+def _unit_left(claim: Claim, column: Column) -> str | None:
+    """Return the unit that stands behind the name in `[columns]`, as K in "T_wdg K" for T_wdg."""
+    if claim.unit is not None or not column.label.startswith(claim.label):
+        return None
+    named = named_unit(column.label, CHANNEL[claim.channel].quantity)
+    is_left = named is not None and column.label == f"{claim.label} {named.unit}"
+    return named.unit if named and is_left else None
+
+
+def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
+    channel = CHANNEL[claim.channel]
+    where = f"{mapping.where}, column '{column.name}' as {channel.name}"
+    decided = claim.bracket if column.name == claim.base else claim.unit
+    if column.name == claim.text and len(read_heading(claim.text).units) > 1:
+        decided = None  # it says two things at once
+    if decided is None or column.is_seconds:
+        left = None if statements(column) else _unit_left(claim, column)
+        unit, unit_from = (left, "name") if left else unit_of(column, channel, where)
+        mapping.add(channel, column, unit, "[columns]", unit_from)
+        return
+    remedy = unit_wanted(channel, column)
+    known = require_unit(decided, channel.quantity, where=where, remedy=remedy)
+    if against := overridden(column, channel, decided):
+        mapping.findings.append(
+            Finding(
+                id="unit_overridden",
+                severity="warning",
+                message=f"{against.source[:1].upper()}{against.source[1:]} gives {against.text}, "
+                f"[columns] says {known.symbol}; {known.symbol} is used.",
+                where=f"{mapping.where}, column '{column.name}'",
+                remedy="Remove the unit from [columns] if the file is right.",
+            )
+        )
+    # the name as it stands in the file says nothing of its own
+    is_decided = column.name != claim.text
+    mapping.add(channel, column, decided, "[columns]", "stated", is_decided=is_decided)
+
+
+def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:
+    columns = tuple(columns)
+    for channel in CHANNEL.values():
+        if not mapping.wants(channel.name):
+            continue
+        matches = [column for column in columns if column.label == channel.name]
+        if len(matches) > 1:
+            raise _two_columns(channel.name, matches, mapping.where)
+        if not matches:
+            continue
+        (column,) = matches
+        where = f"{mapping.where}, column '{column.name}' as {channel.name}"
+        unit, unit_from = unit_of(column, channel, where)
+        mapping.add(channel, column, unit, "canonical name", unit_from)
+
+
+def _num_present(column_map: ColumnMap, pool: Iterable[Column]) -> int:
+    pool = tuple(pool)
+    labels = [*column_map.entries.items(), *((label, "") for label in column_map.refused)]
+    return sum(bool(columns_of(label, channel, pool)) for label, channel in labels)
+
+
+def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Column]) -> None:
+    used = {id(column) for column in mapping.taken.values()}
+    free = [column for column in pool if id(column) not in used]
+    claims: dict[str, list[tuple[Column, str]]] = {}
+    for label, channel in column_map.entries.items():
+        if not mapping.wants(channel):
+            continue
+        for column in columns_of(label, channel, free):
+            claims.setdefault(channel, []).append((column, label))
+    for name, found in claims.items():
+        if len(found) > 1:
+            raise _two_columns(name, [column for column, _ in found], mapping.where)
+        (column, label) = found[0]
+        if label in column_map.zero_means_absent and not np.nan_to_num(column.values).any():
+            mapping.findings.append(
+                Finding(
+                    id="not_recorded",
+                    severity="warning",
+                    message="The values are 0 throughout, which this bench writes for a channel "
+                    f"that it does not record; {name} is not taken from it.",
+                    where=f"{mapping.where}, column '{column.name}'",
+                    remedy=f'If the zeros were measured, say so in [columns]: {name} = "{label}".',
+                )
+            )
+            continue
+        channel = CHANNEL[name]
+        where = f"{mapping.where}, column '{column.name}' as {channel.name}"
+        try:
+            unit, unit_from = unit_of(column, channel, where)
+            unit = unit or column_map.units.get(label)
+            mapping.add(channel, column, unit, column_map.name, unit_from)
+        except InputError as error:
+            raise InputError(
+                error.problem,
+                where=error.where,
+                remedy=f"{error.remedy} Or leave the column out by "
+                f'[columns] {name} = "{NOT_RECORDED}".',
+            ) from error
+    for label, reason in column_map.refused.items():
+        for column in columns_of(label, "", free):
+            mapping.notes.append(f"Column '{column.name}' is not mapped: {reason}.")
+
+
+def _two_columns(channel: str, columns: Sequence[Column], where: str) -> InputError:
+    names = " and ".join(f"'{column.name}'" for column in columns)
+    return InputError(
+        f"The columns {names} both stand for {channel}.",
+        where=where,
+        remedy=f'Decide in the motor file: [columns] {channel} = "{columns[0].name}".',
+    )

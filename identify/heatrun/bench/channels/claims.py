@@ -1,0 +1,117 @@
+"""The `[columns]` of a motor file: which column of a bench file is which channel."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from ...errors import InputError
+from .header import split_name
+from .schema import CHANNEL
+
+NOT_RECORDED = "none"
+"""Right-hand side of `[columns]` by which no column becomes the channel."""
+
+BRACKET_AT_END = re.compile(r"(?P<base>.*\S)\s*\[(?P<unit>[^\[\]]+)\]", re.DOTALL)
+RATE = re.compile(r"^rate\s+(?P<rate>[0-9.eE+-]+)\s*Hz$", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What one line of `[columns]` says.
+
+    Attributes:
+        channel: Canonical name.
+        text: The right-hand side as written.
+        label: Its column name without the unit.
+        unit: Its unit text, or None.
+        base: What stands before square brackets at its end, whatever it is; empty without them.
+        bracket: What stands in them.
+        rate_Hz: Sampling rate that stands for a time column [Hz], or None.
+    """
+
+    channel: str
+    text: str
+    label: str
+    unit: str | None
+    base: str = ""
+    bracket: str = ""
+    rate_Hz: float | None = None
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return "Did you mean a or b?" for the known words nearest to a word, or an empty text.
+
+    Args:
+        word: What came.
+        known: What was expected.
+    """
+    folded = {candidate.casefold(): candidate for candidate in known}
+    near = difflib.get_close_matches(word.casefold(), folded, n=3, cutoff=0.5)
+    return f"Did you mean {' or '.join(repr(folded[key]) for key in near)}?" if near else ""
+
+
+def parse_claims(columns: Mapping[str, str], where: str) -> tuple[Claim, ...]:
+    """Return what `[columns]` says, in its order.
+
+    Args:
+        columns: Canonical channel to `"column in the file [unit]"`; `"none"` leaves the channel
+            out, and `time_s` may also be `"rate 10 Hz"`.
+        where: The motor file, for messages.
+
+    Raises:
+        InputError: If a channel is not known or a rate is not positive. Units are checked where
+            a column is converted, since brackets may be part of its name.
+    """
+    claims = []
+    for channel, text in columns.items():
+        if channel not in CHANNEL:
+            raise InputError(
+                f"[columns] names the channel '{channel}', which is not known. "
+                f"{did_you_mean(channel, CHANNEL)}".strip(),
+                where=where,
+                remedy=f"Channels are: {', '.join(CHANNEL)}.",
+            )
+        rate = RATE.match(text.strip())
+        if rate and channel == "time_s":
+            claims.append(Claim(channel, text, text, None, rate_Hz=_rate(rate["rate"], where)))
+            continue
+        label, unit = split_name(text, f"{where}, [columns] {channel}")
+        base = BRACKET_AT_END.fullmatch(text.strip())
+        pair = (base["base"], base["unit"].strip()) if base else ("", "")
+        claims.append(Claim(channel, text.strip(), label, unit, *pair))
+    return tuple(claims)
+
+
+def _rate(text: str, where: str) -> float:
+    try:
+        return positive_rate(float(text), f"{where}, [columns] time_s")
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            f"Expected a rate such as 'rate 10 Hz', got 'rate {text} Hz'.",
+            where=f"{where}, [columns] time_s",
+        ) from error
+
+
+def positive_rate(rate_Hz: float, where: str) -> float:
+    """Return a sampling rate [Hz] if it is one.
+
+    Args:
+        rate_Hz: Sampling rate [Hz].
+        where: Where it was given, for the message.
+
+    Raises:
+        InputError: If the rate is not a positive number.
+    """
+    if not (math.isfinite(rate_Hz) and rate_Hz > 0):
+        raise InputError(
+            f"Expected a sampling rate above 0 Hz, got {rate_Hz:g} Hz.",
+            where=where,
+            remedy="Give the samples per second, such as 10.",
+        )
+    return rate_Hz

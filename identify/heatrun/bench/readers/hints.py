@@ -1,0 +1,59 @@
+"""What the motor file says about reading a file, for the readers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from ..channels.claims import Claim, parse_claims
+
+Decimal = Literal[".", ","]
+
+
+@dataclass(frozen=True)
+class Hints:
+    """What the motor file says about reading a file.
+
+    Attributes:
+        claims: The lines of `[columns]`.
+        decimal: Decimal sign of the text tables, or None to find it.
+    """
+
+    claims: tuple[Claim, ...] = ()
+    decimal: Decimal | None = None
+
+    def unit_of(self, name: str, label: str) -> str | None:
+        """Return the unit text that `[columns]` states for a column, or None.
+
+        A right-hand side that is the name as it stands in the file states nothing of its own.
+
+        Args:
+            name: Name of the column in the file.
+            label: The name without its unit.
+        """
+        for claim in self.claims:
+            if claim.base == name:
+                return claim.bracket
+            if claim.text != name and claim.unit is not None and claim.label in (name, label):
+                return claim.unit
+        return None
+
+
+def hints_of(
+    columns: Mapping[str, str] | None, decimal: Decimal | None = None, *, where: str
+) -> Hints:
+    """Return what a motor file says about reading.
+
+    Args:
+        columns: Its `[columns]`.
+        decimal: Its `decimal`.
+        where: The file that is read, for messages.
+
+    Raises:
+        InputError: If `[columns]` names a channel that is not known.
+    """
+    return Hints(parse_claims(columns or {}, where), decimal)
+
+
+NO_HINTS = Hints()

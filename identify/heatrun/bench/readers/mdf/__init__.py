@@ -1,0 +1,1 @@
+"""MDF 4 measurement files (extra `mdf`)."""

@@ -1,0 +1,1 @@
+"""TDMS measurement files (extra `tdms`)."""

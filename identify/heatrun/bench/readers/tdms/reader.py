@@ -1,0 +1,262 @@
+"""Reader of TDMS measurement files; needs the extra `heatrun[tdms]`.
+
+Only the channels that are asked for are read. The index file that may lie beside a TDMS file is
+not opened, since it may belong to another recording.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from ....errors import InputError
+from ...channels.column_unit import unit_of
+from ...channels.header import split_name
+from ...channels.labels import columns_of
+from ...channels.maps import COLUMN_MAPS
+from ...channels.schema import CHANNEL
+from ...channels.units import require_unit, to_canonical
+from ...record import UnitSource
+from ..foreign import BrokenFileError, damaged, reading
+from ..measurement import Measurement, Series, StoredChannel
+from ..table import Column, Stated
+from .scales import scaling_refusal
+from .segments import check_segments
+
+WHAT = "a TDMS file"
+MICROSECOND = np.timedelta64(1, "us")
+TIME_LABELS = (
+    "time_s",
+    *(label for one in COLUMN_MAPS for label, name in one.entries.items() if name == "time_s"),
+)
+"""Names of a channel of times, as in tables."""
+
+KINDS = {"O": "text", "U": "text", "S": "text", "M": "dates", "c": "complex numbers"}
+"""What a channel holds, by the kind of its type; others are raw bytes."""
+
+
+LEAST_KNOWN: tuple[UnitSource, ...] = ("assumed", "name", "stated")
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Where the times of a group come from.
+
+    Attributes:
+        channel: The channel of times, None if each channel has a start and an increment.
+        origin: First date in it, None for plain numbers.
+        unit: Unit of plain numbers that `[columns]` gives, None if it gives none.
+    """
+
+    channel: Any = None
+    origin: np.datetime64 | None = None
+    unit: str | None = None
+
+
+@contextlib.contextmanager
+def open_tdms(
+    stream: BinaryIO, where: str, columns: Mapping[str, str] | None = None
+) -> Iterator[Measurement]:
+    """Open a TDMS file; its channels can be read until the context ends.
+
+    A channel has the times of its waveform properties, else those of a channel of times in its
+    group, else none. Dates count from the earliest of the file.
+
+    Args:
+        stream: The file, open for reading in binary.
+        where: The file, for messages.
+        columns: `[columns]` of the motor file; its `time_s` may name the channels of times.
+
+    Raises:
+        InputError: If npTDMS is not installed, or the file is damaged or cut.
+    """
+    try:
+        from nptdms import TdmsFile
+    except ImportError as error:
+        raise InputError(
+            "Reading TDMS needs npTDMS, which is not installed.",
+            where=where,
+            remedy='Run: pip install "heatrun[tdms]"',
+        ) from error
+    with reading(WHAT, where):
+        findings = check_segments(stream, where)
+        stream.seek(0)
+        file: Any = TdmsFile.open(stream)
+        _check_lengths(file, stream.seek(0, io.SEEK_END))
+        claimed = split_name((columns or {}).get("time_s", ""))
+        clocks = {group.name: _clock(group, *claimed) for group in file.groups()}
+        origin = _origin(file, clocks)
+        channels = tuple(
+            _stored(channel, group, file)
+            for group in file.groups()
+            for channel in group.channels()
+            if channel is not clocks[group.name].channel
+        )
+    used = [clock.channel.name for clock in clocks.values() if clock.channel is not None]
+    plain = [clock for clock in clocks.values() if clock.channel is not None and not clock.origin]
+    known_from = [_clock_unit(clock, where)[1] for clock in plain]
+    least: list[UnitSource] = [one for one in LEAST_KNOWN if one in known_from]
+    try:
+        yield Measurement(
+            channels=channels,
+            read=lambda wanted: _read(file, wanted, clocks, origin, where),
+            reader="TDMS",
+            start="" if origin is None else f"{origin} UTC",
+            time_names=tuple(dict.fromkeys(used)),
+            findings=findings,
+            time_unit_from=least[0] if least else "stated",
+        )
+    finally:
+        with reading(WHAT, where):
+            file.close()
+
+
+def _check_lengths(file: Any, size: int) -> None:
+    """Refuse channels whose stated lengths do not fill their segments; the library would fit them.
+
+    Only the last segment of a recording that was not closed may hold less, see `check_segments`.
+    """
+    for segment in file._reader._segments:  # the public status tells of the last segment alone
+        if segment.final_chunk_lengths_override is not None and not segment.segment_incomplete:
+            raise BrokenFileError(
+                f"a segment at byte {segment.position} whose channels state another length"
+            )
+    for group in file.groups():
+        for channel in group.channels():
+            if len(channel) > size:
+                raise BrokenFileError(f"{len(channel)} samples of '{channel.name}' in {size} bytes")
+
+
+def _clock(group: Any, claimed: str, unit: str | None) -> Clock:
+    """Return the channel of times of a group whose channels have no waveform properties."""
+    channels = group.channels()
+    if all(_increment(channel) is not None for channel in channels):
+        return Clock()
+    pool = [Column(one.name, split_name(one.name)[0], None, np.empty(0)) for one in channels]
+    for label in (claimed, *TIME_LABELS):
+        for found in columns_of(label, "time_s", pool) if label else ():
+            channel = channels[pool.index(found)]
+            if channel.dtype.kind == "M" and len(channel):
+                return Clock(channel, np.datetime64(channel[0], "us"))
+            if channel.dtype.kind in "iuf":
+                return Clock(channel, unit=unit if label == claimed else None)
+    return Clock()
+
+
+def _increment(channel: Any) -> float | None:
+    """Return the time between samples [s] from the waveform properties, None without them."""
+    step = channel.properties.get("wf_increment")
+    is_step = isinstance(step, int | float) and np.isfinite(step) and step > 0
+    return float(step) if is_step else None
+
+
+def _start(channel: Any) -> np.datetime64 | None:
+    start = channel.properties.get("wf_start_time")
+    return start.astype("datetime64[us]") if isinstance(start, np.datetime64) else None
+
+
+def _origin(file: Any, clocks: Mapping[str, Clock]) -> np.datetime64 | None:
+    """Return the earliest date of the file, from which its times count."""
+    starts = [
+        _start(channel)
+        for group in file.groups()
+        for channel in group.channels()
+        if _increment(channel) is not None
+    ]
+    dates = [date for date in [*starts, *(clock.origin for clock in clocks.values())] if date]
+    return min(dates, default=None)
+
+
+def _stored(channel: Any, group: Any, file: Any) -> StoredChannel:
+    texts = (channel.properties.get(key) for key in ("unit_string", "NI_UnitDescription"))
+    units = [text.strip() for text in texts if isinstance(text, str) and text.strip()]
+    refusal = scaling_refusal((channel.properties, group.properties, file.properties))
+    kind = "f" if refusal else channel.dtype.kind
+    return StoredChannel(
+        name=channel.name,
+        group=group.name,
+        unit=units[0] if units else None,
+        key=channel.path,
+        text="" if kind in "fiub" else KINDS.get(kind, "raw bytes"),
+        refusal=refusal,
+    )
+
+
+def _read(
+    file: Any,
+    wanted: Sequence[StoredChannel],
+    clocks: Mapping[str, Clock],
+    origin: np.datetime64 | None,
+    where: str,
+) -> list[Series]:
+    found = {channel.path: channel for group in file.groups() for channel in group.channels()}
+    times: dict[str, np.ndarray] = {}
+    series = []
+    for stored in wanted:
+        at = f"{where}, channel '{stored.name}'"
+        channel = found[str(stored.key)]
+        clock = clocks[channel.group_name]
+        with reading(WHAT, at):
+            values = _numbers(channel)
+            values[np.isinf(values)] = np.nan
+            if _increment(channel) is not None:
+                time_s = _waveform_times(channel, values.size, origin)
+            elif clock.channel is not None:
+                if channel.group_name not in times:
+                    times[channel.group_name] = _clock_times(clock, origin, at)
+                time_s = times[channel.group_name]
+            else:
+                time_s = None
+        if time_s is not None and time_s.size != values.size:
+            raise damaged(WHAT, at, f"{values.size} samples with {time_s.size} times")
+        series.append(Series(values, time_s))
+    return series
+
+
+def _numbers(channel: Any) -> np.ndarray:
+    values = np.asarray(channel.read_data())
+    if values.size != len(channel):
+        raise ValueError(f"{len(channel)} samples stated, {values.size} found")
+    return values.astype(np.float64)
+
+
+def _waveform_times(channel: Any, size: int, origin: np.datetime64 | None) -> np.ndarray:
+    offset = channel.properties.get("wf_start_offset")
+    start_s = float(offset) if isinstance(offset, int | float) else 0.0
+    start = _start(channel)
+    if start is not None and origin is not None:
+        start_s += float((start - origin) / MICROSECOND) * 1e-6
+    step_s = _increment(channel)
+    assert step_s is not None  # asked by the caller
+    return start_s + step_s * np.arange(size)
+
+
+def _clock_times(clock: Clock, origin: np.datetime64 | None, where: str) -> np.ndarray:
+    channel = clock.channel
+    if clock.origin is not None and origin is not None:
+        dates = np.asarray(channel.read_data())
+        return (dates - origin) / MICROSECOND * 1e-6
+    known = require_unit(_clock_unit(clock, where)[0], "time", where=f"{where}, times")
+    return to_canonical(_numbers(channel), known)
+
+
+def _clock_unit(clock: Clock, where: str) -> tuple[str, UnitSource]:
+    """Return the unit of times that are plain numbers, and how it is known."""
+    time = CHANNEL["time_s"]
+    if clock.unit is not None:
+        return clock.unit, "stated"
+    label, said = split_name(clock.channel.name)
+    stored = clock.channel.properties.get("unit_string")
+    beside = (Stated(stored.strip(), "the unit beside it"),) if _is_text(stored) else ()
+    column = Column(clock.channel.name, label, said, np.empty(0), beside=beside)
+    unit, known_from = unit_of(column, time, f"{where}, times '{clock.channel.name}'")
+    return unit or time.unit, known_from
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) and bool(value.strip())

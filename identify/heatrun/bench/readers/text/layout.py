@@ -1,0 +1,213 @@
+"""How a text table is laid out: delimiter, decimal sign, preamble, header, units.
+
+The numbers decide: that delimiter and decimal sign are taken under which most cells of the body
+are numbers. Lines above the header are kept as preamble.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ....errors import InputError
+from .cells import filled, is_rule, is_text, is_value, num_values, split_line, trimmed
+from .decimals import GROUPED, is_unsettled
+from .header_lines import header_above, in_columns, names_above, units_above
+from .unit_rows import is_comment, units_of_row
+
+DELIMITERS = ("\t", ";", ",", "|", " ")
+"""In the order of preference where two explain the lines alike; the blank means runs of blanks."""
+
+SPOKEN = {"\t": "tab", ";": "';'", ",": "','", "|": "'|'", " ": "blanks"}
+
+GROUPED_CELL = {sign: re.compile(pattern) for sign, pattern in GROUPED.items()}
+
+GROUPED_WEIGHT = 0.9
+"""Below 1, so that 1,234 in a file of such cells is a decimal comma before it is a thousand."""
+
+HEAD_LINES = 2000  # the header is sought in these; longer preambles are not in use
+SCORED_LINES = 200
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the lines of a text table are to be read.
+
+    Attributes:
+        delimiter: One of `DELIMITERS`.
+        decimal: `"."` or `","`.
+        width: Number of cells in a line of data.
+        names: Cells of the header, at most `width`.
+        units: Rows of units, each with the unit text by column, None where a cell is empty.
+        preamble: Lines above the header, and comments below it.
+        first_line: Index of the first line of data, counted from 0.
+        is_unsettled: Every number with the decimal sign may be a whole one with a separator of
+            thousands.
+    """
+
+    delimiter: str
+    decimal: str
+    width: int
+    names: tuple[str, ...]
+    units: tuple[tuple[str | None, ...], ...]
+    preamble: tuple[str, ...]
+    first_line: int
+    is_unsettled: bool = False
+
+    @property
+    def description(self) -> str:
+        """The layout in words, as in "';', decimal comma"."""
+        return SPOKEN[self.delimiter] + (", decimal comma" if self.decimal == "," else "")
+
+
+def find_layout(text: str, where: str, stated_decimal: str | None = None) -> Layout:
+    r"""Return the layout of a text table.
+
+    Args:
+        text: The whole text, with `\n` line ends.
+        where: The file, for messages.
+        stated_decimal: Decimal sign that the motor file states, or None.
+
+    Raises:
+        InputError: If there is no table of numbers, only one column, no header or no data.
+    """
+    lines = text.split("\n", HEAD_LINES)[:HEAD_LINES]
+    while lines and not lines[-1].strip():
+        lines.pop()
+    if not lines:
+        raise InputError("Expected a table, got an empty file.", where=where, remedy=_COPY_AGAIN)
+    signs = (".", ",") if stated_decimal is None else (stated_decimal,)
+    delimiter, decimal, width = _best_split(lines, signs, where)
+    if (
+        stated_decimal is None
+        and delimiter != ","
+        and decimal == "."
+        and not re.search(r"[0-9]\.[0-9]", text)
+    ):
+        # Only whole numbers so far: the sign may show itself far below the sample.
+        decimal = "," if re.search(r"[0-9],[0-9]", text) else "."
+
+    rows = [split_line(line, delimiter) for line in lines]
+    numeric = _numeric_columns(rows, width, decimal)
+    start = next((i for i, row in enumerate(rows) if _is_data(row, numeric, decimal)), None)
+    if start is None:
+        raise _no_table(where)
+    header = header_above(lines, rows, start, numeric, decimal)
+    if header is None and any(not is_value(cell, decimal) for cell in rows[start]):
+        header = start  # numbers as names: "Time;1;2;3"
+    if header is None:
+        raise InputError(
+            f"Expected a row of column names above the numbers, found none above line {start + 1}.",
+            where=where,
+            remedy=f"Add a row of names and units above: time_s{delimiter}winding_degC and so on.",
+        )
+    found, header = header, names_above(lines, rows, header, start, width)
+    units = units_above(lines, rows, header, decimal)
+    above, first = list(lines[:header]), header + 1
+    while first < len(rows):
+        row = units_of_row(rows[first], rows[header]) if is_text(rows[first], decimal) else None
+        units += [row] if row else []
+        is_said = is_comment(lines[first]) or (header < found and first < start)
+        if row is None and is_said and is_text(rows[first], decimal):
+            above.append(lines[first])
+        elif row is None and not is_rule(rows[first]):
+            break
+        first += 1
+    return Layout(
+        delimiter,
+        decimal,
+        width,
+        _names(lines[header], rows[header], delimiter, width, where),
+        tuple(in_columns(row, width) for row in units),
+        tuple(said for line in above if (said := line.strip(' \t",;|'))),
+        first,
+        stated_decimal is None and is_unsettled(text, first, delimiter, decimal),
+    )
+
+
+_COPY_AGAIN = "Copy the file again from the bench; it may have been cut."
+
+
+def _best_split(lines: Sequence[str], signs: Sequence[str], where: str) -> tuple[str, str, int]:
+    """Return delimiter, decimal sign and width under which most cells are numbers."""
+    step = max(1, len(lines) // SCORED_LINES)
+    sample = lines[::step] if step > 1 else lines
+    best, best_score = None, 0.0
+    single = False
+    for delimiter in DELIMITERS:
+        rows = [split_line(line, delimiter) for line in sample]
+        for decimal in signs:
+            score_of: defaultdict[int, float] = defaultdict(float)
+            for row in rows:
+                cells = filled(row)
+                values = num_values(cells, decimal) + GROUPED_WEIGHT * sum(
+                    GROUPED_CELL[decimal].fullmatch(cell) is not None for cell in cells
+                )
+                if 2 * values >= len(cells) and values:
+                    # Weighed by purity, so that "1,5;2,5" is not three cells of which two are
+                    # numbers but two cells that both are.
+                    score_of[len(row)] += values * values / len(cells)
+            if not score_of:
+                continue
+            width, score = max(score_of.items(), key=lambda item: item[1])
+            single = single or width == 1
+            if width > 1 and score > best_score:
+                best, best_score = (delimiter, decimal, width), score
+    if best is not None:
+        return best
+    if single:
+        raise InputError(
+            "Expected a table, got one single column of numbers.",
+            where=where,
+            remedy="Separate the columns by ',', ';', tab, '|' or blanks; one must be the time.",
+        )
+    raise _no_table(where)
+
+
+def _no_table(where: str) -> InputError:
+    return InputError(
+        "Expected a table of numbers below a row of names, found no line of numbers.",
+        where=where,
+        remedy="Check that this is the recording, and that the export contains the samples.",
+    )
+
+
+def _numeric_columns(rows: Sequence[list[str]], width: int, decimal: str) -> list[bool]:
+    """Return which columns mostly hold numbers in the lines that look like data."""
+    likely = [
+        row
+        for row in rows
+        if len(row) == width and 2 * num_values(filled(row), decimal) >= len(filled(row)) > 0
+    ]
+    numeric = []
+    for column in range(width):
+        cells = filled([row[column] for row in likely])
+        numeric.append(2 * num_values(cells, decimal) > len(cells))
+    return numeric
+
+
+def _is_data(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> bool:
+    """Return whether more than half of a row's cells in numeric columns are numbers."""
+    if len(row) != len(numeric):
+        return False
+    cells = filled([cell for cell, is_numeric in zip(row, numeric, strict=True) if is_numeric])
+    return 2 * num_values(cells, decimal) > len(cells)
+
+
+def _names(line: str, row: list[str], delimiter: str, width: int, where: str) -> tuple[str, ...]:
+    """Return the names of a header line, checked against the width of the data."""
+    names = trimmed(row)
+    if len(names) != width and line.lstrip()[:1] in ("#", "%"):
+        names = trimmed(split_line(line.lstrip().lstrip("#%"), delimiter))
+    if len(names) > width and delimiter == " ":
+        names = re.split(r"\s{2,}|\t", line.strip())
+    if len(names) > width:
+        raise InputError(
+            f"The header names {len(names)} columns, the lines of data have {width}.",
+            where=where,
+            remedy="Give each column one name; names with blanks need quotes or another delimiter.",
+        )
+    # Names that are empty cells are kept: they tell a padded header from one that is too short.
+    return tuple(names) + ("",) * (min(len(row), width) - len(names))

@@ -1,0 +1,185 @@
+"""The lines of data of a text table, counted on its bytes.
+
+A million lines take a fraction of a second that way; the table parser would fill up short lines
+without a word.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....errors import InputError
+from ....io.printable import printable
+from ...record import Finding
+from .decimals import start_of_line
+from .layout import Layout
+
+RAGGED_LIMIT = 0.1
+"""Share of lines with another number of cells beyond which the layout was not understood."""
+
+PIECE_BYTES = 2**24
+
+LEAST_SPACED = 3
+"""Lines from which on a blank line behind each is a way of writing and no missing sample."""
+
+MOST_TEXTS, LONGEST_TEXT = 100, 200
+"""So many ragged lines are looked into, and so many letters of each."""
+
+NUM_NAMED = 5  # so many line numbers stand in a message
+
+
+@dataclass(frozen=True)
+class DataLines:
+    """The lines that have the right number of cells.
+
+    Attributes:
+        text: These lines, in UTF-8.
+        numbers: Line number in the file of each, from 1.
+        ragged: Line numbers of those left out.
+        sample_numbers: As `heatrun.bench.readers.table.Table`.
+        ragged_texts: The first of these lines themselves.
+        is_double_spaced: A blank line stands behind each line.
+    """
+
+    text: bytes
+    numbers: np.ndarray
+    ragged: np.ndarray
+    sample_numbers: np.ndarray | None = None
+    is_double_spaced: bool = False
+    ragged_texts: tuple[str, ...] = ()
+
+
+def data_lines(text: str, layout: Layout, where: str) -> DataLines:
+    r"""Return the lines of data; blank ones and lines of delimiters alone are no data.
+
+    Between the data they are samples that are missing, like lines with another number of cells,
+    and the numbers of the samples count them. Behind the data they are nothing: spreadsheets end
+    in lines of delimiters alone.
+
+    Args:
+        text: The whole text, with `\n` line ends.
+        layout: Its layout.
+        where: The file, for messages.
+
+    Raises:
+        InputError: If there is no line of data, or too many have another number of cells.
+    """
+    body = text[start_of_line(text, layout.first_line) :].encode() + b"\n"
+    ends, num_cells, is_empty, is_blank = _count_by_pieces(body, layout.delimiter)
+    good = (num_cells == layout.width) & ~is_empty
+    ragged = ~good & ~is_empty
+    numbers = np.arange(ends.size) + layout.first_line + 1
+    if not good.any() or ragged.sum() > max(1, RAGGED_LIMIT * good.sum()):
+        first = f", the first in line {numbers[ragged][0]}" if ragged.any() else ""
+        raise InputError(
+            f"Expected {layout.width} cells in each line of data; {ragged.sum()} of "
+            f"{(good | ragged).sum()} lines have another number{first}.",
+            where=where,
+            remedy="Export with one delimiter and the same number of cells in every line.",
+        )
+    if good.all():
+        return DataLines(body, numbers, numbers[ragged])
+    texts = _texts(body, ends, ragged)
+    body = _joined(body, ends, good)
+    held = np.flatnonzero(~is_blank)
+    is_double_spaced = held.size >= LEAST_SPACED and bool(np.all(np.diff(held) == 2))
+    counted = ~is_blank if is_double_spaced else np.ones_like(good)
+    sample = (np.cumsum(counted) - 1)[good]
+    sample -= sample[0]
+    is_whole = sample[-1] == sample.size - 1
+    return DataLines(
+        body, numbers[good], numbers[ragged], None if is_whole else sample, is_double_spaced, texts
+    )
+
+
+def ragged_lines(lines: DataLines, layout: Layout, where: str) -> list[Finding]:
+    """Return the finding about lines that were left out, if any.
+
+    Args:
+        lines: What `data_lines` returned.
+        layout: The layout of the text.
+        where: The file.
+    """
+    count = lines.ragged.size
+    if count == 0:
+        return []
+    first = ", ".join(str(number) for number in lines.ragged[:NUM_NAMED])
+    more = " and more" if count > NUM_NAMED else ""
+    return [
+        Finding(
+            id="ragged_rows",
+            severity="warning",
+            message=f"Lines without exactly {layout.width} cells hold no sample "
+            f"({count}): line {first}{more}; the first is "
+            f"'{printable(lines.ragged_texts[0][:60])}'.",
+            where=where,
+            remedy="Export again if these samples matter.",
+            values={"count": count, "first_line": int(lines.ragged[0])},
+        )
+    ]
+
+
+def _texts(body: bytes, ends: np.ndarray, ragged: np.ndarray) -> tuple[str, ...]:
+    """Return the first ragged lines."""
+    first = np.flatnonzero(ragged)[:MOST_TEXTS]
+    starts = np.concatenate(([0], ends[:-1] + 1))
+    return tuple(body[starts[line] : ends[line]].decode()[:LONGEST_TEXT] for line in first)
+
+
+def _joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
+    """Return the good lines, copied by runs of them."""
+    starts = np.concatenate(([0], ends[:-1] + 1))
+    change = np.flatnonzero(np.diff(good.astype(np.int8), prepend=0, append=0))
+    runs = change.reshape(-1, 2)  # first line of each run, first line behind it
+    return b"".join([body[starts[first] : ends[last - 1] + 1] for first, last in runs])
+
+
+def _count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
+    """Return the end of each line, its number of cells, if all are empty, if it is blank.
+
+    By pieces, since counting takes a dozen bytes for each one of the text.
+    """
+    raw = np.frombuffer(body, dtype=np.uint8)
+    found = []
+    position = 0
+    while position < len(body):
+        end = body.rfind(b"\n", position, position + PIECE_BYTES) + 1
+        if end == 0:
+            end = body.find(b"\n", position) + 1
+        piece = raw[position:end]
+        ends = np.flatnonzero(piece == ord("\n"))
+        found.append((ends + position, *_count_cells(piece, ends, delimiter)))
+        position = end
+    return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
+
+
+def _count_cells(
+    raw: np.ndarray, ends: np.ndarray, delimiter: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return for each line its number of cells (0 if a quote stays open), if all are empty, and
+    if nothing at all stands in it.
+    """
+    starts = np.concatenate(([0], ends[:-1] + 1))
+    gap = (raw == ord(" ")) | (raw == ord("\t")) | (raw == ord("\n"))
+    solid = np.concatenate(([0], np.cumsum(~gap & (raw != ord(delimiter)), dtype=np.int64)))
+    is_empty = solid[ends] == solid[starts]
+    is_blank = is_empty
+    if delimiter != " ":
+        marked = np.concatenate(([0], np.cumsum(raw == ord(delimiter), dtype=np.int64)))
+        is_blank = is_empty & (marked[ends] == marked[starts])
+    if delimiter == " ":
+        marks = np.flatnonzero(~gap & np.concatenate(([True], gap[:-1])))
+    else:
+        marks = np.flatnonzero(raw == ord(delimiter))
+    quotes = np.flatnonzero(raw == ord('"'))
+    quotes_before = np.searchsorted(quotes, starts)
+    is_open = (np.searchsorted(quotes, ends) - quotes_before) % 2 == 1
+    if quotes.size:
+        line_of_mark = np.searchsorted(ends, marks)
+        within = (np.searchsorted(quotes, marks) - quotes_before[line_of_mark]) % 2 == 1
+        marks = marks[~within]
+    num_marks = np.searchsorted(marks, ends) - np.searchsorted(marks, starts)
+    num_cells = num_marks if delimiter == " " else num_marks + 1
+    return np.where(is_open, 0, num_cells), is_empty, is_blank

@@ -1,0 +1,222 @@
+"""Reader of CSV and other text tables, whatever delimiter, decimal sign and encoding they have."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ....errors import InputError
+from ....io.printable import printable
+from ...channels.header import split_name
+from ...channels.units import find_unit
+from ...clocks.time_format import TimeFormat, parse_time_format, stated_format
+from ...record import Finding
+from ..hints import NO_HINTS, Hints
+from ..table import Column, Question, Stated, Table
+from .cells import MISSING
+from .encoding import decode
+from .layout import Layout, find_layout
+from .lines import DataLines, data_lines, ragged_lines
+from .remarks import units_of_remarks
+from .values import doubtful, read_values, unreadable_cells, unsettled_cells
+
+HOTTEST = 5000.0
+"""Above it no bench works in any unit of temperature: tungsten melts at 3422 degC."""
+
+PARSED_AS_MISSING = sorted({mark for word in MISSING for mark in (word, word.upper(), "NaN")})
+
+# The last bit counts: what a bench wrote is what is read. From 3.1 on that is pandas' only way.
+EXACT: dict[str, Any] = (
+    {}
+    if tuple(int(part) for part in pd.__version__.split(".")[:2]) >= (3, 1)
+    else {"float_precision": "round_trip"}
+)
+
+
+def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
+    """Read a text table.
+
+    Args:
+        data: The bytes of the file.
+        where: The file, for messages.
+        hints: What the motor file says about reading.
+
+    Returns:
+        The columns under their names in the file. Cells that are no numbers are NaN and lines
+        with another number of cells are left out, both with a finding. Clock times and dates are
+        seconds; where the file leaves open which, the column carries the question.
+
+    Raises:
+        InputError: If the file holds no table with a header and at least one line of numbers.
+    """
+    text, encoding = decode(data, where)
+    layout = find_layout(text, where, hints.decimal)
+    body = data_lines(text, layout, where)
+    del text  # a gigabyte of it would be held while the cells are read
+    frame = _parse(body.text, layout, where)
+    columns: list[Column] = []
+    texts: dict[str, str] = {}
+    notes = [f"Preamble: {line}" for line in layout.preamble]
+    if body.is_double_spaced:
+        notes.append("A blank line stands behind each line; they are no samples.")
+    findings = ragged_lines(body, layout, where)
+    _refuse_units_between(body, layout, where)
+    remarks = units_of_remarks(layout.preamble, layout.names)
+    unreadable: list[np.ndarray] = []
+    unsettled: dict[int, Question | None] = {}
+    for index in range(layout.width):
+        named = layout.names[index] if index < len(layout.names) else ""
+        name = named or f"column {index + 1}"
+        beside = (
+            *(Stated(cell, "the row of units") for row in layout.units if (cell := row[index])),
+            *(remarks[index] if index < len(remarks) else ()),
+        )
+        label, unit, stated = _label_and_unit(name, beside, hints, f"{where}, column {index + 1}")
+        cells = frame.iloc[:, index]
+        values = read_values(
+            cells, layout.decimal, name=name, stated=stated, has_thousands=hints.decimal is not None
+        )
+        if isinstance(values, str):
+            if values or named:
+                texts[name] = values
+            continue
+        if values.unreadable is None and not np.isfinite(values.numbers).any():
+            if named:
+                texts[name] = ""
+            continue
+        if index >= len(layout.names):
+            raise InputError(
+                f"The header names {len(layout.names)} columns, the lines of data have "
+                f"{index + 1} or more.",
+                where=where,
+                remedy="Give each column one name, in the order of the data.",
+            )
+        if values.unreadable is not None:
+            unreadable.append(values.unreadable)
+        else:
+            unreadable.append(np.zeros(values.numbers.size, dtype=bool))
+        if layout.is_unsettled and values.question is None and not values.is_time:
+            unsettled[len(columns)] = unsettled_cells(cells, layout.decimal)
+        if values.is_time and (stated is not None or unit is None or find_unit(unit, "time")):
+            unit = "s"
+        columns.append(
+            Column(name, label, unit, values.numbers, values.note, beside, question=values.question)
+        )
+        found = (unreadable_cells(values, name, body.numbers, where), doubtful(values, name, where))
+        findings += [finding for finding in found if finding is not None]
+    _refuse_second_header(unreadable, body.numbers, where)
+    settled = next(
+        (columns[i] for i, asks in unsettled.items() if asks and _is_hot(columns[i])), None
+    )
+    for index, question in unsettled.items():
+        if question is None or settled is not None:
+            continue
+        if (layout.delimiter, layout.decimal) == (",", "."):
+            # Who separates thousands by a point has a decimal comma, and then no comma between
+            # cells; so it is a doubt and no question.
+            findings.append(_taken_as_decimal(question, columns[index].name, where))
+        else:
+            columns[index] = replace(columns[index], question=question)
+    if settled is not None:
+        notes.append(
+            f"'{layout.decimal}' is the decimal sign: '{settled.name}' would be above "
+            f"{HOTTEST:g} {settled.unit} otherwise."
+        )
+    if not columns or not any(np.isfinite(column.values).any() for column in columns):
+        raise InputError(
+            "Expected at least one line of numbers, found none.",
+            where=where,
+            remedy="Check that the export contains the samples.",
+        )
+    reader = f"text, {layout.description}, {encoding}"
+    return Table(
+        tuple(columns), texts, {}, tuple(notes), tuple(findings), reader, body.sample_numbers
+    )
+
+
+def _label_and_unit(
+    name: str, beside: Sequence[Stated], hints: Hints, where: str
+) -> tuple[str, str | None, TimeFormat | None]:
+    """Return label, unit text and stated format of times of a column."""
+    label, unit = split_name(name, where)
+    own = [one.text for one in beside if one.scope == "column"]
+    unit = unit or (own[0] if own else None)
+    label, stated = stated_format(name, label, unit)
+    if stated is not None and unit is None:
+        unit = stated.text
+    claimed = parse_time_format(hints.unit_of(name, label) or "")
+    return label, unit, claimed or stated
+
+
+def _is_hot(column: Column) -> bool:
+    """Return whether a temperature would be none of this world with its sign left out."""
+    stated = find_unit(column.unit, "temperature") if column.unit else None
+    if stated is None or not np.isfinite(column.values).any():
+        return False
+    return bool(np.nanmin(np.abs(column.values)) * 1000.0 > HOTTEST)
+
+
+def _refuse_units_between(body: DataLines, layout: Layout, where: str) -> None:
+    """Refuse a line among the data that speaks of units: from there on they may be others."""
+    for number, text in zip(body.ragged, body.ragged_texts, strict=False):
+        if any(units_of_remarks((text.lstrip("; "),), layout.names)):
+            raise InputError(
+                f"Line {number} among the data speaks of units: '{printable(text[:80])}'.",
+                where=where,
+                remedy="Split the file there, or delete the line if the units stay the same.",
+            )
+
+
+def _refuse_second_header(unreadable: Sequence[np.ndarray], lines: np.ndarray, where: str) -> None:
+    """Refuse a line among the data in which no column holds a number: names or units again."""
+    if len(unreadable) < 2:
+        return
+    texts = np.flatnonzero(np.logical_and.reduce(unreadable))
+    if texts.size == 0:
+        return
+    raise InputError(
+        f"Line {lines[texts[0]]} holds text in every column of numbers ({texts.size} such lines): "
+        "a second table, or names and units again, which may be others.",
+        where=where,
+        remedy="Split the file there, or delete the line if the units stay the same.",
+    )
+
+
+def _taken_as_decimal(question: Question, name: str, where: str) -> Finding:
+    return Finding(
+        id="decimal_assumed",
+        severity="warning",
+        message=f"{question.problem} It is taken as decimal, since commas separate the cells.",
+        where=f"{where}, column {name}",
+        remedy=question.remedy,
+    )
+
+
+def _parse(body: bytes, layout: Layout, where: str) -> pd.DataFrame:
+    """Return the cells of the body; columns that are not all numbers stay texts."""
+    try:
+        return pd.read_csv(
+            io.BytesIO(body),
+            sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+            decimal=layout.decimal,
+            header=None,
+            names=list(range(layout.width)),
+            index_col=False,
+            keep_default_na=False,
+            na_values=PARSED_AS_MISSING,
+            skipinitialspace=True,
+            low_memory=False,  # one type for a column, not one for each piece of it
+            dtype=str if layout.is_unsettled else None,  # the question needs the cells themselves
+            **EXACT,
+        )
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"The lines of data could not be split into cells ({error}).",
+            where=where,
+            remedy="Look for a quotation mark that is not closed.",
+        ) from error

@@ -1,0 +1,255 @@
+"""The main job: from bench files to a run folder with parameters, bands and a verdict."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from .bench import Finding, Record
+from .bench.blocks import Blocks
+from .bench.checks import check_record
+from .bench.joined import read_test
+from .bench.reduction import reduce
+from .errors import InputError
+from .inference.batches import at_once
+from .inference.fit import fit
+from .inference.model import Model, Order
+from .inference.posterior import Posterior, sample
+from .inference.predict import Prediction, predict
+from .inference.problem import Problem
+from .inference.reduction_checks import check_reduction
+from .io.moment import moment
+from .motor import Motor
+from .runs.result import assemble, describe_model, describe_test
+from .runs.run_folder import RunFolder, environment
+
+Say = Callable[[str], None]
+
+
+class Refused(Exception):
+    """The data do not allow the job; the findings say why. Exit code 1.
+
+    Args:
+        findings: At least one of severity `"error"`.
+    """
+
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        self.findings = tuple(findings)
+        errors = [finding.sentence() for finding in findings if finding.severity == "error"]
+        super().__init__("; ".join(errors))
+
+
+@dataclass(frozen=True)
+class Test:
+    """A record with its reduction and what it is used for."""
+
+    record: Record
+    blocks: Blocks
+    role: Literal["calibration", "holdout"]
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Everything that a calibration found.
+
+    Attributes:
+        motor: The machine.
+        tests: Records, calibration first.
+        posteriors: By order.
+        predictions: By order, one per test.
+        result: What stands in `fit.json`.
+    """
+
+    motor: Motor
+    tests: tuple[Test, ...]
+    posteriors: dict[Order, Posterior]
+    predictions: dict[Order, list[Prediction]]
+    result: dict[str, Any]
+
+
+def load_tests(
+    motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path] = ()
+) -> tuple[Test, ...]:
+    """Read, check and reduce records.
+
+    Args:
+        motor: The machine.
+        calibration: Files to calibrate on.
+        holdout: Files to predict only.
+
+    Raises:
+        InputError: If a file cannot be read.
+        Refused: If a check forbids a fit.
+    """
+    records = [(read_test(path, motor), "calibration") for path in calibration]
+    records += [(read_test(path, motor), "holdout") for path in holdout]
+    records = _with_distinct_names(records)
+    checked = [(record, role, check_record(record, motor)) for record, role in records]
+    findings = [finding for _, _, found in checked for finding in found]
+    if any(finding.severity == "error" for finding in findings):
+        raise Refused(findings)
+    return tuple(Test(r, reduce(r, motor), role, found) for r, role, found in checked)
+
+
+def calibrate(
+    motor: Motor,
+    tests: Sequence[Test],
+    *,
+    orders: Sequence[Order] = ("first", "second"),
+    method: Literal["emcee", "quick"] = "emcee",
+    seed: int = 0,
+    command: str = "",
+    duties: Sequence[str] = (),
+    folder: RunFolder | None = None,
+    say: Say = lambda sentence: None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Calibration:
+    """Calibrate a motor's network on tests.
+
+    Args:
+        motor: The machine.
+        tests: From `load_tests`.
+        orders: Orders to calibrate.
+        method: Sampler, as `heatrun.inference.posterior.sample`.
+        seed: Of everything that is drawn.
+        duties: Ratings asked for, as `heatrun.ratings.figures.derive`.
+        command: As it is to stand in the result.
+        folder: Where checkpoints go; None for none.
+        say: Told what is being done, from the thread that does it.
+        progress: Called with a sentence and the share done while sampling, likewise.
+
+    Raises:
+        InputError: If something that the model needs is not given.
+    """
+    fitted = [test.blocks for test in tests if test.role == "calibration"]
+    findings = [finding for test in tests for finding in test.findings]
+
+    roles = [test.role for test in tests]
+    shares = dict.fromkeys(orders, 0.0)
+
+    def one(order: Order) -> _Outcome:
+        say(f"{order} order: least squares from many starts")
+        found = fit(Problem.of(Model.of(order, motor), motor, fitted), seed=seed)
+        say(f"{order} order: sampling the posterior")
+
+        def report(sentence: str, share: float) -> None:
+            shares[order] = share
+            if progress is not None:
+                progress(f"{order} order: {sentence}", sum(shares.values()) / len(shares))
+
+        checkpoints = None if folder is None else folder.checkpoints / order
+        posterior = sample(found, method=method, seed=seed, folder=checkpoints, progress=report)
+        shares[order] = 1.0
+        predicted = [predict(posterior, test.blocks, seed=seed) for test in tests]
+        described = describe_model(posterior, predicted, roles, duties)
+        return _Outcome(posterior, predicted, described)
+
+    outcomes = dict(zip(orders, at_once(one, orders), strict=True))
+    posteriors: dict[Order, Posterior] = {
+        order: outcome.posterior for order, outcome in outcomes.items()
+    }
+    predictions: dict[Order, list[Prediction]] = {
+        order: outcome.predictions for order, outcome in outcomes.items()
+    }
+    for posterior in posteriors.values():
+        findings += [*posterior.fit.findings, *_sampling_findings(posterior)]
+    last = posteriors[orders[-1]].fit
+    rows = []
+    for test in tests:
+        error, found = check_reduction(last, test.record, test.blocks, motor)
+        rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
+        findings += found
+    models: dict[str, Any] = {order: outcome.described for order, outcome in outcomes.items()}
+    result = assemble(motor, rows, findings, models, predictions, command=command, seed=seed)
+    return Calibration(motor, tuple(tests), posteriors, predictions, result)
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """What was found for one order."""
+
+    posterior: Posterior
+    predictions: list[Prediction]
+    described: dict[str, Any]
+
+
+def identity(motor: Motor, tests: Sequence[Test], **settings: Any) -> dict[str, Any]:
+    """Return what makes an unfinished run the same as this one: inputs, settings and versions."""
+    return {
+        "motor": motor.sha256,
+        "tests": [[s.sha256 for s in test.record.sources] + [test.role] for test in tests],
+        **settings,
+        **environment(),
+    }
+
+
+def manifest(calibration: Calibration, command: str, seed: int) -> dict[str, Any]:
+    """Return what a run folder's manifest says."""
+    return {
+        "format": "heatrun-run/1",
+        "command": command,
+        "seed": seed,
+        "date": moment().isoformat(timespec="seconds"),
+        "platform": platform.system(),
+        "inputs": [
+            {"path": calibration.motor.path, "sha256": calibration.motor.sha256},
+            *(
+                {"path": source.path, "sha256": source.sha256, "role": test.role}
+                for test in calibration.tests
+                for source in test.record.sources
+            ),
+        ],
+        **environment(),
+    }
+
+
+def _with_distinct_names(records: list[tuple[Record, str]]) -> list[tuple[Record, Any]]:
+    """Number records that share a name, since parameters of a test carry it."""
+    seen: dict[str, int] = {}
+    result = []
+    for record, role in records:
+        seen[record.name] = seen.get(record.name, 0) + 1
+        count = seen[record.name]
+        named = record if count == 1 else replace(record, name=f"{record.name} ({count})")
+        result.append((named, role))
+    return result
+
+
+def _sampling_findings(posterior: Posterior) -> list[Finding]:
+    if posterior.is_sound:
+        return []
+    return [
+        Finding(
+            id="sampling_not_converged",
+            severity="warning",
+            message=f"{posterior.fit.problem.model.order} order: {posterior.sentence()}",
+            where=posterior.fit.problem.label,
+            remedy="Add a test that tells the parameters apart, or fix one of them.",
+        )
+    ]
+
+
+def default_folder(motor: Motor, tests: Sequence[Test], order: str) -> Path:
+    """Return where a run goes if no folder is given: named after motor and first test."""
+    words = f"{motor.name}-{tests[0].record.name}-{order}"
+    slug = "".join(c if c.isalnum() and c.isascii() else "-" for c in words.lower())
+    while "--" in slug:
+        slug = slug.replace("--", "-")
+    return Path("results") / "runs" / slug.strip("-")[:80]
+
+
+def refuse_unwritable(path: Path) -> None:
+    """Raise an error if a folder's parent is a file.
+
+    Raises:
+        InputError: With what to do.
+    """
+    for parent in path.parents:
+        if parent.is_file():
+            raise InputError(
+                f"{parent} is a file, expected a folder.", remedy="Choose another --out."
+            )

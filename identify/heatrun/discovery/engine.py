@@ -1,0 +1,310 @@
+"""One compiled model with every effect in it, of which any subset can be fitted.
+
+Compiling a model for each candidate would take minutes. All effects are in the model at once
+instead; those at their null value change nothing. One function, which returns a test's modelled
+block means and their derivatives along some directions, is all that is compiled, and it serves
+every test, every candidate, and every combination.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.optimize import least_squares
+
+from ..bench.blocks import Blocks, Observation
+from ..inference import noise as noise_module
+from ..inference.model import Model
+from ..inference.noise import Noise
+from ..inference.parameters import Slot
+from ..inference.problem import WORST_RESIDUAL, Problem
+
+LANES = 24
+"""Directions of one call: parameters of the network, of a few tests, and of three effects."""
+
+MAX_EVALUATIONS = 30
+"""Evaluations of one refit; they start near the optimum and take about six."""
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A least-squares fit of some parameters under a given noise.
+
+    Attributes:
+        free: Indices of the free slots, in order.
+        z: Scores of all slots, shape (slot,).
+        residual: Measured minus modelled block means, all tests in a row [K].
+        jacobian: Its derivative by the free slots [K per score], shape (block, free).
+        chi2: Sum of squares of whitened residuals and free scores [1].
+        log_det: Log determinant of the posterior precision of the free scores [1].
+        noise: The noise.
+    """
+
+    free: tuple[int, ...]
+    z: Float[np.ndarray, " slot"]
+    residual: Float[np.ndarray, " block"]
+    jacobian: Float[np.ndarray, "block free"]
+    chi2: float
+    log_det: float
+    noise: Noise
+
+    @property
+    def log_evidence(self) -> float:
+        """Laplace approximation of the log evidence under the noise, up to a constant [nat]."""
+        return -0.5 * self.chi2 - 0.5 * self.log_det
+
+
+class Engine:
+    """The extended model over tests, ready to be evaluated.
+
+    Args:
+        problem: A problem whose model holds all effects of the library.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.slots = problem.parameters.slots
+        self.tests = problem.tests
+        self.observations = [test.observation() for test in problem.tests]
+        self._padded = _padded(problem.tests)
+        self._is_observed = problem.is_observed
+        self.kinds = {kind.card.id: kind for kind in problem.model.effects}
+
+    @property
+    def is_observed(self) -> np.ndarray:
+        """Which blocks hold a reading, all tests in a row."""
+        return self._is_observed
+
+    def find(self, name: str, test: int | None = None) -> int | None:
+        """Return the slot of a parameter by its qualified name, None if it is fixed."""
+        for position, slot in enumerate(self.slots):
+            if slot.parameter.name == name and slot.test == test:
+                return position
+        return None
+
+    @property
+    def base(self) -> tuple[int, ...]:
+        """Slots of the base model."""
+        return tuple(i for i, slot in enumerate(self.slots) if slot.parameter.role != "effect")
+
+    def linearise(
+        self, z: np.ndarray, columns: Sequence[int]
+    ) -> tuple[Float[np.ndarray, " block"], Float[np.ndarray, "block column"]]:
+        """Return residuals of all tests in a row [K] and their derivatives [K per score].
+
+        Args:
+            z: Scores of all slots.
+            columns: Slots that are derived by.
+        """
+        rows, slopes = [], []
+        for index, padded in enumerate(self._padded):
+            values, gains = self.values(z, index)
+            blocks = self.tests[index].measured.size
+            jacobian = np.zeros((blocks, len(columns)))
+            means = None
+            own = [c for c in range(len(columns)) if self.slots[columns[c]].test in (None, index)]
+            for first in range(0, max(len(own), 1), LANES):
+                chunk = own[first : first + LANES]
+                directions = {name: np.zeros(LANES) for name in values}
+                for lane, column in enumerate(chunk):
+                    slot = self.slots[columns[column]]
+                    directions[slot.parameter.name][lane] = gains[columns[column]]
+                means, slope = _course(self.problem.model, values, directions, padded)
+                jacobian[:, chunk] = -np.asarray(slope)[: len(chunk), :blocks].T
+            residual = self.tests[index].measured - np.asarray(means)[:blocks]
+            seen = self.tests[index].is_observed
+            is_sound = seen & (np.abs(residual) < WORST_RESIDUAL)
+            residual = np.where(is_sound, residual, np.where(seen, WORST_RESIDUAL, 0.0))
+            rows.append(residual)
+            slopes.append(np.where(is_sound[:, None], np.nan_to_num(jacobian), 0.0))
+        return np.concatenate(rows), np.concatenate(slopes)
+
+    def whiten(self, noise: Noise, stacked: np.ndarray) -> np.ndarray:
+        """Return rows over all blocks (block, ...) whitened test by test."""
+        parts = self.problem.split(stacked)
+        return np.concatenate([
+            np.asarray(_whiten(jnp.asarray(part), noise, test))
+            for part, test in zip(parts, self.observations, strict=True)
+        ])  # fmt: skip
+
+    def refit(self, z: np.ndarray, free: Sequence[int], noise: Noise, temper: float = 1.0) -> Refit:
+        """Fit some slots by least squares on whitened residuals, the others held.
+
+        Args:
+            z: Scores to start from.
+            free: Slots that are fitted.
+            noise: The noise.
+            temper: Factor that the evidence of the readings is divided by [1].
+        """
+        weight = 1.0 / np.sqrt(temper)
+        order = list(free)
+        latest: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+        def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            key = x.tobytes()
+            if key not in latest:
+                latest.clear()
+                full = z.copy()
+                full[order] = x
+                latest[key] = self.linearise(full, order)
+            return latest[key]
+
+        def rows(x: np.ndarray) -> np.ndarray:
+            return np.concatenate([weight * self.whiten(noise, evaluate(x)[0]), x])
+
+        def slopes(x: np.ndarray) -> np.ndarray:
+            return np.concatenate([weight * self.whiten(noise, evaluate(x)[1]), np.eye(x.size)])
+
+        low, high = self.bounds(order)
+        start = np.clip(z[order], low + 1e-9, high - 1e-9)
+        solution = least_squares(
+            rows,
+            start,
+            jac=slopes,  # pyright: ignore[reportArgumentType]
+            bounds=(low, high),
+            xtol=1e-5,
+            ftol=1e-6,
+            gtol=1e-6,
+            max_nfev=MAX_EVALUATIONS,
+        )
+        residual, jacobian = evaluate(solution.x)
+        columns = weight * self.whiten(noise, jacobian)
+        precision = columns.T @ columns + np.eye(len(order))
+        after = z.copy()
+        after[order] = solution.x
+        return Refit(
+            free=tuple(order),
+            z=after,
+            residual=residual,
+            jacobian=jacobian,
+            chi2=2.0 * float(solution.cost),
+            log_det=float(np.linalg.slogdet(precision)[1]),
+            noise=noise,
+        )
+
+    def named_values(
+        self, refit: Refit, own: Iterable[int]
+    ) -> tuple[dict[str, float], dict[str, float]]:
+        """Return values and standard deviations of an effect's parameters by name [their units].
+
+        Args:
+            refit: The fit.
+            own: Slots of the effect.
+        """
+        columns = self.whiten(refit.noise, refit.jacobian)
+        covariance = np.linalg.inv(columns.T @ columns + np.eye(len(refit.free)))
+        values, sd = {}, {}
+        for slot in own:
+            parameter = self.slots[slot].parameter
+            name = parameter.name.split(".", 1)[1]
+            place = refit.free.index(slot)
+            values[name] = _slot_value(self.slots[slot], refit.z[slot])
+            scale = values[name] if parameter.transform == "log" else 1.0
+            sd[name] = parameter.sd * scale * float(np.sqrt(covariance[place, place]))
+        return values, sd
+
+    def bounds(self, order: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Return bounds of scores: amplitudes that cannot change sign stay on their side."""
+        low, high = np.full(len(order), -8.0), np.full(len(order), 8.0)
+        for position, slot in enumerate(order):
+            parameter = self.slots[slot].parameter
+            if parameter.role != "effect":
+                continue
+            effect, name = parameter.name.split(".", 1)
+            quantity = self.kinds[effect].card.parameters[name]
+            if quantity.null is None:
+                low[position], high[position] = -2.5, 2.5
+            else:
+                below = min(quantity.low, quantity.null)
+                low[position] = 1.5 * float(parameter.score(below)) if below else 0.0
+                high[position] = 1.5 * float(parameter.score(max(quantity.high, quantity.null)))
+                if quantity.null <= quantity.low:
+                    low[position] = 0.0
+                if quantity.null >= quantity.high:
+                    high[position] = 0.0
+        return low, high
+
+    def values(self, z: np.ndarray, test: int) -> tuple[dict[str, float], dict[int, float]]:
+        """Return values by name for a test, and the derivative of each slot's value by score."""
+        values = {
+            name: float(parameter.fixed)
+            for name, parameter in self.problem.parameters.by_test[test].items()
+            if parameter.fixed is not None
+        }
+        gains = {}
+        for position, slot in enumerate(self.slots):
+            if slot.test not in (None, test):
+                continue
+            parameter = slot.parameter
+            if parameter.transform == "log":
+                value = parameter.centre * float(np.exp(parameter.sd * z[position]))
+                gains[position] = parameter.sd * value
+            else:
+                value = parameter.centre + parameter.sd * float(z[position])
+                gains[position] = parameter.sd
+            values[parameter.name] = value
+        return values, gains
+
+
+def _slot_value(slot: Slot, z: float) -> float:
+    """Return the value of a slot [its unit] for a score."""
+    return float(slot.parameter.value(np.asarray(z)))
+
+
+@partial(jax.jit, static_argnames="model")
+def _course(
+    model: Model,
+    values: dict[str, Float[Array, ""]],
+    directions: dict[str, Float[Array, " lane"]],
+    test: Observation,
+) -> tuple[Float[Array, " block"], Float[Array, "lane block"]]:
+    """Return the modelled block means [degC] and their derivatives along the directions."""
+    means, push = jax.linearize(lambda v: model.block_means(v, test), values)
+    return means, jax.vmap(push)(directions)
+
+
+@jax.jit
+def _whiten(stacked: Array, noise: Noise, test: Observation) -> Array:
+    return noise_module.whiten(stacked, noise, test)[0]
+
+
+def _padded(tests: Sequence[Blocks]) -> list[Observation]:
+    """Return the tests with blocks that weigh nothing up to one length, for one compilation."""
+    result = []
+    for test in tests:
+        per_block = test.weight.shape[1]
+        longest = max(t.weight.shape[0] for t in tests if t.weight.shape[1] == per_block)
+        more = longest - test.weight.shape[0]
+        observation = test.observation()
+        if more:
+            observation = _extended(observation, more, per_block)
+        result.append(observation)
+    return result
+
+
+def _extended(test: Observation, more: int, per_block: int) -> Observation:
+    def hold(values: Array) -> Array:
+        return jnp.concatenate([values, jnp.full(more * per_block, values[-1])])
+
+    inputs = test.inputs
+    for name in ("current_squared", "losses", "ambient", "speed", "coolant", "fan"):
+        if getattr(inputs, name) is not None:
+            inputs = eqx.tree_at(lambda i, n=name: getattr(i, n), inputs,
+                                 hold(getattr(inputs, name)))  # fmt: skip
+    nothing = jnp.zeros(more)
+    return replace(
+        test,
+        inputs=inputs,
+        measured=jnp.concatenate([test.measured, nothing]),
+        is_observed=jnp.concatenate([test.is_observed, nothing > 0]),
+        weight=jnp.concatenate([test.weight, jnp.zeros((more, per_block))]),
+        position=jnp.concatenate([test.position, jnp.full((more, per_block), 0.5)]),
+        rounding_variance=jnp.concatenate([test.rounding_variance, nothing]),
+    )

@@ -1,0 +1,96 @@
+"""Is what is left noise? Adequacy of a model, in statistics and in kelvin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..inference.adequacy import low_frequency_excess
+from ..inference.noise import variance_of_mean
+from .engine import Engine, Refit
+from .saturated import plain_noise
+
+WINDOW_S = 600.0
+"""Window over which what is slow is looked at [s]."""
+
+LONGEST_S = 75.0
+"""Correlation time of the residuals from which on they count as a misfit [s]."""
+
+RELEVANT_K = 0.08
+"""A slow misfit below this is of no consequence on a bench [K]: instruments, lumping and the
+loss balance leave as much."""
+
+RELEVANT_SHARE = 0.5
+"""And below this share of the noise of a block mean it cannot be told from it [1]."""
+
+FORM_SHARE = 0.15
+"""A law of the catalogue leaves about this share of an effect that it names rightly [1]: the
+machine's own law has another exponent, a threshold, a lag."""
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """What is left by a model.
+
+    Attributes:
+        excess: Mean squared normalised window mean of the whitened residuals [1]; 1 if white.
+        is_excessive: Whether that is above its limit.
+        correlation_s: Correlation time of the residuals, without a limit [s].
+        misfit_K: Root mean square of what is slow, less what noise would leave [K].
+        noise_K: Standard deviation of the noise of a block mean [K].
+        closed_K: Gap that the effects in the model have closed [K].
+    """
+
+    excess: float
+    is_excessive: bool
+    correlation_s: float
+    misfit_K: float
+    noise_K: float
+    closed_K: float = 0.0
+
+    @property
+    def is_relevant(self) -> bool:
+        """Whether the misfit is large enough to matter."""
+        least = max(RELEVANT_K, RELEVANT_SHARE * self.noise_K, FORM_SHARE * self.closed_K)
+        return self.misfit_K > least
+
+    @property
+    def is_adequate(self) -> bool:
+        """Whether only noise is left, or nothing that matters."""
+        return not ((self.is_excessive or self.correlation_s > LONGEST_S) and self.is_relevant)
+
+
+def adequacy(engine: Engine, refit: Refit, closed_K: float = 0.0) -> Adequacy:
+    """Return what a model leaves.
+
+    Args:
+        engine: The tests.
+        refit: Its fit under the noise that the library's directions leave.
+        closed_K: Gap that the effects in the model have closed [K].
+    """
+    noise = refit.noise
+    innovations, lengths, slow, expected = [], [], [], []
+    whitened = engine.problem.split(engine.whiten(noise, refit.residual))
+    raw = engine.problem.split(refit.residual)
+    for values, residual, test in zip(whitened, raw, engine.tests, strict=True):
+        seen = test.is_observed
+        innovations.append(values[seen])
+        lengths.append(test.block_s)
+        size = max(2, round(WINDOW_S / test.block_s))
+        num = int(seen.sum()) // size
+        if num:
+            slow.append(residual[seen][: num * size].reshape(num, size).mean(axis=1))
+            expected.append(np.full(num, variance_of_mean(noise, test.block_s, size)))
+    excess, is_excessive = low_frequency_excess(innovations, lengths)
+    plain = plain_noise(engine, refit)
+    is_slow = float(plain.sd) > RELEVANT_SHARE * float(plain.total())
+    misfit = np.mean(np.concatenate(slow) ** 2) - np.mean(np.concatenate(expected)) if slow else 0.0
+    return Adequacy(
+        excess=excess,
+        is_excessive=is_excessive,
+        correlation_s=float(plain.time) if is_slow else 0.0,
+        misfit_K=float(np.sqrt(max(misfit, 0.0))),
+        noise_K=float(noise.total()),
+        closed_K=closed_K,
+    )

@@ -1,0 +1,125 @@
+"""A discovery from bench files to a run folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from lptn.effects import AbstractEffect
+
+from ..calibration import Calibration, Test, manifest
+from ..inference.model import Order
+from ..inference.reduction_checks import check_reduction
+from ..motor import Motor
+from ..reports.discovery.figures import draw_all
+from ..reports.discovery.report import write_report
+from ..reports.sheet.of_run import write_sheet_of
+from ..runs import netcdf as archive
+from ..runs.result import assemble as assemble_fit
+from ..runs.result import describe_model, describe_test
+from ..runs.run_folder import RunFolder
+from .result import assemble
+from .run import Discovery, Shown, discover, show
+
+
+@dataclass(frozen=True)
+class Job:
+    """A discovery with its result and its run folder.
+
+    Attributes:
+        found: What was found.
+        shown: Posteriors and predictions.
+        result: What stands in `discovery.json`.
+        path: The run folder.
+    """
+
+    found: Discovery
+    shown: Shown
+    result: dict[str, Any]
+    path: Path
+
+
+def run_job(
+    motor: Motor,
+    tests: Sequence[Test],
+    folder: RunFolder,
+    *,
+    order: Order = "second",
+    kinds: Sequence[type[AbstractEffect]] | None = None,
+    method: Literal["emcee", "quick"] = "emcee",
+    seed: int = 0,
+    command: str = "",
+    say: Callable[[str], None] = lambda sentence: None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Job:
+    """Run a discovery and write its folder.
+
+    Args:
+        motor: The machine.
+        tests: From `heatrun.calibration.load_tests`.
+        folder: Where the result goes.
+        order: The base network.
+        kinds: As `heatrun.discovery.run.discover`.
+        method: Sampler of the final model.
+        seed: Of everything that is drawn.
+        command: As it is to stand in the result.
+        say: Told what is being done.
+        progress: Called with a sentence and the share done while sampling.
+    """
+    fitted = [test.blocks for test in tests if test.role == "calibration"]
+    held_out = [test.blocks for test in tests if test.role == "holdout"]
+    found = discover(motor, fitted, order=order, kinds=kinds, held_out=held_out, seed=seed, say=say)
+    say(f"{found.verdict.word}: sampling the model as it is now")
+    shown = show(
+        found, [test.blocks for test in tests], method=method, seed=seed,
+        folder=folder.checkpoints, progress=progress,
+    )  # fmt: skip
+    roles = [test.role for test in tests]
+    result = assemble(found, shown, roles, command=command, seed=seed)
+    say("writing report and sheet")
+    folder.write_json("discovery.json", result)
+    figures = draw_all(
+        shown.predictions, roles, fitted, found.where_before, found.where_after,
+        folder.partial / "discovery",
+    )  # fmt: skip
+    write_report(result, figures, folder.partial / "discovery.pdf")
+    final = _as_calibration(motor, tests, found, shown, order, command, seed)
+    folder.write_json("fit.json", final.result)
+    archive.write(shown.posteriors[1], folder.partial / f"posterior_{order}.nc")
+    write_sheet_of(final, folder.partial)
+    return Job(found, shown, result, folder.finish(manifest(final, command, seed)))
+
+
+def _as_calibration(
+    motor: Motor,
+    tests: Sequence[Test],
+    found: Discovery,
+    shown: Shown,
+    order: Order,
+    command: str,
+    seed: int,
+) -> Calibration:
+    """Return the final model as a calibration, for its parameter sheet."""
+    posterior = shown.posteriors[1]
+    predictions = [after for _, after in shown.predictions]
+    roles = [test.role for test in tests]
+    rows = []
+    findings = [finding for test in tests for finding in test.findings]
+    for test in tests:
+        error, more = check_reduction(posterior.fit, test.record, test.blocks, motor)
+        rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
+        findings += more
+    models = {order: describe_model(posterior, predictions, roles)}
+    result = assemble_fit(
+        motor, rows, findings, dict(models), {order: predictions}, command=command, seed=seed
+    )
+    if found.named:
+        names = " and ".join(each.rival.candidate.id for each in found.named)
+        result["verdict"]["sentence"] = (
+            f"The {order}-order network with {names}, which was found missing "
+            f"({found.verdict.word}): {found.verdict.sentence}"
+        )
+    result["effects"] = [each.rival.candidate.id for each in found.named]
+    return Calibration(motor, tuple(tests), {order: posterior}, {order: predictions}, result)

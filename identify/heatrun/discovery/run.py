@@ -1,0 +1,212 @@
+"""The whole discovery, stage by stage; each stage can be called and looked at alone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from lptn.effects import AbstractEffect
+
+from ..bench.blocks import Blocks
+from ..errors import InputError
+from ..inference.fit_result import Fit
+from ..inference.model import Model, Order
+from ..inference.posterior import Posterior, sample, weighted_draws
+from ..inference.predict import Prediction, predict
+from ..inference.problem import Problem
+from ..motor import Motor
+from .engine import Engine, Refit
+from .extended import extended_fit
+from .final_check import Adequacy, adequacy
+from .grow import Growth, gap, grow
+from .library import Library, all_effects, library
+from .localise import Where, localise
+from .next_test import NextTest, next_test
+from .rivals import Named, settle
+from .start import base_start
+from .verdict import Verdict, verdict
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """Everything that a discovery found.
+
+    Attributes:
+        engine: The extended model over the calibration tests.
+        library: What was searched.
+        growth: How the model grew.
+        final: Fit of the final model under the saturated noise.
+        named: The effects in it, with their rivals.
+        dropped: Ids of effects that were accepted and failed the backward check.
+        before: Adequacy of the base model.
+        after: Adequacy of the final model.
+        where_before: What the base model misses.
+        where_after: What the final model misses.
+        verdict: In a word.
+        next_test: The test that would separate what is tied; None if nothing is.
+        fits: Base and final model as fits of their own.
+        seconds: Time of each stage [s].
+    """
+
+    engine: Engine
+    library: Library
+    growth: Growth
+    final: Refit
+    named: list[Named]
+    dropped: list[str]
+    before: Adequacy
+    after: Adequacy
+    where_before: Where
+    where_after: Where
+    verdict: Verdict
+    next_test: NextTest | None
+    fits: tuple[Fit, Fit]
+    seconds: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Base and final model sampled, and what they predict.
+
+    Attributes:
+        posteriors: Of the base and of the final model.
+        predictions: By test, of the base and of the final model.
+    """
+
+    posteriors: tuple[Posterior, Posterior]
+    predictions: list[tuple[Prediction, Prediction]]
+
+
+def discover(
+    motor: Motor,
+    tests: Sequence[Blocks],
+    *,
+    order: Order = "second",
+    kinds: Sequence[type[AbstractEffect]] | None = None,
+    held_out: Sequence[Blocks] = (),
+    seed: int = 0,
+    say: Say = lambda sentence: None,
+) -> Discovery:
+    """Find where simulation and measurement disagree, and what is missing.
+
+    Args:
+        motor: The machine.
+        tests: Reduced records to calibrate on.
+        order: The base network.
+        kinds: The effects that are searched; by default the catalogue and installed ones.
+        held_out: Tests that will be predicted; an effect is searched only if they have what it
+            needs, nothing else is read of them.
+        seed: Of everything that is drawn.
+        say: Told what is being done.
+
+    Raises:
+        InputError: If something that the model needs is not given.
+    """
+    watch = _Watch()
+    searched = all_effects() if kinds is None else tuple(kinds)
+    bare = Model.of(order, motor)
+    found = library(searched, bare.topology(), [*tests, *held_out], num_events=len(tests))
+    problem = Problem.of(replace(bare, effects=found.kinds), motor, tests)
+    engine = Engine(problem)
+    say(f"{order} order: fitting the network alone")
+    start = base_start(engine, seed=seed)
+    if not np.all(np.isfinite(start.residual)) or start.chi2 > 1e9:
+        raise InputError(
+            "the network cannot be fitted to these tests at all.",
+            where=problem.label,
+            remedy="Run `heatrun calibrate` on them first: it says what is wrong.",
+        )
+    watch.lap("base fit")
+    growth = grow(engine, found.candidates, start.z, start.noise, seed=seed, say=say)
+    watch.lap("search")
+    before = adequacy(engine, growth.base)
+    say("holding what was found against its rivals")
+    final, named, dropped = settle(engine, growth, adequacy(engine, growth.final).excess)
+    after = adequacy(engine, final, gap(engine, growth.base, final))
+    watch.lap("rivals")
+    say("locating what is missing")
+    where_before = localise(engine, growth.base, bare)
+    accepted = [each.rival.candidate for each in named]
+    where_after = where_before
+    if named:
+        model = replace(bare, effects=tuple(candidate.kind for candidate in accepted))
+        where_after = localise(engine, final, model)
+    watch.lap("where")
+    said = verdict(growth, named, before, after)
+    after_test = next_test(engine, final, named) if said.word in ("ambiguous",) else None
+    watch.lap("next test")
+    base_fit = extended_fit(engine, growth.base.z, (), is_adequate=before.is_adequate)
+    last_fit = base_fit
+    if named:
+        last_fit = extended_fit(engine, final.z, accepted, is_adequate=after.is_adequate)
+    watch.lap("fits")
+    return Discovery(
+        engine=engine,
+        library=found,
+        growth=growth,
+        final=final,
+        named=named,
+        dropped=[rival.candidate.id for rival in dropped],
+        before=before,
+        after=after,
+        where_before=where_before,
+        where_after=where_after,
+        verdict=said,
+        next_test=after_test,
+        fits=(base_fit, last_fit),
+        seconds=watch.laps,
+    )
+
+
+def show(
+    found: Discovery,
+    tests: Sequence[Blocks],
+    *,
+    method: Literal["emcee", "quick"] = "emcee",
+    seed: int = 0,
+    folder: Path | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Shown:
+    """Sample the final model and predict all tests with it and with the base model.
+
+    The base model is there for comparison: weighted draws around its fit will do.
+
+    Args:
+        found: What was found.
+        tests: All tests, calibration and held out.
+        method: Sampler of the final model, as `heatrun.inference.posterior.sample`.
+        seed: Of everything that is drawn.
+        folder: Where checkpoints go; None for none.
+        progress: Called with a sentence and the share done.
+    """
+    watch = _Watch()
+    last = sample(found.fits[1], method=method, seed=seed, folder=folder, progress=progress)
+    base = weighted_draws(found.fits[0], seed=seed) if found.named else last
+    watch.lap("posterior")
+    pairs = []
+    for test in tests:
+        first = predict(base, test, seed=seed)
+        pairs.append((first, predict(last, test, seed=seed) if found.named else first))
+    watch.lap("predictions")
+    found.seconds.update(watch.laps)
+    return Shown((base, last), pairs)
+
+
+class _Watch:
+    """Time of the stages."""
+
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self.laps[name] = now - self._last
+        self._last = now

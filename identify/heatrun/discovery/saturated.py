@@ -1,0 +1,69 @@
+"""The noise, estimated on a model that leaves room for what the network misses.
+
+If the noise is estimated on the residuals of a network that misses something, it swallows the
+misfit, and nothing is ever found; if it is taken as white, everything is. Here the likelihood of
+the noise has the parameters of the network integrated out, and with them the directions in which
+the library's effects would show most.
+"""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ..inference import noise as noise_module
+from ..inference.noise import Noise
+from ..inference.restricted import estimate_noise
+from .engine import Engine, Refit
+from .screen import Screen
+
+NUM_DIRECTIONS = 12
+"""Principal directions of the library that are integrated out."""
+
+LONGEST_S = 60.0
+"""Correlation over longer than this is no noise while causes are sought [s]."""
+
+ROOM = 3.0
+"""Prior standard deviation along each direction, in units of a typical effect [1]."""
+
+
+def saturated_noise(
+    engine: Engine, screen: Screen, *, longest_s: float | None = LONGEST_S
+) -> tuple[Noise, Float[np.ndarray, " 3"]]:
+    """Return the noise with the library's directions integrated out, and its scores.
+
+    Args:
+        engine: The extended model.
+        screen: The library against the present model.
+        longest_s: As `LONGEST_S`; None for no limit.
+    """
+    present = screen.present
+    projected = screen.projected()
+    # the directions in which typical effects show most against the noise so far
+    _, strength, turn = np.linalg.svd(projected, full_matrices=False)
+    keep = min(NUM_DIRECTIONS, int(np.sum(strength > 1e-6 * strength[0])))
+    directions = ROOM * (screen.raw_typical() @ turn[:keep].T)
+    return _noise(engine, present, directions, longest_s)
+
+
+def plain_noise(engine: Engine, present: Refit) -> Noise:
+    """Return the noise with only the present model's parameters integrated out, uncapped."""
+    return _noise(engine, present, np.zeros((present.residual.size, 0)), None)[0]
+
+
+def _noise(
+    engine: Engine, present: Refit, directions: np.ndarray, longest_s: float | None
+) -> tuple[Noise, np.ndarray]:
+    padding = np.zeros((present.residual.size, _spare(present.jacobian, directions)))
+    columns = np.concatenate([present.jacobian, directions, padding], axis=1)
+    z = np.concatenate(
+        [present.z[list(present.free)], np.zeros(columns.shape[1] - len(present.free))]
+    )
+    scores = estimate_noise(engine.problem, z, present.residual, columns, longest_s=longest_s)
+    return noise_module.from_scores(jnp.asarray(scores)), scores
+
+
+def _spare(jacobian: np.ndarray, directions: np.ndarray) -> int:
+    """Return how many empty columns bring the width to a multiple of 40, for one compilation."""
+    return -(jacobian.shape[1] + directions.shape[1]) % 40

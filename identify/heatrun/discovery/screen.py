@@ -1,0 +1,249 @@
+"""All effects scored in one pass: what each would leave, and how much of it the residuals hold.
+
+Around a fit the model is linear in the scores. The signature of an effect is the derivative of
+the block means by its amplitude, for several settings of its shape parameters; what the fitted
+parameters could mimic is projected out of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats.qmc import Halton
+
+from ..inference.effect_parameters import amplitudes, qualified
+from .engine import Engine, Refit
+from .library import Candidate
+
+NUM_VARIANTS = 9
+"""Settings of the shape parameters that are tried."""
+
+REACH = 1.5
+"""Shape parameters are tried within this many prior standard deviations [1]."""
+
+VISIBLE = 3.0
+"""Norm of a whitened signature from which on an effect could be seen [1]: three standard
+deviations of its amplitude."""
+
+VISIBLE_K = 0.12
+"""And what it must leave after a refit at its typical size [K]: less is within what lumping,
+instruments and the loss balance leave on any bench."""
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What one candidate does to the block means at one setting of its shape.
+
+    Attributes:
+        candidate: The candidate.
+        slots: Slots of its amplitudes.
+        shape: Scores by slot of its shape parameters.
+        columns: Derivative of the residuals by the amplitudes [K per score], (block, amplitude).
+    """
+
+    candidate: Candidate
+    slots: tuple[int, ...]
+    shape: dict[int, float]
+    columns: Float[np.ndarray, "block amplitude"]
+
+
+@dataclass(frozen=True)
+class Score:
+    """How a candidate fares in the screening, at the setting of its shape that suits it best.
+
+    Attributes:
+        candidate: The candidate.
+        gain: Drop of the sum of squares that its amplitude would bring [1].
+        log_bayes: Its approximate log Bayes factor over the model without it [nat].
+        start: Scores by slot to start a refit from.
+        visibility: Norm of its whitened, projected signature at the typical amplitude [1].
+        visible_K: Root mean square of its projected signature at that amplitude [K].
+        direction: Its whitened, projected signature at the estimate, of length one.
+    """
+
+    candidate: Candidate
+    gain: float
+    log_bayes: float
+    start: dict[int, float]
+    visibility: float
+    visible_K: float
+    direction: Float[np.ndarray, " block"]
+
+    @property
+    def is_visible(self) -> bool:
+        """Whether these tests could show the effect at all."""
+        return self.visibility >= VISIBLE and self.visible_K >= VISIBLE_K
+
+
+def signatures(engine: Engine, z: np.ndarray, candidates: Sequence[Candidate]) -> list[Signature]:
+    """Return the signatures of candidates at several settings of their shapes.
+
+    Args:
+        engine: The extended model.
+        z: Scores of the present model; the candidates' amplitudes are at their null.
+        candidates: Effects that are not in the present model.
+    """
+    owned = [_slots(engine, candidate) for candidate in candidates]
+    shapes = [s for _, shape in owned for s in shape]
+    columns = sorted({slot for amplitude, _ in owned for slot in amplitude})
+    draws = _settings(len(shapes))
+    result = []
+    for number in range(NUM_VARIANTS):
+        at = z.copy()
+        at[shapes] = draws[number]
+        _, jacobian = engine.linearise(at, columns)
+        for candidate, (amplitude, shape) in zip(candidates, owned, strict=True):
+            if number and not shape:
+                continue  # nothing to vary
+            result.append(
+                Signature(
+                    candidate,
+                    amplitude,
+                    {slot: float(at[slot]) for slot in shape},
+                    jacobian[:, [columns.index(slot) for slot in amplitude]],
+                )
+            )
+    return result
+
+
+class Screen:
+    """Signatures against the present model, whitened and projected.
+
+    Args:
+        engine: The extended model.
+        present: Fit of the present model; all further quantities are relative to it.
+        library: Signatures of the candidates.
+    """
+
+    def __init__(self, engine: Engine, present: Refit, library: Sequence[Signature]) -> None:
+        self.engine = engine
+        self.present = present
+        self.library = list(library)
+        noise = present.noise
+        base = engine.whiten(noise, present.jacobian)
+        self._base = base
+        self._factor = np.linalg.cholesky(base.T @ base + np.eye(base.shape[1]))
+        self.residual = engine.whiten(noise, present.residual)
+        stacked = np.concatenate([s.columns for s in library], axis=1)
+        self._whitened = engine.whiten(noise, stacked)
+        self._ends = np.cumsum([0, *(s.columns.shape[1] for s in library)])
+        self._raw = stacked
+        self._half = np.linalg.solve(self._factor, base.T @ self._whitened)
+        self._raw_half = np.linalg.solve(self._factor.T, self._half)
+        self._scores = np.array([_typical(engine, slot) for s in library for slot in s.slots])
+
+    def scores(self) -> list[Score]:
+        """Return each candidate's score at its best setting, the most promising first."""
+        gradient = self._whitened.T @ self.residual
+        best: dict[Candidate, Score] = {}
+        for number in range(len(self.library)):
+            score = self._score(number, gradient)
+            if score.candidate not in best or score.log_bayes > best[score.candidate].log_bayes:
+                before = best.get(score.candidate)
+                best[score.candidate] = score if before is None else _visible(score, before)
+            else:
+                best[score.candidate] = _visible(best[score.candidate], score)
+        return sorted(best.values(), key=lambda score: -score.log_bayes)
+
+    def largest_gain(self, noise_rows: Float[np.ndarray, "block draw"]) -> np.ndarray:
+        """Return the largest log Bayes factor of all candidates for whitened noise draws."""
+        gradient = self._whitened.T @ noise_rows - self._half.T @ np.linalg.solve(
+            self._factor, self._base.T @ noise_rows
+        )
+        largest = np.full(noise_rows.shape[1], -np.inf)
+        for number in range(len(self.library)):
+            span = slice(self._ends[number], self._ends[number + 1])
+            information, log_det = self._information(span)
+            half = np.linalg.solve(np.linalg.cholesky(information), gradient[span])
+            largest = np.maximum(largest, 0.5 * np.sum(half**2, axis=0) - 0.5 * log_det)
+        return largest
+
+    def projected(self) -> Float[np.ndarray, "block column"]:
+        """Return all whitened signatures at typical amplitude less what the model can mimic."""
+        return (self._whitened - self._base @ self._raw_half) * self._scores
+
+    def raw_typical(self) -> Float[np.ndarray, "block column"]:
+        """Return all signatures at typical amplitude [K]."""
+        return self._raw * self._scores
+
+    def _information(self, span: slice) -> tuple[np.ndarray, float]:
+        columns, half = self._whitened[:, span], self._half[:, span]
+        information = columns.T @ columns - half.T @ half + np.eye(columns.shape[1])
+        return information, float(np.linalg.slogdet(information)[1])
+
+    def _score(self, number: int, gradient: np.ndarray) -> Score:
+        signature = self.library[number]
+        span = slice(self._ends[number], self._ends[number + 1])
+        information, log_det = self._information(span)
+        # the residual r(z) falls along minus the gradient of half its square
+        estimate = -np.linalg.solve(information, gradient[span])
+        estimate = self._inside(signature, estimate)
+        gain = float(-2 * estimate @ gradient[span] - estimate @ information @ estimate)
+        direction = (self._whitened[:, span] - self._base @ self._raw_half[:, span]) @ (
+            estimate if np.any(estimate) else self._scores[span]
+        )
+        typical = self._scores[span]
+        at_typical = (self._whitened[:, span] - self._base @ self._raw_half[:, span]) @ typical
+        raw = (self._raw[:, span] - self.present.jacobian @ self._raw_half[:, span]) @ typical
+        seen = self.engine.is_observed
+        length = float(np.linalg.norm(direction))
+        return Score(
+            candidate=signature.candidate,
+            gain=gain,
+            log_bayes=0.5 * gain - 0.5 * log_det,
+            start=dict(zip(signature.slots, estimate, strict=True)) | signature.shape,
+            visibility=float(np.linalg.norm(at_typical)),
+            visible_K=float(np.sqrt(np.mean(raw[seen] ** 2))),
+            direction=direction / max(length, 1e-300),
+        )
+
+    def _inside(self, signature: Signature, estimate: np.ndarray) -> np.ndarray:
+        """Return the estimate, zero where the data ask for the wrong sign."""
+        low, high = self.engine.bounds(signature.slots)
+        return np.clip(estimate, low, high)
+
+
+def _visible(better: Score, other: Score) -> Score:
+    """Return the better score with the larger visibility of the two."""
+    if other.visibility <= better.visibility:
+        return better
+    return Score(
+        better.candidate, better.gain, better.log_bayes, better.start,
+        other.visibility, other.visible_K, better.direction,
+    )  # fmt: skip
+
+
+def _slots(engine: Engine, candidate: Candidate) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the slots of a candidate's amplitudes and of its shape parameters."""
+    kind = candidate.kind
+    strong = amplitudes(kind)
+    free = {
+        name: engine.find(qualified(kind, name), candidate.test) for name in kind.card.parameters
+    }
+    amplitude = tuple(slot for name, slot in free.items() if name in strong and slot is not None)
+    shape = tuple(slot for name, slot in free.items() if name not in strong and slot is not None)
+    return amplitude, shape
+
+
+def _settings(num: int) -> Float[np.ndarray, "variant shape"]:
+    """Return settings of shape parameters in scores: the middle first, then spread evenly."""
+    if num == 0:
+        return np.zeros((NUM_VARIANTS, 0))
+    spread = Halton(d=1, scramble=False).random(NUM_VARIANTS).ravel()
+    rng = np.random.default_rng(0)
+    # a permutation for each parameter: all values appear, and pairs are not in step
+    draws = np.stack([rng.permutation(spread) for _ in range(num)], axis=1)
+    draws = REACH * (2.0 * (draws + 0.5 / NUM_VARIANTS) - 1.0)
+    draws[0] = 0.0
+    return np.clip(draws, -REACH, REACH)
+
+
+def _typical(engine: Engine, slot: int) -> float:
+    """Return the score of the typical amplitude of an effect."""
+    parameter = engine.slots[slot].parameter
+    effect, name = parameter.name.split(".", 1)
+    quantity = engine.kinds[effect].card.parameters[name]
+    return float(parameter.score(quantity.typical))

@@ -1,0 +1,1 @@
+"""From reduced records to a fitted model: parameters, noise, fit, posterior, predictions."""

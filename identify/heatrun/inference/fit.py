@@ -1,0 +1,316 @@
+"""Gradient least squares on whitened residuals, from many starts, with the noise estimated.
+
+The fit goes round in three steps: least squares with white residuals from many starts finds the
+basin; the noise is estimated on the residuals with the parameters integrated out (restricted
+maximum likelihood, with the priors as they are); least squares on residuals whitened by that
+noise gives the parameters and their covariance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from ..bench.record import Finding
+from ..errors import InputError
+from .adequacy import misfit_excess
+from .batches import at_once
+from .fit_result import RESULT, Fit, failed
+from .laplace import Spread, spread, whiten_fit
+from .noise import Noise
+from .problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
+from .restricted import estimate_noise
+
+NUM_STARTS = 16
+"""Starts of the search: the centre of the prior and draws from it."""
+
+SPREAD = 0.7
+"""Spread of the starts in prior standard deviations: a factor of 8 to either side in C and R."""
+
+SAME_OPTIMUM = 0.5
+"""Half the sum of squares within which two starts are at the same optimum [nat]."""
+
+MAX_STEPS = 120
+"""Steps of one search; a sound one takes ten to thirty."""
+
+TOLERANCE = 1e-7
+"""Of a search, relative and in prior standard deviations; a narrow posterior has 5e-3 of these."""
+
+HOPELESS = 1e10
+"""Half the sum of squares from which on a start counts as failed [nat]."""
+
+NUM_ROUNDS = 6
+"""Most rounds of noise and least squares; clean records need two."""
+
+JUNK_FACTOR = 1.2
+"""Whitened fits that are this much worse in plain RMSE than the white fit are not accepted: the
+noise has swallowed the misfit of the network (clean records stay under 1.05). Then the noise
+counts as white, and its evidence is divided by the excess of slow residuals."""
+
+ROUGH_K = 1.0
+"""White level of the first search [K]. Block means of a misfit are not independent; taken as such
+they would outweigh every prior and drive the start temperatures to the impossible."""
+
+LONGEST_NOISE = 0.2
+"""Residuals correlated over more than this share of the test are a misfit, not noise [1]."""
+
+RIVAL = 8.0
+"""Optima within this of the best (half the sum of squares) hold a visible share of the posterior
+[nat]."""
+
+DISTINCT = 0.5
+"""Optima that differ by more than this in some score are two [prior standard deviations]."""
+
+SETTLED = 0.02
+"""Change of all scores at which the alternation ends [prior standard deviations]."""
+
+
+def fit(
+    problem: Problem,
+    *,
+    num_starts: int = NUM_STARTS,
+    seed: int = 0,
+    throw: bool = True,
+) -> Fit:
+    """Fit a model to tests.
+
+    Args:
+        problem: Model and tests.
+        num_starts: Starts of the search.
+        seed: Of the draws of the starts.
+        throw: Raise on failure instead of returning it as a value.
+
+    Raises:
+        InputError: If no start leads anywhere, with `throw`.
+    """
+    white = replace(problem, noise_kind="white")
+    starts = _starts(problem, num_starts, seed)
+    z, cost, steps = _search(white, _white(ROUGH_K), starts)
+    if np.any(np.isfinite(cost)):
+        implied = _implied_level(problem, z[int(np.argmin(cost))])
+        if implied >= ROUGH_K:
+            z, cost, steps = _search(white, _white(1.5 * implied), starts)
+    if not np.any(np.isfinite(cost)):
+        if throw:
+            raise InputError(RESULT.no_start.value, where=problem.label)
+        return failed(problem)
+    best = int(np.argmin(cost))
+    is_same = cost - cost[best] < SAME_OPTIMUM * max(1.0, 1e-3 * cost[best])
+    rmse_white = _rmse(problem, _linearise(problem, z[best])[0])
+
+    state = _settle(problem, z[best])
+    log_evidence = _spread(problem, state).log_evidence
+    findings = []
+    if _is_junk(problem, state, rmse_white):
+        problem = white
+        state = _settle(problem, z[best])
+    level = float(problem.noise(state.noise_z).total())
+    excess, is_flagged = misfit_excess(problem.tests, _innovations(problem, state), level)
+    if is_flagged:
+        problem = replace(problem, temper=excess)
+        state = _settle(problem, state.z)
+        findings.append(_misfit(problem, state, excess))
+    state, modes = _explore(problem, state, z)
+    if not state.is_converged:
+        findings.append(_not_converged(problem))
+    if len(modes) > 1:
+        findings.append(_ambiguous(problem, len(modes)))
+
+    final = _spread(problem, state)
+    return Fit(
+        problem=problem,
+        z=state.z,
+        noise_z=state.noise_z,
+        covariance=final.covariance,
+        covariance_type_a=final.type_a,
+        residual=problem.split(state.residual),
+        jacobian=problem.split(state.jacobian),
+        log_evidence=log_evidence,
+        result=RESULT.converged if state.is_converged else RESULT.not_converged,
+        modes=modes,
+        findings=tuple(findings),
+        stats={
+            "num_starts": num_starts,
+            "num_at_best": int(np.sum(is_same)),
+            "num_steps": int(steps[best]),
+            "rmse_white_K": rmse_white,
+            "low_frequency_excess": excess,
+        },
+    )
+
+
+@dataclass(frozen=True)
+class _State:
+    """Where the alternation of noise and least squares ended."""
+
+    z: np.ndarray
+    noise_z: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    is_converged: bool
+
+
+def _white(level: float) -> Noise:
+    """Return white noise of a level [K]."""
+    # with a dtype: a plain Python number is another type to the compiler, which would then
+    # compile the search once for this noise and once for an estimated one
+    return Noise(*(jnp.asarray(number, dtype=float) for number in (0.0, 1.0, level)))
+
+
+def _implied_level(problem: Problem, z: np.ndarray) -> float:
+    """Return the white level [K] at which slow residuals weigh what they are worth."""
+    residual = _linearise(problem, z)[0]
+    rmse = _rmse(problem, residual)
+    parts = [
+        part[t.is_observed] / rmse
+        for part, t in zip(problem.split(residual), problem.tests, strict=True)
+    ]
+    return rmse * float(np.sqrt(max(misfit_excess(problem.tests, parts, rmse)[0], 1.0)))
+
+
+def _starts(problem: Problem, num_starts: int, seed: int) -> np.ndarray:
+    """Return starts in scores: only the network and the resistance are spread."""
+    rng = np.random.default_rng(seed)
+    starts = np.zeros((num_starts, problem.num_parameters))
+    for position, slot in enumerate(problem.parameters.slots):
+        if slot.parameter.role in ("network", "resistance"):
+            starts[1:, position] = SPREAD * rng.standard_normal(num_starts - 1)
+    return starts
+
+
+def _search(
+    problem: Problem, noise: Noise, starts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return optima, half sums of squares and numbers of steps from each start.
+
+    Each start for itself, on all cores: in one batch, all would wait for the slowest, and every
+    batch of another size would be compiled anew.
+    """
+
+    def one(start: np.ndarray) -> tuple[np.ndarray, ...]:
+        found = _solve(problem.structure, problem.data, jnp.asarray(start), noise)
+        return tuple(np.asarray(part) for part in found)
+
+    found = at_once(one, starts)
+    z, cost, steps = (np.stack(parts) for parts in zip(*found, strict=True))
+    return z, np.where(cost < HOPELESS, cost, np.inf), steps
+
+
+@partial(jax.jit, static_argnames="structure")
+def _solve(structure: Structure, data: Data, start: Float[Array, " all"], noise: Noise):
+    """Return optimum, half its sum of squares, and number of steps."""
+    solution = optx.least_squares(
+        lambda z, args: whitened(structure, args[0], z, args[1]),
+        optx.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE),
+        start,
+        args=(data, noise),
+        options={"jac": "fwd"},
+        max_steps=MAX_STEPS,
+        throw=False,
+    )
+    return solution.value, solution.state.f_info.as_min(), solution.stats["num_steps"]
+
+
+def _linearise(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    residual, jacobian = linearise(problem.structure, problem.data, jnp.asarray(z))
+    return np.asarray(residual), np.asarray(jacobian)
+
+
+def _settle(problem: Problem, z: np.ndarray) -> _State:
+    """Alternate noise and least squares until the scores no longer move."""
+    residual, jacobian = _linearise(problem, z)
+    noise_z, shift = np.zeros(NUM_NOISE), np.inf
+    for _ in range(NUM_ROUNDS):
+        noise_z = estimate_noise(problem, z, residual, jacobian)
+        noise = problem.noise(noise_z)
+        after, _, _ = _search(problem, noise, z[None])
+        shift = float(np.max(np.abs(after[0] - z)))
+        z = after[0]
+        residual, jacobian = _linearise(problem, z)
+        if shift < SETTLED:
+            break
+    return _State(z, noise_z, residual, jacobian, shift < 10 * SETTLED)
+
+
+def _is_junk(problem: Problem, state: _State, rmse_white: float) -> bool:
+    """Whether the noise has swallowed the misfit of the network."""
+    time = float(problem.noise(state.noise_z).time)
+    longest = LONGEST_NOISE * max(test.duration_s for test in problem.tests)
+    return _rmse(problem, state.residual) > JUNK_FACTOR * rmse_white + 1e-3 or time > longest
+
+
+def _explore(problem: Problem, state: _State, optima: np.ndarray) -> tuple[_State, np.ndarray]:
+    """Search again from the optima under the final noise; return the state and distinct optima.
+
+    Optima that are within `RIVAL` of the best share the posterior and must be sampled too.
+    """
+    starts = _distinct([state.z, *optima[np.all(np.isfinite(optima), axis=1)]])
+    z, cost, _ = _search(problem, problem.noise(state.noise_z), np.stack(starts))
+    best = int(np.argmin(cost))
+    if cost[best] < cost[0] - SAME_OPTIMUM:
+        state = _settle(problem, z[best])
+    rivals = [z[index] for index in np.argsort(cost) if cost[index] < cost[best] + RIVAL]
+    return state, np.stack(_distinct([state.z, *rivals]))
+
+
+def _distinct(optima: list[np.ndarray]) -> list[np.ndarray]:
+    """Return the optima without those that an earlier one stands for."""
+    kept: list[np.ndarray] = []
+    for z in optima:
+        if all(np.max(np.abs(z - other)) > DISTINCT for other in kept):
+            kept.append(z)
+    return kept
+
+
+def _innovations(problem: Problem, state: _State) -> list[np.ndarray]:
+    return whiten_fit(problem, state.noise_z, state.residual, state.jacobian).residuals
+
+
+def _spread(problem: Problem, state: _State) -> Spread:
+    return spread(problem, state.z, state.noise_z, state.residual, state.jacobian)
+
+
+def _rmse(problem: Problem, stacked: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(stacked[problem.is_observed] ** 2)))
+
+
+def _misfit(problem: Problem, state: _State, excess: float) -> Finding:
+    rmse = _rmse(problem, state.residual)
+    order = problem.model.order
+    return Finding(
+        id="misfit",
+        severity="warning",
+        message=f"the {order}-order network leaves {rmse:.2f} K that drift over minutes, more than "
+        f"noise would (excess {excess:.1f}, 1 if only noise): it misses something. The ranges "
+        f"are widened by {np.sqrt(excess):.1f} for it.",
+        where=problem.label,
+        remedy="Look for the missing effect with `heatrun discover`.",
+        values={"rmse_K": rmse, "low_frequency_excess": excess},
+    )
+
+
+def _ambiguous(problem: Problem, num_modes: int) -> Finding:
+    return Finding(
+        id="several_optima",
+        severity="warning",
+        message=f"the tests are explained about equally well by {num_modes} different sets of "
+        f"parameters of the {problem.model.order}-order network; the ranges cover them all.",
+        where=problem.label,
+        remedy="Add a test in which current and speed move apart, or fix a parameter.",
+        values={"num_modes": num_modes},
+    )
+
+
+def _not_converged(problem: Problem) -> Finding:
+    return Finding(
+        id="not_converged",
+        severity="warning",
+        message=f"{problem.model.order} order: {RESULT.not_converged.value}",
+        where=problem.label,
+    )

@@ -1,0 +1,169 @@
+"""How well the tests determine each parameter, what blocks it, what a longer test gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..bench.blocks import Blocks
+from .fit_result import Fit
+from .parameters import Parameter
+from .posterior import Posterior
+from .problem import information
+
+Verdict = Literal["identified", "weak", "not identifiable", "fixed"]
+
+IDENTIFIED = 0.05
+"""Relative standard uncertainty up to which a parameter counts as identified [1]."""
+
+WEAK = 0.25
+"""Relative standard uncertainty up to which it counts as weak [1]; a factor of 1.6 at 95 %."""
+
+PRIOR_SPEAKS = 0.7
+"""Posterior over prior standard deviation from which on the tests said nothing [1]."""
+
+LONGER_S = 7200.0
+"""Length that a test is imagined to be extended to [s]: two hours of the bench."""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What is said of one parameter.
+
+    Attributes:
+        verdict: In a word.
+        why: What blocks it, or what it rests on; a sentence.
+    """
+
+    verdict: Verdict
+    why: str
+
+
+def state(
+    posterior: Posterior, parameter: Parameter, relative_sd: float, longer: dict[str, float]
+) -> Statement:
+    """Judge one parameter of the network or the resistance.
+
+    Args:
+        posterior: Draws.
+        parameter: Which one; a shared one.
+        relative_sd: Its standard uncertainty over its value [1].
+        longer: Expected relative sd by name after a test of two hours, from `forecast`.
+    """
+    if parameter.fixed is not None:
+        return Statement(
+            "fixed", f"fixed in the motor file at {parameter.fixed:g} {parameter.unit}"
+        )
+    position = posterior.fit.problem.parameters.index(parameter.name)
+    contraction = float(np.std(posterior.flat[:, position]))
+    gain = longer.get(parameter.name)
+    hint = "" if gain is None else f" Two hours of the last load would give ±{200 * gain:.1f} %."
+    if parameter.role == "resistance":
+        if contraction > PRIOR_SPEAKS:
+            return Statement(
+                "not identifiable", "the tests say nothing about it: the prior stands."
+            )
+        return Statement("identified" if relative_sd <= IDENTIFIED else "weak", "from the tests.")
+    if contraction > PRIOR_SPEAKS:
+        return Statement(
+            "not identifiable", f"the tests say nothing about it: the prior stands.{hint}"
+        )
+    if relative_sd <= IDENTIFIED:
+        return Statement("identified", _basis(posterior))
+    verdict: Verdict = "weak" if relative_sd <= WEAK else "not identifiable"
+    return Statement(verdict, f"{_blocking(posterior, parameter)}{hint}")
+
+
+def forecast(fit: Fit) -> dict[str, float]:
+    """Return the relative sd of each network parameter [1] if the longest test ran two hours.
+
+    The last load is imagined to go on at the mean of its last ten minutes, and the linear
+    covariance at the fit is taken with the noise as it is. Empty where a test is that long.
+    """
+    problem = fit.problem
+    longest = int(np.argmax([test.duration_s for test in problem.tests]))
+    test = problem.tests[longest]
+    if test.duration_s >= LONGER_S or fit.result.name == "no_start":
+        return {}
+    tests = list(problem.tests)
+    tests[longest] = _extended(test, LONGER_S)
+    imagined = replace(problem, tests=tuple(tests))
+    precision = information(imagined.structure, imagined.data, jnp.asarray(fit.z), fit.noise)
+    sd = np.sqrt(np.diag(np.linalg.inv(np.asarray(precision))))
+    return {
+        slot.name: float(sd[position] * slot.parameter.sd)
+        for position, slot in enumerate(problem.parameters.slots)
+        if slot.parameter.role == "network"
+    }
+
+
+def _extended(test: Blocks, duration_s: float) -> Blocks:
+    per_block = test.weight.shape[1]
+    num_more = int(np.ceil((duration_s - test.duration_s) / test.block_s))
+    tail = max(1, int(600.0 / float(test.inputs.step)))
+
+    def extend(values):
+        if values.ndim != 1:
+            return values
+        values = np.asarray(values)
+        more = np.full(num_more * per_block, np.mean(values[-tail:]))
+        return jnp.asarray(np.concatenate([values, more]))
+
+    inputs = jax.tree.map(extend, test.inputs)
+    full = np.nanmax(test.count)
+    return replace(
+        test,
+        inputs=inputs,
+        measured=np.concatenate([test.measured, np.zeros(num_more)]),
+        weight=np.concatenate([test.weight, np.full((num_more, per_block), 1.0 / per_block)]),
+        position=np.concatenate([test.position, np.full((num_more, per_block), 0.5)]),
+        count=np.concatenate([test.count, np.full(num_more, full)]),
+        time=np.concatenate([test.time, test.time[-1] + test.block_s * np.arange(1, num_more + 1)]),
+    )
+
+
+def slow_time_constant(posterior: Posterior) -> float:
+    """Return the slow time constant R C of the stator, or of the one node [s]."""
+    values = {name: float(np.median(v)) for name, v in posterior.values().items()}
+    for parameters in posterior.fit.problem.parameters.by_test:
+        for name, parameter in parameters.items():
+            if parameter.fixed is not None:
+                values.setdefault(name, parameter.fixed)
+    names = ("Ceq", "Req") if "Ceq" in values else ("Ceq_sr", "Req_sr")
+    return values[names[0]] * values[names[1]]
+
+
+def _basis(posterior: Posterior) -> str:
+    spans = _spans(posterior)
+    return f"the longest test spans {spans:.1f} slow time constants."
+
+
+def _blocking(posterior: Posterior, parameter: Parameter) -> str:
+    spans = _spans(posterior)
+    if parameter.name in ("Ceq_sr", "Req_sr", "Ceq", "Req") and spans < 2.5:
+        return f"the longest test is {spans:.1f} slow time constants long."
+    rival = _partner(posterior, parameter)
+    if rival is not None:
+        return f"it can hardly be told from {rival}."
+    return "the signal is small against noise and misfit."
+
+
+def _spans(posterior: Posterior) -> float:
+    longest = max(test.duration_s for test in posterior.fit.problem.tests)
+    return longest / slow_time_constant(posterior)
+
+
+def _partner(posterior: Posterior, parameter: Parameter) -> str | None:
+    """Return the parameter that it is most correlated with, if at all (|r| > 0.8)."""
+    slots = posterior.fit.problem.parameters.slots
+    position = posterior.fit.problem.parameters.index(parameter.name)
+    correlation = np.corrcoef(posterior.flat[:, : len(slots)].T)[position]
+    correlation[position] = 0.0
+    best = int(np.argmax(np.abs(correlation)))
+    if abs(correlation[best]) < 0.8:
+        return None
+    return f"{slots[best].name} (correlation {correlation[best]:+.2f})"

@@ -1,0 +1,304 @@
+"""The calibration models: which parameters they have, and the physics they stand for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from lptn import (
+    CopperLosses,
+    Inputs,
+    Network,
+    Sensor,
+    Trace,
+    block_means,
+    first_order,
+    second_order,
+    simulate,
+)
+from lptn.effects import AbstractEffect, build
+from lptn.effects.time_shift import TimeShift
+
+from ..bench.blocks import SLOW_LOGGER_S, Blocks, Observation
+from ..errors import InputError
+from ..motor import Motor
+from .effect_parameters import effect_names, effect_parameters, qualified
+from .parameters import Parameter, ParameterSet, check_names, collect, override
+
+Order = Literal["first", "second"]
+Values = Mapping[str, Float[Array, ""]]
+
+_RESISTANCE = (
+    "log-normal; its 95 % span a factor of 20 to either side, which holds machines from 1 kW "
+    "air-cooled to 100 kW water-cooled"
+)
+_SD_RESISTANCE = 1.5
+_CAPACITANCE = (
+    "log-normal; its 95 % span a factor of 7 to either side: copper and iron of 1 kg to 60 kg "
+    "and 3 kg to 150 kg, at 0.39 and 0.48 kJ/(kg K)"
+)
+_SD_CAPACITANCE = 1.0
+
+NETWORK: dict[Order, tuple[Parameter, ...]] = {
+    "first": (
+        Parameter("Ceq", "J/K", "heat capacity of the machine", "network", "log", 1e4,
+                  _SD_CAPACITANCE, _CAPACITANCE),
+        Parameter("Req", "K/W", "resistance from machine to sink", "network", "log", 0.15,
+                  _SD_RESISTANCE, _RESISTANCE),
+    ),
+    "second": (
+        Parameter("Ceq_w", "J/K", "heat capacity of the winding", "network", "log", 500.0,
+                  _SD_CAPACITANCE, _CAPACITANCE),
+        Parameter("Ceq_sr", "J/K", "heat capacity of stator and rotor", "network", "log", 1e4,
+                  _SD_CAPACITANCE, _CAPACITANCE),
+        Parameter("Req_w", "K/W", "resistance from winding to stator", "network", "log", 0.15,
+                  _SD_RESISTANCE, _RESISTANCE),
+        Parameter("Req_sr", "K/W", "resistance from stator to sink", "network", "log", 0.15,
+                  _SD_RESISTANCE, _RESISTANCE),
+    ),
+}  # fmt: skip
+"""The parameters that a calibration is for."""
+
+INSTRUMENTS = (
+    Parameter("power_gain", "1", "relative error of the losses", "instrument", "linear", 0.0, 0.01,
+              "losses as input minus output with instruments of class 0.1 at 90 % efficiency: 1 %"),
+    Parameter("sensor_gain", "1", "relative error of the measured rise", "instrument", "linear",
+              0.0, 0.005, "class 2 thermocouple (IEC 60584-1: 0.75 % at the limit, k = 1.7)"),
+    Parameter("sensor_offset", "K", "offset of the winding sensor", "instrument", "linear", 0.0,
+              0.5, "thermocouple and cold junction, agreement at rest within 1 K"),
+    Parameter("ambient_offset", "K", "offset of the sink temperature", "instrument", "linear", 0.0,
+              0.5, "one point of the room or duct stands for the whole sink"),
+)  # fmt: skip
+"""Type B uncertainties: temperatures alone cannot tell them, so they enter C and R."""
+
+COLD_START_K = 2.0
+"""Start within this of the sink [K] and at rest: stator and winding count as one temperature."""
+
+ALL_NAMES = (
+    "Ceq", "Req", "Ceq_w", "Ceq_sr", "Req_w", "Req_sr", "Rs0", "power_gain", "torque_offset",
+    "sensor_gain", "sensor_offset", "ambient_offset", "load_timing", "Tw_start", "Tsr_start",
+)  # fmt: skip
+"""Every name that a motor file may override."""
+
+OF_ONE_TEST = ("load_timing", "Tw_start", "Tsr_start")
+"""Parameters of one test, which say nothing of another."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A network with its nuisances; hashable, so that it keys a compilation.
+
+    Attributes:
+        order: First or second order.
+        kind: What the loss channel means.
+        phases: Number of phases [1].
+        reference_temperature: Temperature that Rs0 holds for [degC].
+        coefficient: B of the winding's material [degC].
+        effects: Effects that extend the network, in order.
+    """
+
+    order: Order
+    kind: Literal["balance", "map"]
+    phases: int
+    reference_temperature: float
+    coefficient: float
+    effects: tuple[type[AbstractEffect], ...] = ()
+
+    @classmethod
+    def of(
+        cls, order: Order, motor: Motor, effects: tuple[type[AbstractEffect], ...] = ()
+    ) -> Model:
+        """Return the model of a motor, with effects beyond the network if wanted."""
+        return cls(
+            order=order,
+            kind=motor.losses,
+            phases=motor.phases,
+            reference_temperature=motor.reference_temperature_degC,
+            coefficient=motor.resistance_coefficient_degC,
+            effects=effects,
+        )
+
+    def network(self, values: Values) -> Network:
+        """Return the network for values by name."""
+        names = [parameter.name for parameter in NETWORK[self.order]]
+        build = first_order if self.order == "first" else second_order
+        return build(**{name: values[name] for name in names})
+
+    def topology(self) -> Network:
+        """Return the network with all parameters 1: for questions that need no values."""
+        return self.network({p.name: jnp.asarray(1.0) for p in NETWORK[self.order]})
+
+    def losses(self, values: Values) -> CopperLosses:
+        """Return copper loss and meaning of the loss channel for values by name."""
+        return CopperLosses(
+            Rs0=values.get("Rs0", jnp.asarray(0.0)),
+            reference_temperature=self.reference_temperature,
+            coefficient=self.coefficient,
+            phases=self.phases,
+            kind=self.kind,
+            power_gain=values["power_gain"],
+            torque_offset=values.get("torque_offset", 0.0),
+            ambient_offset=values["ambient_offset"],
+        )
+
+    def sensor(self, values: Values) -> Sensor:
+        """Return the winding sensor for values by name."""
+        return Sensor(gain=values["sensor_gain"], offset=values["sensor_offset"])
+
+    def start(self, values: Values) -> dict[str, Float[Array, ""]]:
+        """Return the start temperatures by node [degC]."""
+        start = {"winding": values["Tw_start"]}
+        if self.order == "second":
+            start["stator"] = values["Tsr_start"]
+        return start
+
+    def built_effects(self, values: Values) -> tuple[AbstractEffect, ...]:
+        """Return the effects for values by name."""
+        network = self.network(values)
+        effects = tuple(
+            build(
+                kind,
+                {name: values[qualified(kind, name)] for name in kind.card.parameters},
+                network,
+            )
+            for kind in self.effects
+        )
+        if "load_timing" in values:
+            return (*effects, TimeShift(values["load_timing"]))
+        return effects
+
+    def block_means(self, values: Values, test: Observation) -> Float[Array, " block"]:
+        """Return the modelled means over the blocks of a test [degC]."""
+        return block_means(
+            self.network(values),
+            self.losses(values),
+            test.inputs,
+            self.start(values),
+            weight=test.weight,
+            position=test.position,
+            effects=self.built_effects(values),
+            sensor=self.sensor(values),
+        )
+
+    def simulate(self, values: Values, inputs: Inputs) -> Trace:
+        """Return temperatures, reading, flows and losses at full detail."""
+        return simulate(
+            self.network(values),
+            self.losses(values),
+            inputs,
+            self.start(values),
+            effects=self.built_effects(values),
+            sensor=self.sensor(values),
+        )
+
+
+def parameters(model: Model, motor: Motor, tests: Sequence[Blocks]) -> ParameterSet:
+    """Return all parameters of a model over tests, with priors and the motor file's overrides.
+
+    Raises:
+        InputError: If the phase resistance is needed and not given, or an override is wrong.
+    """
+    check_names((*ALL_NAMES, *effect_names(model.effects)), motor)
+    shared = [*NETWORK[model.order], *_resistance(model, motor), *INSTRUMENTS]
+    if "torque_offset" in motor.parameters:
+        shared.append(_torque(motor, tests))
+    by_test = [
+        override(
+            [
+                *shared,
+                *_timing(test),
+                *_start(model, test),
+                *effect_parameters(model.effects, test.duration_s),
+            ],
+            motor,
+        )
+        for test in tests
+    ]
+    return collect([test.name for test in tests], by_test)
+
+
+def _resistance(model: Model, motor: Motor) -> list[Parameter]:
+    """Return Rs0 where the copper loss enters: not in one node under a measured balance."""
+    if model.order == "first" and model.kind == "balance":
+        return []
+    said = motor.parameters.get("Rs0")
+    given = motor.phase_resistance_ohm
+    if given is None and (said is None or (said.value is None and said.fixed is None)):
+        raise InputError(
+            "the phase resistance is not given, and the copper loss of the "
+            f"{model.order}-order network needs it.",
+            where=motor.path or motor.name,
+            remedy="Give [winding] phase_resistance_ohm, or a guess to be estimated with "
+            "[parameters.Rs0] value = ... and relative_sd = 0.2; or calibrate with --model first.",
+        )
+    return [
+        Parameter(
+            "Rs0", "ohm", "phase resistance at the reference temperature", "resistance", "log",
+            1.0 if given is None else given, 0.01,
+            "four-wire measurement, winding temperature known to 2 K (0.4 %/K)",
+        )
+    ]  # fmt: skip
+
+
+def _torque(motor: Motor, tests: Sequence[Blocks]) -> Parameter:
+    """Return the offset of the torque, which only the user can size."""
+    if motor.losses != "balance" or any(test.inputs.speed is None for test in tests):
+        raise InputError(
+            "[parameters.torque_offset] needs losses from a balance and a speed in every test.",
+            where=motor.path or motor.name,
+            remedy="Map speed_rpm, or drop the section.",
+        )
+    return Parameter("torque_offset", "N m", "offset of the torque transducer", "instrument",
+                     "linear", 0.0, 0.1, "0.1 % of a 100 N m transducer")  # fmt: skip
+
+
+def _of_test(model: Model, test: Blocks) -> list[Parameter]:
+    """Return what belongs to one test: timing, start, and effects by its length."""
+    effects = effect_parameters(model.effects, test.duration_s)
+    return [*_timing(test), *_start(model, test), *effects]
+
+
+def _timing(test: Blocks) -> list[Parameter]:
+    """Return the moment of the load steps, where the logger is too slow to tell it.
+
+    Samples are joined by straight lines, so a step that falls on a sample comes half a period
+    early.
+    """
+    if test.sample_s < SLOW_LOGGER_S:
+        return []
+    return [
+        Parameter(
+            "load_timing", "s", "load later than halfway between two samples", "instrument",
+            "linear", 0.0, test.sample_s / math.sqrt(12.0),
+            f"samples every {test.sample_s:.3g} s: anywhere between two of them", per_test=True,
+        )
+    ]  # fmt: skip
+
+
+def _start(model: Model, test: Blocks) -> list[Parameter]:
+    rise = test.start_degC - float(test.inputs.ambient[0])
+    winding = Parameter(
+        "Tw_start", "degC", "winding temperature at the start", "start", "linear",
+        test.start_degC, 2.0, "first readings, with the sensor's lag and rounding",
+        per_test=True,
+    )  # fmt: skip
+    if model.order == "first":
+        return [winding]
+    if test.stator_start_degC is not None:
+        centre, sd, basis = test.stator_start_degC, 2.0, "measured stator temperature"
+    elif abs(rise) < COLD_START_K:
+        centre, sd = test.start_degC, 1.0
+        basis = "cold start: the machine has soaked at one temperature"
+    else:
+        centre, sd = test.start_degC - 0.35 * rise, max(5.0, 0.2 * abs(rise))
+        basis = "warm start, stator not measured: between sink and winding, nearer the winding"
+    stator = Parameter(
+        "Tsr_start", "degC", "stator temperature at the start", "start", "linear",
+        centre, sd, basis, per_test=True,
+    )  # fmt: skip
+    return [winding, stator]

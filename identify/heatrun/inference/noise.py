@@ -1,0 +1,200 @@
+r"""The noise of block means: a slow Ornstein-Uhlenbeck part, a white part, and rounding.
+
+Residuals of a bench record are not independent: 54,000 samples whose error drifts over two
+minutes are worth about twenty. With $o$ the slow part at the edges of blocks of length $\Delta$,
+the density of the block means $e_j$ is that of
+
+$$ e_j = A\, o_j + \eta_j + w_j, \quad o_{j+1} = \phi\, o_j + \xi_j, \quad
+   \phi = e^{-\Delta/\tau} $$
+
+evaluated in one Kalman pass, which also whitens residuals for least squares. A mean over a block
+is smoother than a reading: $A$, the variance of $\eta$ and its covariance with $\xi$ are those of
+the mean of as many readings, evenly spaced, as the block holds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..bench.blocks import BLOCK_S, Observation
+from .parameters import Parameter
+
+NOISE = (
+    Parameter("noise_sd", "K", "slow part of the noise", "noise", "log", 0.2, 1.2,
+              "thermocouple pick-up, cooling air and rounding of a slow course: 0.02...2 K"),
+    Parameter("noise_time", "s", "correlation time of the slow part", "noise", "log", 40.0, 1.0,
+              "between a block and ten minutes"),
+    Parameter("noise_white", "K", "white part of the noise of a 20 s mean", "noise", "log", 0.05,
+              1.5, "0.003...1 K, more where the network misfits"),
+)  # fmt: skip
+"""The three parameters of the noise, with priors that only exclude the absurd."""
+
+
+MANY = 200.0
+"""Readings of a 20 s block at 10 Hz; the noise of a mean hardly depends on their number [1]."""
+
+
+class _SlowMeans(NamedTuple):
+    """The mean of a slow part of variance 1 over blocks.
+
+    Attributes:
+        gain: Its share of the slow part at the first edge of the block [1].
+        variance: Its variance [1].
+    """
+
+    gain: Float[Array, "..."]
+    variance: Float[Array, "..."]
+
+
+def _slow_means(decay: Float[Array, "..."], count: Float[Array, "..."]) -> _SlowMeans:
+    """Return the mean of `count` readings in the middles of as many equal parts of a block.
+
+    Args:
+        decay: Length of the block over the correlation time [1].
+        count: Readings in the block, 1 or more [1].
+    """
+    part = decay / count
+    lost_in_part, lost = -jnp.expm1(-part), -jnp.expm1(-decay)
+    spaced = count * lost_in_part
+    gain = jnp.exp(-0.5 * part) * lost / spaced
+    variance = (2.0 - lost_in_part) / spaced - 2.0 * (1.0 - lost_in_part) * lost / spaced**2
+    return _SlowMeans(gain, variance)
+
+
+class Noise(eqx.Module):
+    """Noise of the block means.
+
+    Attributes:
+        sd: Standard deviation of the slow part of a reading [K].
+        time: Its correlation time [s].
+        white: Standard deviation of the white part of a 20 s mean [K].
+    """
+
+    sd: Float[Array, ""]
+    time: Float[Array, ""]
+    white: Float[Array, ""]
+
+    @jax.jit
+    def total(self) -> Float[Array, ""]:
+        """Return the standard deviation of a 20 s mean of many readings [K]."""
+        slow = self.sd**2 * _slow_means(BLOCK_S / self.time, jnp.asarray(MANY)).variance
+        return jnp.sqrt(slow + self.white**2)
+
+
+def from_scores(z: Float[Any, "3 ..."], slow: Float[Array, ""] | float = 1.0) -> Noise:
+    """Return the noise for standard scores of `NOISE`.
+
+    Args:
+        z: Scores.
+        slow: Factor on the slow part: 1, or 0 for noise that counts as white.
+    """
+    sd, time, white = (parameter.value(z[i]) for i, parameter in enumerate(NOISE))
+    return Noise(slow * sd, time, white)
+
+
+@jax.jit
+def whiten(
+    residual: Float[Array, "block ..."], noise: Noise, blocks: Observation
+) -> tuple[Float[Array, "block ..."], Float[Array, ""]]:
+    """Return whitened residuals and half the log determinant of their covariance.
+
+    Args:
+        residual: Measured minus modelled block means [K], shape (block,) or (block, column):
+            every column is filtered alike, so a Jacobian may be passed. Blocks without a reading
+            come out as zero.
+        noise: The noise.
+        blocks: Which blocks hold a reading, their length and the variance from rounding.
+
+    Reference: J. Durbin, S. J. Koopman, Time Series Analysis by State Space Methods, 2nd ed.,
+        section 4.3 (innovations).
+    """
+    slow = noise.sd**2
+    decay = blocks.block_s / noise.time
+    phi, gains, own = _of_blocks(noise, blocks)
+    shared = slow * gains * -jnp.expm1(-decay)
+    fresh = slow * -jnp.expm1(-2.0 * decay)
+    apart = own + noise.white**2 * (BLOCK_S / blocks.block_s) + blocks.rounding_variance
+
+    def advance(state, x):
+        mean, variance = state
+        value, is_observed, gain, apart, shared = x
+        total = gain**2 * variance + apart
+        innovation = jnp.where(is_observed, value - gain * mean, 0.0)
+        weight = jnp.where(is_observed, (phi * gain * variance + shared) / total, 0.0)
+        mean = phi * mean + weight * innovation
+        variance = phi**2 * variance + fresh - weight**2 * total
+        log_sd = jnp.where(is_observed, 0.5 * jnp.log(total), 0.0)
+        return (mean, variance), (innovation / jnp.sqrt(total), log_sd)
+
+    filled = jnp.where(_align(blocks.is_observed, residual), residual, 0.0)
+    start = (jnp.zeros(residual.shape[1:]), slow)
+    _, (whitened, log_sd) = jax.lax.scan(
+        advance, start, (filled, blocks.is_observed, gains, apart, shared)
+    )
+    return whitened, jnp.sum(log_sd)
+
+
+@jax.jit
+def log_density(
+    residual: Float[Array, " block"], noise: Noise, blocks: Observation
+) -> Float[Array, ""]:
+    """Return the log density of the residuals of one test [nat]. Arguments as `whiten`."""
+    whitened, half_log_det = whiten(residual, noise, blocks)
+    count = jnp.sum(blocks.is_observed)
+    return -0.5 * jnp.sum(whitened**2) - half_log_det - 0.5 * count * math.log(2 * math.pi)
+
+
+def draw(
+    key: Array, noise: Noise, blocks: Observation, shape: tuple[int, ...] = ()
+) -> Float[Array, "... block"]:
+    """Return noise drawn for the blocks of a test [K], shape (*shape, block)."""
+    num = blocks.is_observed.shape[0]
+    first, second = jax.random.split(key)
+    shocks = jax.random.normal(first, (num + 1, *shape))
+    phi, gain, own = _of_blocks(noise, blocks)
+
+    def advance(slow, shock):
+        after = phi * slow + jnp.sqrt(1.0 - phi**2) * noise.sd * shock
+        return after, after
+
+    _, slow = jax.lax.scan(advance, noise.sd * shocks[0], shocks[1:])
+    edges = jnp.concatenate([noise.sd * shocks[:1], slow]).reshape(num + 1, -1)
+    # given both edges of its block, a mean depends on nothing else
+    share = gain / (1.0 + phi)
+    between = own - (noise.sd * gain) ** 2 * (1.0 - phi) / (1.0 + phi)
+    apart = between + noise.white**2 * (BLOCK_S / blocks.block_s) + blocks.rounding_variance
+    rest = jax.random.normal(second, (num, math.prod(shape)))
+    total = share[:, None] * (edges[1:] + edges[:-1]) + jnp.sqrt(apart)[:, None] * rest
+    return jnp.moveaxis(total.reshape(num, *shape), 0, -1)
+
+
+def variance_of_mean(noise: Noise, block_s: float, num: int) -> float:
+    """Return the variance of the mean of blocks of many readings in a row [K^2].
+
+    Args:
+        noise: The noise.
+        block_s: Length of a block [s].
+        num: Number of blocks.
+    """
+    decay = jnp.asarray(num * block_s) / noise.time
+    slow = noise.sd**2 * _slow_means(decay, jnp.asarray(num * MANY)).variance
+    return float(slow + noise.white**2 * (BLOCK_S / (num * block_s)))
+
+
+def _of_blocks(
+    noise: Noise, blocks: Observation
+) -> tuple[Float[Array, ""], Float[Array, " block"], Float[Array, " block"]]:
+    """Return the decay over a block, the gain of each, and the variance beside that [1, 1, K^2]."""
+    decay = blocks.block_s / noise.time
+    gain, variance = _slow_means(decay, jnp.maximum(blocks.count, 1.0))
+    return jnp.exp(-decay), gain, noise.sd**2 * (variance - gain**2)
+
+
+def _align(mask: Array, values: Array) -> Array:
+    return mask.reshape(mask.shape + (1,) * (values.ndim - 1))

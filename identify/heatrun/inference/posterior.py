@@ -1,0 +1,159 @@
+"""The posterior of a fit: emcee until it is long enough, or weighted draws where those will do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from .batches import at_once
+from .fit_result import Fit
+from .sampling.convergence import Convergence, judge
+from .sampling.importance import Weighted, importance_sample
+
+NUM_ENSEMBLES = 2
+"""Ensembles that run apart, so that they can be held against each other."""
+
+CHUNK = 250
+"""Steps between two looks at the convergence, and between two checkpoints."""
+
+BURN_IN = 0.2
+"""Share of the steps that is dropped: the walkers start from weighted draws."""
+
+MOST_STEPS = 12_000
+"""Steps of an ensemble after which it is given up, with a verdict that says so."""
+
+NUM_KEPT = 4000
+"""Draws kept of the posterior."""
+
+Method = Literal["emcee", "importance"]
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws from the posterior of a fit.
+
+    Attributes:
+        fit: What was sampled.
+        vectors: Scores of parameters and noise, shape (chain, draw, all); a chain is one of the
+            ensembles, thinned, one walker after the other.
+        log_density: Unnormalised log posterior, shape (chain, draw).
+        method: How they were drawn.
+        weighted: The weighted draws that came first.
+        convergence: Verdict on the ensembles; None for weighted draws.
+    """
+
+    fit: Fit
+    vectors: Float[np.ndarray, "chain draw all"]
+    log_density: Float[np.ndarray, "chain draw"]
+    method: Method
+    weighted: Weighted
+    convergence: Convergence | None
+
+    @property
+    def flat(self) -> Float[np.ndarray, "draw all"]:
+        """All draws in a row."""
+        return self.vectors.reshape(-1, self.vectors.shape[-1])
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether the draws can be trusted."""
+        return self.weighted.is_sound if self.convergence is None else self.convergence.is_enough
+
+    def sentence(self) -> str:
+        """Return the verdict in words."""
+        if self.convergence is not None:
+            return self.convergence.sentence()
+        return (
+            f"Weighted draws around the fit: Pareto k {self.weighted.pareto_k:.2f} (limit 0.7), "
+            f"{self.weighted.effective_size:.0f} effective draws."
+        )
+
+    def thin(self, num: int, seed: int = 0) -> Float[np.ndarray, "draw all"]:
+        """Return `num` of the draws, picked evenly at random without repetition."""
+        flat = self.flat
+        picked = np.random.default_rng(seed).permutation(flat.shape[0])[:num]
+        return flat[picked]
+
+    def values(self) -> dict[str, np.ndarray]:
+        """Return the draws by slot name in physical units, each of shape (chain, draw)."""
+        parameters = self.fit.problem.parameters
+        return parameters.physical(self.vectors[..., : self.fit.problem.num_parameters])
+
+
+def sample(
+    fit: Fit,
+    *,
+    method: Literal["emcee", "quick"] = "emcee",
+    seed: int = 0,
+    folder: Path | None = None,
+    progress: Progress | None = None,
+    most_steps: int = MOST_STEPS,
+) -> Posterior:
+    """Sample the posterior around a fit.
+
+    Args:
+        fit: The fit.
+        method: `"emcee"`; or `"quick"`: weighted draws if their Pareto guard holds, else emcee.
+        seed: Of everything that is drawn.
+        folder: Where checkpoints are written and taken up again; None for none.
+        progress: Called with a sentence and the share done.
+        most_steps: Steps of an ensemble after which it is given up.
+    """
+    weighted = importance_sample(fit, seed=seed)
+    if method == "quick" and weighted.is_sound:
+        return _of_weighted(fit, weighted, seed)
+
+    from .sampling.ensemble import (
+        Ensemble,  # emcee takes half a second, and most commands never sample
+    )
+
+    size = fit.vector.size
+    num_walkers = max(64, 2 * (2 * size // 2 + 1))
+    ensembles = [
+        Ensemble.begin(fit, weighted, num_walkers, index, seed, folder)
+        for index in range(NUM_ENSEMBLES)
+    ]
+    while True:
+        at_once(lambda ensemble: ensemble.advance(CHUNK), ensembles)
+        num_steps = ensembles[0].num_steps
+        drop = int(BURN_IN * num_steps)
+        chains = np.stack([ensemble.chain()[drop:] for ensemble in ensembles])
+        convergence = judge(chains)
+        if progress is not None:
+            progress(
+                f"{num_steps} steps, {convergence.effective_size:.0f} effective draws",
+                min(1.0, max(convergence.effective_size / 800.0, num_steps / most_steps)),
+            )
+        if (convergence.is_enough and num_steps >= 2 * CHUNK) or num_steps >= most_steps:
+            break
+    density = np.stack([ensemble.density()[drop:] for ensemble in ensembles])
+    return Posterior(fit, keep(chains), keep(density), "emcee", weighted, convergence)
+
+
+def keep(draws: Float[np.ndarray, "ensemble step walker ..."]) -> np.ndarray:
+    """Return about `NUM_KEPT` draws, shape (ensemble, draw, ...): whole steps, walker by walker.
+
+    Every n-th of all draws in a row would be the same few walkers wherever n and their number
+    share a divisor. One walker after the other, so that whoever looks for the autocorrelation of
+    the rows finds it.
+    """
+    every = max(1, draws.shape[0] * draws.shape[1] * draws.shape[2] // NUM_KEPT)
+    by_walker = np.swapaxes(draws[:, ::every], 1, 2)
+    return by_walker.reshape(draws.shape[0], -1, *draws.shape[3:])
+
+
+def weighted_draws(fit: Fit, *, seed: int = 0) -> Posterior:
+    """Return weighted draws around a fit, whether their guard holds or not; it says so itself."""
+    return _of_weighted(fit, importance_sample(fit, seed=seed), seed)
+
+
+def _of_weighted(fit: Fit, weighted: Weighted, seed: int) -> Posterior:
+    vectors = weighted.resample(NUM_KEPT, np.random.default_rng([seed, 1]))
+    density = np.full((1, NUM_KEPT), np.nan)
+    return Posterior(fit, vectors[None], density, "importance", weighted, None)

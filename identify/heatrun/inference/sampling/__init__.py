@@ -1,0 +1,1 @@
+"""Samplers of the posterior: importance sampling around the fit, and emcee."""

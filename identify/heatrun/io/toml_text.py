@@ -1,0 +1,99 @@
+"""TOML from outside, bounded before it is parsed.
+
+The parser of the standard library calls itself for each level of nesting, and for a key of n dots
+it does work and holds memory by n squared: 100 kB of dots took 3.4 GB. So levels and dots are
+counted first, in one pass over the text that knows strings and comments and nothing more.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Any
+
+from ..errors import InputError
+
+LARGEST_BYTES = 2**20
+"""Largest TOML file; those in use have a few kilobytes."""
+
+MOST_LEVELS = 16
+"""Brackets within brackets; a motor file needs two."""
+
+MOST_DOTS = 16
+"""Dots in one key; a motor file needs one."""
+
+TOKEN = re.compile(
+    r'"""(?:[^"\\]|\\.|"(?!""))*+"""'
+    r"|'''(?:[^']|'(?!''))*+'''"
+    r'|"(?:[^"\\\n]|\\.)*+"'
+    r"|'[^'\n]*+'"
+    r"|\#[^\n]*+"
+    r"|[\[\]{}.=,\n\"']",
+    re.DOTALL,
+)
+
+
+def parse_toml(data: bytes, where: str, what: str = "motor file") -> dict[str, Any]:
+    """Return the content of a TOML file.
+
+    Args:
+        data: The bytes of the file.
+        where: The file, for messages.
+        what: What the file is, for messages.
+
+    Raises:
+        InputError: If it is no UTF-8 text or no TOML, larger than `LARGEST_BYTES`, or nested
+            deeper or with more dots in a key than anybody writes.
+    """
+    if len(data) > LARGEST_BYTES:
+        raise InputError(
+            f"Expected a {what} of at most {LARGEST_BYTES // 2**20} MB, got more.",
+            where=where,
+            remedy="Check that this is the right file.",
+        )
+    try:
+        text = data.decode("utf-8-sig")  # editors on Windows add a mark in front
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"Expected UTF-8 text, got another byte at position {error.start}.",
+            where=where,
+            remedy=f"Save the {what} as UTF-8.",
+        ) from error
+    _require_bounded(text, where, what)
+    try:
+        return tomllib.loads(text)
+    except ValueError as error:  # also an integer of 5000 digits
+        raise InputError(
+            f"The {what} is no valid TOML: {str(error)[:300]}.",
+            where=where,
+            remedy='Write lines such as name = "…" below a [section].',
+        ) from error
+
+
+def _require_bounded(text: str, where: str, what: str) -> None:
+    """Raise where brackets lie too deep or a key has too many dots."""
+    levels = dots = 0
+    for found in TOKEN.finditer(text):
+        token = found[0]
+        if token in ("[", "{"):
+            levels, dots = levels + 1, 0
+        elif token in ("]", "}"):
+            levels = max(levels - 1, 0)
+        elif token == ".":
+            dots += 1
+        elif token in ("\n", "=", ","):
+            dots = 0
+        elif token in ('"', "'"):
+            return  # a string that is never closed: the parser comes no further either
+        if levels > MOST_LEVELS or dots > MOST_DOTS:
+            line = text.count("\n", 0, found.start()) + 1
+            problem = (
+                f"Brackets are nested more than {MOST_LEVELS} deep"
+                if levels > MOST_LEVELS
+                else f"A key has more than {MOST_DOTS} dots"
+            )
+            raise InputError(
+                f"{problem} in line {line}; the {what} needs no such thing.",
+                where=where,
+                remedy='Write lines such as name = "…" below a [section].',
+            )

@@ -1,0 +1,1 @@
+"""Figures that follow from a calibrated model: time constants, rises, currents at the limit."""

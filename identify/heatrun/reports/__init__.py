@@ -1,0 +1,1 @@
+"""What users read: terminal, parameter sheet, discovery report, reports by test type."""

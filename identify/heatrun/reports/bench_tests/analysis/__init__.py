@@ -1,0 +1,1 @@
+"""The computing behind the reports by test type."""

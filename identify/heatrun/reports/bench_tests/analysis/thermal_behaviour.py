@@ -1,0 +1,91 @@
+"""Thermal Behaviour Analysis: temperatures, losses, equilibrium, and the network beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ....bench.checks import check_record
+from ....bench.record import Finding, Record
+from ....errors import InputError
+from ....motor import Motor
+from ..card import NOT_OF_THE_MACHINE
+from ..simulated import Simulated, simulate_run
+from .drive import has
+from .equilibrium import Equilibrium, equilibrium
+from .loss_split import LossSplit, split_losses
+
+
+@dataclass(frozen=True)
+class ThermalBehaviour:
+    """What a test says of the machine's temperatures.
+
+    Attributes:
+        temperatures: Channels that were measured, in their canonical order.
+        losses: Split of the losses, or None with a finding.
+        settled: For each part of the machine.
+        simulated: After a run, or None.
+        findings: Doubts, and what could not be determined.
+    """
+
+    temperatures: tuple[str, ...]
+    losses: LossSplit | None
+    settled: tuple[Equilibrium, ...]
+    simulated: Simulated | None
+    findings: tuple[Finding, ...]
+
+    @property
+    def allows_calibration(self) -> bool:
+        """Whether no check forbids a fit."""
+        return all(finding.severity != "error" for finding in self.findings)
+
+
+def thermal_behaviour(record: Record, motor: Motor, run: Path | None = None) -> ThermalBehaviour:
+    """Analyse the temperatures of a test.
+
+    Args:
+        record: Any record with a temperature of the machine.
+        motor: The machine.
+        run: Folder of a calibration whose network is set beside the measurement; None for none.
+
+    Raises:
+        InputError: If no temperature was measured, or a run was given and cannot be simulated.
+    """
+    temperatures = tuple(c for c in record.channels if c.endswith("_degC") and has(record, c))
+    parts = [c for c in temperatures if c not in NOT_OF_THE_MACHINE]
+    if not parts:
+        raise InputError(
+            "Expected a temperature of the machine, such as winding_degC; the channels are "
+            f"{', '.join(record.channels)}.",
+            where=record.name,
+            remedy='Map it in the motor file: [columns] winding_degC = "T_winding [degC]".',
+        )
+    findings = list(check_record(record, motor))
+    losses = None
+    try:
+        losses = split_losses(record, motor)
+    except InputError as error:
+        findings.append(
+            Finding("no_loss_split", "warning", error.problem, error.where, error.remedy,
+                    record.name)
+        )  # fmt: skip
+    simulated = None if run is None else simulate_run(run, record, motor)
+    if simulated is not None and simulated.motor_name != motor.name:
+        findings.append(
+            Finding(
+                "run_of_other_motor",
+                "warning",
+                f"The run was calibrated for {simulated.motor_name!r}, the motor file is of "
+                f"{motor.name!r}.",
+                str(run),
+                "Pass a run of this motor, unless only the name has changed.",
+                record.name,
+            )
+        )
+    return ThermalBehaviour(
+        temperatures=temperatures,
+        losses=losses,
+        settled=tuple(equilibrium(record, motor, c) for c in parts),
+        simulated=simulated,
+        findings=tuple(findings),
+    )

@@ -1,0 +1,146 @@
+"""The report as PDF: numbers to the digits that are read, words that fit their cells."""
+
+from __future__ import annotations
+
+import math
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from ...io.without_folders import without_folders
+from ..sheet.figures import save
+from ..sheet.typeset import typeset
+from .card import TEST_TYPES
+from .report import Cell, Report, Row, Table
+
+TEMPLATE = "report.typ"
+LONGEST_TEXT = 900
+"""Characters of a text in the PDF; a longer one ends in an ellipsis, the JSON holds all of it."""
+
+LONGEST_VALUE = 28
+"""Characters of a word in the column of the values; a longer one stands among the notes."""
+
+LONG_WORD = re.compile(r"\S{20,}")
+BREAKS_AFTER = re.compile(r"([_\-./\\,;:=+@]|.{40})(?=.)")
+BREAK = "\u200b"  # a place where a line may break, without a sign
+
+SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e6
+"""Numbers outside are written with a power of ten."""
+
+
+def write_pdf(report: Report, content: Mapping[str, Any], path: Path) -> Path:
+    """Draw the figures of a report and set it as PDF.
+
+    Args:
+        report: What is to be set.
+        content: As `heatrun.reports.bench_tests.content.report_content`, with `"report"`, the
+            file's name.
+        path: Where it goes; written whole or not at all.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        figures = []
+        for number, drawing in enumerate(report.drawings):
+            figures.append(save(drawing.draw(), folder / f"{number:03d}.png"))
+        return typeset(TEMPLATE, document_content(report, content), figures, path)
+
+
+def document_content(report: Report, content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the texts of the PDF, each cell as it is printed; as `write_pdf`."""
+    dated = f"{content['date']} ({content['date_from']})" if content.get("date") else "not known"
+    texts = {
+        "version": f"heatrun {version('heatrun')}",
+        "title": report.title,
+        "heading": TEST_TYPES[report.kind].heading,
+        "test": report.test,
+        "summary": report.summary,
+        "meta": [["Motor", report.motor], ["Date of the test", dated]]
+        + [
+            [
+                "File" if number == 0 else "and",
+                f"{source.path} · SHA-256 {source.sha256[:16]}… · {source.reader}",
+            ]
+            for number, source in enumerate(report.sources)
+        ],
+        "rows": [_row(row) for row in report.rows],
+        "tables": [_table(table) for table in report.tables],
+        "captions": [drawing.caption for drawing in report.drawings],
+        "findings": [[f.severity, f.sentence()] for f in report.findings],
+        "definitions": [[name, text] for name, text in report.definitions],
+    }
+    return _printed(texts, [source.path for source in report.sources])
+
+
+def _printed(value: Any, paths: Sequence[str]) -> Any:
+    """Return texts as they are printed, at any depth of lists and objects."""
+    if isinstance(value, str):
+        return printed(without_folders(value, paths))
+    if isinstance(value, Mapping):
+        return {key: _printed(item, paths) for key, item in value.items()}
+    return [_printed(item, paths) for item in value]
+
+
+def number(value: Cell) -> str:
+    """Return a cell as it is printed: five digits, a dash where it is undefined.
+
+    Example:
+        >>> number(0.0039), number(247.11654), number(None), number(-0.0)
+        ('0.0039', '247.12', '–', '0')
+    """
+    if isinstance(value, str):
+        return printed(value)
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0.0:
+        return "0"
+    if not SMALLEST_PLAIN <= abs(value) < LARGEST_PLAIN:
+        return f"{value:.2e}"
+    places = max(0, 4 - math.floor(math.log10(abs(value))))
+    text = f"{value:.{places}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def printed(text: str) -> str:
+    """Return a text without control characters, of bounded length, with breaks in long words."""
+    plain = "".join(c if c.isprintable() else " " for c in text)
+    if len(plain) > LONGEST_TEXT:
+        plain = plain[: LONGEST_TEXT - 1] + "…"
+    return LONG_WORD.sub(lambda word: BREAKS_AFTER.sub(rf"\1{BREAK}", word[0]), plain)
+
+
+def _row(row: Row) -> list[str]:
+    value, note = _text(row.value), row.note
+    if len(value) > LONGEST_VALUE:  # it would take the room of the notes
+        value, note = "", f"{value}; {note}" if note else value
+    return [row.label, value, row.unit, note]
+
+
+def _table(table: Table) -> dict[str, Any]:
+    head = [f"{c.label} [{c.unit}]" if c.unit not in (None, "", "1") else c.label
+            for c in table.columns]  # fmt: skip
+    lines = [
+        [f"{line.name} [{line.unit}]", *(_short(cell) for cell in line.cells)]
+        for line in table.lines
+    ]
+    notes = [f"{line.name}: {line.note}" for line in table.lines if line.note]
+    return {
+        "title": table.title,
+        "head": ["", *head],
+        "lines": lines,
+        "notes": [*notes, table.note] if table.note else notes,
+    }
+
+
+def _text(value: Cell) -> str:
+    return value if isinstance(value, str) else number(value)
+
+
+def _short(value: Cell) -> str:
+    """A cell of a table with many columns: four digits."""
+    if isinstance(value, float) and math.isfinite(value) and 1e-3 <= abs(value) < 1e5:
+        places = max(0, 3 - math.floor(math.log10(abs(value))))
+        return f"{value:.{min(places, 4)}f}"
+    return _text(value)

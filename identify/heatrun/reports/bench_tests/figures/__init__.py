@@ -1,0 +1,1 @@
+"""The figures of the reports by test type."""

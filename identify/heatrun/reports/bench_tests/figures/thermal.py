@@ -1,0 +1,75 @@
+"""Figures of the thermal report: temperatures, measured against simulated, losses, heat flows."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ....bench.record import Record
+from ..analysis.loss_split import LossSplit
+from ..simulated import Simulated
+from .drive import samples_or_nan
+from .plot import CYCLE, finish, line, stacked, unit, wording
+
+
+def temperatures(record: Record, behaviour_channels: tuple[str, ...]) -> Figure:
+    """Return all temperatures of a test over time."""
+    figure, (axis,) = stacked([2.9])
+    for number, channel in enumerate(behaviour_channels):
+        line(axis, *samples_or_nan(record, channel), wording(channel), number)
+    axis.set_ylabel(f"temperature [{unit('winding_degC')}]", fontsize=8)
+    finish([axis])
+    return figure
+
+
+def losses(record: Record, split: LossSplit) -> Figure:
+    """Return P_Js and P_ol over time."""
+    figure, (axis,) = stacked([1.9])
+    for number, (label, values) in enumerate(
+        (("P_Js, winding", split.joule_W), ("P_ol, others", split.other_W))
+    ):
+        made = Record(record.name, {"time_s": record.time_s, "loss": values})
+        line(axis, *samples_or_nan(made, "loss"), label, number)
+    axis.axhline(0.0, color="0.6", lw=0.6)
+    axis.set_ylabel("losses [W]", fontsize=8)
+    finish([axis])
+    return figure
+
+
+def against(simulated: Simulated) -> Figure:
+    """Return measured against simulated winding with bands, and the residuals."""
+    figure, (top, bottom) = stacked([2.7, 1.1])
+    minutes = simulated.time_s / 60.0
+    top.fill_between(minutes, *simulated.total_95_degC, color=CYCLE[0], alpha=0.15, lw=0,
+                     label="95 % with noise")  # fmt: skip
+    top.fill_between(minutes, *simulated.parameters_95_degC, color=CYCLE[0], alpha=0.35, lw=0,
+                     label="95 % of the parameters")  # fmt: skip
+    top.plot(minutes, simulated.median_degC, color=CYCLE[0], lw=1.1, label="simulated winding")
+    top.plot(minutes, simulated.measured_degC, ".", color="#222222", ms=2.2,
+             label="measured winding (block means)")  # fmt: skip
+    if "stator" in simulated.nodes_degC:
+        top.fill_between(minutes, *simulated.nodes_95_degC["stator"], color=CYCLE[2], alpha=0.25,
+                         lw=0)  # fmt: skip
+        top.plot(minutes, simulated.nodes_degC["stator"], color=CYCLE[2], lw=1.1,
+                 label="stator Tsr, simulated (95 %)")  # fmt: skip
+    top.set_ylabel("temperature [°C]", fontsize=8)
+    bottom.axhline(0.0, color="0.6", lw=0.6)
+    bottom.plot(minutes, simulated.residual_K, color=CYCLE[1], lw=0.9)
+    bottom.set_ylabel("measured −\nsimulated [K]", fontsize=8)
+    finish([top, bottom])
+    return figure
+
+
+def flows(simulated: Simulated, labels: dict[tuple[str, str], str]) -> Figure:
+    """Return the heat flows of the network over time with their bands."""
+    figure, (axis,) = stacked([1.9])
+    minutes = simulated.time_s / 60.0
+    for number, (link, flow) in enumerate(simulated.flows_W.items()):
+        colour = CYCLE[number]
+        axis.fill_between(minutes, *simulated.flows_95_W[link], color=colour, alpha=0.25, lw=0)
+        axis.plot(minutes, flow, color=colour, lw=1.0, label=labels.get(link, " to ".join(link)))
+    axis.set_ylabel("heat flow [W]", fontsize=8)
+    if np.any([np.min(flow) < 0.0 for flow in simulated.flows_W.values()]):
+        axis.axhline(0.0, color="0.6", lw=0.6)
+    finish([axis])
+    return figure

@@ -1,0 +1,134 @@
+"""Reports of one test or of many, written as PDF, CSV and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...bench.joined import read_test
+from ...bench.record import Record
+from ...errors import InputError
+from ...io.file_set import together
+from ...io.whole_files import writable, write_whole
+from ...motor import Motor
+from ...runs.run_folder import dump, load_result
+from .build import build_report, check_use
+from .card import Kind
+from .content import report_content
+from .csv_table import csv_table
+from .document import write_pdf
+from .reference import read_reference
+from .report import Report
+from .report_name import TestDate, choose_name, date_of_test, set_name
+from .tests_in import tests_in
+from .unchanged import refuse_changed
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one test.
+
+    Attributes:
+        test: As it was named: path of a file, or name of a record.
+        pdf: The report; None if there is none.
+        csv: Its tables.
+        json: Its tables, findings and sources.
+        report: What was typeset.
+        content: What stands in the JSON.
+        error: Why there is no report; None if there is one.
+    """
+
+    test: str
+    pdf: Path | None = None
+    csv: Path | None = None
+    json: Path | None = None
+    report: Report | None = None
+    content: Mapping[str, object] | None = None
+    error: InputError | None = None
+
+    @property
+    def written(self) -> tuple[Path, ...]:
+        """The files, PDF first; empty if there is no report."""
+        return tuple(path for path in (self.pdf, self.csv, self.json) if path is not None)
+
+
+def make_report(
+    kind: Kind,
+    motor: Motor,
+    tests: Sequence[Path | Record],
+    out: Path,
+    run: Path | None = None,
+    reference: Path | None = None,
+    tolerances: Mapping[str, float] | None = None,
+    *,
+    offset_s: float | None = None,
+    say: Callable[[str], None] | None = None,
+) -> list[Outcome]:
+    """Write the reports of tests; one that cannot be made is named, and the others are.
+
+    A report is called after its test type and the test's date, such as
+    `GeneralInformationTest_2022_12_07_001.pdf`. Made again from the same files it takes its former
+    place; the report of another test is never overwritten.
+
+    Args:
+        kind: Test type, one of `TEST_TYPES`.
+        motor: The machine.
+        tests: Bench files (also `TEMPERATURES+DRIVE`), folders of them, or records.
+        out: Folder of the reports; made if it is not there.
+        run: As `build_report`.
+        reference: File of the other prototype, for `"virtual"` and `"real"`.
+        tolerances: As `build_report`.
+        offset_s: As `build_report`.
+        say: Told a sentence about each test that is begun.
+
+    Returns:
+        What became of each test, in order; a folder counts as its files.
+
+    Raises:
+        InputError: If the run, the reference or a folder cannot be read, or `out` not be written.
+        UsageError: If something is given that the test type does not take, or lacks.
+    """
+    check_use(kind, run, reference is not None, tolerances, offset_s)
+    other = None if reference is None else read_reference(reference, motor)
+    if run is not None:
+        load_result(run)  # what is wrong with it is wrong for every test, and said once
+    with writable("the folder of the reports", out):
+        out.mkdir(parents=True, exist_ok=True)
+    found = tests_in(tests)
+    if found.left_out and say is not None:
+        say(f"no bench files, left out: {', '.join(path.name for path in found.left_out)}")
+    outcomes = []
+    for test in found.tests:
+        name = test.name if isinstance(test, Record) else str(test)
+        if say is not None:
+            say(f"{kind} report of {name}")
+        try:
+            record = test if isinstance(test, Record) else read_test(test, motor)
+            report = build_report(
+                kind, motor, record, run=run, reference=other, tolerances=tolerances,
+                offset_s=offset_s,
+            )  # fmt: skip
+            when = None if isinstance(test, Record) else date_of_test(test)
+            outcomes.append(_write(name, report, when, out))
+        except InputError as error:
+            outcomes.append(Outcome(name, error=error))
+    return outcomes
+
+
+def _write(test: str, report: Report, when: TestDate | None, out: Path) -> Outcome:
+    refuse_changed(report.sources)
+    identity = [source.sha256 for source in report.sources] or [report.test]
+    content = report_content(report, when)
+
+    def chosen() -> str:
+        return set_name(choose_name(out, report.kind, when, identity), identity)
+
+    with writable("the report", out), together(out, chosen) as files:
+        name = files.name.partition(".")[0]
+        content = {"report": f"{name}.pdf", "identity": identity, **content}
+        write_pdf(report, content, files.aside / f"{name}.pdf")
+        write_whole(files.aside / f"{name}.csv", csv_table(report).encode("utf-8-sig"))
+        write_whole(files.aside / f"{name}.json", (dump(content) + "\n").encode())
+    pdf, table, text = (out / f"{name}{end}" for end in (".pdf", ".csv", ".json"))
+    return Outcome(test, pdf, table, text, report, content)

@@ -1,0 +1,233 @@
+"""Thermal Behaviour Analysis: temperatures, losses, equilibrium, the network of a run."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+
+from ...bench.checks.samples import samples
+from ...bench.record import Finding, Record
+from ...motor import Motor
+from .analysis.equilibrium import CRITERION, Equilibrium
+from .analysis.integrate import integrate
+from .analysis.loss_split import LossSplit
+from .analysis.signal_table import recorded, signal_table
+from .analysis.thermal_behaviour import ThermalBehaviour, thermal_behaviour
+from .card import TEST_TYPES
+from .figures import thermal as figures
+from .figures.plot import wording
+from .report import Column, Drawing, Line, Report, Row, Table
+from .simulated import Simulated
+
+FLOWS = {
+    ("winding", "stator"): ("P_ws", "winding to stator"),
+    ("stator", "ambient"): ("P_se", "stator to the sink"),
+    ("machine", "ambient"): ("P_se", "machine to the sink"),
+}
+"""Symbols of the heat flows, by link of the network."""
+
+VERDICT = {True: "reached", False: "not reached", None: "undecided"}
+
+DEFINITIONS = (
+    ("Thermal equilibrium", CRITERION),
+    (
+        "Simulated winding",
+        "Median over draws of the run's parameters, each driven by the currents, losses and sink "
+        "of this test and started from its first readings. The inner band holds 95 % of the draws, "
+        "the outer one 95 % with the noise of a block mean.",
+    ),
+    ("Tsr", "Temperature of stator and rotor as one lump of the network; simulated, not measured."),
+    ("P_ws, P_se", "Heat flow from winding to stator, and from stator to the sink; simulated."),
+)
+
+
+def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Report:
+    """Return the Thermal Behaviour Analysis of a record.
+
+    Args:
+        motor: The machine.
+        record: With a temperature of the machine.
+        run: Folder of a calibration whose network is set beside the measurement; None for none.
+
+    Raises:
+        InputError: If no temperature was measured, or a run was given and cannot be simulated.
+    """
+    found = thermal_behaviour(record, motor, run)
+    split, simulated = found.losses, found.simulated
+    rows = [*_winding_rows(record), *([] if split is None else _loss_rows(record, split))]
+    rows += [_equilibrium_row(each) for each in found.settled]
+    rows += [] if simulated is None else _run_rows(simulated)
+    drawings = [
+        Drawing("temperatures", "All measured temperatures over time.",
+                lambda: figures.temperatures(record, found.temperatures))
+    ]  # fmt: skip
+    definitions = list(DEFINITIONS[:1])
+    if simulated is not None:
+        labels = {link: f"{symbol}, {words}" for link, (symbol, words) in FLOWS.items()}
+        drawings += [
+            Drawing("against", "Measured against simulated winding, with Tsr, and the difference.",
+                    lambda: figures.against(simulated)),
+            Drawing("flows", "Heat flows of the network with their 95 % bands.",
+                    lambda: figures.flows(simulated, labels)),
+        ]  # fmt: skip
+        definitions = list(DEFINITIONS)
+    if split is not None:
+        definitions.append(("Split of the losses", split.formula))
+        drawings.append(
+            Drawing("losses", "Losses, split by the measured winding temperature.",
+                    lambda: figures.losses(record, split))
+        )  # fmt: skip
+    definitions.append(_calibration(motor, record, found, run))
+    others = tuple(
+        c for c in TEST_TYPES["thermal"].channels
+        if c in recorded(record) and c not in found.temperatures
+    )  # fmt: skip
+    tables = [signal_table(record, found.temperatures, "Temperatures"), _gradients(found.settled)]
+    if others:
+        tables.append(signal_table(record, others, "Load"))
+    return Report(
+        kind="thermal",
+        title=TEST_TYPES["thermal"].title,
+        test=record.name,
+        motor=motor.name,
+        summary=_summary(record, found),
+        rows=tuple(rows),
+        tables=tuple(tables),
+        drawings=tuple(drawings),
+        findings=(*found.findings, *_no_run(record, run)),
+        definitions=tuple(definitions),
+        channels=(*found.temperatures, *others),
+        sources=record.sources,
+        result=found,
+    )
+
+
+def _winding_rows(record: Record) -> list[Row]:
+    _, values = samples(record, "winding_degC")
+    if values.size == 0:
+        return []
+    return [
+        Row("winding_highest_degC", "Winding, highest", float(np.max(values)), "°C"),
+        Row("winding_end_degC", "Winding at the end", float(values[-1]), "°C"),
+    ]
+
+
+def _loss_rows(record: Record, split: LossSplit) -> list[Row]:
+    rows = []
+    for name, label, values in (
+        ("joule", "P_Js, loss of the winding", split.joule_W),
+        ("other", "P_ol, other losses", split.other_W),
+    ):
+        made = Record(record.name, {"time_s": record.time_s, "loss": values})
+        whole = integrate(*samples(made, "loss"))
+        mean = whole.net / whole.covered_s if whole.covered_s > 0.0 else None
+        rows.append(Row(f"{name}_mean_W", f"{label}, mean", mean, "W"))
+    return rows
+
+
+def _equilibrium_row(found: Equilibrium) -> Row:
+    name = wording(found.channel)
+    return Row(
+        f"{name.replace(' ', '_')}_equilibrium",
+        f"Equilibrium of the {name}",
+        VERDICT[found.is_reached],
+        "",
+        "; ".join(part for part in (found.reason, _earlier(found)) if part),
+    )
+
+
+def _earlier(found: Equilibrium) -> str:
+    if found.first_reached_s is None:
+        return ""
+    return f"first met at {found.first_reached_s / 60.0:.0f} min"
+
+
+def _run_rows(found: Simulated) -> list[Row]:
+    seen = "the run was calibrated on this file" if found.is_seen else "not seen by the calibration"
+    rows = [
+        Row("rmse_K", "Winding, RMSE measured to simulated", found.rmse_K, "K",
+            f"{found.order} order, {seen}"),
+        Row("largest_K", "Winding, largest difference", found.largest_K, "K"),
+        Row("coverage_percent", "Block means inside the 95 % band", 100.0 * found.coverage_95, "%"),
+    ]  # fmt: skip
+    if "stator" in found.nodes_degC:
+        low, high = (float(side[-1]) for side in found.nodes_95_degC["stator"])
+        rows.append(
+            Row("stator_end_degC", "Tsr at the end", float(found.nodes_degC["stator"][-1]), "°C",
+                f"95 %: {low:.1f} … {high:.1f} °C")
+        )  # fmt: skip
+    for link, flow in found.flows_W.items():
+        symbol, words = FLOWS.get(link, (" to ".join(link), "heat flow"))
+        low, high = (float(side[-1]) for side in found.flows_95_W[link])
+        rows.append(
+            Row(f"{symbol}_end_W", f"{symbol}, {words}, at the end", float(flow[-1]), "W",
+                f"95 %: {low:.0f} … {high:.0f} W; mean {float(np.mean(flow)):.0f} W")
+        )  # fmt: skip
+    return rows
+
+
+def _gradients(settled: tuple[Equilibrium, ...]) -> Table:
+    columns = (
+        Column("last but one half hour"),
+        Column("standard error"),
+        Column("last half hour"),
+        Column("standard error"),
+        Column("equilibrium", ""),
+    )
+    lines = []
+    for each in settled:
+        pairs = zip(each.gradients_K_per_h, each.errors_K_per_h, strict=True)
+        figures = tuple(value for pair in pairs for value in pair) or (None,) * 4
+        lines.append(
+            Line(wording(each.channel), "K/h", (*figures, VERDICT[each.is_reached]), each.reason)
+        )
+    return Table("Gradients of the rise over the sink", columns, tuple(lines))
+
+
+def _summary(record: Record, found: ThermalBehaviour) -> str:
+    settled = {s.is_reached for s in found.settled}
+    if settled == {True}:
+        state = "thermal equilibrium is reached in every measured part"
+    elif False in settled:
+        moving = [wording(s.channel) for s in found.settled if s.is_reached is False]
+        state = f"thermal equilibrium is not reached ({', '.join(moving)})"
+    else:
+        state = "whether thermal equilibrium is reached is undecided"
+    words = f"{record.duration_s / 60.0:.1f} min; {state}"
+    if found.simulated is not None:
+        words += (
+            f"; the run's network is {found.simulated.rmse_K:.2f} K (RMSE) from the measured "
+            f"winding, {100 * found.simulated.coverage_95:.0f} % of it inside the 95 % band"
+        )
+    return words + "."
+
+
+def _calibration(
+    motor: Motor, record: Record, found: ThermalBehaviour, run: Path | None
+) -> tuple[str, str]:
+    """Which command turns this test into parameters, or takes them up."""
+    file = shlex.quote(motor.path or "MOTOR.toml")
+    test = shlex.quote("+".join(source.path for source in record.sources) or "TEST")
+    if run is not None:
+        sheet = f"heatrun sheet {shlex.quote(str(run))}"
+        return "Calibration", f"Parameters and their uncertainty: {sheet}"
+    if not found.allows_calibration:
+        return "Calibration", f"The findings forbid one; details: heatrun check {file} {test}"
+    return "Calibration", f"Parameters from this test: heatrun calibrate {file} {test}"
+
+
+def _no_run(record: Record, run: Path | None) -> tuple[Finding, ...]:
+    if run is not None:
+        return ()
+    return (
+        Finding(
+            "no_run",
+            "note",
+            "No run was given, so nothing simulated stands beside the measurement.",
+            record.name,
+            "Calibrate, and pass the run folder by --run.",
+            record.name,
+        ),
+    )

@@ -1,0 +1,161 @@
+"""Validation reports: the bench beside a virtual model, or beside the real prototype."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from functools import partial
+from typing import Literal
+
+from ...bench.record import Record
+from ...motor import Motor
+from .analysis.compare_signals import VERDICTS, SignalComparison
+from .analysis.validation import Validation, validate
+from .card import TEST_TYPES
+from .figures.pair import overlay
+from .figures.plot import unit, wording
+from .reference import Reference
+from .report import Column, Drawing, Line, Report, Row, Table
+
+DIFFERENCE_COLUMNS = (
+    Column("bias"),
+    Column("RMSE"),
+    Column("largest"),
+    Column("at", "min"),
+    Column("correlation", "1"),
+    Column("tolerance"),
+    Column("inside", "%"),
+    Column("in the band", "%"),
+    Column("verdict", ""),
+)
+ENERGY_COLUMNS = (Column("test"), Column("reference"), Column("difference", "%"))
+
+DEFINITIONS = (
+    ("Difference", "Test minus reference on the common axis; means are weighted by time."),
+    ("Offset", "What is added to the reference's clock to give the test's."),
+    ("Inside", "Share of the compared time in which the difference is within the tolerance."),
+    ("In the band", "Share of the compared time in which the test lies in the reference's 95 % "
+                    "band, where it has one."),
+    ("Agreement overall", "Every signal that is evidence agrees; else the ones that do not are "
+                          "named."),
+)  # fmt: skip
+
+
+def validation_report(
+    kind: Literal["virtual", "real"],
+    motor: Motor,
+    record: Record,
+    reference: Reference,
+    *,
+    tolerances: Mapping[str, float] | None = None,
+    offset_s: float | None = None,
+) -> Report:
+    """Return the comparison of a test with the record of another prototype.
+
+    Args:
+        kind: Which prototype the reference comes from; it names the report.
+        motor: The machine.
+        record: The test on the bench.
+        reference: The other prototype's record.
+        tolerances: By channel, in its unit (K for temperatures).
+        offset_s: What is added to the reference's clock [s]; searched if None.
+
+    Raises:
+        InputError: If they share no signal or no time, or the offset cannot be found.
+    """
+    found = validate(record, reference, motor, tolerances=tolerances, offset_s=offset_s)
+    used = Counter(signal.verdict for signal in found.signals)
+    verdicts = tuple((v.capitalize(), words) for v, words in VERDICTS.items() if used[v])
+    return Report(
+        kind=kind,
+        title=TEST_TYPES[kind].title,
+        test=record.name,
+        motor=motor.name,
+        summary=_summary(found),
+        rows=_rows(found, reference),
+        tables=_tables(found),
+        drawings=tuple(
+            Drawing(
+                f"signal_{signal.channel}",
+                f"Above, {wording(signal.channel)} of both prototypes; below, test minus reference "
+                "with the tolerance shaded.",
+                partial(overlay, found.pair, signal, found.bands),
+            )
+            for signal in _evidence_first(found)
+            if signal.verdict != "not comparable"
+        ),
+        findings=(*record.findings, *reference.record.findings, *found.findings),
+        definitions=(*DEFINITIONS, *verdicts),
+        channels=tuple(signal.channel for signal in found.signals),
+        sources=(*record.sources, *reference.record.sources),
+        result=found,
+    )
+
+
+def _summary(found: Validation) -> str:
+    judged = found.judged
+    if not judged:
+        return "No signal in common is evidence: nothing is validated."
+    agreeing = [wording(s.channel) for s in judged if s.verdict == "agrees"]
+    others = [f"{wording(s.channel)} ({s.verdict})" for s in judged if s.verdict != "agrees"]
+    energies = [
+        f" The energy by {wording(s.channel)} differs by {s.energy_difference_percent:+.1f} %."
+        for s in judged
+        if s.energy_difference_percent is not None
+    ]
+    if not others:
+        return f"Agrees in every judged signal: {', '.join(agreeing)}." + "".join(energies)
+    words = f"{len(agreeing)} of {len(judged)} judged signals agree; not {', '.join(others)}."
+    return words + "".join(energies)
+
+
+def _rows(found: Validation, reference: Reference) -> tuple[Row, ...]:
+    pair, offset = found.pair, found.pair.offset
+    return (
+        Row("reference", "Reference", pair.reference, "", reference.run),
+        Row("offset_s", "Offset of the reference's clock", offset.offset_s, "s",
+            f"{offset.method}; standard uncertainty {offset.sd_s:.2g} s"
+            if offset.sd_s > 0.0 else offset.method),
+        Row("common_s", "Time in common", float(pair.time_s[-1] - pair.time_s[0]), "s",
+            f"from {pair.time_s[0]:.1f} s on the test's clock; {pair.method}"),
+        Row("num_judged", "Signals judged", float(len(found.judged)), ""),
+        Row("num_agree", "Signals that agree",
+            float(sum(s.verdict == "agrees" for s in found.judged)), ""),
+    )  # fmt: skip
+
+
+def _tables(found: Validation) -> tuple[Table, ...]:
+    lines = tuple(_line(signal) for signal in _evidence_first(found))
+    bases = sorted({s.tolerance.basis for s in found.signals if s.tolerance.basis})
+    tables = [Table("Signal by signal", DIFFERENCE_COLUMNS, lines,
+                    f"Tolerances: {'; '.join(bases)}.")]  # fmt: skip
+    energies = tuple(
+        Line(wording(s.channel), "kWh", (*s.energy_kWh, s.energy_difference_percent))
+        for s in found.signals
+        if s.energy_kWh is not None
+    )
+    if energies:
+        tables.append(Table("Energy over the time in common", ENERGY_COLUMNS, energies))
+    return tuple(tables)
+
+
+def _evidence_first(found: Validation) -> list[SignalComparison]:
+    return sorted(found.signals, key=lambda signal: signal not in found.judged)
+
+
+def _line(signal: SignalComparison) -> Line:
+    if signal.verdict == "not comparable":
+        return Line(wording(signal.channel), unit(signal.channel), (None,) * 8 + (signal.verdict,))
+    band = signal.share_in_band
+    cells = (
+        signal.bias,
+        signal.rmse,
+        signal.largest,
+        signal.largest_at_s / 60.0,
+        signal.correlation,
+        signal.tolerance.value,
+        100.0 * signal.share_inside,
+        None if band is None else 100.0 * band,
+        signal.verdict,
+    )
+    return Line(wording(signal.channel), unit(signal.channel, is_difference=True), cells)

@@ -1,0 +1,175 @@
+"""What the sheet says, as text in tables: the same words go to PDF, XLSX and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ...bench.channels.column_mapping import KNOWN_BY, assumption, grouped
+from ...io.without_folders import command_without_folders, without_folders
+from .digits import format_interval, format_value
+
+DEFINITIONS = (
+    ("Tw", "temperature that the winding sensor reads, taken as the mean of the winding [degC]"),
+    ("Tsr", "temperature of stator and rotor as one lump; simulated, not measured [degC]"),
+    ("Pjs", "Joule loss of the winding, phases · Is² · Rs0 · (B + Tw)/(B + Tref), on the "
+            "simulated Tw [W]"),
+)  # fmt: skip
+
+LIMITS = (
+    "Temperatures cannot fix the scale of losses: a common factor on losses, capacitances and "
+    "conductances leaves them unchanged. Its uncertainty enters as type B.",
+    "Expanded uncertainties hold k = 2, about 95 %; intervals are the central 95 % of the "
+    "posterior. Type A is what remains with exact instruments, type B what the stated "
+    "uncertainties of the instruments add.",
+    "Outside the tested range of currents, speeds and temperatures the network is an "
+    "extrapolation.",
+)
+
+
+def sheet_content(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Return titles, tables and sentences of the sheet as plain text.
+
+    Args:
+        result: What stands in `fit.json`.
+    """
+    motor = result["motor"]
+    paths = [str(each.get("path", "")) for each in (motor, *result["tests"])]
+    return {
+        "title": _clean(str(motor["name"])),
+        "verdict": _clean(result["verdict"]["sentence"]),
+        "meta": [
+            ["heatrun", str(result["heatrun_version"])],
+            ["command", _clean(command_without_folders(str(result["command"])))],
+            ["seed", str(result["seed"])],
+        ],
+        "definitions": [[name, text] for name, text in DEFINITIONS] + _loss_definitions(motor),
+        "tests": [_test(test) for test in result["tests"]],
+        "columns": [
+            {"tests": _clean(names), "rows": rows, "assumed": _assumed(rows)}
+            for names, rows in grouped(result["tests"])
+        ],
+        "models": [_model(order, model) for order, model in result["models"].items()],
+        "comparison": [_clean(w) for w in (result["comparison"] or {"words": []})["words"]],
+        "findings": [
+            [f["severity"], _clean(without_folders(_sentence(f), paths))]
+            for f in result["findings"]
+        ],
+        "limits": list(LIMITS),
+    }
+
+
+def _sentence(finding: Mapping[str, Any]) -> str:
+    return f"{finding['where']}: {finding['message']} {finding['remedy']}".strip(": ")
+
+
+def _loss_definitions(motor: Mapping[str, Any]) -> list[list[str]]:
+    if motor["losses"] == "balance":
+        pol = ["Pol", "other losses, Pd − Pjs, where Pd is measured: electrical in minus "
+                      "mechanical out [W]"]  # fmt: skip
+    else:
+        pol = ["Pol", "other losses, taken from a map or a model; Pjs comes on top [W]"]
+    sink = {"ambient": "ambient temperature", "coolant": "coolant temperature"}[motor["sink"]]
+    return [pol, ["T0", f"temperature of the sink: the measured {sink} [degC]"]]
+
+
+def _test(test: Mapping[str, Any]) -> list[str]:
+    def span(key: str, digits: int = 0) -> str:
+        values = test.get(key)
+        if not values:
+            return "not recorded"
+        return f"{values[0]:.{digits}f} … {values[1]:.{digits}f}"
+
+    return [
+        _clean(test["name"]),
+        test["role"],
+        f"{test['duration_s'] / 60:.1f} min, {test['num_samples']} samples",
+        span("current_A"),
+        span("speed_rpm"),
+        span("winding_degC", 1),
+        span("sink_degC", 1),
+        (test["sha256"] or "in memory")[:16],
+    ]
+
+
+def _assumed(rows: Sequence[Sequence[str]]) -> str:
+    """Sentence on the units that nothing said, empty if there are none."""
+    channels = [row[0] for row in rows if row[3] == KNOWN_BY["assumed"]]
+    return assumption(channels) if channels else ""
+
+
+def _model(order: str, model: Mapping[str, Any]) -> dict[str, Any]:
+    noise = model["noise"]
+    return {
+        "order": f"{order.capitalize()} order",
+        "message": f"{model['message']} {model['posterior']['verdict']}",
+        "parameters": [_parameter(n, p) for n, p in model["parameters"].items()],
+        "nuisances": [_parameter(_clean(n), p)[:5] for n, p in model["nuisances"].items()],
+        "correlation": _correlation(model),
+        "residuals": [
+            [
+                _clean(row["test"]),
+                row["role"],
+                f"{row['rmse_K']:.2f}",
+                f"{row['mae_K']:.2f}",
+                f"{row['max_K']:.2f}",
+                f"{row['end_K']:+.2f}",
+                f"{100 * row['coverage_95']:.0f} %",
+            ]
+            for row in model["residuals"]
+        ],
+        "noise": f"Noise: slow part {noise['sd_K']:.3f} K over "
+        f"{noise['time_s']:.0f} s, white part {noise['white_K']:.3f} K in a 20 s mean."
+        if noise["kind"] == "correlated"
+        else f"Residuals count as white with {noise['white_K']:.2f} K and weigh "
+        f"1/{noise['temper']:.0f}, because the network misfits.",
+        "derived": [_derived(n, d) for n, d in model["derived"].items()],
+    }
+
+
+def _parameter(name: str, entry: Mapping[str, Any]) -> list[str]:
+    sd = entry["sd"]
+    value, _ = format_value(entry["value"], sd)
+    expanded = format_value(entry["value"], None if sd is None else 2 * sd)[1]
+    parts = f"{_short(entry['sd_type_a'])} / {_short(entry['sd_type_b'])}"
+    return [
+        name,
+        entry["meaning"],
+        f"{value} {entry['unit']}",
+        "fixed" if entry["fixed"] else f"± {expanded}",
+        "–" if entry["fixed"] else format_interval(entry["interval_95"], sd),
+        parts,
+        entry.get("identifiability", ""),
+        entry.get("why", ""),
+    ]
+
+
+def _short(value: float | None) -> str:
+    return "–" if not value else f"{value:.2g}"
+
+
+def _correlation(model: Mapping[str, Any]) -> dict[str, Any]:
+    names = model["correlation"]["names"]
+    keep = [i for i, name in enumerate(names) if name in model["parameters"]]
+    matrix = model["correlation"]["matrix"]
+    return {
+        "names": [names[i] for i in keep],
+        "rows": [[f"{matrix[i][j]:+.2f}" for j in keep] for i in keep],
+    }
+
+
+def _derived(name: str, entry: Mapping[str, Any]) -> list[str]:
+    if "refused" in entry:
+        return [name, "refused", entry["refused"], ""]
+    value, _ = format_value(entry["value"], entry["sd"])
+    return [
+        name,
+        f"{value} {entry['unit']}",
+        entry["condition"],
+        format_interval(entry["interval_95"], entry["sd"]),
+    ]
+
+
+def _clean(text: str) -> str:
+    """Return text without control characters, of bounded length."""
+    return "".join(c if c.isprintable() else " " for c in text)[:600]

@@ -1,0 +1,155 @@
+"""Figures of a run, drawn from its tables; nothing is computed here but differences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ...io.whole_files import whole
+
+COLOURS = {"first": "#D55E00", "second": "#0072B2", "measured": "#222222", "stator": "#009E73"}
+"""Okabe and Ito's palette, which colour-blind readers can tell apart."""
+
+LIMITS_K = (1.0, 2.0, 5.0)
+
+
+def draw(
+    tables: Sequence[tuple[str, str, pd.DataFrame]],
+    draws: Mapping[str, np.ndarray],
+    units: Mapping[str, str],
+    folder: Path,
+) -> list[Path]:
+    """Draw all figures of a run as PNG.
+
+    Args:
+        tables: Name, role and courses (`band_table`) of each test.
+        draws: Posterior draws of the network's parameters by name, each of shape (draw,).
+        units: Unit of each parameter.
+        folder: Where the files go.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for number, (name, role, table) in enumerate(tables, start=1):
+        written.append(save(course(name, role, table), folder / f"course_{number}.png"))
+    if all("first_winding_degC" in t and "second_winding_degC" in t for _, _, t in tables):
+        written.append(save(errors(tables), folder / "first_against_second.png"))
+    if draws:
+        written.append(save(pairs(draws, units), folder / "posterior.png"))
+    return written
+
+
+def course(name: str, role: str, table: pd.DataFrame) -> Figure:
+    """Return the course of one test: winding with bands, residuals, load."""
+    figure = Figure(figsize=(7.2, 6.4), layout="constrained")
+    top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[3.2, 1.2, 1.2])
+    minutes = table["time_s"] / 60.0
+    orders = [order for order in ("first", "second") if f"{order}_winding_degC" in table]
+    for order in orders:
+        colour = COLOURS[order]
+        total = [table[f"{order}_total_95_{side}_degC"] for side in ("low", "high")]
+        inner = [table[f"{order}_parameters_95_{side}_degC"] for side in ("low", "high")]
+        if order == orders[-1]:
+            top.fill_between(minutes, *total, color=colour, alpha=0.15, lw=0,
+                             label=f"{order} order, 95 % with noise")  # fmt: skip
+            top.fill_between(minutes, *inner, color=colour, alpha=0.3, lw=0,
+                             label=f"{order} order, 95 % of the parameters")  # fmt: skip
+        top.plot(minutes, table[f"{order}_winding_degC"], color=colour, lw=1.2,
+                 ls="--" if order == "first" else "-", label=f"{order} order, winding")  # fmt: skip
+        middle.plot(minutes, table[f"{order}_residual_K"], color=colour, lw=0.9, label=order)
+    top.plot(minutes, table["measured_degC"], ".", color=COLOURS["measured"], ms=2.2,
+             label="measured winding (block means)")  # fmt: skip
+    if "second_stator_degC" in table:
+        top.fill_between(minutes, table["second_stator_95_low_degC"],
+                         table["second_stator_95_high_degC"], color=COLOURS["stator"], alpha=0.2,
+                         lw=0)  # fmt: skip
+        top.plot(minutes, table["second_stator_degC"], color=COLOURS["stator"], lw=1.1,
+                 label="second order, stator Tsr (95 %)")  # fmt: skip
+    top.plot(minutes, table["sink_degC"], color="0.55", lw=0.8, label="sink T0")
+    top.set_ylabel("temperature [°C]")
+    top.set_title(f"{plain(name)} ({role})", loc="left", fontsize=10)
+    top.legend(fontsize=7, frameon=False, ncols=2)
+    middle.axhline(0.0, color="0.6", lw=0.6)
+    middle.set_ylabel("measured −\nmodel [K]")
+    _load(bottom, minutes, table)
+    bottom.set_xlabel("time [min]")
+    _finish(figure.axes)
+    return figure
+
+
+def errors(tables: Sequence[tuple[str, str, pd.DataFrame]]) -> Figure:
+    """Return the absolute error of both orders over time, with lines at 1, 2 and 5 K."""
+    figure = Figure(figsize=(7.2, 1.0 + 1.9 * len(tables)), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(len(tables), 1))
+    for axis, (name, role, table) in zip(axes, tables, strict=True):
+        for order in ("first", "second"):
+            axis.semilogy(table["time_s"] / 60.0,
+                          np.maximum(np.abs(table[f"{order}_residual_K"]), 1e-2),
+                          color=COLOURS[order], lw=0.9, label=f"{order} order")  # fmt: skip
+        for limit in LIMITS_K:
+            axis.axhline(limit, color="0.6", lw=0.6, ls=":")
+            axis.annotate(f"{limit:g} K", (1.005, limit), xycoords=("axes fraction", "data"),
+                          fontsize=7, va="center")  # fmt: skip
+        axis.set_ylabel("|error| [K]")
+        axis.set_title(f"{plain(name)} ({role})", loc="left", fontsize=9)
+    axes[0].legend(fontsize=7, frameon=False)
+    axes[-1].set_xlabel("time [min]")
+    _finish(list(axes))
+    return figure
+
+
+def pairs(draws: Mapping[str, np.ndarray], units: Mapping[str, str]) -> Figure:
+    """Return marginal and pairwise densities of the parameters."""
+    names = list(draws)
+    size = len(names)
+    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    grid = figure.subplots(size, size, squeeze=False)
+    for row, lower in enumerate(names):
+        for column, left in enumerate(names):
+            axis = grid[row][column]
+            if column > row:
+                axis.set_axis_off()
+            elif column == row:
+                axis.hist(draws[left], bins=25, color=COLOURS["second"], alpha=0.7)
+                axis.set_yticks([])
+            else:
+                axis.hist2d(draws[left], draws[lower], bins=25, cmap="Blues", rasterized=True)
+            axis.tick_params(labelsize=6)
+            if row == size - 1:
+                axis.set_xlabel(f"{left} [{units[left]}]", fontsize=7)
+            if column == 0 and row > 0:
+                axis.set_ylabel(f"{lower} [{units[lower]}]", fontsize=7)
+    return figure
+
+
+def _load(axis: Axes, minutes: pd.Series, table: pd.DataFrame) -> None:
+    axis.plot(minutes, table["phase_current_A"], color="#CC79A7", lw=0.9)
+    axis.set_ylabel("current [A]", color="#CC79A7")
+    second = axis.twinx()
+    second.plot(minutes, table["losses_W"], color="#555555", lw=0.8)
+    second.set_ylabel("losses [W]", color="#555555")
+
+
+def _finish(axes: Sequence[Axes]) -> None:
+    for axis in axes:
+        axis.tick_params(labelsize=8)
+        axis.spines["top"].set_visible(False)
+
+
+def plain(name: str) -> str:
+    """Return a name in which matplotlib sees no mathematics and no control characters."""
+    clean = "".join(c if c.isprintable() else "?" for c in name)
+    return clean.replace("$", r"\$")[:90]
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure as PNG, whole or not at all."""
+    FigureCanvasAgg(figure)
+    with whole(path) as partial:
+        figure.savefig(partial, format="png", dpi=160, metadata={"Software": None})
+    return path

@@ -1,0 +1,174 @@
+"""All calls of ArviZ: draws to groups with units, to NetCDF and back. Works on 0.23 and 1.x."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ..inference.posterior import Posterior
+from ..io.moment import stated_moment
+from ..io.whole_files import write_whole
+
+
+def groups(posterior: Posterior) -> Any:
+    """Return the draws as ArviZ groups: an `InferenceData` on 0.23, a `DataTree` on 1.x.
+
+    Group `posterior` holds every free parameter in its unit (attribute `units`), those that each
+    test has for itself with a dimension `test`, those that only some tests have with a dimension
+    `test_of_NAME` over these; `sample_stats` the log density; `observed_data` the block means by
+    test.
+    """
+    arviz = _arviz()
+    tests = posterior.fit.problem.tests
+    names = [test.name for test in tests]
+    variables, dims, coords = _variables(posterior, names)
+    observed = {f"winding_{index}": test.measured for index, test in enumerate(tests)}
+    dims |= {name: [f"{name}_block"] for name in observed}
+    content = {
+        "posterior": variables,
+        "sample_stats": {"lp": posterior.log_density},
+        "observed_data": observed,
+    }
+    with warnings.catch_warnings():
+        # 0.23 warns when draws of a parameter outnumber its chains, which is always so here
+        warnings.simplefilter("ignore")
+        if _is_tree(arviz):
+            data = arviz.from_dict(content, coords=coords, dims=dims)
+        else:
+            data = arviz.from_dict(**content, coords=coords, dims=dims)
+    _label(data, posterior)
+    return data
+
+
+def write(posterior: Posterior, path: Path) -> None:
+    """Write the groups as NetCDF, whole or not at all.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    write_whole(path, _netcdf(groups(posterior)))
+
+
+def read(path: Path) -> Any:
+    """Return the groups of a NetCDF file, in memory.
+
+    `arviz.from_netcdf` reads the same; but to load ArviZ takes longer than all that a command does
+    with the draws of a run.
+    """
+    import xarray
+
+    with xarray.open_datatree(str(path), engine="h5netcdf") as tree:
+        return tree.load()
+
+
+def summary(posterior: Posterior) -> Any:
+    """Return ArviZ's table of means, intervals and diagnostics."""
+    return _arviz().summary(groups(posterior))
+
+
+def monte_carlo(
+    draws: Mapping[str, Float[np.ndarray, "chain draw"]], probabilities: Sequence[float]
+) -> dict[str, dict[str, tuple[float, float]]]:
+    """Return statistics of chains with their Monte Carlo errors.
+
+    Args:
+        draws: Draws by parameter.
+        probabilities: Of the quantiles.
+
+    Returns:
+        By parameter: `mean`, `sd` and `q2.5` (and so on) as pairs of value and Monte Carlo
+        standard error in the draws' unit; `ess_bulk`, `ess_tail` and `rhat` [1] with error 0.
+
+    Reference: A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Buerkner, Rank-normalization,
+        folding, and localization: an improved R-hat, Bayesian Analysis 16 (2021) 667-718.
+    """
+    arviz = _arviz()
+    data = arviz.convert_to_dataset(dict(draws))
+    # the error of a sd by way of that of the variance: ArviZ 0.23 fails on it under NumPy 2.4
+    squares = arviz.convert_to_dataset({k: (x - np.mean(x)) ** 2 for k, x in draws.items()})
+    error = {f"q{100 * p:g}": arviz.mcse(data, method="quantile", prob=p) for p in probabilities}
+    error["mean"] = arviz.mcse(data, method="mean")
+    error_of_squares = arviz.mcse(squares, method="mean")
+    verdicts = {
+        "ess_bulk": arviz.ess(data, method="bulk"),
+        "ess_tail": arviz.ess(data, method="tail"),
+        "rhat": arviz.rhat(data),
+    }
+    result = {}
+    for name, x in draws.items():
+        sd = float(np.std(x))
+        values = {"mean": float(np.mean(x))}
+        values |= {f"q{100 * p:g}": float(np.quantile(x, p)) for p in probabilities}
+        result[name] = {key: (value, float(error[key][name])) for key, value in values.items()}
+        result[name]["sd"] = (sd, float(error_of_squares[name]) / (2.0 * sd))
+        result[name] |= {key: (float(found[name]), 0.0) for key, found in verdicts.items()}
+    return result
+
+
+def _netcdf(data: Any) -> bytes:
+    """Return the bytes of a NetCDF file: HDF5 on a full disk ends the process with a fault."""
+    import xarray
+
+    arviz = _arviz()
+    names = () if _is_tree(arviz) else data.groups()
+    tree = data if _is_tree(arviz) else xarray.DataTree.from_dict({n: data[n] for n in names})
+    packed = {"zlib": True, "complevel": 4}
+    encoding = {
+        group.path: {str(name): packed for name in group.data_vars} for group in tree.subtree
+    }
+    return bytes(tree.to_netcdf(engine="h5netcdf", encoding=encoding))
+
+
+def _arviz() -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # 0.23 announces 1.0 when it is imported
+        import arviz
+
+    return arviz
+
+
+def _is_tree(arviz: Any) -> bool:
+    return int(arviz.__version__.split(".")[0]) >= 1
+
+
+def _variables(
+    posterior: Posterior, tests: Sequence[str]
+) -> tuple[dict[str, np.ndarray], dict[str, list[str]], dict[str, list[str]]]:
+    """Return draws, dimensions and coordinates by name."""
+    values = posterior.values()
+    variables: dict[str, np.ndarray] = {}
+    dims: dict[str, list[str]] = {}
+    coords = {"test": list(tests)}
+    for slot in posterior.fit.slots:
+        name = slot.parameter.name
+        if slot.test is None:
+            variables[name] = values[slot.name]
+        elif name not in variables:
+            same = [s for s in posterior.fit.slots if s.parameter.name == name]
+            variables[name] = np.stack([values[s.name] for s in same], axis=-1)
+            # an event, or the timing of a slow logger, belongs to some of the tests alone
+            held = [tests[s.test] for s in same if s.test is not None]
+            dims[name] = ["test" if held == list(tests) else f"test_of_{name}"]
+            coords[dims[name][0]] = held
+    return variables, dims, coords
+
+
+def _label(data: Any, posterior: Posterior) -> None:
+    units = {s.parameter.name: s.parameter for s in posterior.fit.slots}
+    group = data["posterior"]
+    for name, parameter in units.items():
+        group[name].attrs["units"] = parameter.unit
+        group[name].attrs["long_name"] = parameter.meaning
+    group.attrs["method"] = posterior.method
+    group.attrs["verdict"] = posterior.sentence()
+    stated = stated_moment()
+    for name in ("posterior", "sample_stats", "observed_data"):
+        attributes = data[name].attrs
+        attributes.pop("created_at", None)
+        if stated is not None:
+            attributes["created_at"] = stated.isoformat()

@@ -1,0 +1,269 @@
+"""The run folder: the result as files, there as a whole or not at all, resumable after a kill.
+
+A run works in `NAME.partial` beside its destination, where its checkpoints lie; the folder takes
+its name in one step when everything is in it. The same command started again finds the partial
+folder of the same inputs and goes on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import platform
+import shutil
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..io.file_set import is_aside
+from ..io.folder_lock import FolderLock
+from ..io.undisturbed import undisturbed
+from ..io.whole_files import PARTIAL, drop_partials, writable, write_whole
+
+MANIFEST = "manifest.json"
+CHECKPOINTS = "checkpoints"
+IDENTITY = "identity"
+"""File with the digest of what an unfinished run is about."""
+
+PACKAGES = ("heatrun", "jax", "optimistix", "diffrax", "emcee", "numpy", "pandas", "arviz")
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """A run on its way to a folder.
+
+    Attributes:
+        path: Where it will be.
+        partial: Where it is until it is whole.
+        note: What became of an earlier attempt at this place; empty if there was none.
+        lock: Held on `partial` while this process works in it.
+    """
+
+    path: Path
+    partial: Path
+    note: str = ""
+    lock: FolderLock | None = None
+
+    @classmethod
+    def begin(cls, path: Path, identity: Mapping[str, Any]) -> RunFolder:
+        """Make or take up the partial folder of a run.
+
+        Args:
+            path: Destination; an earlier run there is replaced in the end, anything else is not.
+            identity: What makes the run what it is: inputs with digests, settings, seed.
+
+        Raises:
+            InputError: If the destination is no run, cannot be written to, or another process
+                is writing it.
+        """
+        digest = hashlib.sha256(dump(identity).encode()).hexdigest()
+        partial = path.with_name(path.name + PARTIAL)
+        with writable("the run folder", path.parent):
+            lock = FolderLock.take(partial)
+            _settle(path)
+            if path.exists() and not (path / MANIFEST).is_file():
+                _drop_if_empty(partial)
+                raise InputError(
+                    f"{path} exists and is not a run of heatrun (it has no {MANIFEST}).",
+                    remedy="Choose another --out.",
+                )
+            note = _make_ready(partial, digest)
+        return cls(path, partial, note, lock)
+
+    @property
+    def checkpoints(self) -> Path:
+        """Folder of the sampler's checkpoints."""
+        return self.partial / CHECKPOINTS
+
+    def write_json(self, name: str, content: Mapping[str, Any]) -> None:
+        """Write a JSON file, whole or not at all."""
+        write_whole(self.partial / name, (dump(content) + "\n").encode())
+
+    def finish(self, manifest: Mapping[str, Any]) -> Path:
+        """Write the manifest, give the folder its name and drop the checkpoints.
+
+        In this order, a kill in between costs no work: without a manifest the next start goes on
+        from the checkpoints, and under its name the folder is whole.
+        """
+        self.write_json(MANIFEST, {**manifest, "files": listing(self.partial)})
+        with undisturbed():
+            if self.path.exists():
+                self.path.replace(_replaced(self.path))
+            self.partial.replace(self.path)
+        _settle(self.path)
+        if self.lock is not None:
+            self.lock.release()
+        return self.path
+
+
+def listing(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 digests of the files of a run by their names in its folder."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    names = {str(path.relative_to(folder)): path for path in files}
+    return {
+        name: hashlib.sha256(path.read_bytes()).hexdigest()
+        for name, path in names.items()
+        if name not in (MANIFEST, IDENTITY)
+        and not name.startswith(f"{CHECKPOINTS}{os.sep}")
+        and not path.name.endswith(PARTIAL)
+        and not is_aside(path.relative_to(folder))
+    }
+
+
+def _replaced(path: Path) -> Path:
+    """Return where an earlier run waits while a new one takes its name."""
+    return path.with_name(f".{path.name}.replaced")
+
+
+def _settle(path: Path) -> None:
+    """Bring to its end what a kill within `RunFolder.finish` left."""
+    old = _replaced(path)
+    if (path / MANIFEST).is_file():
+        shutil.rmtree(path / CHECKPOINTS, ignore_errors=True)
+        (path / IDENTITY).unlink(missing_ok=True)
+        shutil.rmtree(old, ignore_errors=True)
+    elif (old / MANIFEST).is_file() and not path.exists():
+        old.replace(path)
+
+
+def _make_ready(partial: Path, digest: str) -> str:
+    """Mark a folder as the place of a run, emptied if it held another; return what was there."""
+    mark = partial / IDENTITY
+    drop_partials(partial)
+    entries = list(partial.iterdir())
+    if entries and not mark.is_file():
+        raise InputError(
+            f"{partial} holds something that is no unfinished run of heatrun.",
+            remedy="Move it away, or choose another --out.",
+        )
+    if not entries:
+        note = ""
+    elif mark.read_bytes() == digest.encode():
+        note = f"taking up the unfinished run in {partial}"
+        (partial / MANIFEST).unlink(missing_ok=True)
+    else:
+        others = "its inputs, settings or versions were others"
+        note = f"dropping the unfinished run in {partial}: {others}"
+        # the mark goes last: what a kill leaves is still known as ours
+        for entry in entries:
+            if entry.is_dir():
+                shutil.rmtree(entry)
+            elif entry != mark:
+                entry.unlink()
+    write_whole(mark, digest.encode())
+    return note
+
+
+def _drop_if_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def environment() -> dict[str, Any]:
+    """Return versions of what a result depends on."""
+    return {
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "packages": {name: version(name) for name in PACKAGES},
+    }
+
+
+def dump(content: Any) -> str:
+    """Return JSON text; numbers that are not finite become null, arrays lists."""
+    return json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def load_result(path: Path, read: Callable[[Path], bytes] = Path.read_bytes) -> dict[str, Any]:
+    """Return `fit.json` of a run folder.
+
+    Args:
+        path: The run folder.
+        read: Reads a file.
+
+    Raises:
+        InputError: If the folder is no run, or the file is damaged or was changed.
+    """
+    try:
+        result = json.loads(read_listed(path, "fit.json", read))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            f"fit.json cannot be read: {error}.", where=str(path), remedy="Calibrate again."
+        ) from error
+    if not isinstance(result, dict) or result.get("format") != "heatrun-fit/1":
+        raise InputError(
+            "fit.json is of another format than heatrun-fit/1.",
+            where=str(path),
+            remedy="Calibrate again with this version.",
+        )
+    return result
+
+
+def read_listed(run: Path, name: str, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes:
+    """Return a file of a run, which is what the manifest says.
+
+    Args:
+        run: The run folder.
+        name: Name of the file in it.
+        read: Reads a file.
+
+    Raises:
+        InputError: If the folder is no run, or the file is missing, damaged or was changed.
+    """
+    if not (run / MANIFEST).is_file() or not (run / "fit.json").is_file():
+        raise InputError(
+            f"{run} is not a run folder: it holds no {MANIFEST} and fit.json.",
+            remedy="Pass the folder that `heatrun calibrate --out` wrote.",
+        )
+    try:
+        listed = json.loads(read(run / MANIFEST))["files"][name]
+        content = read(run / name)
+    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
+        raise InputError(
+            f"{name} or the {MANIFEST} that lists it cannot be read "
+            f"({type(error).__name__}: {error}).",
+            where=str(run),
+            remedy="Calibrate again.",
+        ) from error
+    if hashlib.sha256(content).hexdigest() != listed:
+        raise InputError(
+            f"{name} is not the file that the run wrote: its SHA-256 is not that in {MANIFEST}.",
+            where=str(run),
+            remedy="Bring the file back, or calibrate again.",
+        )
+    return content
+
+
+def listed_anew(run: Path, written: Path) -> bytes:
+    """Return the manifest of a run as it is once the files of a folder are in the run too."""
+    manifest = json.loads((run / MANIFEST).read_bytes())
+    files = dict(sorted({**manifest["files"], **listing(written)}.items()))
+    return (dump({**manifest, "files": files}) + "\n").encode()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, str):
+        # bytes of a file name that are no UTF-8 are carried as halves of characters
+        return value.encode(errors="backslashreplace").decode()
+    if isinstance(value, Mapping):
+        return {_plain(str(key)): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value
