@@ -67,7 +67,7 @@ def finished(tmp_path_factory, duty, bench, generator):
         found = calibrate(
             motor,
             load_tests(motor, [Path("duty.csv")], [Path("step.csv")]),
-            orders=["second"],
+            networks=["second"],
             method="quick",
         )
         run = RunFolder.begin(Path("run"), {})

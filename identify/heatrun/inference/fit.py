@@ -282,13 +282,12 @@ def _rmse(problem: Problem, stacked: np.ndarray) -> float:
 
 def _misfit(problem: Problem, state: _State, excess: float) -> Finding:
     rmse = _rmse(problem, state.residual)
-    order = problem.model.order
     return Finding(
         id="misfit",
         severity="warning",
-        message=f"the {order}-order network leaves {rmse:.2f} K that drift over minutes, more than "
-        f"noise would (excess {excess:.1f}, 1 if only noise): it misses something. The ranges "
-        f"are widened by {np.sqrt(excess):.1f} for it.",
+        message=f"the {problem.model.words} leaves {rmse:.2f} K that drift over minutes, "
+        f"more than noise would (excess {excess:.1f}, 1 if only noise): it misses something. "
+        f"The ranges are widened by {np.sqrt(excess):.1f} for it.",
         where=problem.label,
         remedy="Look for the missing effect with `heatrun discover`.",
         values={"rmse_K": rmse, "low_frequency_excess": excess},
@@ -300,7 +299,7 @@ def _ambiguous(problem: Problem, num_modes: int) -> Finding:
         id="several_optima",
         severity="warning",
         message=f"the tests are explained about equally well by {num_modes} different sets of "
-        f"parameters of the {problem.model.order}-order network; the ranges cover them all.",
+        f"parameters of the {problem.model.words}; the ranges cover them all.",
         where=problem.label,
         remedy="Add a test in which current and speed move apart, or fix a parameter.",
         values={"num_modes": num_modes},
@@ -311,6 +310,6 @@ def _not_converged(problem: Problem) -> Finding:
     return Finding(
         id="not_converged",
         severity="warning",
-        message=f"{problem.model.order} order: {RESULT.not_converged.value}",
+        message=f"{problem.model.title}: {RESULT.not_converged.value}",
         where=problem.label,
     )

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .batches import at_once
+from .draws import Draws
 from .fit_result import Fit
 from .sampling.convergence import Convergence, judge
 from .sampling.importance import Weighted, importance_sample
@@ -72,6 +73,14 @@ class Posterior:
         return (
             f"Weighted draws around the fit: Pareto k {self.weighted.pareto_k:.2f} (limit 0.7), "
             f"{self.weighted.effective_size:.0f} effective draws."
+        )
+
+    @property
+    def draws(self) -> Draws:
+        """The draws with what gives them a meaning: enough to predict any test."""
+        problem = self.fit.problem
+        return Draws(
+            problem.model, problem.motor, problem.parameters, self.flat, problem.noise_kind
         )
 
     def thin(self, num: int, seed: int = 0) -> Float[np.ndarray, "draw all"]:

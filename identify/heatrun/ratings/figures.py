@@ -83,7 +83,7 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Any]:
         if parameter.fixed is not None:
             values.setdefault(name, np.full(size, parameter.fixed))
     seen = tested(problem.tests)
-    if problem.model.order == "first":
+    if len(problem.model.form.nodes) == 1:
         return {"tau_s": _figure(values["Ceq"] * values["Req"], "s", "Ceq Req, fixed total loss")}
     k = _slope(posterior, values, seen.loaded_squared)
     amperes = np.sqrt(seen.loaded_squared)
