@@ -156,7 +156,7 @@ def test_the_first_order_has_the_names_of_its_own_model(day):
 
 def test_the_file_says_what_the_run_said(day):
     test = read_run_test(Path("run"))
-    variables, _ = thesis_variables(test.record, test.values, test.motor, test.order)
+    variables, _ = thesis_variables(test.record, test.values, test.motor, test.model.name)
     corrections = Corrections.of(test.values)
     variables = corrections.applied(variables, None)
     course = simulate_variables(variables)
