@@ -8,11 +8,14 @@ from .accumulate import accumulate
 from .block_means import block_means
 from .effects import EFFECTS
 from .inputs import Drive, Inputs
+from .linearise import Linearised, linearise, time_constants
 from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, copper_loss
 from .network import Network, first_order, second_order
 from .sensor import Sensor
 from .simulate import Trace, longest_step, reading, reference, simulate
-from .stability import growth_rate
+from .stability import growth_rate, is_stable
+from .steady_state import SteadyCurrent, steady_current, steady_state
+from .time_to import time_to
 
 __all__ = [
     "ALUMINIUM_COEFFICIENT",
@@ -21,17 +24,25 @@ __all__ = [
     "CopperLosses",
     "Drive",
     "Inputs",
+    "Linearised",
     "Network",
     "Sensor",
+    "SteadyCurrent",
     "Trace",
     "accumulate",
     "block_means",
     "copper_loss",
     "first_order",
     "growth_rate",
+    "is_stable",
+    "linearise",
     "longest_step",
     "reading",
     "reference",
     "second_order",
     "simulate",
+    "steady_current",
+    "steady_state",
+    "time_constants",
+    "time_to",
 ]
