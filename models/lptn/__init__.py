@@ -6,7 +6,9 @@ rms, speed in rad/s. Needs float64: `jax.config.update("jax_enable_x64", True)`.
 
 from .accumulate import accumulate
 from .block_means import block_means
+from .constant_drive import heat_input
 from .effects import EFFECTS
+from .hold import Held, hold
 from .inputs import Drive, Inputs
 from .linearise import Linearised, linearise, time_constants
 from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, copper_loss
@@ -23,6 +25,7 @@ __all__ = [
     "EFFECTS",
     "CopperLosses",
     "Drive",
+    "Held",
     "Inputs",
     "Linearised",
     "Network",
@@ -34,6 +37,8 @@ __all__ = [
     "copper_loss",
     "first_order",
     "growth_rate",
+    "heat_input",
+    "hold",
     "is_stable",
     "linearise",
     "longest_step",

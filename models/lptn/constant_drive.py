@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .balance import heat_balance, rates
-from .effects.base import AbstractEffect
+from .effects.base import AbstractEffect, Terms
 from .inputs import Drive
 from .losses import CopperLosses
 from .march import heat_effects, prepare
@@ -28,11 +28,13 @@ class Field(NamedTuple):
         nodes: Names of the nodes, sorted, those of the effects among them: the order of vectors.
         start: Temperatures [degC], shape (node,).
         slope: Returns the rates [K/s] for temperatures [degC], both of shape (node,).
+        heat: Returns the heat put into each node [W] likewise.
     """
 
     nodes: tuple[str, ...]
     start: Float[Array, " node"]
     slope: Callable[[Float[Array, " node"]], Float[Array, " node"]]
+    heat: Callable[[Float[Array, " node"]], Float[Array, " node"]]
 
     def index(self, node: str) -> int:
         """Return the place of a node in a vector.
@@ -87,13 +89,43 @@ def field(
         raise ValueError(
             f"Temperatures are given for {sorted(unknown)}, which are none of {list(full.nodes)}."
         )
-    heat = heat_effects(effects)
+    acting = heat_effects(effects)
     first = first | {node: jnp.asarray(T, dtype=float) for node, T in start.items()}
 
-    def slope(vector: Float[Array, " node"]) -> Float[Array, " node"]:
+    def balance(vector: Float[Array, " node"]) -> tuple[Terms, dict[str, Float[Array, ""]]]:
         temperature = {node: vector[index] for index, node in enumerate(full.nodes)}
-        terms = heat_balance(full, losses, heat, temperature, drive)
-        rate = rates(full, terms, temperature)
+        return heat_balance(full, losses, acting, temperature, drive), temperature
+
+    def slope(vector: Float[Array, " node"]) -> Float[Array, " node"]:
+        rate = rates(full, *balance(vector))
         return jnp.stack([rate[node] for node in full.nodes])
 
-    return Field(full.nodes, jnp.stack([first[node] for node in full.nodes]), slope)
+    def heat(vector: Float[Array, " node"]) -> Float[Array, " node"]:
+        terms, _ = balance(vector)
+        return jnp.stack([terms.heat[node] for node in full.nodes])
+
+    return Field(full.nodes, jnp.stack([first[node] for node in full.nodes]), slope, heat)
+
+
+def heat_input(
+    network: Network,
+    losses: CopperLosses,
+    drive: Drive,
+    temperature: Mapping[str, Float[Array, ""] | float],
+    *,
+    effects: Sequence[AbstractEffect] = (),
+) -> dict[str, Float[Array, ""]]:
+    """Return the heat that losses and effects put into each node at one instant [W].
+
+    Args:
+        network: As `linearise`.
+        losses: As `linearise`.
+        drive: As `linearise`.
+        temperature: As `linearise`.
+        effects: As `linearise`.
+
+    Raises:
+        ValueError: As `linearise`.
+    """
+    at = field(network, losses, drive, temperature, effects)
+    return at.by_node(at.heat(at.start))

@@ -11,11 +11,11 @@ from jaxtyping import Array, Bool, Float
 
 from .constant_drive import field
 from .effects.base import AbstractEffect
+from .hold import advanced
 from .inputs import Drive
 from .losses import CopperLosses
 from .network import Network
 from .steady_state import equilibrium
-from .stepping import mean, stages
 
 GROWTH = 0.05
 """Longest step in terms of the time since the start [1]: modes fade before steps pass them by."""
@@ -98,7 +98,7 @@ def time_to(
     def advance(state: _State) -> _State:
         time, before = state.time + state.step, state.after
         step = jnp.clip(GROWTH * time, SHORTEST * fastest, LONGEST * fastest)
-        after, slope = _step(at.slope, before, step)
+        after, slope = advanced(at.slope, before, step)
         gap = limit - steady[place]
         stays = (gap > 0.0) & jnp.all(before - steady <= NEAR * gap)
         is_never = stays | jnp.all(slope <= 0.0)  # what cools everywhere goes on cooling
@@ -123,12 +123,6 @@ def _fastest(slope, temperature: Float[Array, " node"]) -> Float[Array, ""]:
     """Return a bound from below on the shortest time constant [s] (Gershgorin)."""
     A = jax.jacfwd(slope)(temperature)
     return 1.0 / jnp.max(jnp.sum(jnp.abs(A), axis=1))
-
-
-def _step(slope, vector, step):
-    """Return the temperatures after a step of the simulation's scheme, and the first rates."""
-    _, (first, second, third) = stages({"": vector}, step, lambda state: {"": slope(state[""])})
-    return vector + step * mean(first[""], second[""], third[""]), first[""]
 
 
 def _crossing(step, values, slopes, limit) -> Float[Array, ""]:
