@@ -147,7 +147,7 @@ def describe_model(
             "verdict": posterior.sentence(),
             "is_sound": posterior.is_sound,
         },
-        "derived": {} if fit.problem.model.effects else derive(posterior, duties),
+        "derived": derive(posterior, duties),
         "evidence": {
             "log_evidence": fit.log_evidence,
             "aic": 2.0 * size - 2.0 * log_likelihood,
