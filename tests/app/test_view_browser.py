@@ -94,6 +94,11 @@ def test_calibrate_and_download_the_sheet_and_a_report(served, tab):
     assert download.value.path().read_bytes().startswith(b"%PDF")
     tab.get_by_label("Test type").select_option(label="Energy Consumption")
     _text(tab, "holds no electrical power, which this test type needs")
+    virtual = "Semi-real against Virtual Model Validation"
+    tab.get_by_label("Test type").select_option(label=virtual)
+    _text(tab, "The bench beside a simulation")
+    tab.get_by_role("button", name="Make report").click()  # the run of above is still selected
+    _text(tab, "SemiRealVsVirtualModelValidation")
     assert tab.problems == []
 
 
