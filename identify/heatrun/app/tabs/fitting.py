@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import panel as pn
 
@@ -14,10 +14,8 @@ from ..jobs.pane import JobPane
 from ..jobs.running import Job, JobQueue
 from ..runs import Run
 from ..words import error_message, message
+from .choices import Choices
 from .run_view import run_name, run_view
-
-if TYPE_CHECKING:
-    from .page import Page
 
 NONE = "(none yet)"
 
@@ -31,7 +29,7 @@ class Fitting:
 
     def __init__(
         self,
-        page: Page,
+        page: Choices,
         queue: JobQueue,
         *,
         command: str,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import panel as pn
 
@@ -16,9 +16,7 @@ from ..jobs.pane import JobPane
 from ..jobs.running import Job, JobQueue
 from ..runs import Run
 from ..words import error_message, message, table
-
-if TYPE_CHECKING:
-    from .page import Page
+from .choices import Choices
 
 NO_REFERENCE = "(choose)"
 
@@ -30,7 +28,7 @@ class Reporting:
         view: What goes on the page.
     """
 
-    def __init__(self, page: Page, queue: JobQueue) -> None:
+    def __init__(self, page: Choices, queue: JobQueue) -> None:
         self._page = page
         self._intro = page.pane("")
         self._reference = pn.widgets.Select(
