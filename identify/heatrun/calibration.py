@@ -43,7 +43,7 @@ class Refused(Exception):
 
 
 @dataclass(frozen=True)
-class Test:
+class BenchTest:
     """A record with its reduction and what it is used for."""
 
     record: Record
@@ -65,7 +65,7 @@ class Calibration:
     """
 
     motor: Motor
-    tests: tuple[Test, ...]
+    tests: tuple[BenchTest, ...]
     posteriors: dict[Order, Posterior]
     predictions: dict[Order, list[Prediction]]
     result: dict[str, Any]
@@ -73,7 +73,7 @@ class Calibration:
 
 def load_tests(
     motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path] = ()
-) -> tuple[Test, ...]:
+) -> tuple[BenchTest, ...]:
     """Read, check and reduce records.
 
     Args:
@@ -92,12 +92,12 @@ def load_tests(
     findings = [finding for _, _, found in checked for finding in found]
     if any(finding.severity == "error" for finding in findings):
         raise Refused(findings)
-    return tuple(Test(r, reduce(r, motor), role, found) for r, role, found in checked)
+    return tuple(BenchTest(r, reduce(r, motor), role, found) for r, role, found in checked)
 
 
 def calibrate(
     motor: Motor,
-    tests: Sequence[Test],
+    tests: Sequence[BenchTest],
     *,
     orders: Sequence[Order] = ("first", "second"),
     method: Literal["emcee", "quick"] = "emcee",
@@ -177,7 +177,7 @@ class _Outcome:
     described: dict[str, Any]
 
 
-def identity(motor: Motor, tests: Sequence[Test], **settings: Any) -> dict[str, Any]:
+def identity(motor: Motor, tests: Sequence[BenchTest], **settings: Any) -> dict[str, Any]:
     """Return what makes an unfinished run the same as this one: inputs, settings and versions."""
     return {
         "motor": motor.sha256,
@@ -233,7 +233,7 @@ def _sampling_findings(posterior: Posterior) -> list[Finding]:
     ]
 
 
-def default_folder(motor: Motor, tests: Sequence[Test], order: str) -> Path:
+def default_folder(motor: Motor, tests: Sequence[BenchTest], order: str) -> Path:
     """Return where a run goes if no folder is given: named after motor and first test."""
     words = f"{motor.name}-{tests[0].record.name}-{order}"
     slug = "".join(c if c.isalnum() and c.isascii() else "-" for c in words.lower())

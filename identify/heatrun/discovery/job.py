@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from lptn.effects import AbstractEffect
 
-from ..calibration import Calibration, Test, manifest
+from ..calibration import BenchTest, Calibration, manifest
 from ..inference.model import Order
 from ..inference.reduction_checks import check_reduction
 from ..motor import Motor
@@ -43,7 +43,7 @@ class Job:
 
 def run_job(
     motor: Motor,
-    tests: Sequence[Test],
+    tests: Sequence[BenchTest],
     folder: RunFolder,
     *,
     order: Order = "second",
@@ -94,7 +94,7 @@ def run_job(
 
 def _as_calibration(
     motor: Motor,
-    tests: Sequence[Test],
+    tests: Sequence[BenchTest],
     found: Discovery,
     shown: Shown,
     order: Order,

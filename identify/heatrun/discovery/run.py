@@ -26,7 +26,7 @@ from .final_check import Adequacy, adequacy
 from .grow import Growth, gap, grow
 from .library import Library, all_effects, library
 from .localise import Where, localise
-from .next_test import NextTest, next_test
+from .proposed_test import NextTest, next_test
 from .rivals import Named, settle
 from .start import base_start
 from .verdict import Verdict, verdict
