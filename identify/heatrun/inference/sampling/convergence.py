@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from .diagnostics import split_rhat
+
 ESS_WANTED = 800.0
 """Effective draws at which a 95 % limit is good to 4 % of a standard deviation's worth."""
 
@@ -68,8 +70,7 @@ def judge(chains: Float[np.ndarray, "ensemble step walker parameter"]) -> Conver
         chains: Positions after burn-in.
 
     Reference: J. Goodman, J. Weare, Ensemble samplers with affine invariance, Communications in
-        Applied Mathematics and Computational Science 5 (2010) 65-80, section 5;
-        A. Gelman et al., Bayesian Data Analysis, 3rd ed., section 11.4 (R-hat).
+        Applied Mathematics and Computational Science 5 (2010) 65-80, section 5.
     """
     from emcee.autocorr import integrated_time  # as in `posterior`: only who samples needs it
 
@@ -81,13 +82,6 @@ def judge(chains: Float[np.ndarray, "ensemble step walker parameter"]) -> Conver
         num_steps=num_steps,
         autocorrelation=float(np.max(times)),
         effective_size=float(np.min(draws)),
-        rhat=float(np.max(_rhat(chains))),
+        # a chain is an ensemble: all its walkers, step by step
+        rhat=float(np.max(split_rhat(chains.reshape(chains.shape[0], -1, chains.shape[-1])))),
     )
-
-
-def _rhat(chains: np.ndarray) -> np.ndarray:
-    half = chains.shape[1] // 2
-    parts = [part for chain in chains for part in (chain[:half], chain[half : 2 * half])]
-    means = np.stack([part.mean(axis=(0, 1)) for part in parts])
-    within = np.mean([part.var(axis=(0, 1), ddof=1) for part in parts], axis=0)
-    return np.sqrt(1.0 + means.var(axis=0, ddof=1) / within)

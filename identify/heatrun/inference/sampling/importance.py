@@ -13,11 +13,11 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 from scipy.special import logsumexp
-from scipy.stats import genpareto
 
 from ..batches import in_batches
 from ..fit_result import Fit
 from ..problem import log_posterior_batch
+from .diagnostics import pareto_shape
 from .proposal import Drawn, Proposal
 
 NUM_ADAPTATIONS = 3
@@ -128,15 +128,3 @@ def evaluate(fit: Fit, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarr
     """Return the log posterior of many vectors."""
     structure, data = fit.problem.structure, fit.problem.data
     return in_batches(partial(log_posterior_batch, structure, data), vectors, BATCH)
-
-
-def pareto_shape(log_weight: Float[np.ndarray, " draw"]) -> float:
-    """Return the shape of a generalised Pareto fit to the largest weights [1]."""
-    num = log_weight.size
-    num_tail = int(min(0.2 * num, 3 * np.sqrt(num)))
-    ordered = np.sort(log_weight - np.max(log_weight))
-    tail, threshold = np.exp(ordered[-num_tail:]), np.exp(ordered[-num_tail - 1])
-    if not np.any(tail > threshold):
-        return float("inf")
-    shape, _, _ = genpareto.fit(tail - threshold, floc=0.0)
-    return float(shape)
