@@ -115,7 +115,7 @@ def calibrate(
         tests: From `load_tests`.
         orders: Orders to calibrate.
         method: Sampler, as `heatrun.inference.posterior.sample`.
-        seed: Of everything that is drawn.
+        seed: Random seed.
         duties: Ratings asked for, as `heatrun.ratings.figures.derive`.
         command: As it is to stand in the result.
         folder: Where checkpoints go; None for none.
@@ -228,7 +228,8 @@ def _sampling_findings(posterior: Posterior) -> list[Finding]:
             severity="warning",
             message=f"{posterior.fit.problem.model.order} order: {posterior.sentence()}",
             where=posterior.fit.problem.label,
-            remedy="Add a test that tells the parameters apart, or fix one of them.",
+            remedy="Add a test that makes the parameters distinguishable, or fix one of them in "
+            "the motor file.",
         )
     ]
 

@@ -60,12 +60,12 @@ def compare(
                 "test": name, "limit_K": limit, "until_s": until,
                 "second_until_s": good_until(two, limit),
             })  # fmt: skip
-            ends.append(f"{limit:g} K {_until(until)}")
+            ends.append(f"within {limit:g} K {_until(until)}")
         rows = residual_row(one, role), residual_row(two, role)
         words.append(
-            f"{name} ({role}): the first order is good to {', '.join(ends)}; it errs by "
-            f"{rows[0]['rmse_K']:.2f} K (RMSE) and {rows[0]['max_K']:.1f} K at most, the second "
-            f"order by {rows[1]['rmse_K']:.2f} K and {rows[1]['max_K']:.1f} K."
+            f"{name} ({role}): first order: RMSE {rows[0]['rmse_K']:.2f} K, maximum error "
+            f"{rows[0]['max_K']:.1f} K ({', '.join(ends)}); second order: RMSE "
+            f"{rows[1]['rmse_K']:.2f} K, maximum error {rows[1]['max_K']:.1f} K."
         )
         top = int(np.nanargmax(one.test.measured))
         peak = {
@@ -77,15 +77,15 @@ def compare(
         }
         peaks.append(peak)
         words.append(
-            f"{name}: at the peak of {peak['measured_degC']:.1f} degC the first order is off by "
-            f"{peak['first_degC'] - peak['measured_degC']:+.1f} K, the second by "
+            f"{name}: error at the measured peak of {peak['measured_degC']:.1f} °C: first order "
+            f"{peak['first_degC'] - peak['measured_degC']:+.1f} K, second order "
             f"{peak['second_degC'] - peak['measured_degC']:+.1f} K."
         )
     return {"words": words, "thresholds": thresholds, "peak": peaks}
 
 
 def verdict(models: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Return which order the data call for, from the evidence and the held-out scores.
+    """Return which order the data favour, from the evidence and the held-out scores.
 
     Args:
         models: The entries of `fit.json` by order.
@@ -94,7 +94,7 @@ def verdict(models: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         order = next(iter(models))
         return {
             "order": "undecided",
-            "sentence": f"Only the {order} order was calibrated; nothing was compared.",
+            "sentence": f"Only the {order} order was calibrated: there is no comparison.",
             "log_bayes_factor": None,
         }
     factor = (
@@ -106,18 +106,18 @@ def verdict(models: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         gain = score["second"] - score["first"]
         better = "second" if gain > 0 else "first"
         held = (
-            f" On the held-out tests the {better} order predicts better (log score per block "
-            f"{score['second']:.2f} against {score['first']:.2f})."
+            f" The {better} order predicts the held-out tests better (mean log score per block: "
+            f"second order {score['second']:.2f}, first order {score['first']:.2f})."
         )
     if factor > DECISIVE:
-        order, text = "second", "The data call for the second order"
+        order, text = "second", "The data favour the second order"
     elif factor < -DECISIVE:
-        order, text = "first", "The first order suffices"
+        order, text = "first", "The data favour the first order"
     else:
         order, text = "undecided", "The data do not decide between the orders"
     return {
         "order": order,
-        "sentence": f"{text} (log Bayes factor second to first {factor:+.0f}).{held}",
+        "sentence": f"{text} (log Bayes factor of second to first order: {factor:+.0f}).{held}",
         "log_bayes_factor": factor,
     }
 

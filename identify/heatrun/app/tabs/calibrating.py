@@ -1,4 +1,4 @@
-"""The tab that calibrates: parameters, ranges, bands, comparison and sheet."""
+"""The tab that calibrates: parameters, intervals, bands, comparison and sheet."""
 
 from __future__ import annotations
 

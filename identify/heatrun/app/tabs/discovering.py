@@ -17,5 +17,5 @@ def discovering(page: Choices, queue: JobQueue) -> Fitting:
         what="discovery",
         orders={"second order": "second", "first order": "first"},
         say=discovery_html,
-        intro="Looks for physical effects that the network of the chosen tests lacks.",
+        intro="Searches for physical effects that the network lacks on the chosen tests.",
     )

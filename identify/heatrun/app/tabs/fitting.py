@@ -44,7 +44,8 @@ class Fitting:
         self._holdout = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
         self._order = pn.widgets.Select(name="Network", options=dict(orders), width=200)
         self._quick = pn.widgets.Checkbox(
-            name="Quick: weighted draws instead of emcee where they hold", value=True
+            name="Quick: importance sampling instead of MCMC where its diagnostics allow",
+            value=True,
         )
         self._name = pn.widgets.TextInput(name="Name of the run", placeholder="by the test")
         self._problem = page.pane("")
@@ -109,7 +110,7 @@ class Fitting:
         self._page.list_runs(choose=folder)
         self._shown.value = folder.name if folder.name in self._runs else self._shown.value
         if job.output.get("run") is None:
-            self._problem.object = message("warning", "The command named no run folder.")
+            self._problem.object = message("warning", "The command wrote no run folder.")
 
     def _show(self) -> None:
         run = self._runs.get(str(self._shown.value))

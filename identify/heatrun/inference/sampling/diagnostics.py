@@ -2,7 +2,7 @@
 
 Works on ArviZ 0.23 and 1.x. What ArviZ has no figure for stays where it is needed: the
 autocorrelation of an ensemble, whose walkers are no independent chains, is emcee's, and Kish's
-effective sample size of weighted draws is one line.
+effective sample size of importance samples is one line.
 """
 
 from __future__ import annotations

@@ -21,16 +21,19 @@ from .diagnostics import pareto_shape
 from .proposal import Drawn, Proposal
 
 NUM_ADAPTATIONS = 3
-"""Most rounds in which the proposal is moved to the weighted draws of the round before."""
+"""Most rounds in which the proposal is moved to the importance samples of the round before."""
 
 ENOUGH = 0.15
-"""Share of effective draws at which no further round is worth its time [1]."""
+"""Effective sample size over draws at which no further round is worth its time [1]."""
 
 MORE = 4
 """Factor on the number of draws where the rounds do not satisfy the guard."""
 
 PARETO_LIMIT = 0.7
-"""Largest Pareto shape at which weighted draws can be trusted (Vehtari et al., 2024)."""
+"""Largest Pareto k at which importance sampling can be trusted (Vehtari et al., 2024)."""
+
+LEAST_EFFECTIVE = 400
+"""Smallest effective sample size at which importance sampling can be trusted."""
 
 BATCH = 32
 """Draws evaluated at once, half an ensemble: more of them fall out of the cache."""
@@ -58,13 +61,13 @@ class Weighted:
 
     @property
     def effective_size(self) -> float:
-        """Kish's effective number of draws."""
+        """Kish's effective sample size."""
         return float(1.0 / np.sum(self.weights**2))
 
     @property
     def is_sound(self) -> bool:
         """Whether the weights can be trusted."""
-        return self.pareto_k < PARETO_LIMIT and self.effective_size > 400
+        return self.pareto_k < PARETO_LIMIT and self.effective_size > LEAST_EFFECTIVE
 
     def resample(self, num: int, rng: np.random.Generator) -> np.ndarray:
         """Return rows drawn with their weights, shape (num, all)."""
