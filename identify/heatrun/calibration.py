@@ -46,7 +46,7 @@ class Refused(Exception):
 
 
 @dataclass(frozen=True)
-class Test:
+class BenchTest:
     """A record with its reduction and what it is used for."""
 
     record: Record
@@ -68,7 +68,7 @@ class Calibration:
     """
 
     motor: Motor
-    tests: tuple[Test, ...]
+    tests: tuple[BenchTest, ...]
     posteriors: dict[str, Posterior]
     predictions: dict[str, list[Prediction]]
     result: dict[str, Any]
@@ -76,7 +76,7 @@ class Calibration:
 
 def load_tests(
     motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path] = ()
-) -> tuple[Test, ...]:
+) -> tuple[BenchTest, ...]:
     """Read, check and reduce records.
 
     Args:
@@ -95,12 +95,12 @@ def load_tests(
     findings = [finding for _, _, found in checked for finding in found]
     if any(finding.severity == "error" for finding in findings):
         raise Refused(findings)
-    return tuple(Test(r, reduce(r, motor), role, found) for r, role, found in checked)
+    return tuple(BenchTest(r, reduce(r, motor), role, found) for r, role, found in checked)
 
 
 def calibrate(
     motor: Motor,
-    tests: Sequence[Test],
+    tests: Sequence[BenchTest],
     *,
     networks: Sequence[str | NetworkForm] = ("first", "second"),
     effects: tuple[type[AbstractEffect], ...] = (),
@@ -120,7 +120,7 @@ def calibrate(
         networks: Networks to calibrate, by name or TOML file.
         effects: Known effects that each of them has.
         method: Sampler, as `heatrun.inference.posterior.sample`.
-        seed: Of everything that is drawn.
+        seed: Random seed.
         duties: Ratings asked for, as `heatrun.ratings.figures.derive`.
         command: As it is to stand in the result.
         folder: Where checkpoints go; None for none.
@@ -184,7 +184,7 @@ class _Outcome:
     described: dict[str, Any]
 
 
-def identity(motor: Motor, tests: Sequence[Test], **settings: Any) -> dict[str, Any]:
+def identity(motor: Motor, tests: Sequence[BenchTest], **settings: Any) -> dict[str, Any]:
     """Return what makes an unfinished run the same as this one: inputs, settings and versions."""
     return {
         "motor": motor.sha256,
@@ -235,12 +235,13 @@ def _sampling_findings(posterior: Posterior) -> list[Finding]:
             severity="warning",
             message=f"{posterior.fit.problem.model.title}: {posterior.sentence()}",
             where=posterior.fit.problem.label,
-            remedy="Add a test that tells the parameters apart, or fix one of them.",
+            remedy="Add a test that makes the parameters distinguishable, or fix one of them in "
+            "the motor file.",
         )
     ]
 
 
-def default_folder(motor: Motor, tests: Sequence[Test], order: str) -> Path:
+def default_folder(motor: Motor, tests: Sequence[BenchTest], order: str) -> Path:
     """Return where a run goes if no folder is given: named after motor and first test."""
     words = f"{motor.name}-{tests[0].record.name}-{order}"
     slug = "".join(c if c.isalnum() and c.isascii() else "-" for c in words.lower())

@@ -10,8 +10,7 @@ import pytest
 from pypdf import PdfReader
 
 from heatrun.bench.record import ColumnReading
-from heatrun.calibration import Test as BenchTest
-from heatrun.calibration import calibrate
+from heatrun.calibration import BenchTest, calibrate
 from heatrun.reports.sheet import digits
 from heatrun.reports.sheet.of_run import write_sheet_of
 from heatrun.reports.sheet.worksheet import WorksheetConstants, fill_worksheet

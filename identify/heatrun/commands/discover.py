@@ -1,4 +1,4 @@
-"""`heatrun discover`: where model and measurement disagree, and what is missing."""
+"""`heatrun discover`: where model and measurement disagree, and which effect is missing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .loading import load
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser(
-        "discover", help="where model and measurement disagree, and what is missing"
+        "discover", help="where model and measurement disagree, and which effect is missing"
     )
     words.add_inputs(parser)
     words.add_holdout(parser)
@@ -33,7 +33,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         type=Path,
         default=[],
         metavar="FILE.py",
-        help="effects of your own, searched beside the catalogue; the file is run",
+        help="your own effects, searched beside the library; the file is executed",
     )
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")

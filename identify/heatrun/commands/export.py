@@ -28,7 +28,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--corrected",
         action="store_true",
-        help="apply to Is, Pd and Te the corrections of losses, sink and timing that the run found",
+        help="correct Is, Pd and Te by the errors of losses, sink and timing that were estimated",
     )
     words.add_out(parser, "folder for the files (default: the run itself)")
     words.add_json(parser)

@@ -27,7 +27,12 @@ def add_inputs(parser: argparse.ArgumentParser) -> None:
 def add_holdout(parser: argparse.ArgumentParser) -> None:
     """Add the tests that are predicted and not fitted."""
     parser.add_argument(
-        "--holdout", nargs="+", type=Path, default=[], metavar="TEST", help="predict only"
+        "--holdout",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="TEST",
+        help="tests that are predicted, not fitted",
     )
 
 
@@ -35,7 +40,9 @@ def add_sampling(parser: argparse.ArgumentParser) -> None:
     """Add the seed and the choice of the quick posterior."""
     add_seed(parser)
     parser.add_argument(
-        "--quick", action="store_true", help="weighted draws instead of emcee where they hold"
+        "--quick",
+        action="store_true",
+        help="importance sampling instead of MCMC where its diagnostics allow",
     )
 
 

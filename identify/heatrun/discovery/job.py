@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from lptn.effects import AbstractEffect
 
-from ..calibration import Calibration, Test, manifest
+from ..calibration import BenchTest, Calibration, manifest
 from ..inference.networks import NetworkForm
 from ..inference.reduction_checks import check_reduction
 from ..motor import Motor
@@ -43,7 +43,7 @@ class Job:
 
 def run_job(
     motor: Motor,
-    tests: Sequence[Test],
+    tests: Sequence[BenchTest],
     folder: RunFolder,
     *,
     order: str | NetworkForm = "second",
@@ -98,7 +98,7 @@ def run_job(
 
 def _as_calibration(
     motor: Motor,
-    tests: Sequence[Test],
+    tests: Sequence[BenchTest],
     found: Discovery,
     shown: Shown,
     network: str,

@@ -29,7 +29,7 @@ from .grow import Growth, gap, grow
 from .known import with_known
 from .library import Library, library
 from .localise import Where, localise
-from .next_test import NextTest, next_test
+from .proposed_test import NextTest, next_test
 from .rivals import Named, settle
 from .start import base_start
 from .verdict import Verdict, verdict

@@ -60,12 +60,12 @@ def compare(
                 "test": name, "limit_K": limit, "until_s": until,
                 "second_until_s": good_until(two, limit),
             })  # fmt: skip
-            ends.append(f"{limit:g} K {_until(until)}")
+            ends.append(f"within {limit:g} K {_until(until)}")
         rows = residual_row(one, role), residual_row(two, role)
         words.append(
-            f"{name} ({role}): the {one.model.title} is good to {', '.join(ends)}; it errs by "
-            f"{rows[0]['rmse_K']:.2f} K (RMSE) and {rows[0]['max_K']:.1f} K at most, the "
-            f"{two.model.title} by {rows[1]['rmse_K']:.2f} K and {rows[1]['max_K']:.1f} K."
+            f"{name} ({role}): {one.model.title}: RMSE {rows[0]['rmse_K']:.2f} K, maximum error "
+            f"{rows[0]['max_K']:.1f} K ({', '.join(ends)}); {two.model.title}: RMSE "
+            f"{rows[1]['rmse_K']:.2f} K, maximum error {rows[1]['max_K']:.1f} K."
         )
         top = int(np.nanargmax(one.test.measured))
         peak = {
@@ -77,8 +77,9 @@ def compare(
         }
         peaks.append(peak)
         words.append(
-            f"{name}: at the peak of {peak['measured_degC']:.1f} degC the {one.model.title} is off "
-            f"by {peak['first_degC'] - peak['measured_degC']:+.1f} K, the {two.model.title} by "
+            f"{name}: error at the measured peak of {peak['measured_degC']:.1f} °C: "
+            f"{one.model.title} {peak['first_degC'] - peak['measured_degC']:+.1f} K, "
+            f"{two.model.title} "
             f"{peak['second_degC'] - peak['measured_degC']:+.1f} K."
         )
     return {"words": words, "thresholds": thresholds, "peak": peaks}
@@ -96,7 +97,7 @@ def verdict(models: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         fitted = " and ".join(titles.values())
         return {
             "order": "undecided",
-            "sentence": f"Only the {fitted} was calibrated; nothing was compared."
+            "sentence": f"Only the {fitted} was calibrated: there is no comparison."
             if len(names) == 1
             else f"Calibrated: {fitted}. Two networks are compared at a time.",
             "log_bayes_factor": None,
@@ -109,18 +110,18 @@ def verdict(models: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     if of_small is not None and of_large is not None:
         better = large if of_large > of_small else small
         held = (
-            f" On the held-out tests the {titles[better]} predicts better (log score per block "
-            f"{of_large:.2f} against {of_small:.2f})."
+            f" The {titles[better]} predicts the held-out tests better (mean log score per block: "
+            f"{titles[large]} {of_large:.2f}, {titles[small]} {of_small:.2f})."
         )
     if factor > DECISIVE:
         name, text = large, f"The data favour the {titles[large]}"
     elif factor < -DECISIVE:
-        name, text = small, f"The {titles[small]} suffices"
+        name, text = small, f"The data favour the {titles[small]}"
     else:
         name, text = "undecided", f"The data do not decide between {' and '.join(titles.values())}"
     return {
         "order": name,
-        "sentence": f"{text} (log Bayes factor {large} to {small} {factor:+.0f}).{held}",
+        "sentence": f"{text} (log Bayes factor of {large} to {small}: {factor:+.0f}).{held}",
         "log_bayes_factor": factor,
     }
 

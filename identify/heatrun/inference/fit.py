@@ -285,11 +285,11 @@ def _misfit(problem: Problem, state: _State, excess: float) -> Finding:
     return Finding(
         id="misfit",
         severity="warning",
-        message=f"the {problem.model.words} leaves {rmse:.2f} K that drift over minutes, "
-        f"more than noise would (excess {excess:.1f}, 1 if only noise): it misses something. "
-        f"The ranges are widened by {np.sqrt(excess):.1f} for it.",
+        message=f"slow residuals of the {problem.model.words} exceed the noise (RMSE {rmse:.2f} K; "
+        f"over minutes {excess:.1f} times the variance of noise alone): the model is incomplete. "
+        f"The 95 % intervals are widened by a factor of {np.sqrt(excess):.1f}.",
         where=problem.label,
-        remedy="Look for the missing effect with `heatrun discover`.",
+        remedy="Search for the missing effect with `heatrun discover`.",
         values={"rmse_K": rmse, "low_frequency_excess": excess},
     )
 
@@ -298,10 +298,12 @@ def _ambiguous(problem: Problem, num_modes: int) -> Finding:
     return Finding(
         id="several_optima",
         severity="warning",
-        message=f"the tests are explained about equally well by {num_modes} different sets of "
-        f"parameters of the {problem.model.words}; the ranges cover them all.",
+        message=f"the posterior of the {problem.model.words} is "
+        f"{'bimodal' if num_modes == 2 else 'multimodal'}: {num_modes} parameter sets fit the "
+        "tests about equally well. The 95 % intervals cover all modes.",
         where=problem.label,
-        remedy="Add a test in which current and speed move apart, or fix a parameter.",
+        remedy="Add a test in which current and speed change independently, or fix a parameter in "
+        "the motor file.",
         values={"num_modes": num_modes},
     )
 
