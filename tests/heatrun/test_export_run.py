@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from heatrun.reports.sheet.bands import band_table
 
 from heatrun import cli
 from heatrun.bench.joined import read_test
@@ -27,6 +26,7 @@ from heatrun.export import (
 )
 from heatrun.io.whole_files import write_whole
 from heatrun.motorfile import load_motor
+from heatrun.runs.courses import band_table
 from heatrun.runs.run_folder import RunFolder
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"

@@ -7,7 +7,6 @@ every file is compared with the SHA-256 in the manifest before a sample of it is
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,13 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from ..bench.joined import read_test
-from ..bench.readers.open_file import digest
 from ..bench.record import Record
 from ..errors import InputError
 from ..inference.model import Model
 from ..motor import Motor
 from ..motorfile import load_motor
 from ..runs.run import Run, RunTest, open_run
+from ..runs.sources import SourceFile, refuse_changed
 
 
 @dataclass(frozen=True)
@@ -107,16 +106,13 @@ def _test(run: Run, name: str | None) -> RunTest:
 
 def _motor(run: Run) -> Motor:
     said = run.result["motor"]
-    _refuse_changed(str(said["path"]), str(said["sha256"]), run.path, "motor file")
+    refuse_changed(SourceFile(str(said["path"]), str(said["sha256"])), run.path, "motor file")
     return load_motor(said["path"])
 
 
 def _record(run: Run, test: RunTest, motor: Motor) -> Record:
     """Return the test, read as the run read it, from files that are still the same."""
-    for file in test.files:
-        _refuse_changed(file.path, file.sha256, run.path, "record")
-    command = str(run.result.get("command", ""))
-    record = read_test("+".join(_with_rate(file.path, command) for file in test.files), motor)
+    record = read_test(run.source(test), motor)
     if record.time_s.size != test.said["num_samples"]:
         raise InputError(
             f"the run saw {test.said['num_samples']} samples, this version reads "
@@ -147,31 +143,4 @@ def _refuse_negative(values: Mapping[str, float], run: Path) -> None:
             f"{', '.join(f'{values[name]:g}' for name in bad)}.",
             where=f"{run}, fit.json",
             remedy="Calibrate again.",
-        )
-
-
-def _with_rate(path: str, command: str) -> str:
-    """Return a path with the sampling rate that the run's command gave it, if it did."""
-    found = re.search(re.escape(path) + r"@[0-9.]+\s*Hz", command)
-    return path if found is None else found[0]
-
-
-def _refuse_changed(path: str, expected: str, run: Path, kind: str) -> None:
-    try:
-        now = digest(path)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(
-            f"the {kind} {path} of this run cannot be read ({reason}); the run keeps its path "
-            "as it was given, and no signals.",
-            where=str(run),
-            remedy="Start the command in the folder that the run was started in, "
-            "or put the file back.",
-        ) from error
-    if now != expected:
-        raise InputError(
-            f"the {kind} {path} has changed since the run: SHA-256 {expected[:12]}… then, "
-            f"{now[:12]}… now.",
-            where=str(run),
-            remedy="Put the file of the run back, or calibrate again.",
         )
