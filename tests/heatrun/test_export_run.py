@@ -26,8 +26,8 @@ from heatrun.export import (
 )
 from heatrun.io.whole_files import write_whole
 from heatrun.motorfile import load_motor
-from heatrun.runs.courses import band_table
 from heatrun.runs.run_folder import RunFolder
+from heatrun.runs.write import write_run
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 THESIS = ["B", "Ceqsr", "Ceqw", "Is", "Pd", "Reqsr", "Reqw"]
@@ -53,7 +53,7 @@ def write_csv(record, path):
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory, duty, bench, generator):
-    """A folder with a motor file, two records at 1 Hz and a run of the second order on them.
+    """A folder with a motor file, two records at 1 Hz and a run of both orders on them.
 
     The duty is the one that other tests fit too, so its compilations are shared.
     """
@@ -67,12 +67,10 @@ def finished(tmp_path_factory, duty, bench, generator):
         found = calibrate(
             motor,
             load_tests(motor, [Path("duty.csv")], [Path("step.csv")]),
-            networks=["second"],
             method="quick",
         )
         run = RunFolder.begin(Path("run"), {})
-        run.write_json("fit.json", found.result)
-        band_table({"second": found.predictions["second"][0]}).to_csv(run.partial / "course_1.csv")
+        write_run(run, motor, found.result, found.posteriors, found.predictions)
         run.finish(manifest(found, "", 0))
     return folder
 
@@ -139,17 +137,12 @@ def test_our_reader_takes_the_file_for_the_record(day):
 
 
 def test_the_first_order_has_the_names_of_its_own_model(day):
-    def add_first_order(result):
-        nuisances = {**result["models"]["second"]["nuisances"]}
-        del nuisances["Tsr_start[duty]"]
-        network = {"Ceq": {"value": 12500.0}, "Req": {"value": 0.132}}
-        result["models"]["first"] = {"parameters": network, "nuisances": nuisances}
-
-    edit(Path("run/fit.json"), add_first_order)
-    written = export_mat(Path("run"), folder=Path("out"), order="first")
+    written = export_mat(Path("run"), folder=Path("out"), network="first")
     variables = read_variables(Path("out/prova.mat").read_bytes())
     assert list(variables) == FIRST_ORDER
-    assert (variables["Ceqw"], variables["Reqw"]) == (12500.0, 0.132)
+    model = json.loads(Path("run/fit.json").read_text())["models"]["first"]["parameters"]
+    found = tuple(float(variables[name][0, 0]) for name in ("Ceqw", "Reqw"))
+    assert found == (model["Ceq"]["value"], model["Req"]["value"])
     assert variables["Rrif"] == pytest.approx(3 * 0.0062, rel=1e-15)
     assert written["order"] == "first"
 
@@ -178,7 +171,8 @@ def test_a_held_out_test_starts_at_its_first_readings(day):
     assert test.values["Tw_start"] + offset == pytest.approx(
         test.record["winding_degC"][:10].mean(), abs=1.0
     )
-    assert test.values["Tsr_start"] == pytest.approx(test.values["Tw_start"], abs=1e-9)
+    # soaked at one temperature; a median of 400 draws that are known to 1 K
+    assert test.values["Tsr_start"] == pytest.approx(test.values["Tw_start"], abs=0.3)
 
 
 def test_the_same_run_gives_the_same_bytes_again(day):
@@ -253,7 +247,7 @@ def test_what_the_run_has_not_is_refused(day):
     with pytest.raises(InputError, match="with one of: duty, step"):
         export_mat(Path("run"), test="other")
     with pytest.raises(InputError, match="holds no first order, only second"):
-        export_mat(Path("run"), order="first")
+        export_mat(Path("run"), network="third")
 
 
 def test_a_model_with_effects_is_refused(day):
