@@ -1,9 +1,8 @@
-"""`heatrun discover`: where model and measurement disagree, and what is missing."""
+"""`heatrun discover`: where model and measurement disagree, and which effect is missing."""
 
 from __future__ import annotations
 
 import argparse
-import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -16,20 +15,24 @@ from .loading import load
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser(
-        "discover", help="where model and measurement disagree, and what is missing"
+        "discover", help="where model and measurement disagree, and which effect is missing"
     )
     words.add_inputs(parser)
     words.add_holdout(parser)
     parser.add_argument(
-        "--model", choices=("first", "second"), default="second", help="order of the base network"
+        "--model",
+        default="second",
+        metavar="first|second|FILE.toml",
+        help="base network: a built-in one, or your own from a TOML file",
     )
+    words.add_with(parser)
     parser.add_argument(
         "--effects",
         action="append",
         type=Path,
         default=[],
         metavar="FILE.py",
-        help="effects of your own, searched beside the catalogue; the file is run",
+        help="your own effects, searched beside the library; the file is executed",
     )
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
@@ -40,41 +43,31 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Search, write the run folder and print the verdict."""
     from ..bench.channels.column_mapping import describe_columns, mapping_text
-    from ..calibration import default_folder, identity, refuse_unwritable
-    from ..discovery.job import run_job
-    from ..discovery.library import all_effects
+    from ..calibration import default_folder
+    from ..inference.catalogue import all_effects, known_effects
+    from ..inference.networks import network_named
+    from ..jobs import discover_into
     from ..motorfile import load_motor
     from ..reports.terminal import discovery_text
-    from ..runs.run_folder import RunFolder, dump
+    from ..runs.run_folder import dump
 
     motor = load_motor(options.motor)
     kinds = all_effects(options.effects)
+    network = network_named(options.model)
+    known = known_effects(motor, options.effects_known)
     tests = load(motor, options.tests, options.holdout, as_json=options.json)
     if tests is None:
         return NOT_ALLOWED
-    path = options.out or default_folder(motor, tests, "discovery")
-    refuse_unwritable(path)
-    method = "quick" if options.quick else "emcee"
-    same = identity(
-        motor,
-        tests,
-        command="discover",
-        effects=[[str(p), hashlib.sha256(p.read_bytes()).hexdigest()] for p in options.effects],
-        order=options.model,
-        method=method,
-        seed=options.seed,
-    )
-    folder = RunFolder.begin(path, same)
-    if folder.note:
-        say(folder.note)
     with bar() as progress:
-        job = run_job(
+        job = discover_into(
+            options.out or default_folder(motor, tests, "discovery"),
             motor,
             tests,
-            folder,
-            order=options.model,
+            network,
             kinds=kinds,
-            method=method,
+            known=known,
+            files=options.effects,
+            method="quick" if options.quick else "emcee",
             seed=options.seed,
             command=options.command_line,
             say=say,
