@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from .constant_drive import field
 from .effects.base import AbstractEffect
+from .elimination import eliminate
 from .inputs import Drive
 from .losses import CopperLosses
 from .network import Network
@@ -132,7 +133,7 @@ def _newton(residual: Callable[[Vector], Vector], first: Vector) -> tuple[Vector
 
     def improve(state):
         value, _, count = state
-        step = jnp.linalg.solve(jax.jacfwd(residual)(value), -residual(value))
+        step = eliminate(jax.jacfwd(residual)(value), -residual(value)[:, None])[:, 0]
         after = value + step
         return after, jnp.max(jnp.abs(step) / (1.0 + jnp.abs(after))), count + 1
 
