@@ -93,7 +93,7 @@ def main() -> None:
     for name, one in (("first", record), ("second", warmer(record))):
         test = BenchTest(one, reduce(one, motor), "calibration", ())
         with counting() as found:
-            done = calibrate(motor, [test], orders=("second",), method="quick")
+            done = calibrate(motor, [test], networks=("second",), method="quick")
         fitted = done.posteriors["second"].fit
         found["steps"] = fitted.stats["num_steps"]
         found["method"] = done.posteriors["second"].method

@@ -27,7 +27,7 @@ def found(duty, blocks, motor):
     named = replace(duty, name=HOSTILE, mapping=(column,))
     evil = replace(motor, name=HOSTILE)
     tests = [BenchTest(named, replace(blocks, name=HOSTILE), "calibration", ())]
-    return calibrate(evil, tests, orders=["second"], method="quick", command=HOSTILE)
+    return calibrate(evil, tests, networks=["second"], method="quick", command=HOSTILE)
 
 
 @pytest.fixture(scope="module")

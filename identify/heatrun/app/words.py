@@ -47,8 +47,8 @@ def findings_html(findings: Sequence[Finding]) -> str:
 def calibration_html(result: Mapping[str, Any]) -> str:
     """Return the heart of `fit.json`: verdict, parameters with intervals, errors, comparison."""
     parts = [f"<h3>{escape(result['verdict']['sentence'])}</h3>"]
-    for order, model in result["models"].items():
-        parts.append(f"<h3>{escape(order.capitalize())} order</h3>")
+    for model in result["models"].values():
+        parts.append(f"<h3>{escape(model['title'].capitalize())}</h3>")
         parts.append(
             table(
                 ("parameter", "value", "95 % interval", "unit", "identifiable from these tests"),

@@ -23,7 +23,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "--test", metavar="NAME", help="test of the run (default: the first calibrated on)"
     )
     parser.add_argument(
-        "--model", choices=("first", "second"), help="order (default: second where there is one)"
+        "--model", metavar="NAME", help="network of the run (default: its last one)"
     )
     parser.add_argument(
         "--corrected",
@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
         options.run,
         folder=options.out,
         test=options.test,
-        order=options.model,
+        network=options.model,
         is_corrected=options.corrected,
     )
     for note in written["notes"]:

@@ -19,7 +19,11 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "source", metavar="RUN_OR_PARAMETERS", help="run folder, or a TOML file of parameters"
     )
     parser.add_argument("tests", nargs="+", type=Path, metavar="TEST")
-    parser.add_argument("--model", choices=("first", "second"), default="second")
+    parser.add_argument(
+        "--model",
+        metavar="first|second|FILE.toml",
+        help="network of the parameters, or one of the run's (default: the run's last one)",
+    )
     words.add_seed(parser)
     words.add_out(parser, "folder for the CSV files (default: here)")
     words.add_json(parser)
@@ -43,5 +47,6 @@ def run(options: argparse.Namespace) -> int:
     else:
         for row in rows:
             error = "" if row["rmse_K"] is None else f", RMSE {row['rmse_K']:.2f} K"
-            print(f"{printable(row['file'])}: {row['num_rows']} rows{error}")
+            model = ", ".join([row["network"], *row["effects"]])
+            print(f"{printable(row['file'])}: {row['num_rows']} rows ({model}){error}")
     return DONE

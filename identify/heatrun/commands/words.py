@@ -51,6 +51,18 @@ def add_out(parser: argparse.ArgumentParser, text: str) -> None:
     parser.add_argument("--out", type=Path, default=None, metavar="DIR", help=text)
 
 
+def add_with(parser: argparse.ArgumentParser) -> None:
+    """Add `--with`: known effects of the machine."""
+    parser.add_argument(
+        "--with",
+        dest="effects_known",
+        default="",
+        metavar="EFFECT,…",
+        help="known effects in the model beside those of the motor file's [model], such as "
+        "speed_cooling,sensor_lag",
+    )
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add the choice of JSON on stdout."""
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")

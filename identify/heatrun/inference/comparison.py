@@ -1,4 +1,4 @@
-"""First against second order on the same records: errors, scores, and what it means in words."""
+"""Two networks on the same records: errors, scores, and what it means in words."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ def good_until(prediction: Prediction, limit_K: float) -> float | None:
 def compare(
     first: Sequence[Prediction], second: Sequence[Prediction], roles: Sequence[str]
 ) -> dict[str, Any]:
-    """Return the comparison of two orders over the same tests, with sentences.
+    """Return the comparison of two networks over the same tests, with sentences.
 
     Args:
-        first: Predictions of the first order, one per test.
-        second: Those of the second order, in the same order.
+        first: Predictions of the network with fewer nodes, one per test.
+        second: Those of the other one, in the same order.
         roles: `"calibration"` or `"holdout"`, one per test.
     """
     words, thresholds, peaks = [], [], []
@@ -63,8 +63,8 @@ def compare(
             ends.append(f"within {limit:g} K {_until(until)}")
         rows = residual_row(one, role), residual_row(two, role)
         words.append(
-            f"{name} ({role}): first order: RMSE {rows[0]['rmse_K']:.2f} K, maximum error "
-            f"{rows[0]['max_K']:.1f} K ({', '.join(ends)}); second order: RMSE "
+            f"{name} ({role}): {one.model.title}: RMSE {rows[0]['rmse_K']:.2f} K, maximum error "
+            f"{rows[0]['max_K']:.1f} K ({', '.join(ends)}); {two.model.title}: RMSE "
             f"{rows[1]['rmse_K']:.2f} K, maximum error {rows[1]['max_K']:.1f} K."
         )
         top = int(np.nanargmax(one.test.measured))
@@ -77,47 +77,51 @@ def compare(
         }
         peaks.append(peak)
         words.append(
-            f"{name}: error at the measured peak of {peak['measured_degC']:.1f} °C: first order "
-            f"{peak['first_degC'] - peak['measured_degC']:+.1f} K, second order "
+            f"{name}: error at the measured peak of {peak['measured_degC']:.1f} °C: "
+            f"{one.model.title} {peak['first_degC'] - peak['measured_degC']:+.1f} K, "
+            f"{two.model.title} "
             f"{peak['second_degC'] - peak['measured_degC']:+.1f} K."
         )
     return {"words": words, "thresholds": thresholds, "peak": peaks}
 
 
 def verdict(models: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Return which order the data favour, from the evidence and the held-out scores.
+    """Return which of two networks the data favour, from the evidence and the held-out scores.
 
     Args:
-        models: The entries of `fit.json` by order.
+        models: The entries of `fit.json` by name, the network with fewer nodes first.
     """
-    if len(models) < 2:
-        order = next(iter(models))
+    names = list(models)
+    titles = {name: model["title"] for name, model in models.items()}
+    if len(names) != 2:
+        fitted = " and ".join(titles.values())
         return {
             "order": "undecided",
-            "sentence": f"Only the {order} order was calibrated: there is no comparison.",
+            "sentence": f"Only the {fitted} was calibrated: there is no comparison."
+            if len(names) == 1
+            else f"Calibrated: {fitted}. Two networks are compared at a time.",
             "log_bayes_factor": None,
         }
-    factor = (
-        models["second"]["evidence"]["log_evidence"] - models["first"]["evidence"]["log_evidence"]
-    )
-    score = {order: _held_out_score(model) for order, model in models.items()}
+    small, large = names
+    factor = models[large]["evidence"]["log_evidence"] - models[small]["evidence"]["log_evidence"]
+    score = {name: _held_out_score(model) for name, model in models.items()}
+    of_small, of_large = score[small], score[large]
     held = ""
-    if score["first"] is not None and score["second"] is not None:
-        gain = score["second"] - score["first"]
-        better = "second" if gain > 0 else "first"
+    if of_small is not None and of_large is not None:
+        better = large if of_large > of_small else small
         held = (
-            f" The {better} order predicts the held-out tests better (mean log score per block: "
-            f"second order {score['second']:.2f}, first order {score['first']:.2f})."
+            f" The {titles[better]} predicts the held-out tests better (mean log score per block: "
+            f"{titles[large]} {of_large:.2f}, {titles[small]} {of_small:.2f})."
         )
     if factor > DECISIVE:
-        order, text = "second", "The data favour the second order"
+        name, text = large, f"The data favour the {titles[large]}"
     elif factor < -DECISIVE:
-        order, text = "first", "The data favour the first order"
+        name, text = small, f"The data favour the {titles[small]}"
     else:
-        order, text = "undecided", "The data do not decide between the orders"
+        name, text = "undecided", f"The data do not decide between {' and '.join(titles.values())}"
     return {
-        "order": order,
-        "sentence": f"{text} (log Bayes factor of second to first order: {factor:+.0f}).{held}",
+        "order": name,
+        "sentence": f"{text} (log Bayes factor of {large} to {small}: {factor:+.0f}).{held}",
         "log_bayes_factor": factor,
     }
 

@@ -282,11 +282,10 @@ def _rmse(problem: Problem, stacked: np.ndarray) -> float:
 
 def _misfit(problem: Problem, state: _State, excess: float) -> Finding:
     rmse = _rmse(problem, state.residual)
-    order = problem.model.order
     return Finding(
         id="misfit",
         severity="warning",
-        message=f"slow residuals of the {order}-order network exceed the noise (RMSE {rmse:.2f} K; "
+        message=f"slow residuals of the {problem.model.words} exceed the noise (RMSE {rmse:.2f} K; "
         f"over minutes {excess:.1f} times the variance of noise alone): the model is incomplete. "
         f"The 95 % intervals are widened by a factor of {np.sqrt(excess):.1f}.",
         where=problem.label,
@@ -299,7 +298,7 @@ def _ambiguous(problem: Problem, num_modes: int) -> Finding:
     return Finding(
         id="several_optima",
         severity="warning",
-        message=f"the posterior of the {problem.model.order}-order network is "
+        message=f"the posterior of the {problem.model.words} is "
         f"{'bimodal' if num_modes == 2 else 'multimodal'}: {num_modes} parameter sets fit the "
         "tests about equally well. The 95 % intervals cover all modes.",
         where=problem.label,
@@ -313,6 +312,6 @@ def _not_converged(problem: Problem) -> Finding:
     return Finding(
         id="not_converged",
         severity="warning",
-        message=f"{problem.model.order} order: {RESULT.not_converged.value}",
+        message=f"{problem.model.title}: {RESULT.not_converged.value}",
         where=problem.label,
     )

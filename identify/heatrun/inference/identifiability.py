@@ -128,14 +128,14 @@ def _extended(test: Blocks, duration_s: float) -> Blocks:
 
 
 def slow_time_constant(posterior: Posterior) -> float:
-    """Return the slow time constant R C of the stator, or of the one node [s]."""
+    """Return the slow time constant R C of the body that is tied to the sink [s]."""
     values = {name: float(np.median(v)) for name, v in posterior.values().items()}
     for parameters in posterior.fit.problem.parameters.by_test:
         for name, parameter in parameters.items():
             if parameter.fixed is not None:
                 values.setdefault(name, parameter.fixed)
-    names = ("Ceq", "Req") if "Ceq" in values else ("Ceq_sr", "Req_sr")
-    return values[names[0]] * values[names[1]]
+    capacitance, resistance = posterior.fit.problem.model.form.body
+    return values[capacitance] * values[resistance]
 
 
 def _basis(posterior: Posterior) -> str:
@@ -145,7 +145,7 @@ def _basis(posterior: Posterior) -> str:
 
 def _blocking(posterior: Posterior, parameter: Parameter) -> str:
     spans = _spans(posterior)
-    if parameter.name in ("Ceq_sr", "Req_sr", "Ceq", "Req") and spans < 2.5:
+    if parameter.name in posterior.fit.problem.model.form.body and spans < 2.5:
         return f"the longest test spans only {spans:.1f} slow time constants."
     rival = _partner(posterior, parameter)
     if rival is not None:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .batches import at_once
+from .draws import Draws
 from .fit_result import Fit
 from .sampling.convergence import Convergence, judge
 from .sampling.importance import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted, importance_sample
@@ -76,6 +77,14 @@ class Posterior:
         if self.weighted.is_sound:
             return f"Importance sampling is reliable ({figures})."
         return f"Importance sampling is not reliable ({figures}): the intervals are indicative."
+
+    @property
+    def draws(self) -> Draws:
+        """The draws with what gives them a meaning: enough to predict any test."""
+        problem = self.fit.problem
+        return Draws(
+            problem.model, problem.motor, problem.parameters, self.flat, problem.noise_kind
+        )
 
     def thin(self, num: int, seed: int = 0) -> Float[np.ndarray, "draw all"]:
         """Return `num` of the draws, picked evenly at random without repetition."""
