@@ -151,7 +151,7 @@ def doubt_of_kind(channel: Channel, column: Column, symbol: str, where: str) -> 
         if said is None and not AMPLITUDE.search(column.label):
             return None
         source = said.source if said else "the name"
-        message = f"{source[:1].upper()}{source[1:]} speaks of an amplitude, the unit is read as "
+        message = f"{source[:1].upper()}{source[1:]} mentions an amplitude, the unit is read as "
         remedy = (
             f"Write '{column.label} [{prefix}_peak]' in [columns] if it is an amplitude, "
             f"'{column.label} [{prefix}_rms]' if not."
