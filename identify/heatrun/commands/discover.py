@@ -32,7 +32,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         type=Path,
         default=[],
         metavar="FILE.py",
-        help="your own effects, searched beside the library; the file is executed",
+        help="your own effects, searched beside the catalogue; the file is executed",
     )
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
