@@ -21,7 +21,7 @@ from lptn import (
     second_order,
     simulate,
 )
-from lptn.effects import AbstractEffect, build
+from lptn.effects import AbstractEffect, build_all
 from lptn.effects.time_shift import TimeShift
 
 from ..bench.blocks import SLOW_LOGGER_S, Blocks, Observation
@@ -159,15 +159,11 @@ class Model:
 
     def built_effects(self, values: Values) -> tuple[AbstractEffect, ...]:
         """Return the effects for values by name."""
-        network = self.network(values)
-        effects = tuple(
-            build(
-                kind,
-                {name: values[qualified(kind, name)] for name in kind.card.parameters},
-                network,
-            )
+        wanted = [
+            (kind, {name: values[qualified(kind, name)] for name in kind.card.parameters})
             for kind in self.effects
-        )
+        ]
+        effects = build_all(wanted, self.network(values))
         if "load_timing" in values:
             return (*effects, TimeShift(values["load_timing"]))
         return effects
@@ -224,7 +220,8 @@ def parameters(model: Model, motor: Motor, tests: Sequence[Blocks]) -> Parameter
 
 def _resistance(model: Model, motor: Motor) -> list[Parameter]:
     """Return Rs0 where the copper loss enters: not in one node under a measured balance."""
-    if model.order == "first" and model.kind == "balance":
+    is_one_node = model.order == "first" and not any(kind.rebuilds for kind in model.effects)
+    if is_one_node and model.kind == "balance":
         return []
     said = motor.parameters.get("Rs0")
     given = motor.phase_resistance_ohm
