@@ -142,7 +142,9 @@ def test_eager_jit_and_vmap_agree(kind, read, losses, short):
     compiled = jnp.stack([read(network, effect) for effect in effects])
     eager = lptn.reading(network, losses, short, start, effects=effects[:1])
     np.testing.assert_allclose(compiled[0], eager, rtol=1e-12)
-    np.testing.assert_allclose(eqx.filter_vmap(lambda e: read(network, e))(stacked), compiled, rtol=1e-12)
+    np.testing.assert_allclose(
+        eqx.filter_vmap(lambda e: read(network, e))(stacked), compiled, rtol=1e-12
+    )
 
 
 @every_effect
@@ -218,7 +220,9 @@ def test_effects_compose_in_pairs(one, other, read):
     """What one effect does is still there beside the other."""
     both = read(REFERENCE, build(one), build(other))
     for alone, absent in ((one, other), (other, one)):
-        single = read(REFERENCE, *(build(kind) if kind is alone else null(kind) for kind in (one, other)))
+        single = read(
+            REFERENCE, *(build(kind) if kind is alone else null(kind) for kind in (one, other))
+        )
         assert np.all(np.isfinite(single))
         assert float(jnp.max(jnp.abs(both - single))) > 1e-4, f"{absent.card.id} has no effect"
 

@@ -44,9 +44,7 @@ def test_the_first_order_with_it_is_the_second(loss_kind, short):
     losses = CopperLosses(Rs0=jnp.asarray(0.0062), kind=loss_kind)
     effects = [build(WindingNode, SAME, ONE)]
     found = lptn.simulate(ONE, losses, short, START, effects=effects)
-    second = lptn.simulate(
-        lptn.second_order(Ceq_w, Ceq_sr, Req_w, Req_sr), losses, short, BOTH
-    )
+    second = lptn.simulate(lptn.second_order(Ceq_w, Ceq_sr, Req_w, Req_sr), losses, short, BOTH)
     # K; the affine and the general step differ by rounding
     np.testing.assert_allclose(found.reading, second.reading, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(
@@ -62,6 +60,7 @@ def test_it_is_two_nodes_integrated_by_scipy(short, losses):
     T = np.array([21.0, 21.0])
     course = [T[0]]
     for I2, P, T0 in zip(squared, total, ambient, strict=True):
+
         def slope(_, T, I2=I2, P=P, T0=T0):
             copper = 3.0 * I2 * 0.0062 * (234.5 + T[0]) / (234.5 + 25.0)
             across = (T[0] - T[1]) / Req_w
