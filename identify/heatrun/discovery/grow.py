@@ -107,7 +107,7 @@ def grow(
             promising = [s for s in scores if s.log_bayes > WORTH_A_REFIT][:NUM_REFITTED]
             say(f"refitting {len(promising)} of them jointly")
             rivals = sorted(
-                (_rival(engine, base, present, score) for score in promising),
+                (refitted(engine, base, present, score) for score in promising),
                 key=lambda rival: -rival.delta_log_evidence,
             )
         rivals, chosen = _choose(present, rivals, held_out)
@@ -134,7 +134,15 @@ def look(
     return screen, scores
 
 
-def _rival(engine: Engine, base: Refit, present: Refit, score: Score) -> Rival:
+def refitted(engine: Engine, base: Refit, present: Refit, score: Score) -> Rival:
+    """Return a candidate refitted with everything else, with the reason against it if any.
+
+    Args:
+        engine: The extended model.
+        base: Fit of the base model.
+        present: Fit of the present model.
+        score: How the candidate fared in the screening.
+    """
     candidate = score.candidate
     own = tuple(score.start)
     refit = refit_with(engine, present, score)

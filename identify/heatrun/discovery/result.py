@@ -59,7 +59,7 @@ def assemble(
         "sentence": found.verdict.sentence,
         "effects": [_effect(found, shown, each) for each in found.named],
         "dropped": found.dropped,
-        "traces": [_trace(trace) for trace in found.traces],
+        "traces": [describe_trace(trace) for trace in found.traces],
         "where": [_span(span) for span in found.where_before.spans],
         "where_left": [_span(span) for span in found.where_after.spans],
         "localisation": {"before": _where(found.where_before), "after": _where(found.where_after)},
@@ -102,7 +102,8 @@ def _held_out(
     }
 
 
-def _trace(trace: Trace) -> dict[str, Any]:
+def describe_trace(trace: Trace) -> dict[str, Any]:
+    """Return an effect that is there and too small to matter."""
     return {
         "id": trace.rival.candidate.id,
         "equivalents": [candidate.id for candidate in trace.equivalents],
