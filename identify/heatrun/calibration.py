@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from lptn.effects import AbstractEffect
+
 from .bench import Finding, Record
 from .bench.blocks import Blocks
 from .bench.checks import check_record
@@ -16,7 +18,8 @@ from .bench.reduction import reduce
 from .errors import InputError
 from .inference.batches import at_once
 from .inference.fit import fit
-from .inference.model import Model, Order
+from .inference.model import Model
+from .inference.networks import NetworkForm
 from .inference.posterior import Posterior, sample
 from .inference.predict import Prediction, predict
 from .inference.problem import Problem
@@ -43,7 +46,7 @@ class Refused(Exception):
 
 
 @dataclass(frozen=True)
-class Test:
+class BenchTest:
     """A record with its reduction and what it is used for."""
 
     record: Record
@@ -59,21 +62,21 @@ class Calibration:
     Attributes:
         motor: The machine.
         tests: Records, calibration first.
-        posteriors: By order.
-        predictions: By order, one per test.
+        posteriors: By name of the network.
+        predictions: Likewise, one per test.
         result: What stands in `fit.json`.
     """
 
     motor: Motor
-    tests: tuple[Test, ...]
-    posteriors: dict[Order, Posterior]
-    predictions: dict[Order, list[Prediction]]
+    tests: tuple[BenchTest, ...]
+    posteriors: dict[str, Posterior]
+    predictions: dict[str, list[Prediction]]
     result: dict[str, Any]
 
 
 def load_tests(
     motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path] = ()
-) -> tuple[Test, ...]:
+) -> tuple[BenchTest, ...]:
     """Read, check and reduce records.
 
     Args:
@@ -92,14 +95,15 @@ def load_tests(
     findings = [finding for _, _, found in checked for finding in found]
     if any(finding.severity == "error" for finding in findings):
         raise Refused(findings)
-    return tuple(Test(r, reduce(r, motor), role, found) for r, role, found in checked)
+    return tuple(BenchTest(r, reduce(r, motor), role, found) for r, role, found in checked)
 
 
 def calibrate(
     motor: Motor,
-    tests: Sequence[Test],
+    tests: Sequence[BenchTest],
     *,
-    orders: Sequence[Order] = ("first", "second"),
+    networks: Sequence[str | NetworkForm] = ("first", "second"),
+    effects: tuple[type[AbstractEffect], ...] = (),
     method: Literal["emcee", "quick"] = "emcee",
     seed: int = 0,
     command: str = "",
@@ -113,9 +117,10 @@ def calibrate(
     Args:
         motor: The machine.
         tests: From `load_tests`.
-        orders: Orders to calibrate.
+        networks: Networks to calibrate, by name or TOML file.
+        effects: Known effects that each of them has.
         method: Sampler, as `heatrun.inference.posterior.sample`.
-        seed: Of everything that is drawn.
+        seed: Random seed.
         duties: Ratings asked for, as `heatrun.ratings.figures.derive`.
         command: As it is to stand in the result.
         folder: Where checkpoints go; None for none.
@@ -129,55 +134,57 @@ def calibrate(
     findings = [finding for test in tests for finding in test.findings]
 
     roles = [test.role for test in tests]
-    shares = dict.fromkeys(orders, 0.0)
+    models = [Model.of(network, motor, effects) for network in networks]
+    names = [model.name for model in models]
+    if len(set(names)) < len(names):
+        raise InputError(
+            f"two networks have one name: {', '.join(names)}.", remedy="Rename one in its file."
+        )
+    shares = dict.fromkeys(names, 0.0)
 
-    def one(order: Order) -> _Outcome:
-        say(f"{order} order: least squares from many starts")
-        found = fit(Problem.of(Model.of(order, motor), motor, fitted), seed=seed)
-        say(f"{order} order: sampling the posterior")
+    def one(model: Model) -> _Outcome:
+        say(f"{model.title}: least squares from many starts")
+        found = fit(Problem.of(model, motor, fitted), seed=seed)
+        say(f"{model.title}: sampling the posterior")
 
         def report(sentence: str, share: float) -> None:
-            shares[order] = share
+            shares[model.name] = share
             if progress is not None:
-                progress(f"{order} order: {sentence}", sum(shares.values()) / len(shares))
+                progress(f"{model.title}: {sentence}", sum(shares.values()) / len(shares))
 
-        checkpoints = None if folder is None else folder.checkpoints / order
+        checkpoints = None if folder is None else folder.checkpoints / model.name
         posterior = sample(found, method=method, seed=seed, folder=checkpoints, progress=report)
-        shares[order] = 1.0
+        shares[model.name] = 1.0
         predicted = [predict(posterior, test.blocks, seed=seed) for test in tests]
         described = describe_model(posterior, predicted, roles, duties)
         return _Outcome(posterior, predicted, described)
 
-    outcomes = dict(zip(orders, at_once(one, orders), strict=True))
-    posteriors: dict[Order, Posterior] = {
-        order: outcome.posterior for order, outcome in outcomes.items()
-    }
-    predictions: dict[Order, list[Prediction]] = {
-        order: outcome.predictions for order, outcome in outcomes.items()
-    }
+    outcomes = dict(zip(names, at_once(one, models), strict=True))
+    posteriors = {name: outcome.posterior for name, outcome in outcomes.items()}
+    predictions = {name: outcome.predictions for name, outcome in outcomes.items()}
     for posterior in posteriors.values():
         findings += [*posterior.fit.findings, *_sampling_findings(posterior)]
-    last = posteriors[orders[-1]].fit
+    last = posteriors[names[-1]].fit
     rows = []
     for test in tests:
         error, found = check_reduction(last, test.record, test.blocks, motor)
         rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
         findings += found
-    models: dict[str, Any] = {order: outcome.described for order, outcome in outcomes.items()}
-    result = assemble(motor, rows, findings, models, predictions, command=command, seed=seed)
+    described: dict[str, Any] = {name: outcome.described for name, outcome in outcomes.items()}
+    result = assemble(motor, rows, findings, described, predictions, command=command, seed=seed)
     return Calibration(motor, tuple(tests), posteriors, predictions, result)
 
 
 @dataclass(frozen=True)
 class _Outcome:
-    """What was found for one order."""
+    """What was found for one network."""
 
     posterior: Posterior
     predictions: list[Prediction]
     described: dict[str, Any]
 
 
-def identity(motor: Motor, tests: Sequence[Test], **settings: Any) -> dict[str, Any]:
+def identity(motor: Motor, tests: Sequence[BenchTest], **settings: Any) -> dict[str, Any]:
     """Return what makes an unfinished run the same as this one: inputs, settings and versions."""
     return {
         "motor": motor.sha256,
@@ -226,14 +233,15 @@ def _sampling_findings(posterior: Posterior) -> list[Finding]:
         Finding(
             id="sampling_not_converged",
             severity="warning",
-            message=f"{posterior.fit.problem.model.order} order: {posterior.sentence()}",
+            message=f"{posterior.fit.problem.model.title}: {posterior.sentence()}",
             where=posterior.fit.problem.label,
-            remedy="Add a test that tells the parameters apart, or fix one of them.",
+            remedy="Add a test that makes the parameters distinguishable, or fix one of them in "
+            "the motor file.",
         )
     ]
 
 
-def default_folder(motor: Motor, tests: Sequence[Test], order: str) -> Path:
+def default_folder(motor: Motor, tests: Sequence[BenchTest], order: str) -> Path:
     """Return where a run goes if no folder is given: named after motor and first test."""
     words = f"{motor.name}-{tests[0].record.name}-{order}"
     slug = "".join(c if c.isalnum() and c.isascii() else "-" for c in words.lower())

@@ -98,7 +98,7 @@ def _drop_output() -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="heatrun",
-        description="Thermal networks of electric motors from bench transients, with ranges.",
+        description="Thermal networks of motors from bench transients, with 95 % intervals.",
     )
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name in COMMANDS:

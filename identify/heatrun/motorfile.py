@@ -70,10 +70,18 @@ def load_motor(path: str | Path) -> Motor:
         InputError: If the file cannot be read, has a section or key that is not known (with the
             closest one), a value of another type or out of range, or two that contradict.
     """
-    where = str(path)
-    data = read_start(path, LARGEST_BYTES)
+    return parse_motor(read_start(path, LARGEST_BYTES), str(path))
+
+
+def parse_motor(data: bytes, where: str) -> Motor:
+    """Return the machine of a motor file; errors as `load_motor`.
+
+    Args:
+        data: The bytes of the file.
+        where: The file, for messages.
+    """
     content = parse_toml(data, where)
-    _check_keys(content, (*KEYS, "columns", "parameters"), where, "section")
+    _check_keys(content, (*KEYS, "model", "columns", "parameters"), where, "section")
     sections = {name: _section(content, name, where) for name in KEYS}
     for name, keys in KEYS.items():
         _check_keys(sections[name], keys, f"{where}, [{name}]", "key")
@@ -107,6 +115,7 @@ def load_motor(path: str | Path) -> Motor:
         wheel_radius_m=_number(vehicle, "wheel_radius_m", POSITIVE, at_vehicle),
         columns=_columns(_section(content, "columns", where), where),
         parameters=_parameters(_section(content, "parameters", where), where),
+        effects=_effects(_section(content, "model", where), where),
         raster_s=_number(motor, "raster_s", POSITIVE, at),
         decimal=cast(Literal[".", ","] | None, _choice(motor, "decimal", (".", ","), at)),
         sha256=hashlib.sha256(data).hexdigest(),
@@ -222,6 +231,19 @@ def _coefficient(winding: Mapping[str, Any], where: str) -> float:
     if coefficient is not None:
         return coefficient
     return COEFFICIENTS_degC[material or "copper"]
+
+
+def _effects(section: Mapping[str, Any], where: str) -> tuple[str, ...]:
+    at = f"{where}, [model]"
+    _check_keys(section, ("effects",), at, "key")
+    effects = section.get("effects", [])
+    if not isinstance(effects, list) or not all(isinstance(e, str) for e in effects):
+        raise InputError(
+            f"Expected a list of effects, got {_shown(effects)}.",
+            where=at,
+            remedy='Write effects = ["speed_cooling"]; the ids stand in the README.',
+        )
+    return tuple(effects)
 
 
 def _columns(section: Mapping[str, Any], where: str) -> dict[str, str]:

@@ -7,34 +7,29 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 
-from lptn import Trace, growth_rate
-
 from .bench import Record, read_record, require
-from .bench.blocks import Blocks
 from .bench.readers.open_file import read_start
-from .bench.reduction import reduce
 from .errors import InputError
-from .inference.model import ALL_NAMES, NETWORK, Model, Order, parameters
+from .inference.draws import NUM_NOISE, Draws
+from .inference.model import Model, override_names, parameters
+from .inference.networks import NetworkForm, network_named
+from .inference.predict import Prediction, predict
+from .inference.virtual import reduce_driven, refuse_runaway, virtual_record
 from .io.file_set import together
 from .io.toml_text import LARGEST_BYTES, parse_toml
 from .io.whole_files import writable, write_whole
 from .motor import Motor
-from .runs.run_folder import load_result
+from .runs.run import open_run
 
 LARGEST = 1e30
 """Beyond it no parameter means anything in any unit, and its square is no float64."""
 
-MELTING_DEGC = 1085.0
-"""Melting point of copper [degC]: a simulation that passes it says nothing about a machine."""
-
 
 def simulate_file(
-    motor: Motor, source: str, path: Path, order: Order, folder: Path, seed: int
+    motor: Motor, source: str, path: Path, network: str | None, folder: Path, seed: int
 ) -> dict[str, Any]:
     """Simulate the load of a test and write the virtual record as CSV.
 
@@ -42,177 +37,100 @@ def simulate_file(
         motor: The machine.
         source: A run folder, or a TOML file with parameters by name.
         path: The test whose currents, losses and sink drive the model.
-        order: First or second order.
+        network: Name of the network; None for the last one of a run, or the second order.
         folder: Where `NAME_virtual.csv` goes.
         seed: Of the draws behind the bands, which a run gives: columns such as
             `winding_95_low_degC`, with the noise of a block mean.
 
     Returns:
-        Name of the file, number of rows, the error to a measured winding where there is one, and
-        why there are no bands where there are none.
+        Name of the file, number of rows, network and effects, the error to a measured winding
+        where there is one, and why there are no bands where there are none.
 
     Raises:
         InputError: If parameters are missing, or the record lacks a channel.
     """
-    values = parameters_from(Path(source), order)
     record = read_record(path, motor)
     require(record, ["phase_current_A", "losses_W", f"{motor.sink}_degC"])
-    measured = record.channels.get("winding_degC")
-    table = simulate_record(motor, values, record, order)
-    lacking = "a TOML file of parameters says nothing of their uncertainty"
+    lacking = ""
     if Path(source).is_dir():
-        table, lacking = _with_bands(table, Path(source), record, motor, order, seed)
+        found = open_run(source).predict(record, network=network, motor=motor, seed=seed)
+    else:
+        form = network_named(network or "second")
+        found = predict_values(motor, parameters_from(Path(source), form), record, form)
+        lacking = "a TOML file of parameters says nothing of their uncertainty"
+    table = virtual_record(found, record, motor)
     target = folder / f"{record.name}_virtual.csv"
     with writable("the record", target), together(folder, "virtual") as files:
         text = table.to_csv(index=False, float_format="%.6g")
         write_whole(files.aside / target.name, text.encode())
-    rmse = None
-    if measured is not None and np.any(np.isfinite(measured)):
-        virtual = np.interp(record.time_s, table["time_s"], table["winding_degC"])
-        rmse = float(np.sqrt(np.nanmean((measured - virtual) ** 2)))
     return {
         "file": str(target),
         "num_rows": len(table),
-        "rmse_K": rmse,
+        "network": found.model.name,
+        "effects": [kind.card.id for kind in found.model.effects],
+        "rmse_K": found.rmse_K if np.isfinite(found.rmse_K) else None,
         "test": record.name,
         "no_bands": lacking,
     }
 
 
-def _with_bands(
-    table: pd.DataFrame, run: Path, record: Record, motor: Motor, order: Order, seed: int
-) -> tuple[pd.DataFrame, str]:
-    """Add 95 % limits of winding and stator after the draws of a run, or the reason for none.
-
-    The limits are known by block; what is carried to the steps is their distance to the median,
-    which moves slowly, also where the temperature does not.
-    """
-    from .reports.bench_tests.simulated import simulate_run
-
-    try:
-        found = simulate_run(run, _with_start(record, motor), motor, order=order, seed=seed)
-    except InputError as error:
-        return table, str(error)
-    bands = {"winding": (found.median_degC, found.total_95_degC)}
-    if "stator" in found.nodes_degC:
-        bands["stator"] = (found.nodes_degC["stator"], found.nodes_95_degC["stator"])
-    columns = {
-        f"{node}_95_{side}_degC": table[f"{node}_degC"]
-        + np.interp(table["time_s"], found.time_s, limit - median)
-        for node, (median, limits) in bands.items()
-        for side, limit in zip(("low", "high"), limits, strict=True)
-    }
-    return table.assign(**columns), ""
-
-
-def simulate_record(
-    motor: Motor, values: Mapping[str, float], record: Record, order: Order
+def simulate_values(
+    motor: Motor, values: Mapping[str, float], record: Record, network: str | NetworkForm
 ) -> pd.DataFrame:
-    """Return the virtual record: inputs, temperatures, loss split and heat flows by step.
+    """Return the virtual record of given parameters.
 
     Args:
         motor: The machine.
         values: Parameters by name; the start is taken from the record's first readings, or from
             the sink where no winding was measured.
         record: Currents, losses and sink.
-        order: First or second order.
+        network: Name of a network, or the network.
+
+    Raises:
+        InputError: If the record lacks a channel, or the model leaves the temperatures at which
+            there is a machine.
     """
-    blocks = reduce(_with_start(record, motor), motor)
-    model = Model.of(order, motor)
-    known = parameters(model, motor, [blocks]).by_test[0]
-    full = {name: parameter.centre for name, parameter in known.items()}
-    full |= {name: p.fixed for name, p in known.items() if p.fixed is not None}
-    full |= {name: value for name, value in values.items() if name in full}
-    physical = {n: jnp.asarray(v) for n, v in full.items()}
+    found = predict_values(motor, values, record, network)
+    return virtual_record(found, record, motor)
+
+
+def predict_values(
+    motor: Motor, values: Mapping[str, float], record: Record, network: str | NetworkForm
+) -> Prediction:
+    """Return the prediction of given parameters, taken as exact; arguments as `simulate_values`."""
+    blocks = reduce_driven(record, motor)
+    model = Model.of(network, motor)
+    known = parameters(model, motor, [blocks])
+    starts = {name for _, name in model.form.starts} - set(values)
+    fixed = {}
+    for name, parameter in known.by_test[0].items():
+        if name not in starts and not parameter.per_test:
+            default = parameter.centre if parameter.fixed is None else parameter.fixed
+            fixed[name] = replace(parameter, fixed=values.get(name, default))
+    exact = replace(known, by_test=(fixed,), slots=())
+    draws = Draws(model, motor, exact, np.zeros((1, NUM_NOISE)))
     try:
-        trace = model.simulate(physical, blocks.inputs)
+        found = predict(draws, blocks)
     except ValueError as error:
         raise InputError(
             str(error), where=record.name,
             remedy="Give a record at a higher rate, or look whether the units of the parameters "
             "are J/K and K/W.",
         ) from error  # fmt: skip
-    _refuse_runaway(model, physical, blocks, trace)
-    inside = np.asarray(trace.time[1:]) <= record.duration_s + 1e-9
-    columns: dict[str, Any] = {"time_s": np.asarray(trace.time[1:]) + blocks.first_s}
-    columns["phase_current_A"] = np.sqrt(np.asarray(blocks.inputs.current_squared))
-    columns["losses_W"] = np.asarray(blocks.inputs.losses)
-    columns[f"{motor.sink}_degC"] = np.asarray(blocks.inputs.ambient)
-    if blocks.inputs.speed is not None:
-        columns["speed_rpm"] = np.asarray(blocks.inputs.speed) * 30.0 / np.pi
-    for node, T in trace.temperature.items():
-        columns[f"{node}_degC"] = np.asarray(T[1:])
-    columns["copper_loss_W"] = np.asarray(trace.copper_loss)
-    columns["other_loss_W"] = np.asarray(trace.other_loss)
-    for (start, end), flow in trace.flow.items():
-        columns[f"flow_{start}_{end}_W"] = np.asarray(flow)
-    return pd.DataFrame(columns)[inside].reset_index(drop=True)
+    refuse_runaway(found, record.name)
+    return found
 
 
-def _with_start(record: Record, motor: Motor) -> Record:
-    """A record whose sink stands in for a winding that was not measured, as start temperature."""
-    if "winding_degC" in record:
-        return record
-    sink = record[f"{motor.sink}_degC"]
-    return replace(record, channels={**record.channels, "winding_degC": sink})
+def parameters_from(source: Path, form: NetworkForm) -> dict[str, float]:
+    """Return parameters by name from a TOML file.
 
-
-def _refuse_runaway(
-    model: Model, values: Mapping[str, jax.Array], blocks: Blocks, trace: Trace
-) -> None:
-    """Refuse a simulation that leaves the temperatures at which there is a machine.
+    Args:
+        source: The file.
+        form: The network that they are for.
 
     Raises:
-        InputError: With whether the copper feeds itself.
+        InputError: If there is no such file, or a parameter is missing or misnamed.
     """
-    hottest = np.max(np.stack([np.asarray(T) for T in trace.temperature.values()]), axis=0)
-    is_beyond = ~(hottest < MELTING_DEGC)  # NaN too
-    if not is_beyond.any():
-        return
-    first = int(np.argmax(is_beyond))
-    squared = float(np.max(np.asarray(blocks.inputs.current_squared)))
-    growth = growth_rate(model.network(values), model.losses(values), squared)
-    reason = (
-        f"At {np.sqrt(squared):.0f} A it runs away: the copper loss rises faster with the "
-        "temperature than the heat that leaves."
-        if growth > 0.0
-        else "The losses are too large for these resistances."
-    )
-    raise InputError(
-        f"the model passes {MELTING_DEGC:.0f} degC, where copper melts, after "
-        f"{float(trace.time[first]):.0f} s. {reason}",
-        where=blocks.name,
-        remedy="Check the units of current (rms), losses (W) and parameters (J/K, K/W).",
-    )
-
-
-def parameters_from(source: Path, order: Order) -> dict[str, float]:
-    """Return parameters by name from a run folder or a TOML file.
-
-    Raises:
-        InputError: If there is neither, or a parameter is missing or misnamed.
-    """
-    if source.is_dir():
-        models = load_result(source).get("models")
-        if not isinstance(models, dict):
-            raise InputError(
-                "the run's fit.json holds no models.", where=str(source),
-                remedy="Calibrate again.",
-            )  # fmt: skip
-        if order not in models:
-            raise InputError(
-                f"the run holds no {order} order, only {', '.join(models)}.",
-                where=str(source),
-                remedy="Pass --model, or calibrate with --model both.",
-            )
-        try:
-            return {n: float(e["value"]) for n, e in models[order]["parameters"].items()}
-        except (LookupError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(
-                f"the run's fit.json does not hold parameters ({type(error).__name__}: {error}).",
-                where=str(source),
-                remedy="Calibrate again.",
-            ) from error
     content = parse_toml(read_start(source, LARGEST_BYTES), str(source), "file of parameters")
     content = content.get("parameters", content)
     if not isinstance(content, dict):
@@ -220,14 +138,15 @@ def parameters_from(source: Path, order: Order) -> dict[str, float]:
             "expected a section [parameters].", where=str(source),
             remedy="Write lines such as Ceq_w = 666.75.",
         )  # fmt: skip
-    needed = ("Ceq", "Req") if order == "first" else ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
+    units = {parameter.name: parameter.unit for parameter in form.parameters}
+    needed = [p.name for p in form.parameters if p.fixed is None]
     missing = [name for name in needed if name not in content]
-    unknown = [name for name in content if name not in ALL_NAMES]
+    unknown = [name for name in content if name not in override_names(form)]
     if missing or unknown:
         what = [f"{', '.join(missing)} missing"] if missing else []
         what += [f"{', '.join(unknown)} unknown"] if unknown else []
         raise InputError(
-            f"parameters of the {order} order: {'; '.join(what)}.",
+            f"parameters of the {form.title}: {'; '.join(what)}.",
             where=str(source),
             remedy=f"Give {', '.join(needed)} (J/K and K/W).",
         )
@@ -236,13 +155,13 @@ def parameters_from(source: Path, order: Order) -> dict[str, float]:
         raise InputError(
             f"{', '.join(bad)}: expected a number.", where=str(source), remedy="Write 666.75."
         )
-    known = {p.name for p in (*NETWORK["first"], *NETWORK["second"])} | {"Rs0"}
+    positive = {name for name, unit in units.items() if unit in ("J/K", "K/W")} | {"Rs0"}
     for name, value in content.items():
         # compared before it becomes a float, which a number of 400 digits cannot
-        if not abs(value) < LARGEST or (name in known and not value > 0):
+        if not abs(value) < LARGEST or (name in positive and not value > 0):
             raise InputError(
                 f"{name} = {value!s:.40}: expected a number"
-                f"{' above 0' if name in known else ''} below {LARGEST:g}.",
+                f"{' above 0' if name in positive else ''} below {LARGEST:g}.",
                 where=str(source),
                 remedy="Write 666.75.",
             )

@@ -6,13 +6,18 @@ rms, speed in rad/s. Needs float64: `jax.config.update("jax_enable_x64", True)`.
 
 from .accumulate import accumulate
 from .block_means import block_means
+from .constant_drive import heat_input
 from .effects import EFFECTS
+from .hold import Held, hold
 from .inputs import Drive, Inputs
+from .linearise import Linearised, linearise, time_constants
 from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, copper_loss
 from .network import Network, first_order, second_order
 from .sensor import Sensor
 from .simulate import Trace, longest_step, reading, reference, simulate
-from .stability import growth_rate
+from .stability import growth_rate, is_stable
+from .steady_state import SteadyCurrent, steady_current, steady_state
+from .time_to import time_to
 
 __all__ = [
     "ALUMINIUM_COEFFICIENT",
@@ -20,18 +25,29 @@ __all__ = [
     "EFFECTS",
     "CopperLosses",
     "Drive",
+    "Held",
     "Inputs",
+    "Linearised",
     "Network",
     "Sensor",
+    "SteadyCurrent",
     "Trace",
     "accumulate",
     "block_means",
     "copper_loss",
     "first_order",
     "growth_rate",
+    "heat_input",
+    "hold",
+    "is_stable",
+    "linearise",
     "longest_step",
     "reading",
     "reference",
     "second_order",
     "simulate",
+    "steady_current",
+    "steady_state",
+    "time_constants",
+    "time_to",
 ]

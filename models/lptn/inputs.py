@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -121,3 +123,56 @@ class Drive(eqx.Module):
     coolant: Float[Array, "..."] | None
     fan: Float[Array, "..."] | None
     current_ratio_squared: Float[Array, "..."]
+
+    @classmethod
+    def constant(
+        cls,
+        *,
+        current_squared: Float[Array, ""] | float,
+        losses: Float[Array, ""] | float,
+        ambient: Float[Array, ""] | float,
+        speed: Float[Array, ""] | float | None = None,
+        coolant: Float[Array, ""] | float | None = None,
+        fan: Float[Array, ""] | float | None = None,
+        time: Float[Array, ""] | float = 0.0,
+        rated_speed: Float[Array, ""] | float = 1.0,
+        rated_current: Float[Array, ""] | float = 1.0,
+    ) -> Drive:
+        """Return inputs that hold all the time.
+
+        Args:
+            current_squared: Squared rms phase current [A^2].
+            losses: The loss channel [W].
+            ambient: Sink temperature T0 [degC].
+            speed: Speed [rad/s], or None.
+            coolant: Coolant temperature [degC], or None.
+            fan: Fan or flow over its rated value [1], or None.
+            time: Instant since the start of a test at which effects that follow the time
+                stand [s].
+            rated_speed: As in `Inputs`.
+            rated_current: As in `Inputs`.
+        """
+
+        def number(value):
+            return None if value is None else jnp.asarray(value, dtype=float)
+
+        squared = jnp.asarray(current_squared, dtype=float)
+        return cls(
+            time=jnp.asarray(time, dtype=float),
+            current_squared=squared,
+            losses=jnp.asarray(losses, dtype=float),
+            ambient=jnp.asarray(ambient, dtype=float),
+            speed=None if speed is None else jnp.asarray(speed, dtype=float) / rated_speed,
+            speed_rad=number(speed),
+            coolant=number(coolant),
+            fan=number(fan),
+            current_ratio_squared=squared / jnp.asarray(rated_current, dtype=float) ** 2,
+        )
+
+    def scale_current(self, factor: Float[Array, ""] | float) -> Drive:
+        """Return the inputs with the squared current multiplied by a factor [1]."""
+        return replace(
+            self,
+            current_squared=factor * self.current_squared,
+            current_ratio_squared=factor * self.current_ratio_squared,
+        )

@@ -107,7 +107,7 @@ def sensed_march(
 def prepare(
     network: Network,
     losses: CopperLosses,
-    inputs: Inputs,
+    inputs: Inputs | Drive,
     start: Mapping[str, Float[Array, ""] | float],
     effects: Sequence[AbstractEffect],
     sensor: Sensor,
@@ -131,7 +131,7 @@ def prepare(
     if inputs.speed is None and is_concrete(losses.torque_offset) and losses.torque_offset != 0.0:
         raise ValueError(
             f"A torque offset of {float(losses.torque_offset):.3g} N m needs the speed, and "
-            "Inputs.speed is None: give the speed, or drop the offset."
+            f"{type(inputs).__name__}.speed is None: give the speed, or drop the offset."
         )
     full_start = {node: jnp.asarray(start[node], dtype=float) for node in network.nodes}
     for node, T in full_start.items():

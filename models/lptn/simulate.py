@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -126,6 +125,8 @@ def reference(
         sensor: As `simulate`.
         tolerance: Relative and absolute [K] tolerance of the step size control.
     """
+    import diffrax  # half a second to import, and nothing else needs it
+
     network, full_start = prepare(network, losses, inputs, start, effects, sensor)
     heat = heat_effects(effects)
 

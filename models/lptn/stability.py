@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool, Float
 
-from .balance import heat_balance, rates
 from .inputs import Drive
+from .linearise import linearise
 from .losses import CopperLosses
 from .network import Network
 
@@ -28,24 +28,25 @@ def growth_rate(network: Network, losses: CopperLosses, current_squared: float) 
         the growth.
     Reference: IEC 60034-1, 8.6.2 (resistance and temperature).
     """
-    zero = jnp.zeros(())
-    drive = Drive(
-        time=zero,
-        current_squared=jnp.asarray(current_squared, dtype=float),
-        losses=zero,
-        ambient=zero,
-        speed=zero,
-        speed_rad=zero,
-        coolant=None,
-        fan=None,
-        current_ratio_squared=zero,
-    )
+    drive = Drive.constant(current_squared=current_squared, losses=0.0, ambient=0.0, speed=0.0)
+    at = linearise(network, losses, drive, dict.fromkeys(network.nodes, 0.0))
+    return float(np.max(np.linalg.eigvals(np.asarray(at.A)).real))
 
-    def slope(vector):
-        temperature = dict(zip(network.nodes, vector, strict=True))
-        rate = rates(network, heat_balance(network, losses, (), temperature, drive), temperature)
-        return jnp.stack([rate[node] for node in network.nodes])
 
-    A = np.asarray(jax.jacfwd(slope)(jnp.zeros(len(network.nodes))))
-    # NumPy: JAX has eigenvalues of a matrix that is not symmetric on the CPU alone
-    return float(np.max(np.linalg.eigvals(A).real))
+def is_stable(A: Float[Array, "node node"]) -> Bool[Array, ""]:
+    r"""Return whether all eigenvalues of a state matrix have a negative real part.
+
+    They have if and only if $A^T P + P A = -I$ has a positive definite solution. Unlike the
+    eigenvalues of a matrix that is not symmetric, this can be compiled for every device.
+
+    Args:
+        A: State matrix [1/s], shape (node, node).
+
+    Reference: R. A. Horn, C. R. Johnson, Topics in Matrix Analysis, 1991, theorem 2.2.1.
+    """
+    num = A.shape[0]
+    scaled = A / jnp.max(jnp.abs(A))
+    unit = jnp.eye(num)
+    both = jnp.kron(scaled.T, unit) + jnp.kron(unit, scaled.T)
+    P = jnp.linalg.solve(both, -unit.ravel()).reshape(num, num)
+    return jnp.all(jnp.isfinite(jnp.linalg.cholesky(P)))

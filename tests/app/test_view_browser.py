@@ -78,7 +78,7 @@ def test_calibrate_and_download_the_sheet_and_a_report(served, tab):
     tab.get_by_role("button", name="Calibrate").click()
     tab.get_by_role("button", name="Cancel").first.wait_for()
     _text(tab, "sheet.pdf")
-    _text(tab, "95 % range")
+    _text(tab, "95 % interval")
     with tab.expect_download() as download:
         tab.get_by_text("sheet.pdf").first.click()
     assert download.value.path().read_bytes().startswith(b"%PDF")
@@ -94,6 +94,11 @@ def test_calibrate_and_download_the_sheet_and_a_report(served, tab):
     assert download.value.path().read_bytes().startswith(b"%PDF")
     tab.get_by_label("Test type").select_option(label="Energy Consumption")
     _text(tab, "holds no electrical power, which this test type needs")
+    virtual = "Semi-real against Virtual Model Validation"
+    tab.get_by_label("Test type").select_option(label=virtual)
+    _text(tab, "The bench beside a simulation")
+    tab.get_by_role("button", name="Make report").click()  # the run of above is still selected
+    _text(tab, "SemiRealVsVirtualModelValidation")
     assert tab.problems == []
 
 
@@ -107,7 +112,7 @@ def test_two_tabs_calibrate_in_turn_and_one_is_cancelled(served, tab):
         time.sleep(1.0)
     _text(other, "Waiting for 1 other command to end")
     tab.get_by_role("button", name="Cancel").first.click()
-    _text(tab, "Cancelled. Started again, it goes on")
+    _text(tab, "Cancelled. Started again, it resumes")
     other.get_by_text("Waiting for 1 other").wait_for(state="hidden", timeout=LONG_MS)
     other.get_by_role("button", name="Cancel").first.click()
     _text(other, "Cancelled.")

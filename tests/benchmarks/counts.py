@@ -22,7 +22,7 @@ import numpy as np
 from heatrun.bench.joined import read_test
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.calibration import Test, calibrate
+from heatrun.calibration import BenchTest, calibrate
 from heatrun.inference import fit as fit_module
 from heatrun.inference import restricted as restricted_module
 from heatrun.inference.posterior import sample
@@ -91,9 +91,9 @@ def main() -> None:
     record = read_test(DATA / "duty_30min.csv.gz", motor)
     result = {}
     for name, one in (("first", record), ("second", warmer(record))):
-        test = Test(one, reduce(one, motor), "calibration", ())
+        test = BenchTest(one, reduce(one, motor), "calibration", ())
         with counting() as found:
-            done = calibrate(motor, [test], orders=("second",), method="quick")
+            done = calibrate(motor, [test], networks=("second",), method="quick")
         fitted = done.posteriors["second"].fit
         found["steps"] = fitted.stats["num_steps"]
         found["method"] = done.posteriors["second"].method

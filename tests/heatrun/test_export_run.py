@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from heatrun.reports.sheet.bands import band_table
 
 from heatrun import cli
 from heatrun.bench.joined import read_test
@@ -26,7 +27,6 @@ from heatrun.export import (
 )
 from heatrun.io.whole_files import write_whole
 from heatrun.motorfile import load_motor
-from heatrun.reports.sheet.bands import band_table
 from heatrun.runs.run_folder import RunFolder
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
@@ -67,7 +67,7 @@ def finished(tmp_path_factory, duty, bench, generator):
         found = calibrate(
             motor,
             load_tests(motor, [Path("duty.csv")], [Path("step.csv")]),
-            orders=["second"],
+            networks=["second"],
             method="quick",
         )
         run = RunFolder.begin(Path("run"), {})
@@ -156,7 +156,7 @@ def test_the_first_order_has_the_names_of_its_own_model(day):
 
 def test_the_file_says_what_the_run_said(day):
     test = read_run_test(Path("run"))
-    variables, _ = thesis_variables(test.record, test.values, test.motor, test.order)
+    variables, _ = thesis_variables(test.record, test.values, test.motor, test.model.name)
     corrections = Corrections.of(test.values)
     variables = corrections.applied(variables, None)
     course = simulate_variables(variables)

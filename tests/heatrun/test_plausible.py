@@ -10,7 +10,7 @@ import pytest
 from heatrun.cli import main
 from heatrun.commands.words import LARGEST_SEED, seed
 from heatrun.errors import InputError
-from heatrun.inference.model import ALL_NAMES, Model, parameters
+from heatrun.inference.model import Model, override_names, parameters
 from heatrun.motor import ParameterOverride
 from heatrun.motorfile import load_motor
 from heatrun.plausible import RANGES, UNITS
@@ -56,7 +56,7 @@ def test_so_are_those_of_an_effect(bad, motor, blocks):
 
 
 def test_the_defaults_and_their_units_are_within_the_ranges(motor, blocks):
-    assert set(UNITS) == {name for name in ALL_NAMES if "." not in name}
+    assert set(UNITS) == {name for name in override_names() if "." not in name}
     for order in ("first", "second"):
         (known,) = parameters(Model.of(order, motor), motor, [blocks]).by_test
         for name, parameter in known.items():

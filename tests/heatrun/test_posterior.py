@@ -13,7 +13,7 @@ from heatrun.inference.posterior import sample
 from heatrun.inference.predict import predict
 from heatrun.inference.problem import Problem
 from heatrun.inference.sampling import ensemble as ensemble_run
-from heatrun.inference.sampling.importance import importance_sample, pareto_shape
+from heatrun.inference.sampling.importance import importance_sample
 from heatrun.inference.sampling.proposal import Branches
 from heatrun.runs import netcdf as archive
 
@@ -58,12 +58,6 @@ def test_weighted_draws_agree_with_the_ensemble(blocks, motor):
 def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble(fitted, monkeypatch):
     monkeypatch.setattr("heatrun.inference.sampling.importance.PARETO_LIMIT", -1.0)
     assert sample(fitted, method="quick", seed=1, most_steps=500).method == "emcee"
-
-
-def test_the_pareto_guard_tells_heavy_tails():
-    rng = np.random.default_rng(0)
-    assert pareto_shape(np.log(rng.uniform(0.5, 1.5, 4000))) < 0.3
-    assert pareto_shape(np.log(rng.pareto(1.0, 4000))) > 0.7
 
 
 def test_a_killed_sampling_goes_on_to_the_same_posterior(fitted, tmp_path):

@@ -10,8 +10,7 @@ import pytest
 from pypdf import PdfReader
 
 from heatrun.bench.record import ColumnReading
-from heatrun.calibration import Test as BenchTest
-from heatrun.calibration import calibrate
+from heatrun.calibration import BenchTest, calibrate
 from heatrun.reports.sheet import digits
 from heatrun.reports.sheet.of_run import write_sheet_of
 from heatrun.reports.sheet.worksheet import WorksheetConstants, fill_worksheet
@@ -28,7 +27,7 @@ def found(duty, blocks, motor):
     named = replace(duty, name=HOSTILE, mapping=(column,))
     evil = replace(motor, name=HOSTILE)
     tests = [BenchTest(named, replace(blocks, name=HOSTILE), "calibration", ())]
-    return calibrate(evil, tests, orders=["second"], method="quick", command=HOSTILE)
+    return calibrate(evil, tests, networks=["second"], method="quick", command=HOSTILE)
 
 
 @pytest.fixture(scope="module")

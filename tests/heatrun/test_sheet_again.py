@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from heatrun.calibration import Test as BenchTest
-from heatrun.calibration import calibrate, manifest
+from heatrun.calibration import BenchTest, calibrate, manifest
 from heatrun.errors import InputError
 from heatrun.reports.sheet.of_run import rewrite_sheet, write_sheet_of
 from heatrun.runs import netcdf as archive

@@ -46,8 +46,8 @@ BLOCK_S = 30.0
 """Means over which the noise of the held-out reading is taken [s], as the fit takes them."""
 
 MOST_STEPS = 500
-"""Steps after which emcee is ended where weighted draws do not hold: names, verdicts and the medians
-of predictions are looked at here, not intervals, and a chain to its end takes minutes."""
+"""Steps after which emcee is ended where weighted draws do not hold: names, verdicts and medians of
+predictions are looked at here, not intervals, and a chain to its end takes minutes."""
 
 
 def jobs(first_seed: int, repeats: int, num_clean: int) -> list[dict[str, Any]]:

@@ -78,9 +78,9 @@ def problem(name: str, error: Exception) -> str:
     if isinstance(error, InputError):
         return error_message(error)
     if isinstance(error, MemoryError):
-        return message("error", f"{name}: the memory does not suffice for it.")
+        return message("error", f"{name}: there is not enough memory to read it.")
     traceback.print_exception(error)
-    words = f"{name}: an error of heatrun itself ({error!r:.200}); the terminal has the details."
+    words = f"{name}: internal error ({error!r:.200}); the details are in the terminal."
     return message("error", words)
 
 

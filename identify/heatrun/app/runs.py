@@ -79,7 +79,7 @@ class Run:
     def bands(self, tests: Sequence[Opened]) -> list[Band]:
         """Return the predicted courses of those tests that the run has seen.
 
-        A test is the same if its file's digest is; the second order counts where both are there.
+        A test is the same if its file's digest is; the last network counts where there are two.
         """
         result = self.calibration
         if result is None:
@@ -98,7 +98,10 @@ class Run:
             course = pd.read_csv(io.BytesIO(self.read(file)))
         except (OSError, ValueError):
             return None
-        order = "second" if "second_winding_degC" in course else "first"
+        order = next(
+            (c.removesuffix("_residual_K") for c in reversed(course.columns)
+             if c.endswith("_residual_K")), ""
+        )  # fmt: skip
         columns = [f"{order}_winding_degC", f"{order}_total_95_low_degC",
                    f"{order}_total_95_high_degC"]  # fmt: skip
         if "time_s" not in course or any(name not in course for name in columns):

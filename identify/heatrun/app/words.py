@@ -37,7 +37,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 def findings_html(findings: Sequence[Finding]) -> str:
     """Return findings, the gravest first."""
     if not findings:
-        return message("note", "No findings: the records are as a fit wants them.")
+        return message("note", "No findings: the records are ready to be fitted.")
     return "".join(
         message(f.severity, f"{f'[{f.test}] ' if f.test else ''}{f.sentence()} ({f.id})")
         for f in ranked(findings)
@@ -45,13 +45,13 @@ def findings_html(findings: Sequence[Finding]) -> str:
 
 
 def calibration_html(result: Mapping[str, Any]) -> str:
-    """Return the heart of `fit.json`: verdict, parameters with ranges, errors, comparison."""
+    """Return the heart of `fit.json`: verdict, parameters with intervals, errors, comparison."""
     parts = [f"<h3>{escape(result['verdict']['sentence'])}</h3>"]
-    for order, model in result["models"].items():
-        parts.append(f"<h3>{escape(order.capitalize())} order</h3>")
+    for model in result["models"].values():
+        parts.append(f"<h3>{escape(model['title'].capitalize())}</h3>")
         parts.append(
             table(
-                ("parameter", "value", "95 % range", "unit", "identified by these tests"),
+                ("parameter", "value", "95 % interval", "unit", "identifiable from these tests"),
                 (
                     (name, entry["value"], _range(entry["interval_95"]), entry["unit"],
                      f"{entry['identifiability']}: {entry['why']}")
@@ -61,7 +61,7 @@ def calibration_html(result: Mapping[str, Any]) -> str:
         )  # fmt: skip
         parts.append(
             table(
-                ("test", "role", "RMSE [K]", "largest [K]", "inside the 95 % band"),
+                ("test", "role", "RMSE [K]", "maximum error [K]", "coverage of the 95 % band"),
                 (
                     (row["test"], row["role"], row["rmse_K"], row["max_K"],
                      f"{100 * row['coverage_95']:.0f} %")
@@ -83,7 +83,7 @@ def discovery_html(result: Mapping[str, Any]) -> str:
         parts.append(f"<p><b>{escape(effect['id'])}</b></p>")
         parts.append(
             table(
-                ("parameter", "value", "95 % range", "unit"),
+                ("parameter", "value", "95 % interval", "unit"),
                 (
                     (name, p["value"], _range(p["interval_95"]), p["unit"])
                     for name, p in effect["parameters"].items()
@@ -91,7 +91,7 @@ def discovery_html(result: Mapping[str, Any]) -> str:
             )
         )
         if alike:
-            parts.append(message("warning", f"These tests cannot tell it from {alike}."))
+            parts.append(message("warning", f"Not distinguishable from {alike} with these tests."))
     gaps = [
         (label, gap["rmse_before_K"], gap["rmse_after_K"], gap["noise_floor_K"])
         for label, gap in (("calibration", result["calibration"]), ("held out", result["holdout"]))
@@ -102,7 +102,7 @@ def discovery_html(result: Mapping[str, Any]) -> str:
         parts.append("<h3>Where model and measurement disagree</h3>")
         parts.append(
             table(
-                ("test", "from [min]", "to [min]", "node", "missing", "95 % range"),
+                ("test", "from [min]", "to [min]", "node", "missing", "95 % interval"),
                 (
                     (span["test"], span["from_s"] / 60, span["to_s"] / 60, span["node"],
                      _missing(span), _range(span["interval_95"]))

@@ -1,4 +1,4 @@
-"""`heatrun calibrate`: parameters with ranges, bands, verdict and parameter sheet."""
+"""`heatrun calibrate`: parameters with 95 % intervals, bands, verdict and parameter sheet."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from .loading import load
 
 if TYPE_CHECKING:
     from ..calibration import Calibration
+    from ..inference.networks import NetworkForm
     from ..motor import Motor
     from ..runs.run_folder import RunFolder
 
@@ -21,13 +22,17 @@ if TYPE_CHECKING:
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser(
-        "calibrate", help="parameters with ranges, bands, verdict and parameter sheet"
+        "calibrate", help="parameters with 95 % intervals, bands, verdict and parameter sheet"
     )
     words.add_inputs(parser)
     words.add_holdout(parser)
     parser.add_argument(
-        "--model", choices=("first", "second", "both"), default="both", help="order"
+        "--model",
+        default="both",
+        metavar="first|second|both|FILE.toml",
+        help="network: one or both built-in ones, or your own from a TOML file",
     )
+    words.add_with(parser)
     parser.add_argument(
         "--rating",
         action="append",
@@ -43,11 +48,12 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Calibrate and write the run folder."""
+    from ..inference.networks import networks_of
     from ..motorfile import load_motor
 
-    orders = ("first", "second") if options.model == "both" else (options.model,)
+    networks = networks_of(options.model)
     return calibrate_into_folder(
-        options, load_motor(options.motor), options.tests, options.holdout, orders
+        options, load_motor(options.motor), options.tests, options.holdout, networks
     )
 
 
@@ -56,19 +62,21 @@ def calibrate_into_folder(
     motor: Motor,
     calibration: Sequence[Path],
     holdout: Sequence[Path],
-    orders: Sequence[Any],
+    networks: Sequence[NetworkForm],
 ) -> int:
     """Calibrate, write the run folder and print what was found.
 
     Args:
-        options: With `out`, `quick`, `seed`, `json`, `command_line`, and `model` where no `out`
-            is given; `rating` is optional.
+        options: With `out`, `quick`, `seed`, `json`, `command_line`; `effects_known` and `rating`
+            are optional.
         motor: The motor.
         calibration: Paths of the tests that are fitted.
         holdout: Paths of the tests that are predicted.
-        orders: `"first"`, `"second"` or both.
+        networks: What is calibrated.
     """
     from ..calibration import calibrate, default_folder, identity, refuse_unwritable
+    from ..inference.catalogue import known_effects
+    from ..inference.networks.text import network_text
     from ..ratings.duties import parse_duty
     from ..reports.terminal import result_text
     from ..runs.run_folder import RunFolder, dump
@@ -76,12 +84,21 @@ def calibrate_into_folder(
     tests = load(motor, calibration, holdout, as_json=options.json)
     if tests is None:
         return NOT_ALLOWED
-    path = options.out or default_folder(motor, tests, options.model)
+    name = "both" if len(networks) == 2 else networks[0].name
+    path = options.out or default_folder(motor, tests, name)
     refuse_unwritable(path)
     method = "quick" if options.quick else "emcee"
     for duty in getattr(options, "rating", ()):
         parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
-    same = identity(motor, tests, orders=list(orders), method=method, seed=options.seed)
+    effects = known_effects(motor, getattr(options, "effects_known", ""))
+    same = identity(
+        motor,
+        tests,
+        networks=[network_text(form) for form in networks],
+        effects=[kind.card.id for kind in effects],
+        method=method,
+        seed=options.seed,
+    )
     folder = RunFolder.begin(path, same)
     if folder.note:
         say(folder.note)
@@ -89,7 +106,8 @@ def calibrate_into_folder(
         found = calibrate(
             motor,
             tests,
-            orders=orders,
+            networks=networks,
+            effects=effects,
             method=method,
             seed=options.seed,
             command=options.command_line,
@@ -113,11 +131,9 @@ def calibrate_into_folder(
 
 def _write(found: Calibration, folder: RunFolder, options: argparse.Namespace) -> Path:
     from ..calibration import manifest
-    from ..reports.sheet.of_run import write_sheet_of
-    from ..runs import netcdf as archive
+    from ..reports.sheet.of_run import write_sheet
+    from ..runs.write import write_run
 
-    folder.write_json("fit.json", found.result)
-    for order, posterior in found.posteriors.items():
-        archive.write(posterior, folder.partial / f"posterior_{order}.nc")
-    write_sheet_of(found, folder.partial)
+    run = write_run(folder, found.motor, found.result, found.posteriors, found.predictions)
+    write_sheet(run, folder.partial)
     return folder.finish(manifest(found, options.command_line, options.seed))

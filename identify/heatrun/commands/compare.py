@@ -1,4 +1,4 @@
-"""`heatrun compare`: first against second order on the same records."""
+"""`heatrun compare`: first against second order, or two networks, on the same records."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser = commands.add_parser("compare", help="first against second order on the same records")
     words.add_inputs(parser)
     words.add_holdout(parser)
+    words.add_with(parser)
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: none is written)")
     words.add_json(parser)
@@ -26,13 +27,15 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Fit both orders; a run folder is written only where one is named."""
     from ..calibration import calibrate
+    from ..inference.catalogue import known_effects
+    from ..inference.networks import networks_of
     from ..motorfile import load_motor
     from ..runs.run_folder import dump
 
     motor = load_motor(options.motor)
     if options.out is not None:
         return calibrate_into_folder(
-            options, motor, options.tests, options.holdout, ("first", "second")
+            options, motor, options.tests, options.holdout, networks_of("both")
         )
     tests = load(motor, options.tests, options.holdout, as_json=options.json)
     if tests is None:
@@ -40,6 +43,7 @@ def run(options: argparse.Namespace) -> int:
     found = calibrate(
         motor,
         tests,
+        effects=known_effects(motor, options.effects_known),
         method="quick" if options.quick else "emcee",
         seed=options.seed,
         command=options.command_line,

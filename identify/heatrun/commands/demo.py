@@ -22,6 +22,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Calibrate both orders on a duty and predict a load step."""
     from ..bundled import bundled
+    from ..inference.networks import networks_of
     from ..motorfile import load_motor
 
     folder = bundled("synthetic")
@@ -31,5 +32,5 @@ def run(options: argparse.Namespace) -> int:
         load_motor(folder / "motor.toml"),
         [folder / "duty_90min.csv.gz"],
         [folder / "step_90min.csv.gz"],
-        ("first", "second"),
+        networks_of("both"),
     )

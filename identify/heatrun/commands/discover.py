@@ -1,4 +1,4 @@
-"""`heatrun discover`: where model and measurement disagree, and what is missing."""
+"""`heatrun discover`: where model and measurement disagree, and which effect is missing."""
 
 from __future__ import annotations
 
@@ -16,20 +16,24 @@ from .loading import load
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser(
-        "discover", help="where model and measurement disagree, and what is missing"
+        "discover", help="where model and measurement disagree, and which effect is missing"
     )
     words.add_inputs(parser)
     words.add_holdout(parser)
     parser.add_argument(
-        "--model", choices=("first", "second"), default="second", help="order of the base network"
+        "--model",
+        default="second",
+        metavar="first|second|FILE.toml",
+        help="base network: a built-in one, or your own from a TOML file",
     )
+    words.add_with(parser)
     parser.add_argument(
         "--effects",
         action="append",
         type=Path,
         default=[],
         metavar="FILE.py",
-        help="effects of your own, searched beside the catalogue; the file is run",
+        help="your own effects, searched beside the library; the file is executed",
     )
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
@@ -42,13 +46,17 @@ def run(options: argparse.Namespace) -> int:
     from ..bench.channels.column_mapping import describe_columns, mapping_text
     from ..calibration import default_folder, identity, refuse_unwritable
     from ..discovery.job import run_job
-    from ..discovery.library import all_effects
+    from ..inference.catalogue import all_effects, known_effects
+    from ..inference.networks import network_named
+    from ..inference.networks.text import network_text
     from ..motorfile import load_motor
     from ..reports.terminal import discovery_text
     from ..runs.run_folder import RunFolder, dump
 
     motor = load_motor(options.motor)
     kinds = all_effects(options.effects)
+    network = network_named(options.model)
+    known = known_effects(motor, options.effects_known)
     tests = load(motor, options.tests, options.holdout, as_json=options.json)
     if tests is None:
         return NOT_ALLOWED
@@ -60,7 +68,8 @@ def run(options: argparse.Namespace) -> int:
         tests,
         command="discover",
         effects=[[str(p), hashlib.sha256(p.read_bytes()).hexdigest()] for p in options.effects],
-        order=options.model,
+        network=network_text(network),
+        known=[kind.card.id for kind in known],
         method=method,
         seed=options.seed,
     )
@@ -72,7 +81,8 @@ def run(options: argparse.Namespace) -> int:
             motor,
             tests,
             folder,
-            order=options.model,
+            order=network,
+            known=known,
             kinds=kinds,
             method=method,
             seed=options.seed,

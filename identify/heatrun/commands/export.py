@@ -23,12 +23,12 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "--test", metavar="NAME", help="test of the run (default: the first calibrated on)"
     )
     parser.add_argument(
-        "--model", choices=("first", "second"), help="order (default: second where there is one)"
+        "--model", metavar="NAME", help="network of the run (default: its last one)"
     )
     parser.add_argument(
         "--corrected",
         action="store_true",
-        help="apply to Is, Pd and Te the corrections of losses, sink and timing that the run found",
+        help="correct Is, Pd and Te by the errors of losses, sink and timing that were estimated",
     )
     words.add_out(parser, "folder for the files (default: the run itself)")
     words.add_json(parser)
@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
         options.run,
         folder=options.out,
         test=options.test,
-        order=options.model,
+        network=options.model,
         is_corrected=options.corrected,
     )
     for note in written["notes"]:

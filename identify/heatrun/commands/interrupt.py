@@ -11,7 +11,7 @@ from types import FrameType
 
 from .exit_codes import INTERRUPTED
 
-SENTENCE = "heatrun: interrupted; the same command goes on from what was finished.\n"
+SENTENCE = "heatrun: interrupted; the same command resumes from what was finished.\n"
 
 
 @contextmanager

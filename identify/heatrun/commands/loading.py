@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..calibration import Test
+    from ..calibration import BenchTest
     from ..motor import Motor
 
 
 def load(
     motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path], *, as_json: bool
-) -> tuple[Test, ...] | None:
+) -> tuple[BenchTest, ...] | None:
     """Return the tests, or None after the findings that forbid them were printed."""
     from ..calibration import Refused, load_tests
     from ..reports.terminal import findings_text

@@ -26,23 +26,29 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     words.add_inputs(parser)
     parser.add_argument(
-        "--run", type=Path, metavar="RUN", help="calibrated network (thermal, virtual)"
+        "--run",
+        type=Path,
+        metavar="RUN",
+        help="run folder of the calibrated network (thermal, virtual)",
     )
     parser.add_argument(
-        "--reference", type=Path, metavar="FILE", help="the other prototype (virtual, real)"
+        "--reference",
+        type=Path,
+        metavar="FILE",
+        help="record of the other prototype (virtual, real)",
     )
     parser.add_argument(
         "--tolerance",
         action="append",
         default=[],
         metavar="CHANNEL=VALUE",
-        help="what counts as agreement, such as winding_degC=3 (virtual, real)",
+        help="tolerance of a signal, such as winding_degC=3 (virtual, real)",
     )
     parser.add_argument(
         "--offset",
         type=float,
         metavar="SECONDS",
-        help="added to the reference's clock instead of searching it (virtual, real)",
+        help="clock offset of the reference, instead of its estimate (virtual, real)",
     )
     words.add_out(parser, "folder for the reports (default: Reports)")
     words.add_json(parser)

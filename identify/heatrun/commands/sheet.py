@@ -1,4 +1,4 @@
-"""`heatrun sheet`: the parameter sheet of a run, again."""
+"""`heatrun sheet`: the regenerate the parameter sheet of a run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .exit_codes import DONE
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
-    parser = commands.add_parser("sheet", help="parameter sheet of a run, again")
+    parser = commands.add_parser("sheet", help="regenerate the parameter sheet of a run")
     parser.add_argument("run", type=Path, metavar="RUN")
     words.add_out(parser, "folder for the sheet (default: the run itself)")
     words.add_json(parser)

@@ -13,13 +13,17 @@ from .exit_codes import DONE
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
-    parser = commands.add_parser("simulate", help="a virtual prototype's record")
+    parser = commands.add_parser("simulate", help="simulate a virtual prototype along tests")
     parser.add_argument("motor", type=Path, metavar="MOTOR.toml")
     parser.add_argument(
         "source", metavar="RUN_OR_PARAMETERS", help="run folder, or a TOML file of parameters"
     )
     parser.add_argument("tests", nargs="+", type=Path, metavar="TEST")
-    parser.add_argument("--model", choices=("first", "second"), default="second")
+    parser.add_argument(
+        "--model",
+        metavar="first|second|FILE.toml",
+        help="network of the parameters, or one of the run's (default: the run's last one)",
+    )
     words.add_seed(parser)
     words.add_out(parser, "folder for the CSV files (default: here)")
     words.add_json(parser)
@@ -42,6 +46,7 @@ def run(options: argparse.Namespace) -> int:
         print(dump({"simulated": rows}))
     else:
         for row in rows:
-            error = "" if row["rmse_K"] is None else f", {row['rmse_K']:.2f} K RMSE to measured"
-            print(f"{printable(row['file'])}: {row['num_rows']} rows{error}")
+            error = "" if row["rmse_K"] is None else f", RMSE {row['rmse_K']:.2f} K"
+            model = ", ".join([row["network"], *row["effects"]])
+            print(f"{printable(row['file'])}: {row['num_rows']} rows ({model}){error}")
     return DONE

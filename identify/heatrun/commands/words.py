@@ -27,7 +27,12 @@ def add_inputs(parser: argparse.ArgumentParser) -> None:
 def add_holdout(parser: argparse.ArgumentParser) -> None:
     """Add the tests that are predicted and not fitted."""
     parser.add_argument(
-        "--holdout", nargs="+", type=Path, default=[], metavar="TEST", help="predict only"
+        "--holdout",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="TEST",
+        help="tests that are predicted, not fitted",
     )
 
 
@@ -35,13 +40,27 @@ def add_sampling(parser: argparse.ArgumentParser) -> None:
     """Add the seed and the choice of the quick posterior."""
     add_seed(parser)
     parser.add_argument(
-        "--quick", action="store_true", help="weighted draws instead of emcee where they hold"
+        "--quick",
+        action="store_true",
+        help="importance sampling instead of MCMC where its diagnostics allow",
     )
 
 
 def add_out(parser: argparse.ArgumentParser, text: str) -> None:
     """Add the folder to write to, described by `text`."""
     parser.add_argument("--out", type=Path, default=None, metavar="DIR", help=text)
+
+
+def add_with(parser: argparse.ArgumentParser) -> None:
+    """Add `--with`: known effects of the machine."""
+    parser.add_argument(
+        "--with",
+        dest="effects_known",
+        default="",
+        metavar="EFFECT,…",
+        help="known effects in the model beside those of the motor file's [model], such as "
+        "speed_cooling,sensor_lag",
+    )
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

@@ -223,7 +223,7 @@ class Engine:
         low, high = np.full(len(order), -8.0), np.full(len(order), 8.0)
         for position, slot in enumerate(order):
             parameter = self.slots[slot].parameter
-            if parameter.role != "effect":
+            if parameter.role not in ("effect", "known"):
                 continue
             effect, name = parameter.name.split(".", 1)
             quantity = self.kinds[effect].card.parameters[name]

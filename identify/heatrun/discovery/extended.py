@@ -15,6 +15,7 @@ from ..inference.parameters import ParameterSet, collect
 from ..inference.problem import Problem
 from ..inference.restricted import estimate_noise
 from .engine import Engine
+from .known import known_effects_of
 from .library import Candidate
 
 
@@ -34,7 +35,8 @@ def extended_fit(
         is_adequate: Whether the model leaves only noise.
     """
     full = engine.problem
-    model = replace(full.model, effects=tuple(candidate.kind for candidate in accepted))
+    known = known_effects_of(full)
+    model = replace(full.model, effects=(*known, *(candidate.kind for candidate in accepted)))
     parameters = _parameters(full.parameters, accepted)
     kind = "correlated" if is_adequate else "white"
     problem = Problem(model, full.motor, full.tests, parameters, noise_kind=kind)

@@ -9,10 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..bench.blocks import Blocks
 from ..inference.problem import Problem
+from ..inference.starts import start_draws
 from .acceptance import Rival
 from .engine import Engine, Refit
 from .folds import rmse
@@ -48,7 +51,9 @@ class HeldOut:
             same = self._fitted.find(slot.parameter.name) if slot.test is None else None
             if same is not None:
                 z[position] = fit.z[same]
-        residual, _ = trial.linearise(self._started(z), [])
+        for index in range(len(trial.tests)):
+            z = self._started(z, index, fit)
+        residual, _ = trial.linearise(z, [])
         parts = trial.problem.split(residual)
         return tuple(
             rmse(part[test.is_observed]) for part, test in zip(parts, trial.tests, strict=True)
@@ -73,13 +78,18 @@ class HeldOut:
                 )
         return replace(rival, held_out_K=errors, reason=reason)
 
-    def _started(self, z: np.ndarray) -> np.ndarray:
-        """Return the scores with each test started from its first readings, as in a prediction."""
-        trial = self._trial
-        values = {slot.name: slot.parameter.value(z[i]) for i, slot in enumerate(trial.slots)}
-        offset = float(values.get("sensor_offset", 0.0))
+    def _started(self, z: np.ndarray, index: int, fit: Refit) -> np.ndarray:
+        """Return the scores with a test at its most probable start, as a prediction has it."""
+        trial, test = self._trial, self._trial.tests[index]
+        known = dict(trial.problem.parameters.by_test[index])
+        values, _ = trial.values(z, index)
+        names = {name for _, name in trial.problem.model.form.starts}
+        others = {n: np.full(1, value) for n, value in values.items() if n not in names}
+        noise = jax.tree.map(lambda value: jnp.reshape(value, (1,)), fit.noise)
+        starts = start_draws(trial.problem.model, test, known, others, noise, None)
         started = z.copy()
         for position, slot in enumerate(trial.slots):
-            if slot.parameter.role == "start":
-                started[position] = float(slot.parameter.score(slot.parameter.centre - offset))
+            if slot.test == index and slot.parameter.name in starts:
+                value = float(starts[slot.parameter.name][0])
+                started[position] = float(slot.parameter.score(value))
         return started

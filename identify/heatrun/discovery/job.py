@@ -9,17 +9,17 @@ from typing import Any, Literal
 
 from lptn.effects import AbstractEffect
 
-from ..calibration import Calibration, Test, manifest
-from ..inference.model import Order
+from ..calibration import BenchTest, Calibration, manifest
+from ..inference.networks import NetworkForm
 from ..inference.reduction_checks import check_reduction
 from ..motor import Motor
 from ..reports.discovery.figures import draw_all
 from ..reports.discovery.report import write_report
-from ..reports.sheet.of_run import write_sheet_of
-from ..runs import netcdf as archive
+from ..reports.sheet.of_run import write_sheet
 from ..runs.result import assemble as assemble_fit
 from ..runs.result import describe_model, describe_test
 from ..runs.run_folder import RunFolder
+from ..runs.write import write_run
 from .result import assemble
 from .run import Discovery, Shown, discover, show
 
@@ -43,10 +43,11 @@ class Job:
 
 def run_job(
     motor: Motor,
-    tests: Sequence[Test],
+    tests: Sequence[BenchTest],
     folder: RunFolder,
     *,
-    order: Order = "second",
+    order: str | NetworkForm = "second",
+    known: tuple[type[AbstractEffect], ...] = (),
     kinds: Sequence[type[AbstractEffect]] | None = None,
     method: Literal["emcee", "quick"] = "emcee",
     seed: int = 0,
@@ -61,6 +62,7 @@ def run_job(
         tests: From `heatrun.calibration.load_tests`.
         folder: Where the result goes.
         order: The base network.
+        known: Effects that the base network has.
         kinds: As `heatrun.discovery.run.discover`.
         method: Sampler of the final model.
         seed: Of everything that is drawn.
@@ -70,7 +72,9 @@ def run_job(
     """
     fitted = [test.blocks for test in tests if test.role == "calibration"]
     held_out = [test.blocks for test in tests if test.role == "holdout"]
-    found = discover(motor, fitted, order=order, kinds=kinds, held_out=held_out, seed=seed, say=say)
+    found = discover(
+        motor, fitted, order=order, known=known, kinds=kinds, held_out=held_out, seed=seed, say=say
+    )
     say(f"{found.verdict.word}: sampling the model as it is now")
     shown = show(
         found, [test.blocks for test in tests], method=method, seed=seed,
@@ -85,19 +89,19 @@ def run_job(
         folder.partial / "discovery",
     )  # fmt: skip
     write_report(result, figures, folder.partial / "discovery.pdf")
-    final = _as_calibration(motor, tests, found, shown, order, command, seed)
-    folder.write_json("fit.json", final.result)
-    archive.write(shown.posteriors[1], folder.partial / f"posterior_{order}.nc")
-    write_sheet_of(final, folder.partial)
+    name = found.fits[1].problem.model.name
+    final = _as_calibration(motor, tests, found, shown, name, command, seed)
+    run = write_run(folder, motor, final.result, final.posteriors, final.predictions)
+    write_sheet(run, folder.partial)
     return Job(found, shown, result, folder.finish(manifest(final, command, seed)))
 
 
 def _as_calibration(
     motor: Motor,
-    tests: Sequence[Test],
+    tests: Sequence[BenchTest],
     found: Discovery,
     shown: Shown,
-    order: Order,
+    network: str,
     command: str,
     seed: int,
 ) -> Calibration:
@@ -111,15 +115,15 @@ def _as_calibration(
         error, more = check_reduction(posterior.fit, test.record, test.blocks, motor)
         rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
         findings += more
-    models = {order: describe_model(posterior, predictions, roles)}
+    models = {network: describe_model(posterior, predictions, roles)}
     result = assemble_fit(
-        motor, rows, findings, dict(models), {order: predictions}, command=command, seed=seed
+        motor, rows, findings, dict(models), {network: predictions}, command=command, seed=seed
     )
     if found.named:
         names = " and ".join(each.rival.candidate.id for each in found.named)
         result["verdict"]["sentence"] = (
-            f"The {order}-order network with {names}, which was found missing "
-            f"({found.verdict.word}): {found.verdict.sentence}"
+            f"The {posterior.fit.problem.model.words} with {names}, which was found "
+            f"missing ({found.verdict.word}): {found.verdict.sentence}"
         )
     result["effects"] = [each.rival.candidate.id for each in found.named]
-    return Calibration(motor, tuple(tests), {order: posterior}, {order: predictions}, result)
+    return Calibration(motor, tuple(tests), {network: posterior}, {network: predictions}, result)

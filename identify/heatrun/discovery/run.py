@@ -14,8 +14,10 @@ from lptn.effects import AbstractEffect
 
 from ..bench.blocks import Blocks
 from ..errors import InputError
+from ..inference.catalogue import all_effects
 from ..inference.fit_result import Fit
-from ..inference.model import Model, Order
+from ..inference.model import Model
+from ..inference.networks import NetworkForm
 from ..inference.posterior import Posterior, sample, weighted_draws
 from ..inference.predict import Prediction, predict
 from ..inference.problem import Problem
@@ -26,9 +28,10 @@ from .extended import extended_fit
 from .final_check import Adequacy, adequacy
 from .grow import Growth, grow
 from .held_out import HeldOut
-from .library import Library, all_effects, library
+from .known import with_known
+from .library import Library, library
 from .localise import Where, localise
-from .next_test import NextTest, next_test
+from .proposed_test import NextTest, next_test
 from .rivals import Named, settle
 from .start import base_start
 from .traces import Trace, find_traces
@@ -93,7 +96,8 @@ def discover(
     motor: Motor,
     tests: Sequence[Blocks],
     *,
-    order: Order = "second",
+    order: str | NetworkForm = "second",
+    known: tuple[type[AbstractEffect], ...] = (),
     kinds: Sequence[type[AbstractEffect]] | None = None,
     held_out: Sequence[Blocks] = (),
     seed: int = 0,
@@ -105,6 +109,7 @@ def discover(
         motor: The machine.
         tests: Reduced records to calibrate on.
         order: The base network.
+        known: Effects that the base network has.
         kinds: The effects that are searched; by default the catalogue and installed ones.
         held_out: Tests that will be predicted. An effect is searched only if they have what it
             needs, and none is added that predicts one of them worse: they take part in the
@@ -116,8 +121,8 @@ def discover(
         InputError: If something that the model needs is not given.
     """
     watch = _Watch()
-    searched = all_effects() if kinds is None else tuple(kinds)
-    bare = Model.of(order, motor)
+    bare = Model.of(order, motor, known)
+    searched = [k for k in (kinds or all_effects()) if k not in bare.effects]
     blocked = _without_resistance(searched, motor)
     found = library(
         [kind for kind in searched if kind.card.id not in blocked],
@@ -126,9 +131,10 @@ def discover(
         num_events=len(tests),
     )
     found = replace(found, unavailable={**found.unavailable, **blocked})
-    problem = Problem.of(replace(bare, effects=found.kinds), motor, tests)
+    extended = replace(bare, effects=(*bare.effects, *found.kinds))
+    problem = with_known(Problem.of(extended, motor, tests), bare.effects)
     engine = Engine(problem)
-    say(f"{order} order: fitting the network alone")
+    say(f"{bare.title}: fitting the network alone")
     start = base_start(engine, seed=seed)
     if not np.all(np.isfinite(start.residual)) or start.chi2 > 1e9:
         raise InputError(
@@ -150,7 +156,7 @@ def discover(
     accepted = [each.rival.candidate for each in named]
     where_after = where_before
     if named:
-        model = replace(bare, effects=tuple(candidate.kind for candidate in accepted))
+        model = replace(bare, effects=(*bare.effects, *(c.kind for c in accepted)))
         where_after = localise(engine, final, model)
     watch.lap("where")
     traces = find_traces(growth, before.excess) if not named else []

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from .course import Course, simulate_variables
 from .mat import export_mat, mat_bytes
-from .rerun import RunTest, read_run_test
+from .rerun import RunAndTest, read_run_test
 from .variables import Corrections, thesis_variables
 
 __all__ = [
     "Corrections",
     "Course",
-    "RunTest",
+    "RunAndTest",
     "export_mat",
     "mat_bytes",
     "read_run_test",

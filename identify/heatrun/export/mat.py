@@ -15,13 +15,12 @@ import scipy.io
 from .. import __version__
 from ..bench.record import Finding
 from ..errors import InputError
-from ..inference.model import Order
 from ..io.file_set import together
 from ..io.whole_files import writable, write_whole
 from ..runs.result import describe_finding
 from .course import simulate_variables
-from .rerun import RunTest, read_run_test
-from .variables import UNITS, Corrections, thesis_variables
+from .rerun import RunAndTest, read_run_test
+from .variables import SCALARS, UNITS, Corrections, thesis_variables
 
 MAT_FILE = "prova.mat"
 SCRIPT = "run_prova.m"
@@ -41,7 +40,7 @@ def export_mat(
     *,
     folder: Path | None = None,
     test: str | None = None,
-    order: Order | None = None,
+    network: str | None = None,
     is_corrected: bool = False,
 ) -> dict[str, Any]:
     """Write `prova.mat` of a run, and the script that integrates it beside it.
@@ -50,7 +49,7 @@ def export_mat(
         run: The run folder.
         folder: Where the two files go; None for the run folder itself.
         test: As `read_run_test`.
-        order: As `read_run_test`.
+        network: As `read_run_test`.
         is_corrected: Whether the corrections of losses and sink that the run found are applied
             to `Pd` and `Te`; else these are the record's own samples, as `Tw_m` always is.
 
@@ -63,8 +62,10 @@ def export_mat(
         InputError: As `read_run_test` and `thesis_variables`; and if the files cannot be written
             or something that heatrun has not written would be lost.
     """
-    found = read_run_test(run, test=test, order=order)
-    variables, notes = thesis_variables(found.record, found.values, found.motor, found.order)
+    found = read_run_test(run, test=test, network=network)
+    variables, notes = thesis_variables(
+        found.record, found.values, found.motor, _thesis_network(found)
+    )
     corrections = Corrections.of(found.values)
     corrected = corrections.applied(variables, _speed(found, corrections))
     plain, full = simulate_variables(variables), simulate_variables(corrected)
@@ -82,7 +83,7 @@ def export_mat(
         "run": str(run),
         "test": found.record.name,
         "is_held_out": found.is_held_out,
-        "order": found.order,
+        "order": found.model.name,
         "is_corrected": is_corrected,
         "variables": {name: _describe(name, value) for name, value in variables.items()},
         "rmse_K": plain.rmse(variables["Tw_m"]),
@@ -91,6 +92,23 @@ def export_mat(
         "notes": list(notes),
         "findings": [describe_finding(finding) for finding in findings],
     }
+
+
+def _thesis_network(found: RunAndTest) -> str:
+    """Return the network of a run that the thesis has variables for.
+
+    Raises:
+        InputError: If its model has effects, or is another network.
+    """
+    effects = [kind.card.id for kind in found.model.effects]
+    if effects or found.model.name not in SCALARS:
+        what = f"effects ({', '.join(effects)})" if effects else f"the network {found.model.name}"
+        raise InputError(
+            f"the model of this run has {what}, which {MAT_FILE} has no variables for.",
+            where=str(found.run),
+            remedy="Export a run of `heatrun calibrate` on the same tests.",
+        )
+    return found.model.name
 
 
 def mat_bytes(variables: Mapping[str, np.ndarray]) -> bytes:
@@ -105,7 +123,7 @@ def mat_bytes(variables: Mapping[str, np.ndarray]) -> bytes:
     return text.ljust(HEADER_TEXT_BYTES) + buffer.getvalue()[HEADER_TEXT_BYTES:]
 
 
-def _speed(found: RunTest, corrections: Corrections) -> np.ndarray | None:
+def _speed(found: RunAndTest, corrections: Corrections) -> np.ndarray | None:
     """Return the speed at the samples [rpm] where a torque offset needs it."""
     if not corrections.torque_offset:
         return None

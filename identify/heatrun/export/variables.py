@@ -13,7 +13,6 @@ import numpy as np
 
 from ..bench.record import Record
 from ..errors import InputError
-from ..inference.model import Order
 from ..motor import Motor
 
 UNITS: Mapping[str, str] = {
@@ -108,7 +107,7 @@ class Corrections:
 
 
 def thesis_variables(
-    record: Record, values: Mapping[str, float], motor: Motor, order: Order
+    record: Record, values: Mapping[str, float], motor: Motor, network: str
 ) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """Return the variables of `prova.mat` and sentences on what is in them.
 
@@ -117,7 +116,7 @@ def thesis_variables(
         values: Parameters by name; `Rs0` may be missing in the first order, which has no use
             for it.
         motor: Phases, material and reference temperature of the winding, and the sink.
-        order: The first order has no `Ceqsr`, `Reqsr` and `Tso`.
+        network: `"first"` or `"second"`; the first order has no `Ceqsr`, `Reqsr` and `Tso`.
 
     Returns:
         Float64 columns of shape (time, 1) and scalars of shape (1, 1), sorted as in the thesis;
@@ -147,7 +146,7 @@ def thesis_variables(
         notes.append(f"Tw_m is NaN at {unread} samples without a reading.")
     if motor.sink != "ambient":
         notes.append(f"Te holds {sink}, the sink of this motor.")
-    scalars = {name: values[parameter] for name, parameter in SCALARS[order].items()}
+    scalars = {name: values[parameter] for name, parameter in SCALARS[network].items()}
     scalars["B"] = motor.resistance_coefficient_degC
     scalars["Trif"] = motor.reference_temperature_degC
     resistance = values.get("Rs0", motor.phase_resistance_ohm)

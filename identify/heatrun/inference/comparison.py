@@ -1,4 +1,4 @@
-"""First against second order on the same records: errors, scores, and what it means in words."""
+"""Two networks on the same records: errors, scores, and what it means in words."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ def good_until(prediction: Prediction, limit_K: float) -> float | None:
 def compare(
     first: Sequence[Prediction], second: Sequence[Prediction], roles: Sequence[str]
 ) -> dict[str, Any]:
-    """Return the comparison of two orders over the same tests, with sentences.
+    """Return the comparison of two networks over the same tests, with sentences.
 
     Args:
-        first: Predictions of the first order, one per test.
-        second: Those of the second order, in the same order.
+        first: Predictions of the network with fewer nodes, one per test.
+        second: Those of the other one, in the same order.
         roles: `"calibration"` or `"holdout"`, one per test.
     """
     words, thresholds, peaks = [], [], []
@@ -60,12 +60,12 @@ def compare(
                 "test": name, "limit_K": limit, "until_s": until,
                 "second_until_s": good_until(two, limit),
             })  # fmt: skip
-            ends.append(f"{limit:g} K {_until(until)}")
+            ends.append(f"within {limit:g} K {_until(until)}")
         rows = residual_row(one, role), residual_row(two, role)
         words.append(
-            f"{name} ({role}): the first order is good to {', '.join(ends)}; it errs by "
-            f"{rows[0]['rmse_K']:.2f} K (RMSE) and {rows[0]['max_K']:.1f} K at most, the second "
-            f"order by {rows[1]['rmse_K']:.2f} K and {rows[1]['max_K']:.1f} K."
+            f"{name} ({role}): {one.model.title}: RMSE {rows[0]['rmse_K']:.2f} K, maximum error "
+            f"{rows[0]['max_K']:.1f} K ({', '.join(ends)}); {two.model.title}: RMSE "
+            f"{rows[1]['rmse_K']:.2f} K, maximum error {rows[1]['max_K']:.1f} K."
         )
         top = int(np.nanargmax(one.test.measured))
         peak = {
@@ -77,47 +77,51 @@ def compare(
         }
         peaks.append(peak)
         words.append(
-            f"{name}: at the peak of {peak['measured_degC']:.1f} degC the first order is off by "
-            f"{peak['first_degC'] - peak['measured_degC']:+.1f} K, the second by "
+            f"{name}: error at the measured peak of {peak['measured_degC']:.1f} °C: "
+            f"{one.model.title} {peak['first_degC'] - peak['measured_degC']:+.1f} K, "
+            f"{two.model.title} "
             f"{peak['second_degC'] - peak['measured_degC']:+.1f} K."
         )
     return {"words": words, "thresholds": thresholds, "peak": peaks}
 
 
 def verdict(models: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Return which order the data call for, from the evidence and the held-out scores.
+    """Return which of two networks the data favour, from the evidence and the held-out scores.
 
     Args:
-        models: The entries of `fit.json` by order.
+        models: The entries of `fit.json` by name, the network with fewer nodes first.
     """
-    if len(models) < 2:
-        order = next(iter(models))
+    names = list(models)
+    titles = {name: model["title"] for name, model in models.items()}
+    if len(names) != 2:
+        fitted = " and ".join(titles.values())
         return {
             "order": "undecided",
-            "sentence": f"Only the {order} order was calibrated; nothing was compared.",
+            "sentence": f"Only the {fitted} was calibrated: there is no comparison."
+            if len(names) == 1
+            else f"Calibrated: {fitted}. Two networks are compared at a time.",
             "log_bayes_factor": None,
         }
-    factor = (
-        models["second"]["evidence"]["log_evidence"] - models["first"]["evidence"]["log_evidence"]
-    )
-    score = {order: _held_out_score(model) for order, model in models.items()}
+    small, large = names
+    factor = models[large]["evidence"]["log_evidence"] - models[small]["evidence"]["log_evidence"]
+    score = {name: _held_out_score(model) for name, model in models.items()}
+    of_small, of_large = score[small], score[large]
     held = ""
-    if score["first"] is not None and score["second"] is not None:
-        gain = score["second"] - score["first"]
-        better = "second" if gain > 0 else "first"
+    if of_small is not None and of_large is not None:
+        better = large if of_large > of_small else small
         held = (
-            f" On the held-out tests the {better} order predicts better (log score per block "
-            f"{score['second']:.2f} against {score['first']:.2f})."
+            f" The {titles[better]} predicts the held-out tests better (mean log score per block: "
+            f"{titles[large]} {of_large:.2f}, {titles[small]} {of_small:.2f})."
         )
     if factor > DECISIVE:
-        order, text = "second", "The data call for the second order"
+        name, text = large, f"The data favour the {titles[large]}"
     elif factor < -DECISIVE:
-        order, text = "first", "The first order suffices"
+        name, text = small, f"The data favour the {titles[small]}"
     else:
-        order, text = "undecided", "The data do not decide between the orders"
+        name, text = "undecided", f"The data do not decide between {' and '.join(titles.values())}"
     return {
-        "order": order,
-        "sentence": f"{text} (log Bayes factor second to first {factor:+.0f}).{held}",
+        "order": name,
+        "sentence": f"{text} (log Bayes factor of {large} to {small}: {factor:+.0f}).{held}",
         "log_bayes_factor": factor,
     }
 

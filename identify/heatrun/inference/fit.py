@@ -282,15 +282,14 @@ def _rmse(problem: Problem, stacked: np.ndarray) -> float:
 
 def _misfit(problem: Problem, state: _State, excess: float) -> Finding:
     rmse = _rmse(problem, state.residual)
-    order = problem.model.order
     return Finding(
         id="misfit",
         severity="warning",
-        message=f"the {order}-order network leaves {rmse:.2f} K that drift over minutes, more than "
-        f"noise would (excess {excess:.1f}, 1 if only noise): it misses something. The ranges "
-        f"are widened by {np.sqrt(excess):.1f} for it.",
+        message=f"slow residuals of the {problem.model.words} exceed the noise (RMSE {rmse:.2f} K; "
+        f"over minutes {excess:.1f} times the variance of noise alone): the model is incomplete. "
+        f"The 95 % intervals are widened by a factor of {np.sqrt(excess):.1f}.",
         where=problem.label,
-        remedy="Look for the missing effect with `heatrun discover`.",
+        remedy="Search for the missing effect with `heatrun discover`.",
         values={"rmse_K": rmse, "low_frequency_excess": excess},
     )
 
@@ -299,10 +298,12 @@ def _ambiguous(problem: Problem, num_modes: int) -> Finding:
     return Finding(
         id="several_optima",
         severity="warning",
-        message=f"the tests are explained about equally well by {num_modes} different sets of "
-        f"parameters of the {problem.model.order}-order network; the ranges cover them all.",
+        message=f"the posterior of the {problem.model.words} is "
+        f"{'bimodal' if num_modes == 2 else 'multimodal'}: {num_modes} parameter sets fit the "
+        "tests about equally well. The 95 % intervals cover all modes.",
         where=problem.label,
-        remedy="Add a test in which current and speed move apart, or fix a parameter.",
+        remedy="Add a test in which current and speed change independently, or fix a parameter in "
+        "the motor file.",
         values={"num_modes": num_modes},
     )
 
@@ -311,6 +312,6 @@ def _not_converged(problem: Problem) -> Finding:
     return Finding(
         id="not_converged",
         severity="warning",
-        message=f"{problem.model.order} order: {RESULT.not_converged.value}",
+        message=f"{problem.model.title}: {RESULT.not_converged.value}",
         where=problem.label,
     )

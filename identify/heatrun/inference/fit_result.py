@@ -19,12 +19,13 @@ class RESULT(enum.Enum):
 
     converged = "The fit converged."
     not_converged = (
-        "The fit stopped before it converged: the tests hardly determine the parameters. Give a "
-        "prior or fix a parameter in the motor file, or add a test."
+        "The optimisation stopped before it converged: the tests hardly inform the parameters, and "
+        "their values and intervals are not reliable. Give a prior or fix a parameter in the motor "
+        "file, or add a test."
     )
     no_start = (
-        "No start led to a finite fit: the network may be too fast for the step. Check units, or "
-        "pass a shorter step."
+        "No start of the optimisation led to a finite fit: the time constants may be too short for "
+        "the sampling interval. Check the units, or record at a shorter interval."
     )
 
 

@@ -24,7 +24,10 @@ WEAK = 0.25
 """Relative standard uncertainty up to which it counts as weak [1]; a factor of 1.6 at 95 %."""
 
 PRIOR_SPEAKS = 0.7
-"""Posterior over prior standard deviation from which on the tests said nothing [1]."""
+"""Posterior over prior standard deviation from which on the tests do not inform it [1]."""
+
+UNINFORMED = "not informed by the data (posterior = prior)."
+LONGER = "Extending the last load to 2 h would give"
 
 LONGER_S = 7200.0
 """Length that a test is imagined to be extended to [s]: two hours of the bench."""
@@ -61,17 +64,15 @@ def state(
     position = posterior.fit.problem.parameters.index(parameter.name)
     contraction = float(np.std(posterior.flat[:, position]))
     gain = longer.get(parameter.name)
-    hint = "" if gain is None else f" Two hours of the last load would give ±{200 * gain:.1f} %."
+    hint = "" if gain is None else f" {LONGER} ±{200 * gain:.1f} % (95 %)."
     if parameter.role == "resistance":
         if contraction > PRIOR_SPEAKS:
-            return Statement(
-                "not identifiable", "the tests say nothing about it: the prior stands."
-            )
-        return Statement("identified" if relative_sd <= IDENTIFIED else "weak", "from the tests.")
-    if contraction > PRIOR_SPEAKS:
+            return Statement("not identifiable", UNINFORMED)
         return Statement(
-            "not identifiable", f"the tests say nothing about it: the prior stands.{hint}"
+            "identified" if relative_sd <= IDENTIFIED else "weak", "informed by the tests."
         )
+    if contraction > PRIOR_SPEAKS:
+        return Statement("not identifiable", f"{UNINFORMED}{hint}")
     if relative_sd <= IDENTIFIED:
         return Statement("identified", _basis(posterior))
     verdict: Verdict = "weak" if relative_sd <= WEAK else "not identifiable"
@@ -127,14 +128,14 @@ def _extended(test: Blocks, duration_s: float) -> Blocks:
 
 
 def slow_time_constant(posterior: Posterior) -> float:
-    """Return the slow time constant R C of the stator, or of the one node [s]."""
+    """Return the slow time constant R C of the body that is tied to the sink [s]."""
     values = {name: float(np.median(v)) for name, v in posterior.values().items()}
     for parameters in posterior.fit.problem.parameters.by_test:
         for name, parameter in parameters.items():
             if parameter.fixed is not None:
                 values.setdefault(name, parameter.fixed)
-    names = ("Ceq", "Req") if "Ceq" in values else ("Ceq_sr", "Req_sr")
-    return values[names[0]] * values[names[1]]
+    capacitance, resistance = posterior.fit.problem.model.form.body
+    return values[capacitance] * values[resistance]
 
 
 def _basis(posterior: Posterior) -> str:
@@ -144,12 +145,12 @@ def _basis(posterior: Posterior) -> str:
 
 def _blocking(posterior: Posterior, parameter: Parameter) -> str:
     spans = _spans(posterior)
-    if parameter.name in ("Ceq_sr", "Req_sr", "Ceq", "Req") and spans < 2.5:
-        return f"the longest test is {spans:.1f} slow time constants long."
+    if parameter.name in posterior.fit.problem.model.form.body and spans < 2.5:
+        return f"the longest test spans only {spans:.1f} slow time constants."
     rival = _partner(posterior, parameter)
     if rival is not None:
-        return f"it can hardly be told from {rival}."
-    return "the signal is small against noise and misfit."
+        return f"hardly distinguishable from {rival}."
+    return "its effect is small against noise and model error."
 
 
 def _spans(posterior: Posterior) -> float:

@@ -45,7 +45,7 @@ class Kernels(eqx.Module):
 
     @classmethod
     def over(cls, noise_z: np.ndarray, weights: np.ndarray, rng: np.random.Generator) -> Kernels:
-        """Return kernels over weighted draws."""
+        """Return kernels over importance samples."""
         shift = noise_z - weights @ noise_z
         shape = (shift * weights[:, None]).T @ shift + 1e-4 * np.eye(NUM_NOISE)
         picked = rng.choice(weights.size, size=NUM_KERNELS, p=weights)

@@ -10,59 +10,20 @@ from typing import Literal
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from lptn import (
-    CopperLosses,
-    Inputs,
-    Network,
-    Sensor,
-    Trace,
-    block_means,
-    first_order,
-    second_order,
-    simulate,
-)
+from lptn import CopperLosses, Inputs, Network, Sensor, Trace, block_means, simulate
 from lptn.effects import AbstractEffect, build_all
 from lptn.effects.time_shift import TimeShift
 
 from ..bench.blocks import SLOW_LOGGER_S, Blocks, Observation
 from ..errors import InputError
 from ..motor import Motor
+from .catalogue import effects_named
 from .effect_parameters import effect_names, effect_parameters, qualified
+from .networks import BUILT_IN, NetworkForm, network_named
+from .networks.form import STATOR
 from .parameters import Parameter, ParameterSet, check_names, collect, override
 
-Order = Literal["first", "second"]
 Values = Mapping[str, Float[Array, ""]]
-
-_RESISTANCE = (
-    "log-normal; its 95 % span a factor of 20 to either side, which holds machines from 1 kW "
-    "air-cooled to 100 kW water-cooled"
-)
-_SD_RESISTANCE = 1.5
-_CAPACITANCE = (
-    "log-normal; its 95 % span a factor of 7 to either side: copper and iron of 1 kg to 60 kg "
-    "and 3 kg to 150 kg, at 0.39 and 0.48 kJ/(kg K)"
-)
-_SD_CAPACITANCE = 1.0
-
-NETWORK: dict[Order, tuple[Parameter, ...]] = {
-    "first": (
-        Parameter("Ceq", "J/K", "heat capacity of the machine", "network", "log", 1e4,
-                  _SD_CAPACITANCE, _CAPACITANCE),
-        Parameter("Req", "K/W", "resistance from machine to sink", "network", "log", 0.15,
-                  _SD_RESISTANCE, _RESISTANCE),
-    ),
-    "second": (
-        Parameter("Ceq_w", "J/K", "heat capacity of the winding", "network", "log", 500.0,
-                  _SD_CAPACITANCE, _CAPACITANCE),
-        Parameter("Ceq_sr", "J/K", "heat capacity of stator and rotor", "network", "log", 1e4,
-                  _SD_CAPACITANCE, _CAPACITANCE),
-        Parameter("Req_w", "K/W", "resistance from winding to stator", "network", "log", 0.15,
-                  _SD_RESISTANCE, _RESISTANCE),
-        Parameter("Req_sr", "K/W", "resistance from stator to sink", "network", "log", 0.15,
-                  _SD_RESISTANCE, _RESISTANCE),
-    ),
-}  # fmt: skip
-"""The parameters that a calibration is for."""
 
 INSTRUMENTS = (
     Parameter("power_gain", "1", "relative error of the losses", "instrument", "linear", 0.0, 0.01,
@@ -79,14 +40,11 @@ INSTRUMENTS = (
 COLD_START_K = 2.0
 """Start within this of the sink [K] and at rest: stator and winding count as one temperature."""
 
-ALL_NAMES = (
-    "Ceq", "Req", "Ceq_w", "Ceq_sr", "Req_w", "Req_sr", "Rs0", "power_gain", "torque_offset",
-    "sensor_gain", "sensor_offset", "ambient_offset", "load_timing", "Tw_start", "Tsr_start",
+OF_ALL_NETWORKS = (
+    "Rs0", "power_gain", "torque_offset", "sensor_gain", "sensor_offset", "ambient_offset",
+    "load_timing",
 )  # fmt: skip
-"""Every name that a motor file may override."""
-
-OF_ONE_TEST = ("load_timing", "Tw_start", "Tsr_start")
-"""Parameters of one test, which say nothing of another."""
+"""Parameters that do not belong to the network itself."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +52,7 @@ class Model:
     """A network with its nuisances; hashable, so that it keys a compilation.
 
     Attributes:
-        order: First or second order.
+        form: The network: nodes, links, where losses enter, what sensors read.
         kind: What the loss channel means.
         phases: Number of phases [1].
         reference_temperature: Temperature that Rs0 holds for [degC].
@@ -102,7 +60,7 @@ class Model:
         effects: Effects that extend the network, in order.
     """
 
-    order: Order
+    form: NetworkForm
     kind: Literal["balance", "map"]
     phases: int
     reference_temperature: float
@@ -111,27 +69,59 @@ class Model:
 
     @classmethod
     def of(
-        cls, order: Order, motor: Motor, effects: tuple[type[AbstractEffect], ...] = ()
+        cls,
+        network: str | NetworkForm,
+        motor: Motor,
+        effects: tuple[type[AbstractEffect], ...] = (),
     ) -> Model:
-        """Return the model of a motor, with effects beyond the network if wanted."""
+        """Return the model of a motor, with effects beyond the network if wanted.
+
+        Args:
+            network: Name of a built-in network, a TOML file, or the network itself; its own
+                effects come first.
+            motor: The machine.
+            effects: Effects beyond it, in order.
+        """
+        form = network_named(network)
+        own = effects_named(form.effects, form.name)
         return cls(
-            order=order,
+            form=form,
             kind=motor.losses,
             phases=motor.phases,
             reference_temperature=motor.reference_temperature_degC,
             coefficient=motor.resistance_coefficient_degC,
-            effects=effects,
+            effects=(*own, *(kind for kind in effects if kind not in own)),
         )
+
+    @property
+    def name(self) -> str:
+        """Name of the network, such as `"second"`."""
+        return self.form.name
+
+    @property
+    def title(self) -> str:
+        """The network in a sentence, such as `"second order"`."""
+        return self.form.title
+
+    @property
+    def words(self) -> str:
+        """The network as the subject of a sentence, such as `"second-order network"`."""
+        is_order = self.title.endswith(" order")
+        return f"{self.title.replace(' order', '-order')} network" if is_order else self.title
 
     def network(self, values: Values) -> Network:
         """Return the network for values by name."""
-        names = [parameter.name for parameter in NETWORK[self.order]]
-        build = first_order if self.order == "first" else second_order
-        return build(**{name: values[name] for name in names})
+        return self.form.build(values)
 
     def topology(self) -> Network:
         """Return the network with all parameters 1: for questions that need no values."""
-        return self.network({p.name: jnp.asarray(1.0) for p in NETWORK[self.order]})
+        return self.network({p.name: jnp.asarray(1.0) for p in self.form.parameters})
+
+    @property
+    def needs_resistance(self) -> bool:
+        """Whether the phase resistance enters: not in one node under a measured balance."""
+        splits = any(kind.card.id == "winding_node" for kind in self.effects)
+        return self.kind == "map" or len(self.form.nodes) > 1 or splits
 
     def losses(self, values: Values) -> CopperLosses:
         """Return copper loss and meaning of the loss channel for values by name."""
@@ -148,14 +138,15 @@ class Model:
 
     def sensor(self, values: Values) -> Sensor:
         """Return the winding sensor for values by name."""
-        return Sensor(gain=values["sensor_gain"], offset=values["sensor_offset"])
+        return Sensor(
+            node=self.form.measured_node,
+            gain=values["sensor_gain"],
+            offset=values["sensor_offset"],
+        )
 
     def start(self, values: Values) -> dict[str, Float[Array, ""]]:
         """Return the start temperatures by node [degC]."""
-        start = {"winding": values["Tw_start"]}
-        if self.order == "second":
-            start["stator"] = values["Tsr_start"]
-        return start
+        return {node: values[name] for node, name in self.form.starts}
 
     def built_effects(self, values: Values) -> tuple[AbstractEffect, ...]:
         """Return the effects for values by name."""
@@ -199,8 +190,8 @@ def parameters(model: Model, motor: Motor, tests: Sequence[Blocks]) -> Parameter
     Raises:
         InputError: If the phase resistance is needed and not given, or an override is wrong.
     """
-    check_names((*ALL_NAMES, *effect_names(model.effects)), motor)
-    shared = [*NETWORK[model.order], *_resistance(model, motor), *INSTRUMENTS]
+    check_names((*override_names(model.form), *effect_names(model.effects)), motor)
+    shared = [*model.form.parameters, *_resistance(model, motor), *INSTRUMENTS]
     if "torque_offset" in motor.parameters:
         shared.append(_torque(motor, tests))
     by_test = [
@@ -218,17 +209,27 @@ def parameters(model: Model, motor: Motor, tests: Sequence[Blocks]) -> Parameter
     return collect([test.name for test in tests], by_test)
 
 
+def override_names(*networks: NetworkForm) -> tuple[str, ...]:
+    """Return every name that a motor file may override beside those of effects.
+
+    Args:
+        networks: Networks beyond the built-in ones.
+    """
+    forms = [*(network_named(name) for name in BUILT_IN), *networks]
+    names = [name for form in forms for name in form.names]
+    return tuple(dict.fromkeys([*names, *OF_ALL_NETWORKS]))
+
+
 def _resistance(model: Model, motor: Motor) -> list[Parameter]:
-    """Return Rs0 where the copper loss enters: not in one node under a measured balance."""
-    is_one_node = model.order == "first" and not any(kind.rebuilds for kind in model.effects)
-    if is_one_node and model.kind == "balance":
+    """Return Rs0 where the copper loss enters."""
+    if not model.needs_resistance:
         return []
     said = motor.parameters.get("Rs0")
     given = motor.phase_resistance_ohm
     if given is None and (said is None or (said.value is None and said.fixed is None)):
         raise InputError(
             "the phase resistance is not given, and the copper loss of the "
-            f"{model.order}-order network needs it.",
+            f"{model.words} needs it.",
             where=motor.path or motor.name,
             remedy="Give [winding] phase_resistance_ohm, or a guess to be estimated with "
             "[parameters.Rs0] value = ... and relative_sd = 0.2; or calibrate with --model first.",
@@ -278,24 +279,26 @@ def _timing(test: Blocks) -> list[Parameter]:
 
 
 def _start(model: Model, test: Blocks) -> list[Parameter]:
+    return [
+        Parameter(
+            name, "degC", f"{node} temperature at the start", "start", "linear",
+            *_start_prior(model, node, test), per_test=True,
+        )
+        for node, name in model.form.starts
+    ]  # fmt: skip
+
+
+def _start_prior(model: Model, node: str, test: Blocks) -> tuple[float, float, str]:
+    """Return centre and standard deviation [degC] of a node's start, and what they rest on."""
     rise = test.start_degC - float(test.inputs.ambient[0])
-    winding = Parameter(
-        "Tw_start", "degC", "winding temperature at the start", "start", "linear",
-        test.start_degC, 2.0, "first readings, with the sensor's lag and rounding",
-        per_test=True,
-    )  # fmt: skip
-    if model.order == "first":
-        return [winding]
-    if test.stator_start_degC is not None:
-        centre, sd, basis = test.stator_start_degC, 2.0, "measured stator temperature"
-    elif abs(rise) < COLD_START_K:
-        centre, sd = test.start_degC, 1.0
-        basis = "cold start: the machine has soaked at one temperature"
-    else:
-        centre, sd = test.start_degC - 0.35 * rise, max(5.0, 0.2 * abs(rise))
-        basis = "warm start, stator not measured: between sink and winding, nearer the winding"
-    stator = Parameter(
-        "Tsr_start", "degC", "stator temperature at the start", "start", "linear",
-        centre, sd, basis, per_test=True,
-    )  # fmt: skip
-    return [winding, stator]
+    if node == model.form.measured_node:
+        return test.start_degC, 2.0, "first readings, with the sensor's lag and rounding"
+    if node == model.form.sensed(STATOR) and test.stator_start_degC is not None:
+        return test.stator_start_degC, 2.0, "measured stator temperature"
+    if abs(rise) < COLD_START_K:
+        return test.start_degC, 1.0, "cold start: the machine has soaked at one temperature"
+    return (
+        test.start_degC - 0.35 * rise,
+        max(5.0, 0.2 * abs(rise)),
+        f"warm start, {node} not measured: between sink and winding, nearer the winding",
+    )

@@ -24,7 +24,8 @@ from ..motor import Motor, ParameterOverride
 from ..plausible import RANGES, UNITS, limits_around, refuse_implausible
 
 Transform = Literal["log", "linear"]
-Role = Literal["network", "resistance", "start", "instrument", "effect", "noise"]
+Role = Literal["network", "resistance", "start", "instrument", "effect", "known", "noise"]
+"""`"effect"` is one of an effect, `"known"` one of an effect that a search takes as given."""
 
 
 @dataclass(frozen=True)

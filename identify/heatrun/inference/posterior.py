@@ -1,4 +1,4 @@
-"""The posterior of a fit: emcee until it is long enough, or weighted draws where those will do."""
+"""The posterior of a fit by MCMC (emcee) or, where its diagnostics allow, importance sampling."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ import numpy as np
 from jaxtyping import Float
 
 from .batches import at_once
+from .draws import Draws
 from .fit_result import Fit
 from .sampling.convergence import Convergence, judge
-from .sampling.importance import Weighted, importance_sample
+from .sampling.importance import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted, importance_sample
 
 NUM_ENSEMBLES = 2
 """Ensembles that run apart, so that they can be held against each other."""
@@ -22,7 +23,7 @@ CHUNK = 250
 """Steps between two looks at the convergence, and between two checkpoints."""
 
 BURN_IN = 0.2
-"""Share of the steps that is dropped: the walkers start from weighted draws."""
+"""Share of the steps that is dropped: the walkers start from importance samples."""
 
 MOST_STEPS = 12_000
 """Steps of an ensemble after which it is given up, with a verdict that says so."""
@@ -44,8 +45,8 @@ class Posterior:
             ensembles, thinned, one walker after the other.
         log_density: Unnormalised log posterior, shape (chain, draw).
         method: How they were drawn.
-        weighted: The weighted draws that came first.
-        convergence: Verdict on the ensembles; None for weighted draws.
+        weighted: The importance samples that came first.
+        convergence: Verdict on the ensembles; None for importance sampling.
     """
 
     fit: Fit
@@ -69,9 +70,20 @@ class Posterior:
         """Return the verdict in words."""
         if self.convergence is not None:
             return self.convergence.sentence()
-        return (
-            f"Weighted draws around the fit: Pareto k {self.weighted.pareto_k:.2f} (limit 0.7), "
-            f"{self.weighted.effective_size:.0f} effective draws."
+        figures = (
+            f"Pareto k {self.weighted.pareto_k:.2f}, limit {PARETO_LIMIT:g}; effective sample size "
+            f"{self.weighted.effective_size:.0f}, at least {LEAST_EFFECTIVE:g}"
+        )
+        if self.weighted.is_sound:
+            return f"Importance sampling is reliable ({figures})."
+        return f"Importance sampling is not reliable ({figures}): the intervals are indicative."
+
+    @property
+    def draws(self) -> Draws:
+        """The draws with what gives them a meaning: enough to predict any test."""
+        problem = self.fit.problem
+        return Draws(
+            problem.model, problem.motor, problem.parameters, self.flat, problem.noise_kind
         )
 
     def thin(self, num: int, seed: int = 0) -> Float[np.ndarray, "draw all"]:
@@ -99,8 +111,8 @@ def sample(
 
     Args:
         fit: The fit.
-        method: `"emcee"`; or `"quick"`: weighted draws if their Pareto guard holds, else emcee.
-        seed: Of everything that is drawn.
+        method: `"emcee"`: MCMC; `"quick"`: importance sampling if it is sound, else MCMC.
+        seed: Random seed.
         folder: Where checkpoints are written and taken up again; None for none.
         progress: Called with a sentence and the share done.
         most_steps: Steps of an ensemble after which it is given up.
@@ -127,7 +139,7 @@ def sample(
         convergence = judge(chains)
         if progress is not None:
             progress(
-                f"{num_steps} steps, {convergence.effective_size:.0f} effective draws",
+                f"{num_steps} steps, effective sample size {convergence.effective_size:.0f}",
                 min(1.0, max(convergence.effective_size / 800.0, num_steps / most_steps)),
             )
         if (convergence.is_enough and num_steps >= 2 * CHUNK) or num_steps >= most_steps:
@@ -149,7 +161,7 @@ def keep(draws: Float[np.ndarray, "ensemble step walker ..."]) -> np.ndarray:
 
 
 def weighted_draws(fit: Fit, *, seed: int = 0) -> Posterior:
-    """Return weighted draws around a fit, whether their guard holds or not; it says so itself."""
+    """Return importance samples of a fit, reliable or not; `Posterior.is_sound` tells."""
     return _of_weighted(fit, importance_sample(fit, seed=seed), seed)
 
 

@@ -7,15 +7,17 @@ from dataclasses import dataclass
 from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import norm
 
-from ..bench.blocks import Blocks
+from ..bench.blocks import Blocks, Observation
 from . import noise as noise_module
+from .draws import Draws
+from .model import Model, parameters
+from .noise import Noise
 from .posterior import Posterior
-from .problem import NUM_NOISE, Data, Problem, Structure
+from .starts import start_draws
 
 NUM_DRAWS = 400
 """Draws behind a band: its 95 % limits are then good to about a tenth of a standard deviation."""
@@ -28,6 +30,7 @@ class Prediction:
     """What a posterior says of one test, block by block.
 
     Attributes:
+        model: Network with effects.
         test: The test.
         is_held_out: Whether the posterior has not seen it; its start is then taken from its
             first readings.
@@ -38,9 +41,12 @@ class Prediction:
         nodes: Median of the mean temperature of each node over each block [degC].
         nodes_95: Its 95 % limits [degC].
         flows: Median heat flow by link over each block [W].
+        flows_95: Its 95 % limits [W].
         draws: The readings themselves, without noise [degC], shape (draw, block).
+        values: The parameters behind them by name [their units], shape (draw,).
     """
 
+    model: Model
     test: Blocks
     is_held_out: bool
     median: Float[np.ndarray, " block"]
@@ -50,12 +56,31 @@ class Prediction:
     nodes: Mapping[str, np.ndarray]
     nodes_95: Mapping[str, tuple[np.ndarray, np.ndarray]]
     flows: Mapping[tuple[str, str], np.ndarray]
+    flows_95: Mapping[tuple[str, str], tuple[np.ndarray, np.ndarray]]
     draws: Float[np.ndarray, "draw block"]
+    values: Mapping[str, np.ndarray]
 
     @property
     def residual(self) -> np.ndarray:
         """Measured minus median [K], shape (block,); NaN where nothing was read."""
         return self.test.measured - self.median
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """Mean time of each block on the record's own axis [s], shape (block,)."""
+        return self.test.time + self.test.first_s
+
+    @property
+    def rmse_K(self) -> float:
+        """Root mean square of the residuals [K]; NaN where nothing was read."""
+        error = self.residual[self.test.is_observed]
+        return float(np.sqrt(np.mean(error**2))) if error.size else float("nan")
+
+    @property
+    def largest_K(self) -> float:
+        """Largest residual by magnitude [K], with its sign; NaN where nothing was read."""
+        error = self.residual[self.test.is_observed]
+        return float(error[np.argmax(np.abs(error))]) if error.size else float("nan")
 
     def coverage_95(self) -> float:
         """Return the share of block means inside the 95 % band with noise [1]."""
@@ -71,110 +96,125 @@ class Prediction:
 
 
 def predict(
-    posterior: Posterior,
+    source: Posterior | Draws,
     test: Blocks,
     *,
+    fitted_as: str | None = None,
     num_draws: int = NUM_DRAWS,
     seed: int = 0,
 ) -> Prediction:
-    """Predict a test, one that the posterior has seen or any other.
+    """Predict a test, one that was fitted or any other.
 
     Args:
-        posterior: Draws.
-        test: A reduced record; its readings are used for the start alone.
+        source: A posterior, or draws read back from a run.
+        test: A reduced record; its first readings are used for the start of a test that was not
+            fitted, all others for nothing.
+        fitted_as: Name of the fitted test that this one is; a posterior knows its own tests.
         num_draws: Number of draws.
         seed: Of the noise and of the start.
     """
-    fitted = posterior.fit.problem
-    vectors = posterior.thin(num_draws, seed)
-    names = [each.name for each in fitted.tests]
-    is_held_out = test not in fitted.tests
-    problem = Problem.of(fitted.model, fitted.motor, [test])
-    z = np.zeros((vectors.shape[0], problem.num_parameters))
-    rng = np.random.default_rng([seed, 3])
-    owner = "" if is_held_out else names[[t is test for t in fitted.tests].index(True)]
-    for position, slot in enumerate(problem.parameters.slots):
-        name = slot.name if slot.test is None else f"{slot.parameter.name}[{owner}]"
-        if name in fitted.parameters.names:
-            z[:, position] = vectors[:, fitted.parameters.index(name)]
-        elif slot.parameter.role != "effect":  # an event of another test stays at its null
-            z[:, position] = rng.standard_normal(vectors.shape[0])
-    if is_held_out:
-        _start_from_readings(problem, z, posterior, vectors, rng)
-
-    course = _courses(problem.structure, problem.data, jnp.asarray(z))
-    readings = np.asarray(course["reading"])
-    noise_z = jnp.asarray(vectors[:, -NUM_NOISE:])
-    keys = jax.random.split(jax.random.key(seed), vectors.shape[0])
-    errors = _errors(noise_z, fitted.data.slow_noise, keys, problem.data.tests[0])
-    noisy = readings + np.asarray(errors)
+    if isinstance(source, Posterior):
+        owned = [each.name for each in source.fit.problem.tests if each is test]
+        fitted_as = owned[0] if owned else fitted_as
+        source = source.draws
+    drawn = of_test(source, test, fitted_as=fitted_as, num_draws=num_draws, seed=seed)
+    observation = test.observation()
+    course = jax.tree.map(np.asarray, _means(source.model, drawn.values, observation))
+    readings = course["reading"]
+    keys = jax.random.split(jax.random.key(seed), readings.shape[0])
+    noisy = readings + np.asarray(_errors(drawn.noise, keys, observation))
     return Prediction(
+        model=source.model,
         test=test,
-        is_held_out=is_held_out,
+        is_held_out=fitted_as is None,
         median=np.median(readings, axis=0),
         parameters=_limits(readings),
         total=_limits(noisy),
         sd=np.std(noisy, axis=0),
-        nodes={n: np.median(np.asarray(v), axis=0) for n, v in course["nodes"].items()},
-        nodes_95={n: _limits(np.asarray(v))["95"] for n, v in course["nodes"].items()},
-        flows={n: np.median(np.asarray(v), axis=0) for n, v in course["flows"].items()},
+        nodes={n: np.median(v, axis=0) for n, v in course["nodes"].items()},
+        nodes_95={n: _limits(v)["95"] for n, v in course["nodes"].items()},
+        flows={n: np.median(v, axis=0) for n, v in course["flows"].items()},
+        flows_95={n: _limits(v)["95"] for n, v in course["flows"].items()},
         draws=readings,
+        values=drawn.values,
     )
 
 
-def _start_from_readings(
-    problem: Problem,
-    z: np.ndarray,
-    posterior: Posterior,
-    vectors: np.ndarray,
-    rng: np.random.Generator,
-) -> None:
-    """Set the start of a test that was not fitted: its first reading less offset and noise."""
-    slots = problem.parameters.slots
-    names = problem.parameters.names
-    test = problem.tests[0]
-    offset = np.zeros(z.shape[0])
-    if "sensor_offset" in names:
-        position = names.index("sensor_offset")
-        offset = slots[position].parameter.value(z[:, position])
-    noise = posterior.fit.problem.noise(vectors[:, -NUM_NOISE:].T)
-    sd = np.minimum(np.asarray(noise.total()), 2.0)
-    winding = test.start_degC - offset + sd * rng.standard_normal(z.shape[0])
-    for position, slot in enumerate(slots):
-        if slot.parameter.name == "Tw_start":
-            z[:, position] = slot.parameter.score(winding)
-        elif slot.parameter.name == "Tsr_start":
-            below = slot.parameter.centre - test.start_degC + slot.parameter.sd * z[:, position]
-            z[:, position] = slot.parameter.score(winding + below)
+@dataclass(frozen=True)
+class OfTest:
+    """Draws of everything that drives the model through one test.
+
+    Attributes:
+        values: Draws by parameter name [their units], shape (draw,).
+        noise: Of each draw.
+    """
+
+    values: dict[str, np.ndarray]
+    noise: Noise
 
 
-@partial(jax.jit, static_argnames="structure")
-def _courses(structure: Structure, data: Data, z: Float[Array, "draw parameter"]):
+def of_test(
+    draws: Draws, test: Blocks, *, fitted_as: str | None, num_draws: int = NUM_DRAWS, seed: int = 0
+) -> OfTest:
+    """Return draws of all parameters for one test: what was fitted, and priors for the rest.
+
+    Args:
+        draws: Draws of a fit.
+        test: The test.
+        fitted_as: Name of the fitted test that it is, None if it was not fitted.
+        num_draws: Number of draws.
+        seed: Of what the fit does not know of the test.
+    """
+    picked = draws.thin(num_draws, seed)
+    rng = np.random.default_rng([seed, 3])
+    known = parameters(draws.model, draws.motor, [test]).by_test[0]
+    values = picked.of_test(fitted_as)
+    starts = {name for _, name in draws.model.form.starts}
+    size = picked.vectors.shape[0]
+    for name, parameter in known.items():
+        if name in values or (name in starts and fitted_as is None):
+            continue
+        if parameter.fixed is not None or parameter.role in ("effect", "known"):
+            # an event of another test stays at its null
+            number = parameter.centre if parameter.fixed is None else parameter.fixed
+            values[name] = np.full(size, number)
+        else:
+            values[name] = parameter.value(_normal(draws, rng, size))
+    noise = picked.noise()
+    if fitted_as is None:
+        certain = draws.parameters.num_free == 0
+        source = None if certain else rng
+        values |= start_draws(draws.model, test, dict(known), values, noise, source)
+    return OfTest(values, noise)
+
+
+def _normal(draws: Draws, rng: np.random.Generator, size: int) -> np.ndarray:
+    """Return standard scores of what the fit does not know; 0 where nothing is uncertain."""
+    return np.zeros(size) if draws.parameters.num_free == 0 else rng.standard_normal(size)
+
+
+@partial(jax.jit, static_argnames="model")
+def _means(model: Model, values: dict[str, Float[Array, " draw"]], test: Observation):
     """Return readings, node temperatures and flows, all as means over blocks, over draws."""
-    test = data.tests[0]
     num_steps = test.weight.shape[1]
 
     def means(course):
         return course.reshape(-1, num_steps).mean(axis=1)
 
-    def one(z):
-        values = data.priors.values(structure.form, z, 0)
-        trace = structure.model.simulate(values, test.inputs)
+    def one(values):
+        trace = model.simulate(values, test.inputs)
         return {
-            "reading": structure.model.block_means(values, test),
+            "reading": model.block_means(values, test),
             "nodes": {n: means(0.5 * (T[1:] + T[:-1])) for n, T in trace.temperature.items()},
             "flows": {n: means(P) for n, P in trace.flow.items()},
         }
 
-    return jax.lax.map(one, z, batch_size=50)
+    return jax.lax.map(one, values, batch_size=50)
 
 
 @jax.jit
-def _errors(noise_z, slow, keys, test):
-    def one(z, key):
-        return noise_module.draw(key, noise_module.from_scores(z, slow), test)
-
-    return jax.vmap(one)(noise_z, keys)
+def _errors(noise: Noise, keys: Array, test: Observation) -> Float[Array, "draw block"]:
+    return jax.vmap(lambda noise, key: noise_module.draw(key, noise, test))(noise, keys)
 
 
 def _limits(draws: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:

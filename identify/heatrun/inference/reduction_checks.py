@@ -131,10 +131,11 @@ def _coarse(blocks: Blocks, error: float) -> Finding:
     return Finding(
         id="reduction",
         severity="warning",
-        message=f"reducing the record to steps of {float(blocks.inputs.step):g} s changes "
-        f"the model by up to {error:.2g} K (limit {COARSE_K} K)",
+        message=f"averaging the record over steps of {float(blocks.inputs.step):g} s changes the "
+        f"simulated winding temperature by up to {error:.2g} K (limit {COARSE_K} K): the "
+        "parameters may be biased.",
         where=blocks.name,
-        remedy="The winding is faster than the steps resolve: record faster.",
+        remedy="The winding responds faster than the steps resolve: record at a shorter interval.",
         test=blocks.name,
         values={"reduction_error_K": error},
     )
@@ -145,12 +146,12 @@ def _lost(record: Record, blocks: Blocks, error: float) -> Finding:
     return Finding(
         id="between_samples",
         severity="warning",
-        message=f"the load is recorded every {period:.3g} s and changes so fast that every second "
-        f"sample gives another winding than the rest: its simulation may be off by {error:.2g} K "
-        f"(limit {BETWEEN_K} K), which the ranges and bands do not hold.",
+        message=f"the load changes faster than it is sampled, every {period:.3g} s (aliasing): the "
+        f"simulated winding temperature may be wrong by {error:.2g} K (limit {BETWEEN_K} K), which "
+        "the 95 % intervals and bands do not include.",
         where=blocks.name,
-        remedy="Record the load faster, or as means over the logger's period; if these are means, "
-        "nothing is lost.",
+        remedy="Record the load at a shorter interval, or as means over the logger's period; if "
+        "the values are such means, nothing is lost.",
         test=blocks.name,
         values={"between_samples_K": error, "period_s": period},
     )

@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import tempfile
 import weakref
+from collections.abc import Callable
 from pathlib import Path
 
 from ..errors import InputError
 
 try:
     import fcntl
-except ImportError:  # not a POSIX system: there, no folder can be locked
+except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
+
+LOCKS = "heatrun-locks"
+"""Folder of the lock files among the temporary files of the user, where one is needed."""
 
 
 class FolderLock:
     """A folder that this process alone works in.
 
-    The folder itself is locked and not a file in it: nothing is left behind by a kill, and the
-    lock stays with the folder when that takes another name.
+    On POSIX systems the folder itself is locked and not a file in it: nothing is left behind by a
+    kill, and the lock stays with the folder when that takes another name. Windows cannot lock a
+    folder, and renames none in which a file is open. There a file among the user's temporary files
+    stands for the path of the folder, by the library filelock: it keeps the processes of one user
+    on one machine apart.
     """
 
-    def __init__(self, descriptor: int | None) -> None:
-        self._release = None if descriptor is None else weakref.finalize(self, os.close, descriptor)
+    def __init__(self, let_go: Callable[[], None]) -> None:
+        self._release = weakref.finalize(self, let_go)
 
     @classmethod
     def take(cls, folder: Path, *, waits: bool = False) -> FolderLock:
@@ -38,29 +47,14 @@ class FolderLock:
         """
         while True:
             folder.mkdir(parents=True, exist_ok=True)
-            if fcntl is None:
-                return cls(None)
-            descriptor = os.open(folder, os.O_RDONLY)
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if waits else fcntl.LOCK_NB))
-                if _is_at(descriptor, folder):
-                    return cls(descriptor)
-            except BlockingIOError as error:
-                os.close(descriptor)
-                raise InputError(
-                    "another process is writing this run.",
-                    where=str(folder),
-                    remedy="Wait until it is done, or choose another --out.",
-                ) from error
-            except BaseException:
-                os.close(descriptor)
-                raise
-            os.close(descriptor)
+            let_go = _hold_path(folder, waits) if fcntl is None else _hold_folder(folder, waits)
+            if let_go is not None:
+                return cls(let_go)
 
     @classmethod
     def is_free(cls, folder: Path) -> bool:
-        """Whether no living process works in an existing folder; False where nobody can know."""
-        if fcntl is None or not folder.is_dir():
+        """Whether no living process works in an existing folder."""
+        if not folder.is_dir():
             return False
         try:
             cls.take(folder).release()
@@ -70,8 +64,49 @@ class FolderLock:
 
     def release(self) -> None:
         """Let the folder go; nothing happens if it was let go before."""
-        if self._release is not None:
-            self._release()
+        self._release()
+
+
+def _hold_folder(folder: Path, waits: bool) -> Callable[[], None] | None:
+    """Lock a folder and return what lets it go; None if it took another name meanwhile."""
+    assert fcntl is not None  # as `FolderLock.take` saw
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if waits else fcntl.LOCK_NB))
+        if _is_at(descriptor, folder):
+            return lambda: os.close(descriptor)
+    except BlockingIOError as error:
+        os.close(descriptor)
+        raise _held(folder) from error
+    except BaseException:
+        os.close(descriptor)
+        raise
+    os.close(descriptor)
+    return None
+
+
+def _hold_path(folder: Path, waits: bool) -> Callable[[], None]:
+    """Lock the file that stands for a folder's path and return what lets it go."""
+    import filelock
+
+    path = os.path.normcase(folder.resolve())
+    locks = Path(tempfile.gettempdir()) / LOCKS
+    locks.mkdir(exist_ok=True)
+    name = f"{hashlib.sha256(path.encode()).hexdigest()[:32]}.lock"
+    lock = filelock.FileLock(locks / name, thread_local=False)
+    try:
+        lock.acquire(blocking=waits)
+    except filelock.Timeout as error:
+        raise _held(folder) from error
+    return lambda: lock.release(force=True)
+
+
+def _held(folder: Path) -> InputError:
+    return InputError(
+        "another process is writing this run.",
+        where=str(folder),
+        remedy="Wait until it is done, or choose another --out.",
+    )
 
 
 def _is_at(descriptor: int, folder: Path) -> bool:

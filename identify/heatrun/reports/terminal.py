@@ -33,8 +33,9 @@ def findings_text(findings: Sequence[Finding]) -> str:
 def result_text(result: Mapping[str, Any]) -> str:
     """Return the heart of a result: parameters with ranges, errors, verdict, findings."""
     lines = [f"Motor: {result['motor']['name']}"]
-    for order, model in result["models"].items():
-        lines += ["", f"{order.capitalize()} order"]
+    for model in result["models"].values():
+        effects = "".join(f", {effect['id']}" for effect in model["effects"])
+        lines += ["", f"{model['title'].capitalize()}{effects}"]
         for name, entry in model["parameters"].items():
             low, high = entry["interval_95"]
             lines.append(

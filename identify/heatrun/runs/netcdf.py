@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,6 +11,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ..inference.noise import NOISE
+from ..inference.parameters import ParameterSet
 from ..inference.posterior import Posterior
 from ..io.moment import stated_moment
 from ..io.whole_files import write_whole
@@ -18,10 +21,10 @@ from ..io.whole_files import write_whole
 def groups(posterior: Posterior) -> Any:
     """Return the draws as ArviZ groups: an `InferenceData` on 0.23, a `DataTree` on 1.x.
 
-    Group `posterior` holds every free parameter in its unit (attribute `units`), those that each
-    test has for itself with a dimension `test`, those that only some tests have with a dimension
-    `test_of_NAME` over these; `sample_stats` the log density; `observed_data` the block means by
-    test.
+    Group `posterior` holds every free parameter and those of the noise in their units (attribute
+    `units`), those that each test has for itself with a dimension `test`, those that only some
+    tests have with a dimension `test_of_NAME` over these; `sample_stats` the log density;
+    `observed_data` the block means by test.
     """
     arviz = _arviz()
     tests = posterior.fit.problem.tests
@@ -60,10 +63,43 @@ def read(path: Path) -> Any:
     `arviz.from_netcdf` reads the same; but to load ArviZ takes longer than all that a command does
     with the draws of a run.
     """
+    return from_bytes(path.read_bytes())
+
+
+def from_bytes(data: bytes) -> Any:
+    """Return the groups of the bytes of a NetCDF file, in memory, as an xarray `DataTree`."""
     import xarray
 
-    with xarray.open_datatree(str(path), engine="h5netcdf") as tree:
+    with xarray.open_datatree(io.BytesIO(data), engine="h5netcdf") as tree:
         return tree.load()
+
+
+def as_arviz(data: bytes) -> Any:
+    """Return the groups as ArviZ knows them: `InferenceData` on 0.23, a `DataTree` on 1.x."""
+    arviz = _arviz()
+    tree = from_bytes(data)
+    if _is_tree(arviz):
+        return tree
+    return arviz.InferenceData(**{name: group.to_dataset() for name, group in tree.items()})
+
+
+def vectors(tree: Any, parameters: ParameterSet) -> Float[np.ndarray, "chain draw all"]:
+    """Return the scores of parameters and noise of the draws in the groups of a run.
+
+    Args:
+        tree: From `read`.
+        parameters: What stands in which place.
+    """
+    group = tree["posterior"]
+    columns = []
+    for slot in parameters.slots:
+        values = np.asarray(group[slot.parameter.name], dtype=float)
+        if slot.test is not None:
+            held = [s.name for s in parameters.slots if s.parameter.name == slot.parameter.name]
+            values = values[..., held.index(slot.name)]
+        columns.append(slot.parameter.score(values))
+    columns += [p.score(np.asarray(group[p.name], dtype=float)) for p in NOISE]
+    return np.stack(columns, axis=-1)
 
 
 def summary(posterior: Posterior) -> Any:
@@ -155,11 +191,15 @@ def _variables(
             held = [tests[s.test] for s in same if s.test is not None]
             dims[name] = ["test" if held == list(tests) else f"test_of_{name}"]
             coords[dims[name][0]] = held
+    noise = posterior.vectors[..., -len(NOISE) :]
+    for index, parameter in enumerate(NOISE):
+        variables[parameter.name] = np.asarray(parameter.value(noise[..., index]))
     return variables, dims, coords
 
 
 def _label(data: Any, posterior: Posterior) -> None:
     units = {s.parameter.name: s.parameter for s in posterior.fit.slots}
+    units |= {parameter.name: parameter for parameter in NOISE}
     group = data["posterior"]
     for name, parameter in units.items():
         group[name].attrs["units"] = parameter.unit

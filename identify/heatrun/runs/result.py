@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from lptn.effects import AbstractEffect
+
 from .. import __version__
 from ..bench.blocks import Blocks
 from ..bench.channels.column_mapping import describe_mapping
 from ..bench.record import Finding, Record
 from ..inference import noise
 from ..inference.comparison import compare, residual_row, verdict
+from ..inference.effect_parameters import qualified
 from ..inference.identifiability import forecast, state
-from ..inference.model import Order
 from ..inference.parameters import Parameter, Slot
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
@@ -73,13 +75,20 @@ def describe_finding(finding: Finding) -> dict[str, Any]:
     }
 
 
+def describe_effect(kind: type[AbstractEffect]) -> dict[str, Any]:
+    """Return what is said of an effect in a model; its parameters stand with the others."""
+    card = kind.card
+    names = [qualified(kind, name) for name in card.parameters]
+    return {"id": card.id, "law": card.law, "parameters": names}
+
+
 def describe_model(
     posterior: Posterior,
     predictions: Sequence[Prediction],
     roles: Sequence[str],
     duties: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return the entry of one order."""
+    """Return the entry of one network."""
     fit = posterior.fit
     slots = fit.slots
     longer = forecast(fit)
@@ -88,7 +97,7 @@ def describe_model(
     nuisances: dict[str, Any] = {}
     for position, slot in enumerate(slots):
         entry = _free(posterior, slot, position, draws[slot.name].ravel(), longer)
-        is_main = slot.parameter.role in ("network", "resistance", "effect")
+        is_main = slot.parameter.role in ("network", "resistance", "effect", "known")
         (main if is_main else nuisances)[slot.name] = entry
     for parameter in fit.problem.parameters.by_test[0].values():
         if parameter.fixed is not None:
@@ -100,7 +109,11 @@ def describe_model(
     num_blocks = int(np.sum(fit.problem.is_observed))
     prior = -0.5 * float(np.sum(fit.vector**2)) - 0.5 * size * float(np.log(2 * np.pi))
     log_likelihood = fit.problem.temper * (float(evaluate(fit, fit.vector[None])[0]) - prior)
+    model = fit.problem.model
     return {
+        "title": model.title,
+        "nodes": list(model.form.nodes),
+        "effects": [describe_effect(kind) for kind in model.effects],
         "result": fit.result.name,
         "message": fit.result.value,
         "stats": fit.stats,
@@ -134,7 +147,7 @@ def describe_model(
             "verdict": posterior.sentence(),
             "is_sound": posterior.is_sound,
         },
-        "derived": {} if fit.problem.model.effects else derive(posterior, duties),
+        "derived": derive(posterior, duties),
         "evidence": {
             "log_evidence": fit.log_evidence,
             "aic": 2.0 * size - 2.0 * log_likelihood,
@@ -150,14 +163,14 @@ def assemble(
     tests: Sequence[dict[str, Any]],
     findings: Sequence[Finding],
     models: dict[str, dict[str, Any]],
-    predictions: Mapping[Order, Sequence[Prediction]],
+    predictions: Mapping[str, Sequence[Prediction]],
     *,
     command: str,
     seed: int,
 ) -> dict[str, Any]:
     """Return the whole of `fit.json`."""
     roles = [test["role"] for test in tests]
-    both = len(models) == 2
+    pair = tuple(models) if len(models) == 2 else None
     return {
         "format": FORMAT,
         "heatrun_version": __version__,
@@ -180,7 +193,9 @@ def assemble(
         "findings": [describe_finding(finding) for finding in findings],
         "verdict": verdict(models),
         "models": models,
-        "comparison": compare(predictions["first"], predictions["second"], roles) if both else None,
+        "comparison": None
+        if pair is None
+        else compare(predictions[pair[0]], predictions[pair[1]], roles),
     }
 
 
@@ -205,11 +220,11 @@ def _free(
         "meaning": parameter.meaning,
         "fixed": False,
     }
-    if parameter.role == "effect":
+    if parameter.role in ("effect", "known"):
         is_clear = sd < 0.25 * abs(value - parameter.centre) if value != 0 else False
         entry |= {
             "identifiability": "identified" if is_clear else "weak",
-            "why": "belongs to an effect that was found missing; see discovery.json.",
+            "why": "belongs to an effect of the model.",
         }
     if parameter.role in ("network", "resistance"):
         statement = state(posterior, parameter, sd / abs(value), longer)

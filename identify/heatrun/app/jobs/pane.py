@@ -87,7 +87,7 @@ class JobPane:
             self._when_done(job)
         elif job.state == "cancelled":
             self._words.object = command + message(
-                "note", "Cancelled. Started again, it goes on from what was sampled so far."
+                "note", "Cancelled. Started again, it resumes from the last checkpoint."
             )
         elif job.state == "failed":
             self._words.object = command + message("error", _reason(job))
@@ -116,5 +116,5 @@ def _reason(job: Job) -> str:
         ]
         return "The data do not allow it. " + " ".join(told)
     if job.output:
-        return "Not all of it could be done."
-    return "The command failed: " + (job.lines[-1] if job.lines else "it said nothing.")
+        return "Part of it failed; see the results below."
+    return "The command failed: " + (job.lines[-1] if job.lines else "no message.")

@@ -1,18 +1,14 @@
-"""The tab that calibrates: parameters, ranges, bands, comparison and sheet."""
+"""The tab that calibrates: parameters, intervals, bands, comparison and sheet."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ..jobs.running import JobQueue
 from ..words import calibration_html
+from .choices import Choices
 from .fitting import Fitting
 
-if TYPE_CHECKING:
-    from .page import Page
 
-
-def calibrating(page: Page, queue: JobQueue) -> Fitting:
+def calibrating(page: Choices, queue: JobQueue) -> Fitting:
     """Return the form and the results of `heatrun calibrate`."""
     return Fitting(
         page,

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ..jobs.running import JobQueue
 from ..words import discovery_html
+from .choices import Choices
 from .fitting import Fitting
 
-if TYPE_CHECKING:
-    from .page import Page
 
-
-def discovering(page: Page, queue: JobQueue) -> Fitting:
+def discovering(page: Choices, queue: JobQueue) -> Fitting:
     """Return the form and the results of `heatrun discover`."""
     return Fitting(
         page,
@@ -21,5 +17,5 @@ def discovering(page: Page, queue: JobQueue) -> Fitting:
         what="discovery",
         orders={"second order": "second", "first order": "first"},
         say=discovery_html,
-        intro="Looks for physical effects that the network of the chosen tests lacks.",
+        intro="Searches for physical effects that the network lacks on the chosen tests.",
     )

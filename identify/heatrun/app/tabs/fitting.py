@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import panel as pn
 
@@ -14,10 +14,8 @@ from ..jobs.pane import JobPane
 from ..jobs.running import Job, JobQueue
 from ..runs import Run
 from ..words import error_message, message
+from .choices import Choices
 from .run_view import run_name, run_view
-
-if TYPE_CHECKING:
-    from .page import Page
 
 NONE = "(none yet)"
 
@@ -31,7 +29,7 @@ class Fitting:
 
     def __init__(
         self,
-        page: Page,
+        page: Choices,
         queue: JobQueue,
         *,
         command: str,
@@ -46,7 +44,8 @@ class Fitting:
         self._holdout = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
         self._order = pn.widgets.Select(name="Network", options=dict(orders), width=200)
         self._quick = pn.widgets.Checkbox(
-            name="Quick: weighted draws instead of emcee where they hold", value=True
+            name="Quick: importance sampling instead of MCMC where its diagnostics allow",
+            value=True,
         )
         self._name = pn.widgets.TextInput(name="Name of the run", placeholder="by the test")
         self._problem = page.pane("")
@@ -111,7 +110,7 @@ class Fitting:
         self._page.list_runs(choose=folder)
         self._shown.value = folder.name if folder.name in self._runs else self._shown.value
         if job.output.get("run") is None:
-            self._problem.object = message("warning", "The command named no run folder.")
+            self._problem.object = message("warning", "The command wrote no run folder.")
 
     def _show(self) -> None:
         run = self._runs.get(str(self._shown.value))

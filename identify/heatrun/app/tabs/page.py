@@ -103,7 +103,7 @@ class Page:
         self._tests.param.watch(lambda _: self.open_tests(), "value")
         self._type.param.watch(lambda _: self._choose_channels(), "value")
         self._channels.param.watch(lambda _: self._draw(), "value")
-        self._run.param.watch(lambda _: self._draw(), "value")
+        self._run.param.watch(lambda _: self._show_run(), "value")
         self._refresh.on_click(lambda _: self._look_again())
         self._dropper.param.watch(self._keep, "value")
         self._choose_channels()
@@ -282,6 +282,10 @@ class Page:
             bands = []
             self.say(problem(f"run {self._run.value}", error))
         self.signals.show(self.opened, self._channels.value, bands)
+
+    def _show_run(self) -> None:
+        self.reporting.offer_references()
+        self._draw()
 
     def say(self, html: str) -> None:
         """Show a sentence above everything."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import panel as pn
 
@@ -14,10 +14,9 @@ from ...reports.bench_tests import TEST_TYPES
 from ..downloads import download
 from ..jobs.pane import JobPane
 from ..jobs.running import Job, JobQueue
+from ..runs import Run
 from ..words import error_message, message, table
-
-if TYPE_CHECKING:
-    from .page import Page
+from .choices import Choices
 
 NO_REFERENCE = "(choose)"
 
@@ -29,7 +28,7 @@ class Reporting:
         view: What goes on the page.
     """
 
-    def __init__(self, page: Page, queue: JobQueue) -> None:
+    def __init__(self, page: Choices, queue: JobQueue) -> None:
         self._page = page
         self._intro = page.pane("")
         self._reference = pn.widgets.Select(
@@ -56,13 +55,22 @@ class Reporting:
         """Show what the chosen test type answers, and what the chosen tests lack for it."""
         card = TEST_TYPES[self._page.kind]
         self._pair.visible = card.needs_reference
-        tests = [NO_REFERENCE, *self._page.tests]
-        kept = self._reference.value
-        self._reference.options = tests
-        self._reference.value = kept if kept in tests else NO_REFERENCE
+        self.offer_references()
         lacks = "".join(message("warning", each) for each in missing)
         intro = f"<h3>{escape(card.title)}</h3><p>{escape(card.sentence)}</p>"
         self._intro.object = intro + lacks
+
+    def offer_references(self) -> None:
+        """Bring the list of the other prototype's records up to date; a chosen one stays chosen."""
+        kept, run = self._reference.value, self._run()
+        first = NO_REFERENCE if run is None else f"(run {run.path.name}, selected on the left)"
+        tests = self._page.tests
+        self._reference.options = [first, *tests]
+        self._reference.value = kept if kept in tests else first
+
+    def _run(self) -> Run | None:
+        """Return the selected run, where the test type can show it."""
+        return self._page.run if self._page.kind in ("thermal", "virtual") else None
 
     def _start(self) -> None:
         try:
@@ -85,16 +93,27 @@ class Reporting:
         words += [str(page.path(name)) for name in page.chosen]
         words += ["--out", str(page.out.parent / "reports")]
         if card.needs_reference:
-            if self._reference.value == NO_REFERENCE:
-                raise InputError(
-                    "Expected the record of the other prototype.", remedy="Choose it above."
-                )
-            words += ["--reference", str(page.path(str(self._reference.value)))]
-            for each in str(self._tolerances.value).split():
-                words += [f"--tolerance={each}"]
-        if page.run is not None and page.kind in ("thermal", "virtual"):
-            words += ["--run", str(page.run.path)]
-        return words
+            words += [f"--tolerance={each}" for each in str(self._tolerances.value).split()]
+        return words + self._compared()
+
+    def _compared(self) -> list[str]:
+        """Return the option that names the other prototype's record, or the run.
+
+        A record that is chosen in the form counts before the run, which may have been selected
+        for the plots only; the command takes one of the two.
+        """
+        page, run = self._page, self._run()
+        card = TEST_TYPES[page.kind]
+        if card.needs_reference and self._reference.value in page.tests:
+            return ["--reference", str(page.path(str(self._reference.value)))]
+        if run is not None:
+            return ["--run", str(run.path)]
+        if card.needs_reference:
+            also = ", or select a run on the left" if page.kind == "virtual" else ""
+            raise InputError(
+                "Expected the record of the other prototype.", remedy=f"Choose it above{also}."
+            )
+        return []
 
     def _show(self, job: Job) -> None:
         reports = job.output.get("reports")

@@ -1,4 +1,4 @@
-"""Is an ensemble long enough? Autocorrelation, effective size and R-hat for affine ensembles.
+"""Is an ensemble long enough? Autocorrelation, effective sample size and R-hat of affine ensembles.
 
 The walkers of one ensemble move with each other, so none of them is a chain, and a split R-hat
 over walkers says little. Here two ensembles run apart: each is one chain of ensemble means, and
@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from .diagnostics import split_rhat
+
 ESS_WANTED = 800.0
-"""Effective draws at which a 95 % limit is good to 4 % of a standard deviation's worth."""
+"""Effective sample size (ESS); the error of a mean is then 4 % of a standard deviation."""
 
 TIMES_WANTED = 25.0
 """Length of each ensemble in autocorrelation times; two ensembles make the customary 50."""
@@ -29,7 +31,7 @@ class Convergence:
     Attributes:
         num_steps: Steps of each ensemble after burn-in.
         autocorrelation: Longest integrated autocorrelation time [steps].
-        effective_size: Smallest effective number of draws.
+        effective_size: Smallest effective sample size (ESS).
         rhat: Largest R-hat [1].
     """
 
@@ -50,14 +52,15 @@ class Convergence:
     def sentence(self) -> str:
         """Return the verdict in words."""
         figures = (
-            f"{self.num_steps} steps, autocorrelation time {self.autocorrelation:.0f}, "
-            f"{self.effective_size:.0f} effective draws, R-hat {self.rhat:.3f}"
+            f"ESS {self.effective_size:.0f}, R-hat {self.rhat:.3f}, {self.num_steps} steps of "
+            f"autocorrelation time {self.autocorrelation:.0f}"
         )
         if self.is_enough:
-            return f"The sampling has converged ({figures})."
+            return f"MCMC converged ({figures})."
         return (
-            f"The sampling has not converged ({figures}; wanted: {ESS_WANTED:.0f} draws, "
-            f"{TIMES_WANTED:.0f} times, R-hat {RHAT_LIMIT}): take the ranges as rough."
+            f"MCMC has not converged ({figures}; required: effective sample size (ESS) "
+            f"{ESS_WANTED:.0f}, R-hat {RHAT_LIMIT}, {TIMES_WANTED:.0f} autocorrelation times): the "
+            "intervals are indicative."
         )
 
 
@@ -68,8 +71,7 @@ def judge(chains: Float[np.ndarray, "ensemble step walker parameter"]) -> Conver
         chains: Positions after burn-in.
 
     Reference: J. Goodman, J. Weare, Ensemble samplers with affine invariance, Communications in
-        Applied Mathematics and Computational Science 5 (2010) 65-80, section 5;
-        A. Gelman et al., Bayesian Data Analysis, 3rd ed., section 11.4 (R-hat).
+        Applied Mathematics and Computational Science 5 (2010) 65-80, section 5.
     """
     from emcee.autocorr import integrated_time  # as in `posterior`: only who samples needs it
 
@@ -81,13 +83,6 @@ def judge(chains: Float[np.ndarray, "ensemble step walker parameter"]) -> Conver
         num_steps=num_steps,
         autocorrelation=float(np.max(times)),
         effective_size=float(np.min(draws)),
-        rhat=float(np.max(_rhat(chains))),
+        # a chain is an ensemble: all its walkers, step by step
+        rhat=float(np.max(split_rhat(chains.reshape(chains.shape[0], -1, chains.shape[-1])))),
     )
-
-
-def _rhat(chains: np.ndarray) -> np.ndarray:
-    half = chains.shape[1] // 2
-    parts = [part for chain in chains for part in (chain[:half], chain[half : 2 * half])]
-    means = np.stack([part.mean(axis=(0, 1)) for part in parts])
-    within = np.mean([part.var(axis=(0, 1), ddof=1) for part in parts], axis=0)
-    return np.sqrt(1.0 + means.var(axis=0, ddof=1) / within)

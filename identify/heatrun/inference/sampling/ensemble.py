@@ -31,14 +31,14 @@ class Ensemble:
         seed: int,
         folder: Path | None,
     ) -> Ensemble:
-        """Return the ensemble at its start: weighted draws, and the chunks of its checkpoint.
+        """Return the ensemble at its start: importance samples, and the chunks of its checkpoint.
 
         Args:
             fit: What is sampled.
             weighted: Where the walkers start, and the proposal of a part of their moves.
             num_walkers: Number of walkers.
             index: Which of the ensembles that run apart it is.
-            seed: Of everything that is drawn.
+            seed: Random seed.
             folder: Where the chunks are written; None for none.
         """
         sampler = emcee.EnsembleSampler(
@@ -94,7 +94,7 @@ def _moves(weighted: Weighted) -> list[tuple[emcee.moves.Move, float]]:
     """Return the moves of an ensemble with their shares.
 
     Differential evolution mixes three times faster than the stretch move in a dozen dimensions,
-    and its full steps change between optima. Draws from the proposal of the weighted draws
+    and its full steps change between optima. Draws from the proposal of the importance sampling
     forget where a walker was wherever that proposal is good, at five times the cost of a step of
     evolution; where it is not good, evolution goes on alone. The snooker move of emcee 3.1.6 is
     left out: it gave a standard normal in ten dimensions a variance of 0.6.

@@ -13,24 +13,27 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 from scipy.special import logsumexp
-from scipy.stats import genpareto
 
 from ..batches import in_batches
 from ..fit_result import Fit
 from ..problem import log_posterior_batch
+from .diagnostics import pareto_shape
 from .proposal import Drawn, Proposal
 
 NUM_ADAPTATIONS = 3
-"""Most rounds in which the proposal is moved to the weighted draws of the round before."""
+"""Most rounds in which the proposal is moved to the importance samples of the round before."""
 
 ENOUGH = 0.15
-"""Share of effective draws at which no further round is worth its time [1]."""
+"""Effective sample size over draws at which no further round is worth its time [1]."""
 
 MORE = 4
 """Factor on the number of draws where the rounds do not satisfy the guard."""
 
 PARETO_LIMIT = 0.7
-"""Largest Pareto shape at which weighted draws can be trusted (Vehtari et al., 2024)."""
+"""Largest Pareto k at which importance sampling can be trusted (Vehtari et al., 2024)."""
+
+LEAST_EFFECTIVE = 400
+"""Smallest effective sample size at which importance sampling can be trusted."""
 
 BATCH = 32
 """Draws evaluated at once, half an ensemble: more of them fall out of the cache."""
@@ -58,13 +61,13 @@ class Weighted:
 
     @property
     def effective_size(self) -> float:
-        """Kish's effective number of draws."""
+        """Kish's effective sample size."""
         return float(1.0 / np.sum(self.weights**2))
 
     @property
     def is_sound(self) -> bool:
         """Whether the weights can be trusted."""
-        return self.pareto_k < PARETO_LIMIT and self.effective_size > 400
+        return self.pareto_k < PARETO_LIMIT and self.effective_size > LEAST_EFFECTIVE
 
     def resample(self, num: int, rng: np.random.Generator) -> np.ndarray:
         """Return rows drawn with their weights, shape (num, all)."""
@@ -128,15 +131,3 @@ def evaluate(fit: Fit, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarr
     """Return the log posterior of many vectors."""
     structure, data = fit.problem.structure, fit.problem.data
     return in_batches(partial(log_posterior_batch, structure, data), vectors, BATCH)
-
-
-def pareto_shape(log_weight: Float[np.ndarray, " draw"]) -> float:
-    """Return the shape of a generalised Pareto fit to the largest weights [1]."""
-    num = log_weight.size
-    num_tail = int(min(0.2 * num, 3 * np.sqrt(num)))
-    ordered = np.sort(log_weight - np.max(log_weight))
-    tail, threshold = np.exp(ordered[-num_tail:]), np.exp(ordered[-num_tail - 1])
-    if not np.any(tail > threshold):
-        return float("inf")
-    shape, _, _ = genpareto.fit(tail - threshold, floc=0.0)
-    return float(shape)

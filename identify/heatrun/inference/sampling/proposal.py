@@ -1,4 +1,4 @@
-"""The proposal of the weighted draws: first the noise, then the parameters given that noise.
+"""The proposal of the importance sampling: first the noise, then the parameters given that noise.
 
 Whether an error is slow or white a short test hardly tells, so the posterior of the noise is
 skewed, and the width of the parameters depends on it: no normal or Student t distribution over
@@ -192,7 +192,7 @@ class Proposal:
         return Drawn(*in_batches(lambda part: _place(*known, *part), rows, BATCH))
 
     def adapted(self, drawn: Drawn, weights: Float[np.ndarray, " draw"]) -> Proposal:
-        """Return the proposal moved to weighted draws.
+        """Return the proposal moved to the importance samples.
 
         The fewer draws carry the weight, the more of the linear model's shape is kept.
 

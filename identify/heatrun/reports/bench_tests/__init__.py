@@ -2,8 +2,8 @@
 
 from .build import build_report as build_report
 from .card import TEST_TYPES as TEST_TYPES
+from .card import BenchTestType as BenchTestType
 from .card import Kind as Kind
-from .card import TestType as TestType
 from .energy import energy_report as energy_report
 from .general import general_report as general_report
 from .job import Outcome as Outcome

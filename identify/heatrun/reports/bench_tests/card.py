@@ -31,7 +31,7 @@ class Requirement:
 
 
 @dataclass(frozen=True)
-class TestType:
+class BenchTestType:
     """The card of a test type.
 
     Attributes:
@@ -44,8 +44,6 @@ class TestType:
         optional: Canonical channels shown where they were recorded.
         needs_reference: Whether a second record is compared.
     """
-
-    __test__ = False  # not a test, though its name begins like one
 
     kind: Kind
     title: str
@@ -92,7 +90,7 @@ TEMPERATURE = Requirement(
 _ALL = tuple(channel.name for channel in CHANNELS if channel.name != "time_s")
 
 _CARDS = (
-    TestType(
+    BenchTestType(
         "general",
         "General Test",
         "GeneralInformationTest",
@@ -102,7 +100,7 @@ _CARDS = (
         (),
         _ALL,
     ),
-    TestType(
+    BenchTestType(
         "thermal",
         "Thermal Behaviour Analysis",
         "ThermalBehaviourAnalysis",
@@ -113,7 +111,7 @@ _CARDS = (
         (*NOT_OF_THE_MACHINE, "phase_current_A", "losses_W", "speed_rpm", "torque_Nm",
          "coolant_flow_L_per_min", "fan"),
     ),
-    TestType(
+    BenchTestType(
         "energy",
         "Energy Consumption",
         "EnergyConsumption",
@@ -123,7 +121,7 @@ _CARDS = (
         (POWER, SPEED),
         ("torque_Nm", "mechanical_power_W"),
     ),
-    TestType(
+    BenchTestType(
         "virtual",
         "Semi-real against Virtual Model Validation",
         "SemiRealVsVirtualModelValidation",
@@ -133,7 +131,7 @@ _CARDS = (
         _ALL,
         needs_reference=True,
     ),
-    TestType(
+    BenchTestType(
         "real",
         "Semi-real against Real Prototype Validation",
         "SemiRealVsRealPrototypeValidation",
@@ -145,5 +143,5 @@ _CARDS = (
     ),
 )  # fmt: skip
 
-TEST_TYPES: Mapping[Kind, TestType] = MappingProxyType({card.kind: card for card in _CARDS})
+TEST_TYPES: Mapping[Kind, BenchTestType] = MappingProxyType({card.kind: card for card in _CARDS})
 """The test types by their word on the command line, in the order of the bench's menu."""

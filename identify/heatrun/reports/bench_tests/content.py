@@ -6,10 +6,10 @@ from typing import Any
 
 from ...runs.result import describe_finding
 from .report import Report, Table
-from .report_name import TestDate
+from .report_name import DateOfTest
 
 
-def report_content(report: Report, when: TestDate | None) -> dict[str, Any]:
+def report_content(report: Report, when: DateOfTest | None) -> dict[str, Any]:
     """Return all that a report says, as numbers and texts.
 
     Args:

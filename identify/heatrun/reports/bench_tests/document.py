@@ -84,14 +84,14 @@ def _printed(value: Any, paths: Sequence[str]) -> Any:
 
 
 def number(value: Cell) -> str:
-    """Return a cell as it is printed: five digits, a dash where it is undefined.
+    """Return a cell as it is printed: a text as it is, five digits, a dash where it is undefined.
 
     Example:
         >>> number(0.0039), number(247.11654), number(None), number(-0.0)
         ('0.0039', '247.12', '–', '0')
     """
     if isinstance(value, str):
-        return printed(value)
+        return value
     if value is None or not math.isfinite(value):
         return "–"
     if value == 0.0:
@@ -112,7 +112,7 @@ def printed(text: str) -> str:
 
 
 def _row(row: Row) -> list[str]:
-    value, note = _text(row.value), row.note
+    value, note = number(row.value), row.note
     if len(value) > LONGEST_VALUE:  # it would take the room of the notes
         value, note = "", f"{value}; {note}" if note else value
     return [row.label, value, row.unit, note]
@@ -134,13 +134,9 @@ def _table(table: Table) -> dict[str, Any]:
     }
 
 
-def _text(value: Cell) -> str:
-    return value if isinstance(value, str) else number(value)
-
-
 def _short(value: Cell) -> str:
     """A cell of a table with many columns: four digits."""
     if isinstance(value, float) and math.isfinite(value) and 1e-3 <= abs(value) < 1e5:
         places = max(0, 3 - math.floor(math.log10(abs(value))))
         return f"{value:.{min(places, 4)}f}"
-    return _text(value)
+    return number(value)

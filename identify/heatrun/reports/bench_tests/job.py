@@ -20,7 +20,7 @@ from .csv_table import csv_table
 from .document import write_pdf
 from .reference import read_reference
 from .report import Report
-from .report_name import TestDate, choose_name, date_of_test, set_name
+from .report_name import DateOfTest, choose_name, date_of_test, set_name
 from .tests_in import tests_in
 from .unchanged import refuse_changed
 
@@ -116,7 +116,7 @@ def make_report(
     return outcomes
 
 
-def _write(test: str, report: Report, when: TestDate | None, out: Path) -> Outcome:
+def _write(test: str, report: Report, when: DateOfTest | None, out: Path) -> Outcome:
     refuse_changed(report.sources)
     identity = [source.sha256 for source in report.sources] or [report.test]
     content = report_content(report, when)

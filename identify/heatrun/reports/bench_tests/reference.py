@@ -86,11 +86,13 @@ def reference_of_run(simulated: Simulated, run: Path, motor: Motor) -> Reference
         run: Its folder.
         motor: The machine.
     """
-    channels = {"time_s": simulated.time_s, "winding_degC": simulated.median_degC}
-    bands = {"winding_degC": simulated.total_95_degC}
-    if "stator" in simulated.nodes_degC:
-        channels["stator_degC"] = simulated.nodes_degC["stator"]
-        bands["stator_degC"] = simulated.nodes_95_degC["stator"]
+    found = simulated.prediction
+    channels = {"time_s": found.time_s, "winding_degC": found.median}
+    bands = {"winding_degC": found.total["95"]}
+    stator = found.model.form.sensed("stator_degC")
+    if stator is not None:
+        channels["stator_degC"] = found.nodes[stator]
+        bands["stator_degC"] = found.nodes_95[stator]
     return Reference(
         record=Record(f"run {run.name}", channels),
         bands=bands,

@@ -30,7 +30,7 @@ MOST_REPORTS = 999
 
 
 @dataclass(frozen=True)
-class TestDate:
+class DateOfTest:
     """When a test was run, and how that is known.
 
     Attributes:
@@ -40,14 +40,12 @@ class TestDate:
         basis: `"file name"`, `"header of the file"` or `"time of the last change of the file"`.
     """
 
-    __test__ = False  # not a test, though its name begins like one
-
     day: datetime.date
     number: str
     basis: str
 
 
-def date_of_test(path: Path) -> TestDate:
+def date_of_test(path: Path) -> DateOfTest:
     """Return the date of a test from its file name, its header, or the file's own time.
 
     Args:
@@ -62,20 +60,20 @@ def date_of_test(path: Path) -> TestDate:
         day = _day(int(found["year"]), int(found["month"]), int(found["day"]))
         if day is not None:
             number = re.sub(r"[\-.]", "_", found["rest"].strip("_-."))
-            return TestDate(day, number, "file name")
+            return DateOfTest(day, number, "file name")
     try:
         day = _in_header(_head(first))
         if day is not None:
-            return TestDate(day, "", "header of the file")
+            return DateOfTest(day, "", "header of the file")
         changed = datetime.datetime.fromtimestamp(first.stat().st_mtime, tz=datetime.UTC)
     except OSError as error:
         raise InputError(
             f"The file cannot be opened ({error.strerror}).", where=text, remedy="Check the path."
         ) from error
-    return TestDate(changed.date(), "", "time of the last change of the file")
+    return DateOfTest(changed.date(), "", "time of the last change of the file")
 
 
-def choose_name(folder: Path, kind: Kind, when: TestDate | None, identity: list[str]) -> str:
+def choose_name(folder: Path, kind: Kind, when: DateOfTest | None, identity: list[str]) -> str:
     """Return the name of the report of a test, without its ending: its former one, or a free one.
 
     A PDF without a JSON of heatrun's beside it is someone else's. A report that another process

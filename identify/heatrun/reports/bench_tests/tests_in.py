@@ -19,7 +19,7 @@ NO_TESTS = ("readme", "license", *(card.stem.lower() for card in TEST_TYPES.valu
 
 
 @dataclass(frozen=True)
-class Tests:
+class ReportedTests:
     """What is to be reported on.
 
     Attributes:
@@ -27,13 +27,11 @@ class Tests:
         left_out: Files of folders that are taken for no bench files.
     """
 
-    __test__ = False  # not a test, though its name begins like one
-
     tests: tuple[Path | Record, ...]
     left_out: tuple[Path, ...]
 
 
-def tests_in(named: Sequence[Path | Record]) -> Tests:
+def tests_in(named: Sequence[Path | Record]) -> ReportedTests:
     """Return records and files as they are, and for each folder its bench files by name.
 
     Whether a file of a folder is one is told by its ending; hidden files and folders are passed
@@ -61,7 +59,7 @@ def tests_in(named: Sequence[Path | Record]) -> Tests:
             )
         tests += found
         left_out += [path for path in files if path not in found]
-    return Tests(tuple(tests), tuple(left_out))
+    return ReportedTests(tuple(tests), tuple(left_out))
 
 
 def is_bench_file(path: Path) -> bool:

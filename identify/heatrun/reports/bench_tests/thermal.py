@@ -24,7 +24,7 @@ from .simulated import Simulated
 FLOWS = {
     ("winding", "stator"): ("P_ws", "winding to stator"),
     ("stator", "ambient"): ("P_se", "stator to the sink"),
-    ("machine", "ambient"): ("P_se", "machine to the sink"),
+    ("winding", "ambient"): ("P_se", "machine to the sink"),
 }
 """Symbols of the heat flows, by link of the network."""
 
@@ -144,23 +144,32 @@ def _earlier(found: Equilibrium) -> str:
     return f"first met at {found.first_reached_s / 60.0:.0f} min"
 
 
-def _run_rows(found: Simulated) -> list[Row]:
-    seen = "the run was calibrated on this file" if found.is_seen else "not seen by the calibration"
+def _run_rows(simulated: Simulated) -> list[Row]:
+    found = simulated.prediction
+    seen = (
+        "the run was calibrated on this file"
+        if simulated.is_seen
+        else "not seen by the calibration"
+    )
     rows = [
         Row("rmse_K", "Winding, RMSE measured to simulated", found.rmse_K, "K",
-            f"{found.order} order, {seen}"),
+            f"{simulated.title}, {seen}"),
         Row("largest_K", "Winding, largest difference", found.largest_K, "K"),
-        Row("coverage_percent", "Block means inside the 95 % band", 100.0 * found.coverage_95, "%"),
+        Row("coverage_percent", "Block means inside the 95 % band",
+            100.0 * found.coverage_95(), "%"),
     ]  # fmt: skip
-    if "stator" in found.nodes_degC:
-        low, high = (float(side[-1]) for side in found.nodes_95_degC["stator"])
+    for node, course in found.nodes.items():
+        if node == simulated.measured_node:
+            continue
+        label = "Tsr" if node == "stator" else node.replace("_", " ")
+        low, high = (float(side[-1]) for side in found.nodes_95[node])
         rows.append(
-            Row("stator_end_degC", "Tsr at the end", float(found.nodes_degC["stator"][-1]), "°C",
+            Row(f"{node}_end_degC", f"{label} at the end", float(course[-1]), "°C",
                 f"95 %: {low:.1f} … {high:.1f} °C")
         )  # fmt: skip
-    for link, flow in found.flows_W.items():
+    for link, flow in found.flows.items():
         symbol, words = FLOWS.get(link, (" to ".join(link), "heat flow"))
-        low, high = (float(side[-1]) for side in found.flows_95_W[link])
+        low, high = (float(side[-1]) for side in found.flows_95[link])
         rows.append(
             Row(f"{symbol}_end_W", f"{symbol}, {words}, at the end", float(flow[-1]), "W",
                 f"95 %: {low:.0f} … {high:.0f} W; mean {float(np.mean(flow)):.0f} W")
@@ -197,9 +206,10 @@ def _summary(record: Record, found: ThermalBehaviour) -> str:
         state = "whether thermal equilibrium is reached is undecided"
     words = f"{record.duration_s / 60.0:.1f} min; {state}"
     if found.simulated is not None:
+        said = found.simulated.prediction
         words += (
-            f"; the run's network is {found.simulated.rmse_K:.2f} K (RMSE) from the measured "
-            f"winding, {100 * found.simulated.coverage_95:.0f} % of it inside the 95 % band"
+            f"; the run's network is {said.rmse_K:.2f} K (RMSE) from the measured winding, "
+            f"{100 * said.coverage_95():.0f} % of it inside the 95 % band"
         )
     return words + "."
 

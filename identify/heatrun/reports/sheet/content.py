@@ -101,7 +101,7 @@ def _assumed(rows: Sequence[Sequence[str]]) -> str:
 def _model(order: str, model: Mapping[str, Any]) -> dict[str, Any]:
     noise = model["noise"]
     return {
-        "order": f"{order.capitalize()} order",
+        "order": f"{model['title'].capitalize()}{_with(model)}",
         "message": f"{model['message']} {model['posterior']['verdict']}",
         "parameters": [_parameter(n, p) for n, p in model["parameters"].items()],
         "nuisances": [_parameter(_clean(n), p)[:5] for n, p in model["nuisances"].items()],
@@ -173,3 +173,8 @@ def _derived(name: str, entry: Mapping[str, Any]) -> list[str]:
 def _clean(text: str) -> str:
     """Return text without control characters, of bounded length."""
     return "".join(c if c.isprintable() else " " for c in text)[:600]
+
+
+def _with(model: Mapping[str, Any]) -> str:
+    effects = [effect["id"] for effect in model["effects"]]
+    return f" with {', '.join(effects)}" if effects else ""

@@ -13,7 +13,9 @@ from matplotlib.figure import Figure
 
 from ...io.whole_files import whole
 
-COLOURS = {"first": "#D55E00", "second": "#0072B2", "measured": "#222222", "stator": "#009E73"}
+COLOURS = {"first": "#D55E00", "second": "#0072B2", "measured": "#222222"}
+NODES = ("#009E73", "#E69F00", "#56B4E9", "#CC79A7")
+"""Colours of the nodes that are simulated and not measured."""
 """Okabe and Ito's palette, which colour-blind readers can tell apart."""
 
 LIMITS_K = (1.0, 2.0, 5.0)
@@ -23,6 +25,7 @@ def draw(
     tables: Sequence[tuple[str, str, pd.DataFrame]],
     draws: Mapping[str, np.ndarray],
     units: Mapping[str, str],
+    titles: Mapping[str, str],
     folder: Path,
 ) -> list[Path]:
     """Draw all figures of a run as PNG.
@@ -31,45 +34,48 @@ def draw(
         tables: Name, role and courses (`band_table`) of each test.
         draws: Posterior draws of the network's parameters by name, each of shape (draw,).
         units: Unit of each parameter.
+        titles: Titles of the networks by name, the one with most nodes last.
         folder: Where the files go.
     """
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for number, (name, role, table) in enumerate(tables, start=1):
-        written.append(save(course(name, role, table), folder / f"course_{number}.png"))
-    if all("first_winding_degC" in t and "second_winding_degC" in t for _, _, t in tables):
-        written.append(save(errors(tables), folder / "first_against_second.png"))
+        written.append(save(course(name, role, table, titles), folder / f"course_{number}.png"))
+    if len(titles) == 2:
+        name = "_against_".join(titles)
+        written.append(save(errors(tables, titles), folder / f"{name}.png"))
     if draws:
         written.append(save(pairs(draws, units), folder / "posterior.png"))
     return written
 
 
-def course(name: str, role: str, table: pd.DataFrame) -> Figure:
+def course(name: str, role: str, table: pd.DataFrame, titles: Mapping[str, str]) -> Figure:
     """Return the course of one test: winding with bands, residuals, load."""
     figure = Figure(figsize=(7.2, 6.4), layout="constrained")
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[3.2, 1.2, 1.2])
     minutes = table["time_s"] / 60.0
-    orders = [order for order in ("first", "second") if f"{order}_winding_degC" in table]
-    for order in orders:
-        colour = COLOURS[order]
+    last = list(titles)[-1]
+    for order, title in titles.items():
+        colour = COLOURS["second" if order == last else "first"]
         total = [table[f"{order}_total_95_{side}_degC"] for side in ("low", "high")]
         inner = [table[f"{order}_parameters_95_{side}_degC"] for side in ("low", "high")]
-        if order == orders[-1]:
+        if order == last:
             top.fill_between(minutes, *total, color=colour, alpha=0.15, lw=0,
-                             label=f"{order} order, 95 % with noise")  # fmt: skip
+                             label=f"{title}, 95 % with noise")  # fmt: skip
             top.fill_between(minutes, *inner, color=colour, alpha=0.3, lw=0,
-                             label=f"{order} order, 95 % of the parameters")  # fmt: skip
+                             label=f"{title}, 95 % of the parameters")  # fmt: skip
         top.plot(minutes, table[f"{order}_winding_degC"], color=colour, lw=1.2,
-                 ls="--" if order == "first" else "-", label=f"{order} order, winding")  # fmt: skip
-        middle.plot(minutes, table[f"{order}_residual_K"], color=colour, lw=0.9, label=order)
+                 ls="-" if order == last else "--", label=f"{title}, winding")  # fmt: skip
+        middle.plot(minutes, table[f"{order}_residual_K"], color=colour, lw=0.9, label=title)
     top.plot(minutes, table["measured_degC"], ".", color=COLOURS["measured"], ms=2.2,
              label="measured winding (block means)")  # fmt: skip
-    if "second_stator_degC" in table:
-        top.fill_between(minutes, table["second_stator_95_low_degC"],
-                         table["second_stator_95_high_degC"], color=COLOURS["stator"], alpha=0.2,
-                         lw=0)  # fmt: skip
-        top.plot(minutes, table["second_stator_degC"], color=COLOURS["stator"], lw=1.1,
-                 label="second order, stator Tsr (95 %)")  # fmt: skip
+    for number, node in enumerate(_nodes(table, last)):
+        colour = NODES[number % len(NODES)]
+        limits = [table[f"{last}_{node}_95_{side}_degC"] for side in ("low", "high")]
+        label = "stator Tsr" if node == "stator" else node.replace("_", " ")
+        top.fill_between(minutes, *limits, color=colour, alpha=0.2, lw=0)
+        top.plot(minutes, table[f"{last}_{node}_degC"], color=colour, lw=1.1,
+                 label=f"{titles[last]}, {label} (95 %)")  # fmt: skip
     top.plot(minutes, table["sink_degC"], color="0.55", lw=0.8, label="sink T0")
     top.set_ylabel("temperature [°C]")
     top.set_title(f"{plain(name)} ({role})", loc="left", fontsize=10)
@@ -82,15 +88,15 @@ def course(name: str, role: str, table: pd.DataFrame) -> Figure:
     return figure
 
 
-def errors(tables: Sequence[tuple[str, str, pd.DataFrame]]) -> Figure:
-    """Return the absolute error of both orders over time, with lines at 1, 2 and 5 K."""
+def errors(tables: Sequence[tuple[str, str, pd.DataFrame]], titles: Mapping[str, str]) -> Figure:
+    """Return the absolute error of two networks over time, with lines at 1, 2 and 5 K."""
     figure = Figure(figsize=(7.2, 1.0 + 1.9 * len(tables)), layout="constrained")
     axes = np.atleast_1d(figure.subplots(len(tables), 1))
     for axis, (name, role, table) in zip(axes, tables, strict=True):
-        for order in ("first", "second"):
+        for colour, (order, title) in zip(("first", "second"), titles.items(), strict=True):
             axis.semilogy(table["time_s"] / 60.0,
                           np.maximum(np.abs(table[f"{order}_residual_K"]), 1e-2),
-                          color=COLOURS[order], lw=0.9, label=f"{order} order")  # fmt: skip
+                          color=COLOURS[colour], lw=0.9, label=title)  # fmt: skip
         for limit in LIMITS_K:
             axis.axhline(limit, color="0.6", lw=0.6, ls=":")
             axis.annotate(f"{limit:g} K", (1.005, limit), xycoords=("axes fraction", "data"),
@@ -101,6 +107,14 @@ def errors(tables: Sequence[tuple[str, str, pd.DataFrame]]) -> Figure:
     axes[-1].set_xlabel("time [min]")
     _finish(list(axes))
     return figure
+
+
+def _nodes(table: pd.DataFrame, network: str) -> list[str]:
+    """Return the unmeasured nodes of a network that a table holds."""
+    head, tail = f"{network}_", "_95_low_degC"
+    columns = map(str, table.columns)
+    found = [c[len(head) : -len(tail)] for c in columns if c.startswith(head) and c.endswith(tail)]
+    return [node for node in found if node not in ("total", "parameters")]
 
 
 def pairs(draws: Mapping[str, np.ndarray], units: Mapping[str, str]) -> Figure:

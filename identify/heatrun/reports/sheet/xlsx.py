@@ -127,7 +127,7 @@ def _worksheet(book: Any, bold: Any, result: Mapping, name: str, table: pd.DataF
     """Write the worksheet of the published identification over the blocks of one test."""
     sheet = book.add_worksheet("Worksheet")
     motor = result["motor"]
-    order = "second" if "second" in result["models"] else "first"
+    order = list(result["models"])[-1]
     fitted = result["models"][order]["parameters"]
     Rs0 = fitted["Rs0"]["value"] if "Rs0" in fitted else motor["phase_resistance_ohm"]
     sheet.write_string(0, 0, "Data for the estimate of the thermal parameters", bold)

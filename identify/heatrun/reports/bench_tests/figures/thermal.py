@@ -39,22 +39,25 @@ def losses(record: Record, split: LossSplit) -> Figure:
 def against(simulated: Simulated) -> Figure:
     """Return measured against simulated winding with bands, and the residuals."""
     figure, (top, bottom) = stacked([2.7, 1.1])
-    minutes = simulated.time_s / 60.0
-    top.fill_between(minutes, *simulated.total_95_degC, color=CYCLE[0], alpha=0.15, lw=0,
+    found = simulated.prediction
+    minutes = found.time_s / 60.0
+    top.fill_between(minutes, *found.total["95"], color=CYCLE[0], alpha=0.15, lw=0,
                      label="95 % with noise")  # fmt: skip
-    top.fill_between(minutes, *simulated.parameters_95_degC, color=CYCLE[0], alpha=0.35, lw=0,
+    top.fill_between(minutes, *found.parameters["95"], color=CYCLE[0], alpha=0.35, lw=0,
                      label="95 % of the parameters")  # fmt: skip
-    top.plot(minutes, simulated.median_degC, color=CYCLE[0], lw=1.1, label="simulated winding")
-    top.plot(minutes, simulated.measured_degC, ".", color="#222222", ms=2.2,
+    top.plot(minutes, found.median, color=CYCLE[0], lw=1.1, label="simulated winding")
+    top.plot(minutes, found.test.measured, ".", color="#222222", ms=2.2,
              label="measured winding (block means)")  # fmt: skip
-    if "stator" in simulated.nodes_degC:
-        top.fill_between(minutes, *simulated.nodes_95_degC["stator"], color=CYCLE[2], alpha=0.25,
-                         lw=0)  # fmt: skip
-        top.plot(minutes, simulated.nodes_degC["stator"], color=CYCLE[2], lw=1.1,
-                 label="stator Tsr, simulated (95 %)")  # fmt: skip
+    others = [node for node in found.nodes if node != simulated.measured_node]
+    for number, node in enumerate(others, start=2):
+        colour = CYCLE[number % len(CYCLE)]
+        label = "stator Tsr" if node == "stator" else node.replace("_", " ")
+        top.fill_between(minutes, *found.nodes_95[node], color=colour, alpha=0.25, lw=0)
+        top.plot(minutes, found.nodes[node], color=colour, lw=1.1,
+                 label=f"{label}, simulated (95 %)")  # fmt: skip
     top.set_ylabel("temperature [°C]", fontsize=8)
     bottom.axhline(0.0, color="0.6", lw=0.6)
-    bottom.plot(minutes, simulated.residual_K, color=CYCLE[1], lw=0.9)
+    bottom.plot(minutes, found.residual, color=CYCLE[1], lw=0.9)
     bottom.set_ylabel("measured −\nsimulated [K]", fontsize=8)
     finish([top, bottom])
     return figure
@@ -63,13 +66,14 @@ def against(simulated: Simulated) -> Figure:
 def flows(simulated: Simulated, labels: dict[tuple[str, str], str]) -> Figure:
     """Return the heat flows of the network over time with their bands."""
     figure, (axis,) = stacked([1.9])
-    minutes = simulated.time_s / 60.0
-    for number, (link, flow) in enumerate(simulated.flows_W.items()):
-        colour = CYCLE[number]
-        axis.fill_between(minutes, *simulated.flows_95_W[link], color=colour, alpha=0.25, lw=0)
+    found = simulated.prediction
+    minutes = found.time_s / 60.0
+    for number, (link, flow) in enumerate(found.flows.items()):
+        colour = CYCLE[number % len(CYCLE)]
+        axis.fill_between(minutes, *found.flows_95[link], color=colour, alpha=0.25, lw=0)
         axis.plot(minutes, flow, color=colour, lw=1.0, label=labels.get(link, " to ".join(link)))
     axis.set_ylabel("heat flow [W]", fontsize=8)
-    if np.any([np.min(flow) < 0.0 for flow in simulated.flows_W.values()]):
+    if np.any([np.min(flow) < 0.0 for flow in found.flows.values()]):
         axis.axhline(0.0, color="0.6", lw=0.6)
     finish([axis])
     return figure

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -244,6 +245,27 @@ def test_a_long_word_can_break_and_an_endless_text_ends():
     assert printed("x" * 300).replace("\u200b", "") == "x" * 300
     assert max(map(len, printed("x" * 300).split("\u200b"))) <= 40
     assert printed("word " * 1000).endswith("…")
+
+
+def test_long_names_are_printed_as_they_are(tmp_path, capsys):
+    """A long word may break anywhere; what is read, searched or copied is the name alone."""
+    data = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
+    name = "Test_2024_03_05_001_" + "and_again_" * 16  # longer than a line
+    other = tmp_path / f"{name}.csv.gz"
+    shutil.copy(data / "Road_2024_03_05_001.csv.gz", other)
+    words = ["report", "--type", "real", "--reference", str(other), "--out", str(tmp_path / "out"),
+             str(data / "motor.toml"), str(data / "Test_2024_03_05_001.csv.gz")]  # fmt: skip
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    assert "u200b" not in told
+    assert name in told
+    (pdf,) = (tmp_path / "out").glob("*.pdf")
+    pages = PdfReader(pdf).pages
+    lines = "\n".join(page.extract_text() for page in pages).splitlines()
+    assert not any("\u200b" in line for line in lines)
+    assert "\u200b" not in str(PdfReader(pdf).metadata)
+    assert name in text_of(pdf)
+    assert not any(name in line for line in lines)  # 180 characters do not fit into 176 mm
 
 
 def test_both_prototypes_from_the_command_line(tmp_path, capsys):

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray
+from heatrun.reports.bench_tests.run_draws import read_draws
 
 from heatrun.bench.readers.read import read_record
 from heatrun.bench.record import Record
@@ -18,7 +19,6 @@ from heatrun.motor import Motor
 from heatrun.reports.bench_tests import build_report, read_reference
 from heatrun.reports.bench_tests.analysis.equilibrium import equilibrium
 from heatrun.reports.bench_tests.analysis.loss_split import split_losses
-from heatrun.reports.bench_tests.run_draws import read_draws
 from heatrun.reports.bench_tests.simulated import simulate_run
 from heatrun.simulation import simulate_file
 

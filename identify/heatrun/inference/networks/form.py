@@ -1,0 +1,106 @@
+"""The form of a network: its nodes and links, and the parameter behind each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from lptn import Network
+
+from ..parameters import Parameter
+
+Link = tuple[str, str]
+
+WINDING, STATOR = "winding_degC", "stator_degC"
+"""Channels that a node may be measured by."""
+
+
+@dataclass(frozen=True)
+class NetworkForm:
+    """A network without numbers: hashable, so that it keys a compilation.
+
+    Attributes:
+        name: As in `--model`, in file names and in JSON.
+        title: As in sentences, such as `"second order"`.
+        capacitance: Parameter of each node [J/K], in the order of the nodes.
+        resistance: Parameter of each link [K/W]; the sink is the second end of its links.
+        share: Share [1] of the losses other than copper by node: a number, a parameter, or None
+            for the one node that takes the rest.
+        copper: Node that the copper loss heats.
+        sink: Name of the boundary.
+        sensors: Node that each measured temperature belongs to, by channel.
+        starts: Name of the start temperature of each node.
+        effects: Ids of the effects that belong to it.
+    """
+
+    name: str
+    title: str
+    capacitance: tuple[tuple[str, Parameter], ...]
+    resistance: tuple[tuple[Link, Parameter], ...]
+    share: tuple[tuple[str, float | Parameter | None], ...]
+    copper: str
+    sink: str
+    sensors: tuple[tuple[str, str], ...]
+    starts: tuple[tuple[str, str], ...]
+    effects: tuple[str, ...] = ()
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Names of the nodes, in the order of the text."""
+        return tuple(node for node, _ in self.capacitance)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Parameters of the network: capacitances, resistances, shares."""
+        shares = [share for _, share in self.share if isinstance(share, Parameter)]
+        return (
+            *(parameter for _, parameter in self.capacitance),
+            *(parameter for _, parameter in self.resistance),
+            *shares,
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all its parameters, start temperatures included."""
+        return (*(p.name for p in self.parameters), *(name for _, name in self.starts))
+
+    def sensed(self, channel: str) -> str | None:
+        """Return the node that a channel measures, None if it measures none."""
+        return dict(self.sensors).get(channel)
+
+    @property
+    def measured_node(self) -> str:
+        """Node that the winding's sensor sits in."""
+        return dict(self.sensors)[WINDING]
+
+    @property
+    def body(self) -> tuple[str, str]:
+        """Names of capacitance and resistance of the node that holds the slow heat.
+
+        It is the node with the largest capacitance (by its prior) of those tied to the sink.
+        """
+        capacitance = dict(self.capacitance)
+        tied = [(link[0], R) for link, R in self.resistance if link[1] == self.sink]
+        node, resistance = max(tied, key=lambda pair: capacitance[pair[0]].centre)
+        return capacitance[node].name, resistance.name
+
+    def build(self, values: Mapping[str, Float[Array, ""] | float]) -> Network:
+        """Return the network for values by parameter name [their units]."""
+        shares: dict[str, Float[Array, ""]] = {}
+        for node, share in self.share:
+            if share is not None:
+                number = values[share.name] if isinstance(share, Parameter) else share
+                shares[node] = jnp.asarray(number)
+        for node, share in self.share:
+            if share is None:
+                shares[node] = 1.0 - sum(shares.values(), start=jnp.asarray(0.0))
+        return Network(
+            capacitance={node: jnp.asarray(values[p.name]) for node, p in self.capacitance},
+            resistance={link: jnp.asarray(values[p.name]) for link, p in self.resistance},
+            share=shares,
+            copper_node=self.copper,
+            boundary=self.sink,
+        )

@@ -1,0 +1,219 @@
+"""The text form of a network: TOML to `NetworkForm` and back."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from ...errors import InputError
+from ...io.toml_text import parse_toml
+from ..parameters import Parameter
+from .form import STATOR, WINDING, Link, NetworkForm
+from .losses import losses_of
+from .priors import capacitance, prior_text, resistance, said_of
+
+KEYS = ("name", "title", "nodes", "sinks", "links", "losses", "sensors", "effects")
+PARAMETER_KEYS = (
+    "capacitance", "resistance", "share", "start",
+    "value", "sd", "sd_log", "relative_sd", "fixed", "meaning", "basis",
+)  # fmt: skip
+MOST_NODES = 12
+"""Nodes of a network: more than one winding sensor will ever tell apart."""
+
+
+def read_network(data: bytes, where: str) -> NetworkForm:
+    """Return the network of a TOML file.
+
+    Args:
+        data: The bytes of the file.
+        where: The file, for messages.
+
+    Raises:
+        InputError: If a section or key is missing, unknown or wrong: with what was expected.
+    """
+    content = parse_toml(data, where, "network file")
+    return network_of(content, where)
+
+
+def network_of(content: Mapping[str, Any], where: str) -> NetworkForm:
+    """As `read_network`, from the parsed content."""
+    at = f"{where}, [network]"
+    network = content.get("network")
+    if not isinstance(network, dict):
+        raise InputError(
+            "expected a section [network] with nodes, links, losses and sensors.",
+            where=where,
+            remedy='Write [network] and below it nodes = ["winding", "stator"], for example.',
+        )
+    _known(network, KEYS, at)
+    nodes = _names(network, "nodes", at)
+    if len(nodes) > MOST_NODES:
+        raise InputError(f"{len(nodes)} nodes, expected at most {MOST_NODES}.", where=at)
+    sinks = _names(network, "sinks", at) if "sinks" in network else ("ambient",)
+    if len(sinks) != 1:
+        raise InputError(
+            f"{len(sinks)} sinks, expected one: a record holds one sink temperature.",
+            where=at,
+            remedy='Write sinks = ["ambient"], or ["coolant"] with [motor] sink = "coolant".',
+        )
+    sink = sinks[0]
+    if sink in nodes:
+        raise InputError(f"{sink} is a node and the sink.", where=at, remedy="Rename one.")
+    links = _links(network, nodes, sink, at)
+    said = content.get("parameters", {})
+    if not isinstance(said, dict) or not all(isinstance(v, dict) for v in said.values()):
+        raise InputError("expected sections [parameters.NAME].", where=where)
+    for name, keys in said.items():
+        _known(keys, PARAMETER_KEYS, f"{where}, [parameters.{name}]")
+    copper, share = losses_of(network, nodes, said, at, where)
+    form = NetworkForm(
+        name=_text(network, "name", at),
+        title=str(network.get("title", f"network {network.get('name')}")),
+        capacitance=tuple((n, capacitance(n, n == copper, said, where)) for n in nodes),
+        resistance=tuple((link, resistance(link, said, where)) for link in links),
+        share=share,
+        copper=copper,
+        sink=sink,
+        sensors=_sensors(network, nodes, at),
+        starts=(),
+        effects=_names(network, "effects", at) if network.get("effects") else (),
+    )
+    form = replace(form, starts=tuple((n, _start_name(n, form, said)) for n in nodes))
+    _all_used(said, form, where)
+    _connected(form, at)
+    return form
+
+
+def network_text(form: NetworkForm) -> dict[str, Any]:
+    """Return the content of the TOML text of a network, which reads back to the same value."""
+    network = {
+        "name": form.name,
+        "title": form.title,
+        "nodes": list(form.nodes),
+        "sinks": [form.sink],
+        "links": [list(link) for link, _ in form.resistance],
+        "losses": {"copper": form.copper, "other": _other(form)},
+        "sensors": dict(form.sensors),
+        "effects": list(form.effects),
+    }
+    parameters: dict[str, Any] = {}
+    for node, parameter in form.capacitance:
+        parameters[parameter.name] = {"capacitance": node, **prior_text(parameter)}
+    for link, parameter in form.resistance:
+        parameters[parameter.name] = {"resistance": list(link), **prior_text(parameter)}
+    for node, share in form.share:
+        if isinstance(share, Parameter):
+            parameters[share.name] = {"share": node, **prior_text(share)}
+    for node, name in form.starts:
+        parameters[name] = {"start": node}
+    return {"network": network, "parameters": parameters}
+
+
+def _links(
+    network: Mapping[str, Any], nodes: Sequence[str], sink: str, at: str
+) -> tuple[Link, ...]:
+    links = network.get("links")
+    if not isinstance(links, list) or not links:
+        raise InputError("expected links between the nodes.", where=at,
+                         remedy='Write links = [["winding", "stator"], …].')  # fmt: skip
+    result: list[Link] = []
+    for link in links:
+        is_pair = isinstance(link, list) and len(link) == 2 and link[0] != link[1]
+        if not is_pair or any(end not in (*nodes, sink) for end in link):
+            raise InputError(
+                f"link {link!r:.60}: expected two different names of {[*nodes, sink]}.", where=at
+            )
+        a, b = (link[1], link[0]) if link[0] == sink else link
+        if (a, b) in result or (b, a) in result:
+            raise InputError(f"the link of {a} and {b} is there twice.", where=at)
+        result.append((a, b))
+    return tuple(result)
+
+
+def _sensors(
+    network: Mapping[str, Any], nodes: Sequence[str], at: str
+) -> tuple[tuple[str, str], ...]:
+    sensors = network.get("sensors")
+    if not isinstance(sensors, dict) or WINDING not in sensors:
+        raise InputError(f"expected sensors with {WINDING}.", where=at,
+                         remedy=f'Write sensors = {{ {WINDING} = "winding" }}.')  # fmt: skip
+    for channel, node in sensors.items():
+        if channel not in (WINDING, STATOR) or node not in nodes:
+            raise InputError(
+                f"sensors: {channel} = {node!r:.40}; expected {WINDING} or {STATOR}, and a node "
+                f"of {list(nodes)}.",
+                where=at,
+            )
+    return tuple(sensors.items())
+
+
+def _connected(form: NetworkForm, at: str) -> None:
+    reached, grown = {form.sink}, True
+    while grown:
+        more = {n for link, _ in form.resistance if set(link) & reached for n in link} - reached
+        reached, grown = reached | more, bool(more)
+    apart = [node for node in form.nodes if node not in reached]
+    if apart:
+        raise InputError(
+            f"no path of links leads from {', '.join(apart)} to the sink {form.sink}: its heat "
+            "could not leave.",
+            where=at,
+            remedy=f'Add a link such as ["{apart[0]}", "{form.sink}"].',
+        )
+
+
+def _all_used(said: Mapping[str, Any], form: NetworkForm, where: str) -> None:
+    for name in said:
+        if name not in form.names:
+            near = difflib.get_close_matches(name, form.names, n=1)
+            raise InputError(
+                f"[parameters.{name}] belongs to no node, link, share or start of the network; "
+                f"there are {', '.join(form.names)}.",
+                where=where,
+                remedy=f"Did you mean {near[0]!r}?"
+                if near
+                else 'Name what it is the value of: capacitance = "winding", for example.',
+            )
+
+
+def _start_name(node: str, form: NetworkForm, said: Mapping) -> str:
+    found = said_of(said, "start", node)
+    return found or ("Tw_start" if node == form.measured_node else f"T_{node}_start")
+
+
+def _known(content: Mapping[str, Any], known: Sequence[str], at: str) -> None:
+    for key in content:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f" Did you mean {near[0]!r}?" if near else ""
+            raise InputError(f"the key {key!r:.60} is not known.{hint}", where=at,
+                             remedy=f"Known are: {', '.join(known)}.")  # fmt: skip
+
+
+def _names(network: Mapping[str, Any], key: str, at: str) -> tuple[str, ...]:
+    names = network.get(key)
+    are_names = isinstance(names, list) and all(isinstance(n, str) and n.strip() for n in names)
+    if not are_names or not names or len(set(names)) < len(names):
+        raise InputError(f"{key}: expected a list of different names, got {names!r:.60}.", where=at)
+    for name in names:
+        if not name.isidentifier():
+            raise InputError(f"{key}: {name!r:.40} is no name of letters, digits and _.", where=at)
+    return tuple(names)
+
+
+def _text(network: Mapping[str, Any], key: str, at: str) -> str:
+    value = network.get(key)
+    if not isinstance(value, str) or not value.isidentifier():
+        raise InputError(f"{key}: expected a name of letters, digits and _, got {value!r:.40}.",
+                         where=at)  # fmt: skip
+    return value
+
+
+def _other(form: NetworkForm) -> Any:
+    if len(form.share) == 1:
+        return form.share[0][0]
+    if any(isinstance(share, Parameter) for _, share in form.share):
+        return [node for node, _ in form.share]
+    return {node: share for node, share in form.share if isinstance(share, float)}

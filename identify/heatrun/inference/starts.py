@@ -1,0 +1,136 @@
+"""Where a test starts that was not fitted: from the state of the bench and its first readings.
+
+The first readings alone mislead where the sensor lags or the clocks are apart. So the start
+temperatures have the prior that a fit would give them, and the readings of the first blocks are
+held against the model with everything in it: sensor, clock, effects, noise. The readings are
+nearly linear in the starts, and the answer is that of linear Gaussian regression for each draw.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..bench.blocks import Blocks, Observation
+from .model import Model
+from .networks.form import STATOR
+from .noise import Noise, whiten
+from .parameters import Parameter
+
+NUM_BLOCKS = 2
+"""Blocks whose readings tell the start (40 s): short against the time constants of a winding, so
+that what the network misses has no time to show; the rest of a held-out test is never read."""
+
+
+def start_draws(
+    model: Model,
+    test: Blocks,
+    known: dict[str, Parameter],
+    values: dict[str, np.ndarray],
+    noise: Noise,
+    rng: np.random.Generator | None,
+) -> dict[str, np.ndarray]:
+    """Return draws of the start temperatures by parameter name [degC], shape (draw,).
+
+    Args:
+        model: Network with effects.
+        test: The test; the readings of its first blocks are used where it has any.
+        known: The parameters of the model for this test, whose priors state the bench's state.
+        values: Draws of all other parameters by name.
+        noise: Of each draw.
+        rng: Source of the draws; None for the most probable start.
+    """
+    names = [name for _, name in model.form.starts]
+    free = [name for name in names if known[name].fixed is None]
+    num_draws = next(iter(values.values())).size
+    fixed = {n: np.full(num_draws, known[n].fixed) for n in names if n not in free}
+    if not free:
+        return fixed
+    mean, covariance = _prior(model, test, known, free)
+    first = _first_blocks(test.observation(), NUM_BLOCKS)
+    normal = np.zeros((num_draws, len(free)))
+    if rng is not None:
+        normal = rng.standard_normal(normal.shape)
+    drawn = _regress(
+        model, tuple(free), {**values, **fixed}, noise, first, jnp.asarray(mean),
+        jnp.asarray(covariance), jnp.asarray(normal),
+    )  # fmt: skip
+    return {**fixed, **{name: np.asarray(drawn[:, i]) for i, name in enumerate(free)}}
+
+
+def _prior(
+    model: Model, test: Blocks, known: dict[str, Parameter], free: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean [degC] and covariance [K^2] of the starts.
+
+    A node without a sensor starts near the measured one, wherever that is; a measured stator is
+    known for itself.
+    """
+    mean = np.array([known[name].centre for name in free])
+    own = np.array([known[name].sd for name in free])
+    node_of = {name: node for node, name in model.form.starts}
+    measured = {model.form.measured_node}
+    if test.stator_start_degC is not None:
+        measured |= {model.form.sensed(STATOR) or model.form.measured_node}
+    leader = next((n for n in free if node_of[n] == model.form.measured_node), None)
+    mix = np.diag(own)
+    if leader is not None:
+        column = free.index(leader)
+        for row, name in enumerate(free):
+            if node_of[name] not in measured:
+                mix[row, column] = own[column]
+    return mean, mix @ mix.T
+
+
+def _first_blocks(test: Observation, num: int) -> Observation:
+    """Return the first blocks of a test."""
+    num = min(num, test.weight.shape[0])
+    steps = num * test.weight.shape[1]
+    size = test.inputs.num_time
+    inputs = jax.tree.map(
+        lambda v: v[:steps] if jnp.ndim(v) == 1 and v.shape[0] == size else v, test.inputs
+    )
+    return eqx.tree_at(
+        lambda t: (t.inputs, t.measured, t.is_observed, t.weight, t.position, t.count,
+                   t.rounding_variance),
+        test,
+        (inputs, test.measured[:num], test.is_observed[:num], test.weight[:num],
+         test.position[:num], test.count[:num], test.rounding_variance[:num]),
+    )  # fmt: skip
+
+
+@partial(jax.jit, static_argnames=("model", "names"))
+def _regress(
+    model: Model,
+    names: tuple[str, ...],
+    values: dict[str, Float[Array, " draw"]],
+    noise: Noise,
+    test: Observation,
+    mean: Float[Array, " start"],
+    covariance: Float[Array, "start start"],
+    normal: Float[Array, "draw start"],
+) -> Float[Array, "draw start"]:
+    """Return one draw of the starts for each draw of everything else [degC]."""
+    precision = jnp.linalg.inv(covariance)
+
+    def one(x):
+        values, noise, normal = x
+
+        def reading(starts):
+            return model.block_means({**values, **dict(zip(names, starts, strict=True))}, test)
+
+        error = test.measured - reading(mean)
+        slope = jax.jacfwd(reading)(mean)
+        rows = whiten(jnp.column_stack([error, slope]), noise, test)[0]
+        rows = jnp.where(test.is_observed[:, None], rows, 0.0)
+        total = precision + rows[:, 1:].T @ rows[:, 1:]
+        shift = jnp.linalg.solve(total, rows[:, 1:].T @ rows[:, 0])
+        spread = jnp.linalg.cholesky(jnp.linalg.inv(total))
+        return mean + shift + spread @ normal
+
+    return jax.lax.map(one, (values, noise, normal), batch_size=50)

@@ -1,0 +1,119 @@
+"""The record of a virtual prototype: what draws of a model say of the load of a test."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+
+from ..bench.blocks import Blocks
+from ..bench.record import Record
+from ..bench.reduction import reduce
+from ..errors import InputError
+from ..motor import Motor
+from .predict import Prediction
+
+MELTING_DEGC = 1085.0
+"""Melting point of copper [degC]: a simulation that passes it says nothing about a machine."""
+
+
+def reduce_driven(record: Record, motor: Motor) -> Blocks:
+    """Return a reduced record, whether its winding was measured or not.
+
+    Where it was not, the machine is taken to start soaked at the temperature of the sink, and no
+    block counts as read.
+
+    Args:
+        record: With currents, losses and sink.
+        motor: The machine.
+
+    Raises:
+        InputError: If a channel is missing.
+    """
+    if "winding_degC" in record and np.any(np.isfinite(record["winding_degC"])):
+        return reduce(record, motor)
+    sink = record[f"{motor.sink}_degC"]
+    blocks = reduce(replace(record, channels={**record.channels, "winding_degC": sink}), motor)
+    nothing = np.zeros_like(blocks.count)
+    return replace(blocks, measured=np.full_like(blocks.measured, np.nan), count=nothing)
+
+
+def virtual_record(found: Prediction, record: Record, motor: Motor) -> pd.DataFrame:
+    """Return the virtual record: inputs, temperatures, losses and heat flows by step.
+
+    Every figure of a row is the mean over one step, and `time_s` its middle.
+
+    Args:
+        found: The prediction of the test.
+        record: The test.
+        motor: The machine.
+
+    Returns:
+        A table with a row for each step inside the record. Temperatures are medians over the
+        draws; columns such as `winding_95_low_degC` hold the 95 % limits, with the noise of a
+        block mean for the node that is measured, where there is more than one draw.
+    """
+    blocks, model = found.test, found.model
+    values = {name: jnp.asarray(np.median(draws)) for name, draws in found.values.items()}
+    trace = model.simulate(values, blocks.inputs)
+    step = float(blocks.inputs.step)
+    middle = np.asarray(trace.time[1:]) - 0.5 * step
+    columns: dict[str, Any] = {"time_s": middle + blocks.first_s}
+    columns["phase_current_A"] = np.sqrt(np.asarray(blocks.inputs.current_squared))
+    columns["losses_W"] = np.asarray(blocks.inputs.losses)
+    columns[f"{motor.sink}_degC"] = np.asarray(blocks.inputs.ambient)
+    if blocks.inputs.speed is not None:
+        columns["speed_rpm"] = np.asarray(blocks.inputs.speed) * 30.0 / np.pi
+    rows = blocks.weight.shape
+    block_middle = middle.reshape(rows).mean(axis=1)
+
+    def carried(by_block: np.ndarray) -> np.ndarray:
+        return np.interp(middle, block_middle, by_block)
+
+    for node, T in trace.temperature.items():
+        course = 0.5 * (np.asarray(T[1:]) + np.asarray(T[:-1]))
+        # the median over draws, which is not the course of the median parameters
+        shift = found.nodes[node] - course.reshape(rows).mean(axis=1)
+        columns[f"{node}_degC"] = course + carried(shift)
+    columns["copper_loss_W"] = np.asarray(trace.copper_loss)
+    columns["other_loss_W"] = np.asarray(trace.other_loss)
+    for (start, end), flow in trace.flow.items():
+        columns[f"flow_{start}_{end}_W"] = np.asarray(flow)
+    if found.draws.shape[0] > 1:
+        for node in trace.temperature:
+            limits, centre = found.nodes_95[node], found.nodes[node]
+            if node == model.form.measured_node:
+                limits, centre = found.total["95"], found.median
+            for side, limit in zip(("low", "high"), limits, strict=True):
+                name = f"{node}_95_{side}_degC"
+                columns[name] = columns[f"{node}_degC"] + carried(limit - centre)
+    inside = np.asarray(trace.time[1:]) <= record.duration_s + 1e-9
+    return pd.DataFrame(columns)[inside].reset_index(drop=True)
+
+
+def refuse_runaway(found: Prediction, where: str) -> None:
+    """Refuse a prediction that leaves the temperatures at which there is a machine.
+
+    Args:
+        found: The prediction.
+        where: What it was made of, for the message.
+
+    Raises:
+        InputError: With the time, and whether the copper feeds itself.
+    """
+    highest = np.max(np.stack([high for _, high in found.nodes_95.values()]), axis=0)
+    is_beyond = ~(highest < MELTING_DEGC)  # NaN too
+    if not is_beyond.any():
+        return
+    first = float(found.time_s[int(np.argmax(is_beyond))])
+    raise InputError(
+        f"the model passes {MELTING_DEGC:.0f} degC, where copper melts, after about {first:.0f} s "
+        "of this test: the losses are too large for these resistances, or the copper loss rises "
+        "faster with the temperature than the heat that leaves.",
+        where=where,
+        remedy="Is the run of this motor? Check the units of current (rms), losses (W) and "
+        "parameters (J/K, K/W).",
+    )

@@ -1,0 +1,30 @@
+"""The motor file as TOML again, so that a run folder stands for itself."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from ..motor import Motor
+
+MOTOR = ("name", "phases", "losses", "sink", "insulation_class", "rated_speed_rpm", "raster_s",
+         "decimal")  # fmt: skip
+WINDING = ("resistance_coefficient_degC", "phase_resistance_ohm", "reference_temperature_degC")
+VEHICLE = ("gear_ratio", "wheel_radius_m")
+
+
+def motor_text(motor: Motor) -> bytes:
+    """Return a motor file that reads back to the same machine."""
+    import tomli_w
+
+    content: dict[str, Any] = {}
+    for section, keys in (("motor", MOTOR), ("winding", WINDING), ("vehicle", VEHICLE)):
+        values = {key: getattr(motor, key) for key in keys}
+        content[section] = {key: value for key, value in values.items() if value is not None}
+    content["model"] = {"effects": list(motor.effects)} if motor.effects else {}
+    content["columns"] = dict(motor.columns)
+    content["parameters"] = {
+        name: {key: value for key, value in asdict(said).items() if value is not None}
+        for name, said in motor.parameters.items()
+    }
+    return tomli_w.dumps({key: value for key, value in content.items() if value}).encode()

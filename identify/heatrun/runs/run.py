@@ -1,0 +1,346 @@
+"""A run read back: model with effects, draws, noise, tests, findings, predictions."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+import pandas as pd
+
+from ..bench.joined import read_test
+from ..bench.record import Record
+from ..errors import InputError
+from ..inference.draws import Draws
+from ..inference.predict import NUM_DRAWS, Prediction, predict
+from ..inference.virtual import reduce_driven, refuse_runaway, virtual_record
+from ..motor import Motor
+from ..motorfile import parse_motor
+from . import netcdf
+from .model_text import ModelOfRun, read_model
+from .run_folder import MANIFEST, load_result, read_listed
+
+MOTOR = "motor.toml"
+
+Read = Callable[[Path], bytes]
+T = TypeVar("T")
+
+
+def model_name(network: str) -> str:
+    """Return the name of the file that holds a network of a run."""
+    return f"model_{network}.toml"
+
+
+def draws_name(network: str) -> str:
+    """Return the name of the file that holds the draws of a network of a run."""
+    return f"posterior_{network}.nc"
+
+
+def course_name(number: int) -> str:
+    """Return the name of the file that holds the predicted course of a test, counted from 1."""
+    return f"course_{number}.csv"
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """A file that a run was made of.
+
+    Attributes:
+        path: As it was given.
+        sha256: Its digest then.
+    """
+
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class RunTest:
+    """A test of a run.
+
+    Attributes:
+        name: Its name in the run.
+        role: Whether it was fitted or only predicted.
+        files: The files that it was read from.
+        said: What `fit.json` says of it.
+    """
+
+    name: str
+    role: Literal["calibration", "holdout"]
+    files: tuple[SourceFile, ...]
+    said: Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a calibration or a discovery left, read back from its folder.
+
+    Nothing is changed by reading; every file is compared with the digest in the manifest first.
+
+    Attributes:
+        path: The folder.
+        result: What `fit.json` says.
+        read: Reads a file of the run.
+        is_finished: Whether it has its manifest; only then are files compared with it.
+    """
+
+    path: Path
+    result: Mapping[str, Any]
+    read: Read = Path.read_bytes
+    is_finished: bool = True
+
+    def file(self, name: str) -> bytes:
+        """Return a file of the run.
+
+        Raises:
+            InputError: If it is missing, damaged or was changed.
+        """
+        if not self.is_finished:
+            return self.read(self.path / name)
+        return read_listed(self.path, name, self.read)
+
+    @cached_property
+    def manifest(self) -> Mapping[str, Any]:
+        """Command, seed, date, inputs with digests, versions."""
+        return json.loads(self.read(self.path / MANIFEST))
+
+    @cached_property
+    def discovery(self) -> Mapping[str, Any] | None:
+        """What `discovery.json` says; None if the run is a calibration."""
+        if "discovery.json" not in self.manifest["files"]:
+            return None
+        return json.loads(self.file("discovery.json"))
+
+    @cached_property
+    def motor(self) -> Motor:
+        """The machine, from the run's own copy of the motor file."""
+        said = self.result["motor"]
+        found = _whole(self, MOTOR, lambda: parse_motor(self.file(MOTOR), str(self.path / MOTOR)))
+        return replace(found, path=said["path"], sha256=said["sha256"])
+
+    @property
+    def networks(self) -> tuple[str, ...]:
+        """Names of the networks that were fitted, as in `--model`."""
+        return tuple(self.result["models"])
+
+    @cached_property
+    def tests(self) -> tuple[RunTest, ...]:
+        """The tests, calibration first."""
+        entries = self.result["tests"]
+        files = [SourceFile(str(e["path"]), str(e["sha256"])) for e in self.manifest["inputs"][1:]]
+        return tuple(
+            RunTest(entry["name"], entry["role"], own, entry)
+            for entry, own in zip(entries, _files_of(entries, files), strict=True)
+        )
+
+    @property
+    def findings(self) -> Sequence[Mapping[str, Any]]:
+        """What was found about records and fits."""
+        return self.result["findings"]
+
+    def choose(self, network: str | None = None) -> str:
+        """Return the name of a network of the run: the one asked for, or the last one.
+
+        Raises:
+            InputError: If the run does not hold it.
+        """
+        chosen = network or self.networks[-1]
+        if chosen not in self.networks:
+            raise InputError(
+                f"the run holds no {chosen} network, only {', '.join(self.networks)}.",
+                where=str(self.path),
+                remedy="Pass --model, or calibrate with --model both.",
+            )
+        return chosen
+
+    def model(self, network: str | None = None) -> ModelOfRun:
+        """Return a fitted model with its priors.
+
+        Args:
+            network: Its name; the last one if None.
+        """
+        name = model_name(self.choose(network))
+        return _whole(self, name, lambda: read_model(self.file(name), str(self.path / name)))
+
+    def posterior(self, network: str | None = None) -> Any:
+        """Return the draws of a network as an xarray `DataTree`, groups as in `idata`."""
+        name = draws_name(self.choose(network))
+        return _whole(self, name, lambda: netcdf.from_bytes(self.file(name)))
+
+    @property
+    def idata(self) -> Any:
+        """The draws of the last network as ArviZ knows them."""
+        return netcdf.as_arviz(self.file(draws_name(self.choose())))
+
+    def draws(self, network: str | None = None) -> Draws:
+        """Return the draws of a network with all that gives them a meaning."""
+        found = self.model(network)
+        tree = self.posterior(network)
+        name = draws_name(self.choose(network))
+        vectors = _whole(self, name, lambda: netcdf.vectors(tree, found.parameters))
+        flat = vectors.reshape(-1, vectors.shape[-1])
+        return Draws(found.model, self.motor, found.parameters, flat, found.noise_kind)
+
+    def values(self, network: str | None = None) -> dict[str, float]:
+        """Return medians of the posterior and fixed values by name [their units]."""
+        model = self.result["models"][self.choose(network)]
+        entries = {**model["parameters"], **model["nuisances"]}
+        return {name: float(entry["value"]) for name, entry in entries.items()}
+
+    def courses(self) -> list[pd.DataFrame]:
+        """Return the predicted courses of the tests, in their order, as they were written."""
+        numbers = range(1, len(self.result["tests"]) + 1)
+        return [
+            _whole(self, name, lambda name=name: _table(self.file(name)))
+            for name in map(course_name, numbers)
+        ]
+
+    def fitted_as(self, record: Record) -> str | None:
+        """Return the name under which a record was fitted, None if it was not."""
+        digests = {source.sha256 for source in record.sources}
+        for test in self.tests:
+            if test.role == "calibration" and digests == {file.sha256 for file in test.files}:
+                return test.name
+        return None
+
+    def predict(
+        self,
+        test: Record | str | Path,
+        *,
+        network: str | None = None,
+        motor: Motor | None = None,
+        num_draws: int = NUM_DRAWS,
+        seed: int = 0,
+    ) -> Prediction:
+        """Predict a test.
+
+        A file that the run was fitted to starts as it was fitted; any other from the state of
+        the bench and its first readings.
+
+        Args:
+            test: A record, or its file.
+            network: Name of the network; the last one if None.
+            motor: How the bench of this test measures; that of the run if None.
+            num_draws: Number of draws.
+            seed: Of draws, start and noise.
+
+        Raises:
+            InputError: If the run or the file cannot be read, a channel is missing, or the model
+                leaves the temperatures at which there is a machine.
+        """
+        motor = motor or self.motor
+        record = test if isinstance(test, Record) else read_test(Path(test), motor)
+        blocks = reduce_driven(record, motor)
+        draws = self.draws(network)
+        owner = self.fitted_as(record)
+        if owner is not None and owner not in draws.parameters.tests:
+            owner = None
+        found = predict(draws, blocks, fitted_as=owner, num_draws=num_draws, seed=seed)
+        refuse_runaway(found, f"{record.name}, {self.path}")
+        return found
+
+    def simulate(
+        self,
+        test: Record | str | Path,
+        *,
+        network: str | None = None,
+        motor: Motor | None = None,
+        seed: int = 0,
+    ) -> pd.DataFrame:
+        """Return the record of a virtual prototype driven by a test; arguments as `predict`.
+
+        Returns:
+            As `heatrun.inference.virtual.virtual_record`.
+        """
+        motor = motor or self.motor
+        record = test if isinstance(test, Record) else read_test(Path(test), motor)
+        found = self.predict(record, network=network, motor=motor, seed=seed)
+        return virtual_record(found, record, motor)
+
+    def summary(self, network: str | None = None) -> pd.DataFrame:
+        """Return the parameters of a network: value, 95 % interval, unit, identifiability."""
+        entries = self.result["models"][self.choose(network)]["parameters"]
+        return pd.DataFrame(
+            {
+                "value": [e["value"] for e in entries.values()],
+                "low_95": [e["interval_95"][0] for e in entries.values()],
+                "high_95": [e["interval_95"][1] for e in entries.values()],
+                "unit": [e["unit"] for e in entries.values()],
+                "identifiability": [e["identifiability"] for e in entries.values()],
+                "why": [e["why"] for e in entries.values()],
+            },
+            index=pd.Index(entries, name="parameter"),
+        )
+
+    def plot(self, network: str | None = None) -> Any:
+        """Return a figure: each test's measured and predicted winding with its 95 % band."""
+        from .plot import plot_courses
+
+        name = self.choose(network)
+        tests = [(test.name, test.role) for test in self.tests]
+        return plot_courses(tests, self.courses(), name)
+
+    def _repr_html_(self) -> str:
+        sentence = self.result["verdict"]["sentence"]
+        return f"<p><b>{self.path.name}</b>: {sentence}</p>{self.summary().to_html()}"
+
+
+def open_run(path: str | Path, read: Read = Path.read_bytes) -> Run:
+    """Open the folder of a calibration or a discovery.
+
+    Args:
+        path: The folder that `heatrun calibrate` or `heatrun discover` wrote.
+        read: Reads a file, for places from where not all may be read.
+
+    Returns:
+        The run; its files are read when they are asked for.
+
+    Raises:
+        InputError: If the folder is no run, or a file is damaged or was changed.
+    """
+    folder = Path(path)
+    return Run(folder, load_result(folder, read), read)
+
+
+def _whole(run: Run, name: str, make: Callable[[], T]) -> T:
+    """Return what a file of the run says, or the error that it is damaged."""
+    try:
+        return make()
+    except InputError:
+        raise
+    except Exception as error:  # what is no run of ours fails in nearly any way
+        raise InputError(
+            f"{name} of the run cannot be read ({type(error).__name__}: {error}).",
+            where=str(run.path),
+            remedy="Calibrate again with this version.",
+        ) from error
+
+
+def _files_of(
+    entries: Sequence[Mapping[str, Any]], files: Sequence[SourceFile]
+) -> list[tuple[SourceFile, ...]]:
+    """Return the files of each test: the manifest lists those of all tests in a row.
+
+    `fit.json` names the first file of each test, so a file belongs to the test before it unless
+    it is the first of the next.
+    """
+    starts: list[int] = []
+    at = 0
+    for entry in entries:
+        while (files[at].path, files[at].sha256) != (entry["path"], entry["sha256"]):
+            at += 1
+        starts.append(at)
+        at += 1
+    ends = [*starts[1:], len(files)]
+    return [tuple(files[a:b]) for a, b in zip(starts, ends, strict=True)]
+
+
+def _table(content: bytes) -> pd.DataFrame:
+    # as words first: read as numbers, some versions of pandas lose the last digit
+    words = pd.read_csv(io.BytesIO(content), dtype=str, keep_default_na=False)
+    return words.replace("", "nan").astype(np.float64)

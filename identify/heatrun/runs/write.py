@@ -1,0 +1,54 @@
+"""What a run folder holds beside its reports: result, models, draws, motor, courses."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..inference.posterior import Posterior
+from ..inference.predict import Prediction
+from ..io.whole_files import write_whole
+from ..motor import Motor
+from . import netcdf
+from .courses import band_table
+from .model_text import ModelOfRun, model_text
+from .motor_text import motor_text
+from .run import MOTOR, Run, course_name, draws_name, model_name
+from .run_folder import RunFolder, dump
+
+
+def write_run(
+    folder: RunFolder,
+    motor: Motor,
+    result: Mapping[str, Any],
+    posteriors: Mapping[str, Posterior],
+    predictions: Mapping[str, Sequence[Prediction]],
+) -> Run:
+    """Write everything that `heatrun.open_run` reads into an unfinished run folder.
+
+    Args:
+        folder: The folder.
+        motor: The machine.
+        result: What stands in `fit.json`.
+        posteriors: By name of the network.
+        predictions: By name of the network, one per test.
+
+    Returns:
+        The run as it is in its unfinished folder.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    folder.write_json("fit.json", result)
+    write_whole(folder.partial / MOTOR, motor_text(motor))
+    for name, posterior in posteriors.items():
+        problem = posterior.fit.problem
+        found = ModelOfRun(problem.model, problem.parameters, problem.noise_kind, problem.temper)
+        write_whole(folder.partial / model_name(name), model_text(found))
+        netcdf.write(posterior, folder.partial / draws_name(name))
+    for index in range(len(result["tests"])):
+        table = band_table({name: rows[index] for name, rows in predictions.items()})
+        text = table.to_csv(index=False)  # to all digits
+        write_whole(folder.partial / course_name(index + 1), text.encode())
+    return Run(folder.partial, json.loads(dump(result)), is_finished=False)
