@@ -101,8 +101,9 @@ def table(
         f"`make study-discovery` ({command.split('/')[-1]}), seeds from {seed} on; {len(rows)} of "
         f"{planned} cases were run, in an order by chance. Each is written as CSV files and a "
         "motor file, goes through `heatrun discover --quick`, and is read back from its run "
-        "folder; chains of emcee are ended after 500 steps. Machines at random over a decade in size, staircase and drive "
-        "cycle of 2 h each at 1 Hz for calibration, another staircase held out; visible misfit 0.3…1.5 K.",
+        "folder; chains of emcee are ended after 500 steps. Machines at random over a decade in "
+        "size, staircase and drive cycle of 2 h each at 1 Hz for calibration, another staircase "
+        "held out; visible misfit 0.3…1.5 K.",
         "",
         "| what | gate | measured | cases | 95 % limits | |",
         "|---|---|---|---|---|---|",

@@ -15,6 +15,7 @@ import traceback
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -138,13 +139,12 @@ def command(arguments: list[str]) -> tuple[int | None, str]:
 
     A traceback is a result of the study, not its end.
     """
-    import heatrun.discovery.run as stages
     from heatrun.cli import main
     from heatrun.inference.posterior import sample
 
-    stages.sample = partial(sample, most_steps=MOST_STEPS)
+    shorter = patch("heatrun.discovery.run.sample", partial(sample, most_steps=MOST_STEPS))
     out, said = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
+    with shorter, contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
         try:
             code = main(arguments)
         except Exception:
