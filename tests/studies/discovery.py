@@ -2,8 +2,8 @@
 
 Every case goes through `heatrun discover`, from CSV files and a motor file to the run folder.
 Writes rows, gates, the table per effect and the confusion figure under `results/discovery/`. Seeds
-below 50000 were used to set thresholds; reports use seeds from 80000 on, once (50000 and 60000 were
-reported before).
+below 50000 were used to set thresholds; reports use seeds from 90000 on, once (50000 and 60000 were
+reported before; of 80000 one case was looked at and changed the code).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from discovery_gates import claims, gates, hidden_effects, is_right
 
-REPORTING_SEED = 80_000
+REPORTING_SEED = 90_000
 
 
 def main() -> None:
@@ -101,7 +101,7 @@ def table(
         f"`make study-discovery` ({command.split('/')[-1]}), seeds from {seed} on; {len(rows)} of "
         f"{planned} cases were run, in an order by chance. Each is written as CSV files and a "
         "motor file, goes through `heatrun discover --quick`, and is read back from its run "
-        "folder; chains of emcee are ended after 500 steps. Machines at random over a decade in "
+        "folder; chains of emcee are ended after 250 steps. Machines at random over a decade in "
         "size, staircase and drive cycle of 2 h each at 1 Hz for calibration, another staircase "
         "held out; visible misfit 0.3…1.5 K.",
         "",

@@ -46,9 +46,9 @@ TRACES = (("natural_convection", 0.10), ("radiation", 0.10))
 BLOCK_S = 30.0
 """Means over which the noise of the held-out reading is taken [s], as the fit takes them."""
 
-MOST_STEPS = 500
-"""Steps after which emcee is ended where weighted draws do not hold: names, verdicts and medians of
-predictions are looked at here, not intervals, and a chain to its end takes minutes."""
+MOST_STEPS, NUM_DRAWS = 250, 100
+"""Steps after which emcee is ended where weighted draws do not hold, and draws behind a prediction:
+names, verdicts and medians of predictions are looked at here, not intervals."""
 
 
 def jobs(first_seed: int, repeats: int, num_clean: int) -> list[dict[str, Any]]:
@@ -141,8 +141,13 @@ def command(arguments: list[str]) -> tuple[int | None, str]:
     """
     from heatrun.cli import main
     from heatrun.inference.posterior import sample
+    from heatrun.inference.predict import predict
 
-    shorter = patch("heatrun.discovery.run.sample", partial(sample, most_steps=MOST_STEPS))
+    shorter = patch.multiple(
+        "heatrun.discovery.run",
+        sample=partial(sample, most_steps=MOST_STEPS),
+        predict=partial(predict, num_draws=NUM_DRAWS),
+    )
     out, said = io.StringIO(), io.StringIO()
     with shorter, contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
         try:

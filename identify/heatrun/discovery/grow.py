@@ -55,6 +55,9 @@ class Growth:
 
     Attributes:
         base: Fit of the base network under the saturated noise.
+        anchor: Fit that closed gaps are counted from: the base network, or that with an effect
+            which rebuilds it. Such an effect is exact; only the laws of the others are no copies
+            of the machine's own and leave a share of what they close.
         rounds: The looks at the library, in order.
         final: Fit of the final model.
         accepted: The effects in it.
@@ -62,6 +65,7 @@ class Growth:
     """
 
     base: Refit
+    anchor: Refit
     rounds: list[Round]
     final: Refit
     accepted: list[Rival]
@@ -93,6 +97,7 @@ def grow(
     accepted: list[Rival] = []
     rounds: list[Round] = []
     base: Refit | None = None
+    anchor: Refit | None = None
     present = engine.refit(z, free, noise)
     for number in range(MOST_EFFECTS + 1):
         left = [c for c in candidates if all(c.id != a.candidate.id for a in accepted)]
@@ -100,6 +105,7 @@ def grow(
         screen, scores_of_noise = look(engine, present, left)
         present = screen.present
         base = present if base is None else base
+        anchor = present if anchor is None else anchor
         scores = screen.scores()
         p = familywise_p(engine, screen, scores_of_noise, scores[0].log_bayes, seed + number)
         rivals: list[Rival] = []
@@ -107,7 +113,7 @@ def grow(
             promising = [s for s in scores if s.log_bayes > WORTH_A_REFIT][:NUM_REFITTED]
             say(f"refitting {len(promising)} of them jointly")
             rivals = sorted(
-                (refitted(engine, base, present, score) for score in promising),
+                (refitted(engine, anchor, present, score) for score in promising),
                 key=lambda rival: -rival.delta_log_evidence,
             )
         rivals, chosen = _choose(present, rivals, held_out)
@@ -117,8 +123,10 @@ def grow(
         say(f"{chosen.candidate.id} enters the model")
         accepted.append(chosen)
         present = chosen.refit
+        if chosen.candidate.kind.rebuilds:
+            anchor = None
     assert base is not None
-    return Growth(base, rounds, present, accepted)
+    return Growth(base, present if anchor is None else anchor, rounds, present, accepted)
 
 
 def look(
@@ -134,12 +142,12 @@ def look(
     return screen, scores
 
 
-def refitted(engine: Engine, base: Refit, present: Refit, score: Score) -> Rival:
+def refitted(engine: Engine, anchor: Refit, present: Refit, score: Score) -> Rival:
     """Return a candidate refitted with everything else, with the reason against it if any.
 
     Args:
         engine: The extended model.
-        base: Fit of the base model.
+        anchor: Fit that closed gaps are counted from.
         present: Fit of the present model.
         score: How the candidate fared in the screening.
     """
@@ -160,7 +168,7 @@ def refitted(engine: Engine, base: Refit, present: Refit, score: Score) -> Rival
             left_out_K=after,
             left_out_without_K=before,
             drop=present.chi2 - refit.chi2,
-            least_K=least_gap(present, gap(engine, base, present)),
+            least_K=least_gap(present, gap(engine, anchor, present)),
             values=values,
             sd=sd,
         )

@@ -39,7 +39,7 @@ class HeldOut:
         self._trial = Engine(Problem.of(full.model, full.motor, list(tests)))
 
     def errors(self, fit: Refit) -> tuple[float, ...]:
-        """Return the root mean square error on each test [K].
+        """Return the root mean square error on each test [K], NaN where nothing was read.
 
         Args:
             fit: A fit of the calibration tests. What belongs to one test of these alone, such as
@@ -56,7 +56,8 @@ class HeldOut:
         residual, _ = trial.linearise(z, [])
         parts = trial.problem.split(residual)
         return tuple(
-            rmse(part[test.is_observed]) for part, test in zip(parts, trial.tests, strict=True)
+            rmse(part[test.is_observed]) if test.is_observed.any() else np.nan
+            for part, test in zip(parts, trial.tests, strict=True)
         )
 
     def judged(self, rival: Rival, present: Refit) -> Rival:
@@ -70,6 +71,8 @@ class HeldOut:
         noise = float(present.noise.total())
         reason = ""
         for without, with_it in errors:
+            if np.isnan(without):
+                continue
             least = max(WORSE_K, WORSE_SHARE * without, WORSE_NOISE * noise)
             if not with_it <= without + least:
                 reason = (

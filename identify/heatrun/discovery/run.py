@@ -149,7 +149,7 @@ def discover(
     before = adequacy(engine, growth.base)
     say("holding what was found against its rivals")
     final, named, dropped = settle(engine, growth, adequacy(engine, growth.final).excess)
-    after = adequacy(engine, final, gap(engine, growth.base, final))
+    after = adequacy(engine, final, gap(engine, growth.anchor, final))
     watch.lap("rivals")
     say("locating what is missing")
     where_before = localise(engine, growth.base, bare)
