@@ -153,8 +153,9 @@ def prepare(
 
 
 def heat_effects(effects: Sequence[AbstractEffect]) -> list[HeatEffect]:
-    """Return those effects that act on the heat balance."""
-    return [effect for effect in effects if isinstance(effect, HeatEffect)]
+    """Return those effects that act on the heat balance, those that look at all of it last."""
+    acting = [effect for effect in effects if isinstance(effect, HeatEffect)]
+    return sorted(acting, key=lambda effect: effect.rebuilds)
 
 
 def is_concrete(*values: Scalar) -> bool:

@@ -15,7 +15,14 @@ import pytest
 
 import lptn
 from lptn import EFFECTS, CopperLosses
-from lptn.effects import AbstractEffect, HeatEffect, NodeEffect, SensorEffect, applies
+from lptn.effects import (
+    AbstractEffect,
+    HeatEffect,
+    NodeEffect,
+    SensorEffect,
+    applies,
+    build_all,
+)
 from lptn.effects import build as build_effect
 from lptn.effects.neighbour_body import NeighbourBody
 from lptn.effects.sensor_lag import SensorLag
@@ -25,18 +32,37 @@ every_effect = pytest.mark.parametrize("kind", EFFECTS, ids=lambda kind: kind.ca
 
 
 REFERENCE = lptn.second_order(666.75, 15060.1, 0.14485, 0.11625)
+ONE_NODE = lptn.first_order(12_500.0, 0.132)
+
+
+def home(kind):
+    """The two-node network, or the one node for an effect that splits it."""
+    return REFERENCE if applies(kind, REFERENCE) else ONE_NODE
+
+
+def start_of(network):
+    return {node: jnp.asarray(22.0 if node == "winding" else 20.0) for node in network.nodes}
 
 
 def build(kind, network=None, **values):
     """An effect at its typical values, some of them replaced, tied to what the network has."""
     typical = {name: q.typical for name, q in kind.card.parameters.items()}
     typical |= {"t_star": 100.0} if "t_star" in typical else {}  # inside of the short record
-    return build_effect(kind, typical | values, REFERENCE if network is None else network)
+    return build_effect(kind, typical | values, home(kind) if network is None else network)
 
 
 def null(kind, network=None):
     values = {n: q.null for n, q in kind.card.parameters.items() if q.null is not None}
     return build(kind, network, **values)
+
+
+def all_of(network, at_null=False):
+    """All effects that a network has a place for, at their typical or at their null values."""
+    wanted = []
+    for kind in (kind for kind in EFFECTS if applies(kind, network)):
+        made = null(kind, network) if at_null else build(kind, network)
+        wanted.append((kind, {name: getattr(made, name) for name in kind.card.parameters}))
+    return build_all(wanted, network)
 
 
 def gap_of_energy(network, inputs, effects, trace):
@@ -60,27 +86,27 @@ def any_network(request, network, four_nodes):
 
 
 @pytest.fixture(scope="module")
-def read(network, losses, short):
-    """The reading under effects, compiled once for each set of kinds."""
-    start = {"winding": jnp.asarray(22.0), "stator": jnp.asarray(20.0)}
+def read(losses, short):
+    """The reading of a base network under effects, compiled once for each set of kinds."""
 
     @eqx.filter_jit
-    def reading(*effects: AbstractEffect):
-        return lptn.reading(network, losses, short, start, effects=effects)
+    def reading(network, *effects: AbstractEffect):
+        return lptn.reading(network, losses, short, start_of(network), effects=effects)
 
     return reading
 
 
 @every_effect
 def test_null_value_is_the_base_model(kind, read):
-    base = read()
+    base = read(home(kind))
     # K; what keeps gradients finite at the null value is 1e-12 W/K or 1e-9 of a step
-    np.testing.assert_allclose(read(null(kind)), base, rtol=0.0, atol=1e-8)
-    assert float(jnp.max(jnp.abs(read(build(kind)) - base))) > 1e-3
+    np.testing.assert_allclose(read(home(kind), null(kind)), base, rtol=0.0, atol=1e-8)
+    assert float(jnp.max(jnp.abs(read(home(kind), build(kind)) - base))) > 1e-3
 
 
 @every_effect
-def test_gradients_are_finite_and_true(kind, network, losses, short, start):
+def test_gradients_are_finite_and_true(kind, losses, short):
+    network, start = home(kind), start_of(home(kind))
     weights = jnp.cos(jnp.arange(short.num_time + 1))
 
     @jax.jit
@@ -109,17 +135,21 @@ def test_gradients_are_finite_and_true(kind, network, losses, short, start):
 
 
 @every_effect
-def test_eager_jit_and_vmap_agree(kind, read, network, losses, short, start):
+def test_eager_jit_and_vmap_agree(kind, read, losses, short):
+    network, start = home(kind), start_of(home(kind))
     effects = [build(kind), null(kind)]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
-    compiled = jnp.stack([read(effect) for effect in effects])
+    compiled = jnp.stack([read(network, effect) for effect in effects])
     eager = lptn.reading(network, losses, short, start, effects=effects[:1])
     np.testing.assert_allclose(compiled[0], eager, rtol=1e-12)
-    np.testing.assert_allclose(eqx.filter_vmap(read)(stacked), compiled, rtol=1e-12)
+    np.testing.assert_allclose(
+        eqx.filter_vmap(lambda e: read(network, e))(stacked), compiled, rtol=1e-12
+    )
 
 
 @every_effect
-def test_energy_balance_closes(kind, network, losses, short, start):
+def test_energy_balance_closes(kind, losses, short):
+    network, start = home(kind), start_of(home(kind))
     effects = [build(kind)]
     trace = lptn.simulate(network, losses, short, start, effects=effects)
     gap, put_in = gap_of_energy(network, short, effects, trace)
@@ -162,7 +192,7 @@ def test_card_and_docstring_are_complete(kind):
 def test_effects_of_all_kinds_compose_in_any_network(any_network, short):
     start = {node: 30.0 for node in any_network.nodes}
     losses = CopperLosses(Rs0=jnp.asarray(0.0062))
-    effects = [build(kind, any_network) for kind in EFFECTS if applies(kind, any_network)]
+    effects = all_of(any_network)
     trace = lptn.simulate(any_network, losses, short, start, effects=effects)
     gap, put_in = gap_of_energy(any_network, short, effects, trace)
     assert float(jnp.max(jnp.abs(gap) / put_in)) < 1e-9
@@ -174,20 +204,25 @@ def test_effects_of_all_kinds_compose_in_any_network(any_network, short):
 def test_effects_that_are_all_gone_leave_any_network_as_it_was(any_network, losses, short):
     start = {node: 30.0 for node in any_network.nodes}
     base = lptn.reading(any_network, losses, short, start)
-    effects = [null(kind, any_network) for kind in EFFECTS if applies(kind, any_network)]
+    effects = all_of(any_network, at_null=True)
     gone = lptn.reading(any_network, losses, short, start, effects=effects)
     np.testing.assert_allclose(gone, base, rtol=0.0, atol=1e-8 * len(EFFECTS))
 
 
+OF_TWO_NODES = tuple(kind for kind in EFFECTS if home(kind) is REFERENCE)
+
+
 @pytest.mark.parametrize(
-    ("one", "other"), list(zip(EFFECTS, EFFECTS[1:] + EFFECTS[:1], strict=True)),
+    ("one", "other"), list(zip(OF_TWO_NODES, OF_TWO_NODES[1:] + OF_TWO_NODES[:1], strict=True)),
     ids=lambda kind: kind.card.id,
 )  # fmt: skip
 def test_effects_compose_in_pairs(one, other, read):
     """What one effect does is still there beside the other."""
-    both = read(build(one), build(other))
+    both = read(REFERENCE, build(one), build(other))
     for alone, absent in ((one, other), (other, one)):
-        single = read(*(build(kind) if kind is alone else null(kind) for kind in (one, other)))
+        single = read(
+            REFERENCE, *(build(kind) if kind is alone else null(kind) for kind in (one, other))
+        )
         assert np.all(np.isfinite(single))
         assert float(jnp.max(jnp.abs(both - single))) > 1e-4, f"{absent.card.id} has no effect"
 
@@ -208,7 +243,8 @@ def test_an_effect_without_its_channel_says_what_to_map(kind, network, losses, s
 
 
 @every_effect
-def test_an_effect_needs_no_channel_but_those_of_its_card(kind, network, losses, short, start):
+def test_an_effect_needs_no_channel_but_those_of_its_card(kind, losses, short):
+    network, start = home(kind), start_of(home(kind))
     kept = {need.removesuffix("_rad") for need in kind.card.needs}
     dropped = {name: None for name in ("speed", "coolant", "fan") if name not in kept}
     bare = dataclasses.replace(short, **dropped)

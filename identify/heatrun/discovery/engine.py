@@ -134,7 +134,14 @@ class Engine:
             for part, test in zip(parts, self.observations, strict=True)
         ])  # fmt: skip
 
-    def refit(self, z: np.ndarray, free: Sequence[int], noise: Noise, temper: float = 1.0) -> Refit:
+    def refit(
+        self,
+        z: np.ndarray,
+        free: Sequence[int],
+        noise: Noise,
+        temper: float = 1.0,
+        most: int = MAX_EVALUATIONS,
+    ) -> Refit:
         """Fit some slots by least squares on whitened residuals, the others held.
 
         Args:
@@ -142,6 +149,7 @@ class Engine:
             free: Slots that are fitted.
             noise: The noise.
             temper: Factor that the evidence of the readings is divided by [1].
+            most: Evaluations at most.
         """
         weight = 1.0 / np.sqrt(temper)
         order = list(free)
@@ -172,7 +180,7 @@ class Engine:
             xtol=1e-5,
             ftol=1e-6,
             gtol=1e-6,
-            max_nfev=MAX_EVALUATIONS,
+            max_nfev=most,
         )
         residual, jacobian = evaluate(solution.x)
         columns = weight * self.whiten(noise, jacobian)

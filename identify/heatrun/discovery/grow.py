@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..inference.noise import Noise
+from .acceptance import WORTH_A_REFIT, Rival, gap, judged, least_gap
 from .bootstrap import familywise_p
 from .engine import Engine, Refit
 from .folds import folds, left_out_errors, rmse
+from .held_out import HeldOut
 from .library import Candidate
+from .refits import refit_with
 from .saturated import saturated_noise
-from .screen import VISIBLE_K, Score, Screen, signatures
+from .screen import Score, Screen, signatures
 
 MOST_EFFECTS = 3
 """Effects that are added at most."""
@@ -21,57 +24,8 @@ MOST_EFFECTS = 3
 NUM_REFITTED = 10
 """Candidates that are refitted in each round, the best of the screening."""
 
-WORTH_A_REFIT = 3.0
-"""Log Bayes factor of the screening from which on a candidate is refitted [nat]."""
-
 FAMILYWISE = 0.05
 """Share of clean records in which any effect may be found [1]."""
-
-BETTER_SHARE, BETTER_K = 0.10, 0.05
-"""By how much the error on tests left out must fall: of itself [1], and in kelvin."""
-
-RELEVANT_K, RELEVANT_NOISE, RELEVANT_SHARE = VISIBLE_K, 0.5, 0.15
-"""Least gap that an effect must close: in kelvin, in parts of the noise of a block mean [1], and
-of the gap that the effects before it have closed [1], whose laws are no exact copies of the
-machine's either."""
-
-SLACK = 0.15
-"""An amplitude may lie outside of its physical range by two standard deviations, and by this share
-of the range at most [1]: the law that carries it is not the machine's own."""
-
-SEPARATED = 3.0
-"""Standard deviations that an amplitude must lie from its null [1]."""
-
-
-@dataclass(frozen=True)
-class Rival:
-    """A candidate, refitted with everything else.
-
-    Attributes:
-        candidate: The candidate.
-        score: How it fared in the screening.
-        refit: The joint fit.
-        delta_log_evidence: Over the model without it [nat].
-        rmse_K: Of the calibration tests with it [K].
-        gap_K: What it closes of the gap, the root of the difference of mean squares [K].
-        left_out_K: Root mean square error on parts left out, with it [K].
-        left_out_without_K: And without it [K].
-        values: Its parameters [their units].
-        sd: Their standard deviations [their units].
-        reason: Why it is rejected; empty if it is not.
-    """
-
-    candidate: Candidate
-    score: Score
-    refit: Refit
-    delta_log_evidence: float
-    rmse_K: float
-    gap_K: float
-    left_out_K: float
-    left_out_without_K: float
-    values: dict[str, float]
-    sd: dict[str, float]
-    reason: str = ""
 
 
 @dataclass(frozen=True)
@@ -101,6 +55,9 @@ class Growth:
 
     Attributes:
         base: Fit of the base network under the saturated noise.
+        anchor: Fit that closed gaps are counted from: the base network, or that with an effect
+            which rebuilds it. Such an effect is exact; only the laws of the others are no copies
+            of the machine's own and leave a share of what they close.
         rounds: The looks at the library, in order.
         final: Fit of the final model.
         accepted: The effects in it.
@@ -108,6 +65,7 @@ class Growth:
     """
 
     base: Refit
+    anchor: Refit
     rounds: list[Round]
     final: Refit
     accepted: list[Rival]
@@ -120,6 +78,7 @@ def grow(
     z: np.ndarray,
     noise: Noise,
     *,
+    held_out: HeldOut | None = None,
     seed: int = 0,
     say: Callable[[str], None] = lambda sentence: None,
 ) -> Growth:
@@ -130,6 +89,7 @@ def grow(
         candidates: The library.
         z: Scores of a fit of the base model.
         noise: A first guess of the noise.
+        held_out: Tests that no effect may worsen; None for none.
         seed: Of the bootstrap.
         say: Told what is being done.
     """
@@ -137,6 +97,7 @@ def grow(
     accepted: list[Rival] = []
     rounds: list[Round] = []
     base: Refit | None = None
+    anchor: Refit | None = None
     present = engine.refit(z, free, noise)
     for number in range(MOST_EFFECTS + 1):
         left = [c for c in candidates if all(c.id != a.candidate.id for a in accepted)]
@@ -144,6 +105,7 @@ def grow(
         screen, scores_of_noise = look(engine, present, left)
         present = screen.present
         base = present if base is None else base
+        anchor = present if anchor is None else anchor
         scores = screen.scores()
         p = familywise_p(engine, screen, scores_of_noise, scores[0].log_bayes, seed + number)
         rivals: list[Rival] = []
@@ -151,18 +113,20 @@ def grow(
             promising = [s for s in scores if s.log_bayes > WORTH_A_REFIT][:NUM_REFITTED]
             say(f"refitting {len(promising)} of them jointly")
             rivals = sorted(
-                (_rival(engine, base, present, score) for score in promising),
+                (refitted(engine, anchor, present, score) for score in promising),
                 key=lambda rival: -rival.delta_log_evidence,
             )
-        chosen = next((rival for rival in rivals if not rival.reason), None)
+        rivals, chosen = _choose(present, rivals, held_out)
         rounds.append(Round(present, scores_of_noise, scores, p, rivals, chosen))
         if chosen is None:
             break
         say(f"{chosen.candidate.id} enters the model")
         accepted.append(chosen)
         present = chosen.refit
+        if chosen.candidate.kind.rebuilds:
+            anchor = None
     assert base is not None
-    return Growth(base, rounds, present, accepted)
+    return Growth(base, present if anchor is None else anchor, rounds, present, accepted)
 
 
 def look(
@@ -178,88 +142,49 @@ def look(
     return screen, scores
 
 
-def _rival(engine: Engine, base: Refit, present: Refit, score: Score) -> Rival:
+def refitted(engine: Engine, anchor: Refit, present: Refit, score: Score) -> Rival:
+    """Return a candidate refitted with everything else, with the reason against it if any.
+
+    Args:
+        engine: The extended model.
+        anchor: Fit that closed gaps are counted from.
+        present: Fit of the present model.
+        score: How the candidate fared in the screening.
+    """
     candidate = score.candidate
-    z = present.z.copy()
-    for slot, value in score.start.items():
-        z[slot] = value
     own = tuple(score.start)
-    refit = engine.refit(z, (*present.free, *own), present.noise)
+    refit = refit_with(engine, present, score)
     masks = folds(engine, candidate.test)
     before, after = (rmse(left_out_errors(engine, which, masks)) for which in (present, refit))
     values, sd = engine.named_values(refit, own)
-    rival = Rival(
-        candidate=candidate,
-        score=score,
-        refit=refit,
-        delta_log_evidence=refit.log_evidence - present.log_evidence,
-        rmse_K=rmse(refit.residual[engine.is_observed]),
-        gap_K=gap(engine, present, refit),
-        left_out_K=after,
-        left_out_without_K=before,
-        values=values,
-        sd=sd,
-    )
-    return replace(rival, reason=_reason(rival, present, gap(engine, base, present)))
-
-
-def gap(engine: Engine, before: Refit, after: Refit) -> float:
-    """Return what a model closes of the gap: the root of the difference of mean squares [K]."""
-    seen = engine.is_observed
-    fall = np.mean(before.residual[seen] ** 2) - np.mean(after.residual[seen] ** 2)
-    return float(np.sqrt(max(fall, 0.0)))
-
-
-def _reason(rival: Rival, present: Refit, closed_K: float) -> str:
-    """Return why a candidate is rejected, empty if it is not."""
-    if rival.delta_log_evidence < WORTH_A_REFIT:
-        return f"the evidence does not call for it (log Bayes {rival.delta_log_evidence:+.1f})"
-    unsound = refusal(rival.candidate, rival.values, rival.sd)
-    if unsound:
-        return unsound
-    least = max(
-        RELEVANT_K, RELEVANT_NOISE * float(present.noise.total()), RELEVANT_SHARE * closed_K
-    )
-    if rival.gap_K < least:
-        return (
-            f"it closes {rival.gap_K:.2f} K of the gap; less than {least:.2f} K is within what "
-            "lumping, instruments and noise leave"
+    return judged(
+        Rival(
+            candidate=candidate,
+            score=score,
+            refit=refit,
+            delta_log_evidence=refit.log_evidence - present.log_evidence,
+            rmse_K=rmse(refit.residual[engine.is_observed]),
+            gap_K=gap(engine, present, refit),
+            left_out_K=after,
+            left_out_without_K=before,
+            drop=present.chi2 - refit.chi2,
+            least_K=least_gap(present, gap(engine, anchor, present)),
+            values=values,
+            sd=sd,
         )
-    fall = rival.left_out_without_K - rival.left_out_K
-    if fall < BETTER_K or fall < BETTER_SHARE * rival.left_out_without_K:
-        return (
-            f"it does not predict parts left out better ({rival.left_out_without_K:.2f} K "
-            f"without it, {rival.left_out_K:.2f} K with it)"
-        )
-    return ""
+    )
 
 
-def refusal(candidate: Candidate, values: dict[str, float], sd: dict[str, float]) -> str:
-    """Return why an effect cannot be what was found, empty if it can.
-
-    Args:
-        candidate: The effect.
-        values: Its parameters [their units].
-        sd: Their standard deviations [their units].
-    """
-    card = candidate.kind.card
-    for name, quantity in card.parameters.items():
-        value = values[name]
-        if quantity.null is None:
+def _choose(
+    present: Refit, rivals: Sequence[Rival], held_out: HeldOut | None
+) -> tuple[list[Rival], Rival | None]:
+    """Return the rivals, the first of them without a reason against it, and why others fell."""
+    seen = list(rivals)
+    for place, rival in enumerate(rivals):
+        if rival.reason:
             continue
-        reach = quantity.high - quantity.low
-        slack = min(max(0.02 * reach, 2.0 * sd[name]), SLACK * reach)
-        low, high = min(quantity.low, quantity.null), max(quantity.high, quantity.null)
-        if not low - slack <= value <= high + slack:
-            return (
-                f"{name} = {value:.3g} {quantity.unit} is outside of what is physical "
-                f"({low:g} to {high:g})"
-            )
-    strengths = [
-        abs(values[n] - q.null) / max(sd[n], 1e-300)
-        for n, q in card.parameters.items()
-        if q.null is not None
-    ]
-    if max(strengths) < SEPARATED:
-        return "its amplitude cannot be told from nothing"
-    return ""
+        if held_out is not None:
+            seen[place] = held_out.judged(rival, present)
+        if not seen[place].reason:
+            return seen, seen[place]
+    return seen, None

@@ -76,6 +76,8 @@ def library(
         if missing:
             channels = ", ".join(dict.fromkeys(CHANNELS.get(need, need) for need in missing))
             unavailable[kind.card.id] = f"needs the channel {channels} in every test"
+        elif not kind.fits(network):
+            unavailable[kind.card.id] = "splits a network of one node, and this one has more"
         elif not applies(kind, network):
             unavailable[kind.card.id] = "acts on a link that this network does not have"
         else:

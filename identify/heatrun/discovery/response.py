@@ -12,7 +12,8 @@ from jaxtyping import Array, Float
 
 from lptn import Inputs, Trace
 from lptn.balance import heat_balance, rates
-from lptn.effects import HeatEffect, NodeEffect, SensorEffect
+from lptn.effects import NodeEffect, SensorEffect
+from lptn.march import heat_effects
 
 from ..bench.blocks import Blocks
 from ..inference.model import Model, Values
@@ -87,7 +88,7 @@ def _linear_jit(model: Model, values: Values, inputs: Inputs):
         if isinstance(effect, NodeEffect):
             network = effect.extend(network)
     losses, drive = model.losses(values), inputs.drive()
-    heat = [effect for effect in effects if isinstance(effect, HeatEffect)]
+    heat = heat_effects(effects)
     middle = {n: 0.5 * (T[1:] + T[:-1]) for n, T in trace.temperature.items()}
 
     def rate(temperature):

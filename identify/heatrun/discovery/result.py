@@ -11,16 +11,23 @@ from .. import __version__
 from ..inference.effect_parameters import qualified
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
+from .fates import describe_candidates, test_name
 from .final_check import Adequacy
-from .grow import NUM_REFITTED, WORTH_A_REFIT, Rival, Round
 from .library import Candidate
 from .localise import Span, Where
 from .response import SENSOR
 from .rivals import Named
 from .run import Discovery, Shown
-from .screen import VISIBLE, VISIBLE_K, Score
+from .traces import Trace
 
-FORMAT = "heatrun-discovery/1"
+FORMAT = "heatrun-discovery/2"
+"""Described by `schema.json` beside this file; the number rises with what a reader must know."""
+
+SELECTED = (
+    "The held-out tests took part in the selection of effects: none was added that predicts one of "
+    "them worse. Their error after is therefore no independent proof; a further test would be."
+)
+"""What must be said of held-out tests that were looked at before an effect was added."""
 
 
 def assemble(
@@ -52,16 +59,17 @@ def assemble(
         "sentence": found.verdict.sentence,
         "effects": [_effect(found, shown, each) for each in found.named],
         "dropped": found.dropped,
+        "traces": [describe_trace(trace) for trace in found.traces],
         "where": [_span(span) for span in found.where_before.spans],
         "where_left": [_span(span) for span in found.where_after.spans],
         "localisation": {"before": _where(found.where_before), "after": _where(found.where_after)},
-        "candidates": _candidates(found),
+        "candidates": describe_candidates(found),
         "adequacy": {"before": _adequacy(found.before), "after": _adequacy(after)},
         "calibration": _gap(
             [p for p, role in zip(shown.predictions, roles, strict=True) if role != "holdout"],
             after.noise_K,
         ),
-        "holdout": _gap(held_out, after.noise_K) if held_out else None,
+        "holdout": _held_out(found, held_out, after.noise_K) if held_out else None,
         "tests": [
             {"name": before.test.name, "role": role, "before": _row(before), "after": _row(last)}
             for (before, last), role in zip(shown.predictions, roles, strict=True)
@@ -82,6 +90,28 @@ def assemble(
     }
 
 
+def _held_out(
+    found: Discovery, pairs: Sequence[tuple[Prediction, Prediction]], floor: float
+) -> dict[str, Any]:
+    """Return the gap on held-out tests, and whether these decided about an effect."""
+    judged = [r for each in found.growth.rounds for r in each.rivals if r.held_out_K]
+    return {
+        **_gap(pairs, floor),
+        "took_part_in_selection": bool(judged),
+        "sentence": SELECTED if judged else "The held-out tests took no part in the selection.",
+    }
+
+
+def describe_trace(trace: Trace) -> dict[str, Any]:
+    """Return an effect that is there and too small to matter."""
+    return {
+        "id": trace.rival.candidate.id,
+        "equivalents": [candidate.id for candidate in trace.equivalents],
+        "closes_K": trace.rival.gap_K,
+        "delta_log_evidence": trace.rival.delta_log_evidence,
+    }
+
+
 def _effect(found: Discovery, shown: Shown, named: Named) -> dict[str, Any]:
     rival = named.rival
     kind = rival.candidate.kind
@@ -92,7 +122,7 @@ def _effect(found: Discovery, shown: Shown, named: Named) -> dict[str, Any]:
         "id": rival.candidate.id,
         "family": kind.card.family,
         "law": kind.card.law,
-        "test": _test_name(found, rival.candidate),
+        "test": test_name(found, rival.candidate),
         "probability": named.probability,
         "equivalents": [candidate.id for candidate in named.equivalents],
         "parameters": {
@@ -122,81 +152,9 @@ def _effect(found: Discovery, shown: Shown, named: Named) -> dict[str, Any]:
     }
 
 
-def _candidates(found: Discovery) -> list[dict[str, Any]]:
-    """Return every effect of the library with what became of it and why."""
-    rounds = found.growth.rounds
-    rows = []
-    for score in rounds[0].scores:
-        status, reason, rival = _fate(found, score)
-        card = score.candidate.kind.card
-        row = {
-            "id": score.candidate.id,
-            "family": card.family,
-            "test": _test_name(found, score.candidate),
-            "status": status,
-            "reason": reason,
-            "visibility": score.visibility,
-            "visible_K": score.visible_K,
-            "screening_log_bayes": score.log_bayes,
-            "separating_test": card.separating_test,
-        }
-        if rival is not None:
-            row |= {
-                "delta_log_evidence": rival.delta_log_evidence,
-                "rmse_K": rival.rmse_K,
-                "left_out_K": rival.left_out_K,
-                "parameters": rival.values,
-            }
-        rows.append(row)
-    for name, reason in found.library.unavailable.items():
-        rows.append({"id": name, "status": "not available", "reason": reason})
-    return rows
-
-
-def _fate(found: Discovery, score: Score) -> tuple[str, str, Rival | None]:
-    candidate = score.candidate
-    seen = [(r, rival) for r in found.growth.rounds for rival in r.rivals
-            if rival.candidate == candidate]  # fmt: skip
-    rival = seen[-1][1] if seen else None
-    for each in found.named:
-        if each.rival.candidate == candidate:
-            return "accepted", "", each.rival
-        for swap in each.swaps:
-            if swap.candidate == candidate:
-                fate = "rejected" if swap.reason else "tied"
-                return fate, swap.reason or f"cannot be told from {each.rival.candidate.id}", rival
-    if candidate.id in found.dropped:
-        return "rejected", "was accepted, and is not needed beside the effects found later", rival
-    if rival is not None:
-        return "rejected", rival.reason or _overtaken(seen[-1][0]), rival
-    if not score.is_visible:
-        return (
-            "not identifiable",
-            f"at its typical size a refit would leave {score.visible_K:.3f} K of it, "
-            f"{score.visibility:.1f} standard deviations (needed {VISIBLE_K:g} K and {VISIBLE:g})",
-            None,
-        )
-    if score.log_bayes > WORTH_A_REFIT:
-        return "screened", f"the {NUM_REFITTED} that were refitted score higher", None
-    return (
-        "screened",
-        f"the residuals do not ask for it (log Bayes factor {score.log_bayes:+.1f})",
-        None,
-    )
-
-
-def _overtaken(round_: Round) -> str:
-    assert round_.accepted is not None
-    return f"{round_.accepted.candidate.id} explains the residuals better"
-
-
 def _slot_name(found: Discovery, candidate: Candidate, name: str) -> str:
     full = qualified(candidate.kind, name)
-    return full if candidate.test is None else f"{full}[{_test_name(found, candidate)}]"
-
-
-def _test_name(found: Discovery, candidate: Candidate) -> str | None:
-    return None if candidate.test is None else found.engine.tests[candidate.test].name
+    return full if candidate.test is None else f"{full}[{test_name(found, candidate)}]"
 
 
 def _span(span: Span) -> dict[str, Any]:

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .acceptance import Rival, refusal
 from .engine import Engine, Refit
 from .folds import rmse
-from .grow import Growth, Rival, refusal
+from .grow import Growth
 from .library import Candidate
+from .refits import refit_with
 from .screen import Score
 
 TIE_NATS = 3.0
@@ -126,15 +128,12 @@ def _swaps(
     taken = {r.candidate.id for r in accepted}
     swaps = []
     for score in [s for s in scores if s.candidate.id not in taken][:MOST_SWAPS]:
-        z = without.z.copy()
-        for slot, value in score.start.items():
-            z[slot] = value
-        refit = engine.refit(z, (*without.free, *score.start), final.noise)
+        refit = refit_with(engine, without, score)
         delta = final.log_evidence - refit.log_evidence
         gap = _squares(engine, without) - _squares(engine, final)
         share = (_squares(engine, without) - _squares(engine, refit)) / max(gap, 1e-12)
         values, sd = engine.named_values(refit, score.start)
-        reason = refusal(score.candidate, values, sd)
+        reason = refusal(score.candidate, values, sd, without.chi2 - refit.chi2)
         is_tied = delta < TIE_NATS * max(1.0, excess) or share > TIE_SHARE
         if not reason and not is_tied:
             reason = (

@@ -22,16 +22,19 @@ from ..inference.posterior import Posterior, sample, weighted_draws
 from ..inference.predict import Prediction, predict
 from ..inference.problem import Problem
 from ..motor import Motor
+from .acceptance import gap
 from .engine import Engine, Refit
 from .extended import extended_fit
 from .final_check import Adequacy, adequacy
-from .grow import Growth, gap, grow
+from .grow import Growth, grow
+from .held_out import HeldOut
 from .known import with_known
 from .library import Library, library
 from .localise import Where, localise
 from .proposed_test import NextTest, next_test
 from .rivals import Named, settle
 from .start import base_start
+from .traces import Trace, find_traces
 from .verdict import Verdict, verdict
 
 Say = Callable[[str], None]
@@ -54,6 +57,7 @@ class Discovery:
         where_after: What the final model misses.
         verdict: In a word.
         next_test: The test that would separate what is tied; None if nothing is.
+        traces: Effects that are there and too small to matter, where the verdict is adequate.
         fits: Base and final model as fits of their own.
         seconds: Time of each stage [s].
     """
@@ -70,6 +74,7 @@ class Discovery:
     where_after: Where
     verdict: Verdict
     next_test: NextTest | None
+    traces: list[Trace]
     fits: tuple[Fit, Fit]
     seconds: dict[str, float]
 
@@ -106,8 +111,9 @@ def discover(
         order: The base network.
         known: Effects that the base network has.
         kinds: The effects that are searched; by default the catalogue and installed ones.
-        held_out: Tests that will be predicted; an effect is searched only if they have what it
-            needs, nothing else is read of them.
+        held_out: Tests that will be predicted. An effect is searched only if they have what it
+            needs, and none is added that predicts one of them worse: they take part in the
+            selection, and in nothing else.
         seed: Of everything that is drawn.
         say: Told what is being done.
 
@@ -117,7 +123,14 @@ def discover(
     watch = _Watch()
     bare = Model.of(order, motor, known)
     searched = [k for k in (kinds or all_effects()) if k not in bare.effects]
-    found = library(searched, bare.topology(), [*tests, *held_out], num_events=len(tests))
+    blocked = _without_resistance(searched, motor)
+    found = library(
+        [kind for kind in searched if kind.card.id not in blocked],
+        bare.topology(),
+        [*tests, *held_out],
+        num_events=len(tests),
+    )
+    found = replace(found, unavailable={**found.unavailable, **blocked})
     extended = replace(bare, effects=(*bare.effects, *found.kinds))
     problem = with_known(Problem.of(extended, motor, tests), bare.effects)
     engine = Engine(problem)
@@ -130,12 +143,13 @@ def discover(
             remedy="Run `heatrun calibrate` on them first: it says what is wrong.",
         )
     watch.lap("base fit")
-    growth = grow(engine, found.candidates, start.z, start.noise, seed=seed, say=say)
+    gate = HeldOut(engine, held_out) if held_out else None
+    growth = grow(engine, found.candidates, start.z, start.noise, held_out=gate, seed=seed, say=say)
     watch.lap("search")
     before = adequacy(engine, growth.base)
     say("holding what was found against its rivals")
     final, named, dropped = settle(engine, growth, adequacy(engine, growth.final).excess)
-    after = adequacy(engine, final, gap(engine, growth.base, final))
+    after = adequacy(engine, final, gap(engine, growth.anchor, final))
     watch.lap("rivals")
     say("locating what is missing")
     where_before = localise(engine, growth.base, bare)
@@ -145,7 +159,8 @@ def discover(
         model = replace(bare, effects=(*bare.effects, *(c.kind for c in accepted)))
         where_after = localise(engine, final, model)
     watch.lap("where")
-    said = verdict(growth, named, before, after)
+    traces = find_traces(growth, before.excess) if not named else []
+    said = verdict(growth, named, before, after, traces)
     after_test = next_test(engine, final, named) if said.word in ("ambiguous",) else None
     watch.lap("next test")
     base_fit = extended_fit(engine, growth.base.z, (), is_adequate=before.is_adequate)
@@ -166,9 +181,18 @@ def discover(
         where_after=where_after,
         verdict=said,
         next_test=after_test,
+        traces=traces if said.word == "adequate" else [],
         fits=(base_fit, last_fit),
         seconds=watch.laps,
     )
+
+
+def _without_resistance(kinds: Sequence[type[AbstractEffect]], motor: Motor) -> dict[str, str]:
+    """Return the effects, with the reason, that bring in a copper loss which cannot be reckoned."""
+    if motor.phase_resistance_ohm is not None or "Rs0" in motor.parameters:
+        return {}
+    reason = "needs [winding] phase_resistance_ohm in the motor file"
+    return {kind.card.id: reason for kind in kinds if kind.rebuilds}
 
 
 def show(

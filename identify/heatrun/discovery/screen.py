@@ -8,7 +8,7 @@ parameters could mimic is projected out of it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -20,6 +20,9 @@ from .library import Candidate
 
 NUM_VARIANTS = 9
 """Settings of the shape parameters that are tried."""
+
+NUM_STARTS = 3
+"""Settings of its shape that an effect with a state is refitted from, the best of the screening."""
 
 REACH = 1.5
 """Shape parameters are tried within this many prior standard deviations [1]."""
@@ -59,6 +62,7 @@ class Score:
         gain: Drop of the sum of squares that its amplitude would bring [1].
         log_bayes: Its approximate log Bayes factor over the model without it [nat].
         start: Scores by slot to start a refit from.
+        other_starts: The next best of them, at other settings of its shape.
         visibility: Norm of its whitened, projected signature at the typical amplitude [1].
         visible_K: Root mean square of its projected signature at that amplitude [K].
         direction: Its whitened, projected signature at the estimate, of length one.
@@ -71,6 +75,7 @@ class Score:
     visibility: float
     visible_K: float
     direction: Float[np.ndarray, " block"]
+    other_starts: tuple[dict[int, float], ...] = ()
 
     @property
     def is_visible(self) -> bool:
@@ -133,20 +138,17 @@ class Screen:
         self._raw = stacked
         self._half = np.linalg.solve(self._factor, base.T @ self._whitened)
         self._raw_half = np.linalg.solve(self._factor.T, self._half)
-        self._scores = np.array([_typical(engine, slot) for s in library for slot in s.slots])
+        self._scores = np.array([typical(engine, slot) for s in library for slot in s.slots])
 
     def scores(self) -> list[Score]:
         """Return each candidate's score at its best setting, the most promising first."""
         gradient = self._whitened.T @ self.residual
-        best: dict[Candidate, Score] = {}
+        tried: dict[Candidate, list[Score]] = {}
         for number in range(len(self.library)):
             score = self._score(number, gradient)
-            if score.candidate not in best or score.log_bayes > best[score.candidate].log_bayes:
-                before = best.get(score.candidate)
-                best[score.candidate] = score if before is None else _visible(score, before)
-            else:
-                best[score.candidate] = _visible(best[score.candidate], score)
-        return sorted(best.values(), key=lambda score: -score.log_bayes)
+            tried.setdefault(score.candidate, []).append(score)
+        best = [_best(scores) for scores in tried.values()]
+        return sorted(best, key=lambda score: -score.log_bayes)
 
     def largest_gain(self, noise_rows: Float[np.ndarray, "block draw"]) -> np.ndarray:
         """Return the largest log Bayes factor of all candidates for whitened noise draws."""
@@ -185,9 +187,9 @@ class Screen:
         direction = (self._whitened[:, span] - self._base @ self._raw_half[:, span]) @ (
             estimate if np.any(estimate) else self._scores[span]
         )
-        typical = self._scores[span]
-        at_typical = (self._whitened[:, span] - self._base @ self._raw_half[:, span]) @ typical
-        raw = (self._raw[:, span] - self.present.jacobian @ self._raw_half[:, span]) @ typical
+        size = self._scores[span]
+        at_typical = (self._whitened[:, span] - self._base @ self._raw_half[:, span]) @ size
+        raw = (self._raw[:, span] - self.present.jacobian @ self._raw_half[:, span]) @ size
         seen = self.engine.is_observed
         length = float(np.linalg.norm(direction))
         return Score(
@@ -206,14 +208,19 @@ class Screen:
         return np.clip(estimate, low, high)
 
 
-def _visible(better: Score, other: Score) -> Score:
-    """Return the better score with the larger visibility of the two."""
-    if other.visibility <= better.visibility:
-        return better
-    return Score(
-        better.candidate, better.gain, better.log_bayes, better.start,
-        other.visibility, other.visible_K, better.direction,
-    )  # fmt: skip
+def _best(settings: list[Score]) -> Score:
+    """Return a candidate's best setting, with the next best ones as starts.
+
+    The visibility is that of the setting at which the effect could be seen best.
+    """
+    ranked = sorted(settings, key=lambda score: -score.log_bayes)
+    seen = max(settings, key=lambda score: score.visibility)
+    return replace(
+        ranked[0],
+        visibility=seen.visibility,
+        visible_K=seen.visible_K,
+        other_starts=tuple(score.start for score in ranked[1:NUM_STARTS]),
+    )
 
 
 def _slots(engine: Engine, candidate: Candidate) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -241,8 +248,8 @@ def _settings(num: int) -> Float[np.ndarray, "variant shape"]:
     return np.clip(draws, -REACH, REACH)
 
 
-def _typical(engine: Engine, slot: int) -> float:
-    """Return the score of the typical amplitude of an effect."""
+def typical(engine: Engine, slot: int) -> float:
+    """Return the score of the typical amplitude of an effect [1]."""
     parameter = engine.slots[slot].parameter
     effect, name = parameter.name.split(".", 1)
     quantity = engine.kinds[effect].card.parameters[name]

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from .final_check import Adequacy
-from .grow import FAMILYWISE, Growth
+from .grow import FAMILYWISE, Growth, Round
 from .rivals import Named
+from .traces import Trace
 
 Word = Literal["adequate", "named", "ambiguous", "unexplained", "not_identifiable"]
 
@@ -34,7 +35,13 @@ class Verdict:
     sentence: str
 
 
-def verdict(growth: Growth, named: Sequence[Named], before: Adequacy, after: Adequacy) -> Verdict:
+def verdict(
+    growth: Growth,
+    named: Sequence[Named],
+    before: Adequacy,
+    after: Adequacy,
+    traces: Sequence[Trace] = (),
+) -> Verdict:
     """Return the verdict.
 
     Args:
@@ -42,6 +49,7 @@ def verdict(growth: Growth, named: Sequence[Named], before: Adequacy, after: Ade
         named: The effects in the final model, with their rivals.
         before: Adequacy of the base model.
         after: Adequacy of the final model.
+        traces: Effects that are there and do not matter.
     """
     if named and after.is_adequate:
         tied = [n for n in named if n.equivalents]
@@ -78,14 +86,19 @@ def verdict(growth: Growth, named: Sequence[Named], before: Adequacy, after: Ade
             f"Nothing is seen to be missing, but these tests could show only "
             f"{100 * visible:.0f} % of the effects: they say nothing about the others.",
         )
-    chance = (
-        ""
-        if first.familywise_p >= FAMILYWISE
-        else (
-            " (a trace is there, too small to matter or to be predicted from one test to another)"
-        )
+    return Verdict(
+        "adequate", f"Nothing is missing that these tests would show{_beside(first, traces)}."
     )
-    return Verdict("adequate", f"Nothing is missing that these tests would show{chance}.")
+
+
+def _beside(first: Round, traces: Sequence[Trace]) -> str:
+    """Return what is there all the same."""
+    if traces:
+        told = "; ".join(trace.words for trace in traces)
+        return f", except for a trace that is too small to matter ({told})"
+    if first.familywise_p >= FAMILYWISE:
+        return ""
+    return " (a trace is there, too small to matter or to be predicted from one test to another)"
 
 
 def _with_rivals(named: Named) -> str:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from lptn import CopperLosses, Inputs, Network, Sensor, Trace, block_means, simulate
-from lptn.effects import AbstractEffect, build
+from lptn.effects import AbstractEffect, build_all
 from lptn.effects.time_shift import TimeShift
 
 from ..bench.blocks import SLOW_LOGGER_S, Blocks, Observation
@@ -150,15 +150,11 @@ class Model:
 
     def built_effects(self, values: Values) -> tuple[AbstractEffect, ...]:
         """Return the effects for values by name."""
-        network = self.network(values)
-        effects = tuple(
-            build(
-                kind,
-                {name: values[qualified(kind, name)] for name in kind.card.parameters},
-                network,
-            )
+        wanted = [
+            (kind, {name: values[qualified(kind, name)] for name in kind.card.parameters})
             for kind in self.effects
-        )
+        ]
+        effects = build_all(wanted, self.network(values))
         if "load_timing" in values:
             return (*effects, TimeShift(values["load_timing"]))
         return effects

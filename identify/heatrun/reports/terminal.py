@@ -86,6 +86,8 @@ def discovery_text(result: Mapping[str, Any]) -> str:
                 f"{100 * gap['coverage_95_before']:.0f} % before, "
                 f"{100 * gap['coverage_95_after']:.0f} % after"
             )
+    if result["holdout"] is not None and result["holdout"]["took_part_in_selection"]:
+        lines.append(result["holdout"]["sentence"])
     for span in result["where"][:6]:
         unit = "K" if "missing_K" in span else "W"
         low, high = span["interval_95"]

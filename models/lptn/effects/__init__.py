@@ -13,6 +13,7 @@ from .base import (
     Terms,
     applies,
     build,
+    build_all,
     power,
     require,
 )
@@ -39,6 +40,7 @@ from .speed_cooling import SpeedCooling
 from .standby_loss import StandbyLoss
 from .stray_load_loss import StrayLoadLoss
 from .time_shift import TimeShift
+from .winding_node import WindingNode
 from .winding_resistance import WindingResistance
 
 EFFECTS: tuple[type[AbstractEffect], ...] = (
@@ -54,6 +56,7 @@ EFFECTS: tuple[type[AbstractEffect], ...] = (
     RotorNode,
     EndWindingNode,
     HousingNode,
+    WindingNode,
     AcCopperLoss,
     IronLossInWinding,
     ExternalLoss,
@@ -83,6 +86,7 @@ __all__ = [
     "Terms",
     "applies",
     "build",
+    "build_all",
     "power",
     "require",
 ]

@@ -8,7 +8,7 @@ may read another.
 from __future__ import annotations
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
@@ -65,9 +65,21 @@ class EffectCard(NamedTuple):
 
 
 class AbstractEffect(eqx.Module):
-    """A physical effect that the two base networks leave out."""
+    """A physical effect that the two base networks leave out.
+
+    Attributes:
+        card: What the bench needs to know of it.
+        rebuilds: Whether it takes the base network apart. It then comes before all others, which
+            find their places in what it leaves, and acts on the heat balance after all others.
+    """
 
     card: ClassVar[EffectCard]
+    rebuilds: ClassVar[bool] = False
+
+    @classmethod
+    def fits(cls, network: Network) -> bool:
+        """Whether a base network is one that the effect can be added to."""
+        return True
 
 
 Effect = TypeVar("Effect", bound=AbstractEffect)
@@ -227,6 +239,8 @@ def power(speed: Float[Array, "..."], exponent: Float[Array, ""] | float) -> Flo
 def applies(kind: type[AbstractEffect], network: Network) -> bool:
     """Whether an effect has a place in a network: some act on a link that not all have."""
     link = _places(kind).get("link")
+    if not kind.fits(network):
+        return False
     return link is None or link in network.links or network.boundary in link
 
 
@@ -248,6 +262,10 @@ def build(
     Raises:
         ValueError: If the network has no place for it.
     """
+    if not kind.fits(network):
+        raise ValueError(
+            f"{kind.card.id} cannot be added to a network with the links {list(network.links)}."
+        )
     if not applies(kind, network):
         raise ValueError(
             f"{kind.card.id} acts on the link {_places(kind)['link']}, and the network has only "
@@ -259,6 +277,30 @@ def build(
     if "node" in places and places["node"] not in network.nodes:
         places["node"] = network.copper_node
     return kind(**{name: jnp.asarray(values[name]) for name in kind.card.parameters}, **places)
+
+
+def build_all(
+    wanted: Sequence[tuple[type[AbstractEffect], Mapping[str, Float[Array, ""] | float]]],
+    network: Network,
+) -> tuple[AbstractEffect, ...]:
+    """Return effects with their parameters, each placed in the network that it will find.
+
+    An effect that rebuilds the base network comes first; the others keep their order.
+
+    Args:
+        wanted: Each effect with its parameters by name, in the units of its card.
+        network: The base network.
+
+    Raises:
+        ValueError: As `build`.
+    """
+    built: list[AbstractEffect] = []
+    for kind, values in sorted(wanted, key=lambda each: not each[0].rebuilds):
+        effect = build(kind, values, network)
+        if kind.rebuilds and isinstance(effect, NodeEffect):
+            network = effect.extend(network)
+        built.append(effect)
+    return tuple(built)
 
 
 def _places(kind: type[AbstractEffect]) -> dict[str, Any]:

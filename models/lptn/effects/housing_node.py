@@ -51,7 +51,7 @@ class HousingNode(NodeEffect):
         separating_test="a thermocouple on the housing during a step of load of 60 minutes",
         parameters={
             "x": Quantity("1", 0.0, 0.0, 0.9, 0.4, "share of the resistance outside the housing"),
-            "tau": Quantity("s", None, 20.0, 2000.0, 200.0, "time constant of the housing"),
+            "tau": Quantity("s", None, 20.0, 20e3, 200.0, "time constant of the housing"),
         },
     )
 

@@ -94,6 +94,7 @@ def make_case(
     resolution_K: float | None = None,
     target_K: float | None = None,
     kind: str = "two_tests",
+    only_test: int | None = None,
 ) -> Case:
     """Return a case.
 
@@ -104,6 +105,8 @@ def make_case(
         target_K: Visible misfit [K]; drawn between `LEAST_K` and `MOST_K` by default. Several
             causes get this much each.
         kind: `"two_tests"`, or `"single_step"`: one constant load, on which nothing can be named.
+        only_test: Place of the one test that the causes act in, such as a fan that failed; all
+            tests by default (events happen in the first).
 
     Returns:
         The case, the same for the same arguments.
@@ -120,14 +123,18 @@ def make_case(
     target = target_K or float(np.exp(rng.uniform(np.log(LEAST_K), np.log(MOST_K))))
     resolution = resolution_K or float(rng.choice([0.1, 1.0]))
     loads, roles = _loads(machine, hidden, kind, rng)
+    if only_test is not None:
+        loads = [replace(load, event_test=only_test) for load in loads]
     stream = int(rng.integers(2**31))
     amplitudes: dict[str, float] = {}
     for name in hidden:
-        alone = _amplitude(machine, loads, name, target, losses, stream)
+        alone = _amplitude(machine, loads, name, target, losses, stream, only_test)
         amplitudes[name] = alone
-    courses = [_course(machine, load, amplitudes, stream) for load in loads]
+    acting = [_acting(amplitudes, load, only_test) for load in loads]
+    courses = [_course(machine, x, a, stream) for x, a in zip(loads, acting, strict=True)]
     seen = [
-        _seen(machine, load, c, amplitudes, losses) for load, c in zip(loads, courses, strict=True)
+        _seen(machine, load, course, a, losses)
+        for load, course, a in zip(loads, courses, acting, strict=True)
     ]
     misfit = visible_misfit(machine, seen[: roles.count("calibration")], losses)
     instruments = _Instruments.draw(rng, resolution)
@@ -146,6 +153,11 @@ def make_case(
         resolution_K=resolution,
         tests=tests,
     )
+
+
+def _acting(amplitudes: dict[str, float], load: Load, only_test: int | None) -> dict[str, float]:
+    """Return the causes that act in a test."""
+    return amplitudes if only_test in (None, load.index) else {}
 
 
 def _check(hidden: tuple[str, ...], kind: str, target_K: float | None) -> None:
@@ -283,14 +295,22 @@ def _seen(
 
 
 def _amplitude(
-    machine: Machine, loads: list[Load], name: str, target: float, losses: str, stream: int
+    machine: Machine,
+    loads: list[Load],
+    name: str,
+    target: float,
+    losses: str,
+    stream: int,
+    only_test: int | None = None,
 ) -> float:
     """Return the amplitude at which a refitted base network leaves the target [K]."""
     fitted = loads[:-1]
 
     def misfit(amplitude: float) -> float:
-        only = {name: amplitude}
-        seen = [_seen(machine, x, _course(machine, x, only, stream), only, losses) for x in fitted]
+        seen = []
+        for load in fitted:
+            only = _acting({name: amplitude}, load, only_test)
+            seen.append(_seen(machine, load, _course(machine, load, only, stream), only, losses))
         return visible_misfit(machine, seen, losses)
 
     amplitude, reached = 0.6, misfit(0.6)

@@ -26,6 +26,7 @@ class Load:
         ambient: Ambient temperature [degC].
         coolant: Coolant temperature [degC], or None.
         fan: Fan in parts of its full speed [1], or None.
+        event_test: Place of the test that an event happens in.
     """
 
     index: int
@@ -35,6 +36,7 @@ class Load:
     ambient: Array
     coolant: Array | None = None
     fan: Array | None = None
+    event_test: int = 0
 
 
 Cause = Callable[[Plant, Load, float, np.random.Generator], None]
@@ -95,9 +97,9 @@ def fan_cooling(plant: Plant, load: Load, a: float, rng: np.random.Generator) ->
 
 
 def cooling_step(plant: Plant, load: Load, a: float, rng: np.random.Generator) -> None:
-    """A change within two minutes, in the first test alone."""
+    """A change within two minutes, in one test alone."""
     moment = rng.uniform(0.3, 0.7) * load.time_s[-1]
-    if load.index == 0:
+    if load.index == load.event_test:
         ramp = np.clip((load.time_s - moment) / 120.0, 0.0, 1.0)
         plant.conductance = 1.0 + 0.8 * a * ramp
 

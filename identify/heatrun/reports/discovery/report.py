@@ -18,9 +18,10 @@ VERDICTS = {
 
 LIMITS = (
     "An effect is accepted only if a clean record would reach its score in fewer than 5 % of "
-    "cases, its amplitude is physical and cannot be nothing, parts left out are predicted better "
-    "by 10 % and 0.05 K at least, and it closes a gap that matters. The laws of the catalogue "
-    "stand for the machine's own; a name says which of them fits, not that no other could.",
+    "cases, its amplitude is physical and significantly different from zero, parts left out are "
+    "predicted better by 10 % and 0.05 K at least, it closes a gap that matters, and no held-out "
+    "test is predicted worse. The laws of the catalogue stand for the machine's own; a name says "
+    "which of them fits, not that no other could.",
     "The evidence takes the noise as estimated with room for the whole catalogue; its capped "
     "correlation time and the spread between physical laws are why a rival that closes nearly the "
     "whole gap counts as tied whatever the evidence says.",
@@ -76,8 +77,13 @@ def report_content(result: Mapping[str, Any]) -> dict[str, Any]:
             f"{left['noise_K']:.2f} K, low-frequency excess {left['low_frequency_excess']:.1f} "
             f"(1 if only noise)."
         ),
-        "limits": list(LIMITS),
+        "limits": [*LIMITS, *_selected(result["holdout"])],
     }  # fmt: skip
+
+
+def _selected(holdout: Mapping[str, Any] | None) -> list[str]:
+    """Return what must be said of held-out tests that decided about an effect."""
+    return [holdout["sentence"]] if holdout and holdout["took_part_in_selection"] else []
 
 
 def _effect(effect: Mapping[str, Any]) -> list[str]:

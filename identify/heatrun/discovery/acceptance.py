@@ -1,0 +1,143 @@
+"""What an effect must show before it enters the model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .engine import Engine, Refit
+from .library import Candidate
+from .screen import VISIBLE_K, Score
+
+WORTH_A_REFIT = 3.0
+"""Log Bayes factor of the screening from which on a candidate is refitted [nat]."""
+
+BETTER_SHARE, BETTER_K = 0.10, 0.05
+"""By how much the error on tests left out must fall: of itself [1], and in kelvin."""
+
+RELEVANT_K, RELEVANT_NOISE, RELEVANT_SHARE = VISIBLE_K, 0.5, 0.15
+"""Least gap that an effect must close: in kelvin, in parts of the noise of a block mean [1], and
+of the gap that the effects before it have closed [1], whose laws are no exact copies of the
+machine's either."""
+
+SLACK = 0.15
+"""An amplitude may lie outside of its physical range by two standard deviations, and by this share
+of the range at most [1]: the law that carries it is not the machine's own."""
+
+SEPARATED = 3.0
+"""Standard deviations that an amplitude must lie from its null [1], by the profile of its
+likelihood."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A candidate, refitted with everything else.
+
+    Attributes:
+        candidate: The candidate.
+        score: How it fared in the screening.
+        refit: The joint fit.
+        delta_log_evidence: Over the model without it [nat].
+        rmse_K: Of the calibration tests with it [K].
+        gap_K: What it closes of the gap, the root of the difference of mean squares [K].
+        left_out_K: Root mean square error on parts left out, with it [K].
+        left_out_without_K: And without it [K].
+        drop: By how much it lowers the sum of squares of residuals and scores [1].
+        least_K: Gap that it must close to matter [K].
+        values: Its parameters [their units].
+        sd: Their standard deviations [their units].
+        is_physical: Whether its parameters are physical and its amplitude significant.
+        reason: Why it is rejected; empty if it is not.
+        held_out_K: Errors on each held-out test without and with it, where that was looked at [K].
+    """
+
+    candidate: Candidate
+    score: Score
+    refit: Refit
+    delta_log_evidence: float
+    rmse_K: float
+    gap_K: float
+    left_out_K: float
+    left_out_without_K: float
+    drop: float
+    least_K: float
+    values: dict[str, float]
+    sd: dict[str, float]
+    is_physical: bool = True
+    reason: str = ""
+    held_out_K: tuple[tuple[float, float], ...] = ()
+
+
+def gap(engine: Engine, before: Refit, after: Refit) -> float:
+    """Return what a model closes of the gap: the root of the difference of mean squares [K]."""
+    seen = engine.is_observed
+    fall = np.mean(before.residual[seen] ** 2) - np.mean(after.residual[seen] ** 2)
+    return float(np.sqrt(max(fall, 0.0)))
+
+
+def least_gap(present: Refit, closed_K: float) -> float:
+    """Return the gap that an effect must close to matter [K].
+
+    Args:
+        present: Fit of the model without it.
+        closed_K: What the effects before it have closed [K].
+    """
+    return max(RELEVANT_K, RELEVANT_NOISE * float(present.noise.total()), RELEVANT_SHARE * closed_K)
+
+
+def judged(rival: Rival) -> Rival:
+    """Return the rival with the reason why it is rejected, if it is."""
+    unsound = refusal(rival.candidate, rival.values, rival.sd, rival.drop)
+    return replace(rival, is_physical=not unsound, reason=_reason(rival, unsound))
+
+
+def _reason(rival: Rival, unsound: str) -> str:
+    """Return why a candidate is rejected, empty if it is not."""
+    if rival.delta_log_evidence < WORTH_A_REFIT:
+        return f"the data do not favour it (log Bayes factor {rival.delta_log_evidence:+.1f})"
+    if unsound:
+        return unsound
+    if rival.gap_K < rival.least_K:
+        return (
+            f"it closes {rival.gap_K:.2f} K of the gap; less than {rival.least_K:.2f} K is within "
+            "what lumping, instruments and noise leave"
+        )
+    fall = rival.left_out_without_K - rival.left_out_K
+    if fall < BETTER_K or fall < BETTER_SHARE * rival.left_out_without_K:
+        return (
+            f"it does not predict parts left out better ({rival.left_out_without_K:.2f} K "
+            f"without it, {rival.left_out_K:.2f} K with it)"
+        )
+    return ""
+
+
+def refusal(
+    candidate: Candidate, values: dict[str, float], sd: dict[str, float], drop: float
+) -> str:
+    """Return why an effect cannot be what was found, empty if it can.
+
+    Args:
+        candidate: The effect.
+        values: Its parameters [their units].
+        sd: Their standard deviations [their units].
+        drop: By how much the effect lowers the sum of squares of residuals and scores [1].
+    """
+    card = candidate.kind.card
+    for name, quantity in card.parameters.items():
+        value = values[name]
+        if quantity.null is None:
+            continue
+        reach = quantity.high - quantity.low
+        slack = min(max(0.02 * reach, 2.0 * sd[name]), SLACK * reach)
+        low, high = min(quantity.low, quantity.null), max(quantity.high, quantity.null)
+        if not low - slack <= value <= high + slack:
+            return (
+                f"{name} = {value:.3g} {quantity.unit} is outside of what is physical "
+                f"({low:g} to {high:g})"
+            )
+    # The profile of the amplitude, not its standard deviation: where capacity and time constant of
+    # a body go together, neither has a small one, and yet without the body the fit is far worse.
+    if drop < SEPARATED**2:
+        return "its amplitude is not significantly different from zero"
+    return ""

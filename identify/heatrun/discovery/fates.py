@@ -1,0 +1,93 @@
+"""What became of every effect of the library, and why: the candidates of `discovery.json`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .acceptance import WORTH_A_REFIT, Rival
+from .grow import NUM_REFITTED, Round
+from .library import Candidate
+from .run import Discovery
+from .screen import VISIBLE, VISIBLE_K, Score
+
+
+def describe_candidates(found: Discovery) -> list[dict[str, Any]]:
+    """Return every effect of the library with what became of it and why."""
+    rounds = found.growth.rounds
+    rows = []
+    for score in rounds[0].scores:
+        status, reason, rival = _fate(found, score)
+        card = score.candidate.kind.card
+        row = {
+            "id": score.candidate.id,
+            "family": card.family,
+            "test": test_name(found, score.candidate),
+            "status": status,
+            "reason": reason,
+            "visibility": score.visibility,
+            "visible_K": score.visible_K,
+            "screening_log_bayes": score.log_bayes,
+            "separating_test": card.separating_test,
+        }
+        if rival is not None:
+            row |= {
+                "delta_log_evidence": rival.delta_log_evidence,
+                "rmse_K": rival.rmse_K,
+                "left_out_K": rival.left_out_K,
+                "parameters": rival.values,
+            }
+            if rival.held_out_K:
+                row["held_out"] = [
+                    {"rmse_without_K": without, "rmse_with_K": with_it}
+                    for without, with_it in rival.held_out_K
+                ]
+        rows.append(row)
+    for name, reason in found.library.unavailable.items():
+        rows.append({"id": name, "status": "not available", "reason": reason})
+    return rows
+
+
+def _fate(found: Discovery, score: Score) -> tuple[str, str, Rival | None]:
+    candidate = score.candidate
+    seen = [(r, rival) for r in found.growth.rounds for rival in r.rivals
+            if rival.candidate == candidate]  # fmt: skip
+    rival = seen[-1][1] if seen else None
+    for each in found.named:
+        if each.rival.candidate == candidate:
+            return "accepted", "", each.rival
+        for swap in each.swaps:
+            if swap.candidate == candidate:
+                fate = "rejected" if swap.reason else "tied"
+                return (
+                    fate,
+                    swap.reason or f"these tests cannot separate it from {each.rival.candidate.id}",
+                    rival,
+                )
+    if candidate.id in found.dropped:
+        return "rejected", "was accepted, and is not needed beside the effects found later", rival
+    if rival is not None:
+        return "rejected", rival.reason or _overtaken(seen[-1][0]), rival
+    if not score.is_visible:
+        return (
+            "not identifiable",
+            f"at its typical size a refit would leave {score.visible_K:.3f} K of it, "
+            f"{score.visibility:.1f} standard deviations (needed {VISIBLE_K:g} K and {VISIBLE:g})",
+            None,
+        )
+    if score.log_bayes > WORTH_A_REFIT:
+        return "screened", f"the {NUM_REFITTED} that were refitted score higher", None
+    return (
+        "screened",
+        f"the residuals do not favour it (log Bayes factor {score.log_bayes:+.1f})",
+        None,
+    )
+
+
+def _overtaken(round_: Round) -> str:
+    assert round_.accepted is not None
+    return f"{round_.accepted.candidate.id} explains the residuals better"
+
+
+def test_name(found: Discovery, candidate: Candidate) -> str | None:
+    """Return the test that an event happens in, None for all other effects."""
+    return None if candidate.test is None else found.engine.tests[candidate.test].name

@@ -1,0 +1,39 @@
+"""An effect that is there and does not matter is told by name."""
+
+from __future__ import annotations
+
+import pytest
+
+from heatrun.bench.record import Record
+from heatrun.bench.reduction import reduce
+from heatrun.discovery.acceptance import RELEVANT_K
+from heatrun.discovery.result import describe_trace
+from heatrun.discovery.run import discover
+from heatrun.motor import Motor
+
+
+def found_on(hidden_bench, hidden, seed, target_K):
+    case = hidden_bench.make_case(hidden, seed, target_K=target_K, resolution_K=0.1)
+    motor = Motor(
+        "trace",
+        phase_resistance_ohm=case.machine.phase_resistance_ohm,
+        losses=case.losses,
+        rated_speed_rpm=case.machine.rated_speed_rpm,
+    )
+    return discover(motor, [
+        reduce(Record(t.name, t.columns), motor) for t in case.tests if t.role == "calibration"
+    ])  # fmt: skip
+
+
+@pytest.mark.parametrize(("effect", "seed"), [("natural_convection", 2003), ("radiation", 2004)])
+def test_a_trace_is_named_and_the_verdict_stays_adequate(effect, seed, hidden_bench):
+    found = found_on(hidden_bench, (effect,), seed, 0.1)
+    assert found.verdict.word == "adequate"
+    assert not found.named
+    (trace,) = found.traces
+    told = describe_trace(trace)
+    assert effect in (told["id"], *told["equivalents"])
+    assert 0.0 < told["closes_K"] < RELEVANT_K
+    assert told["delta_log_evidence"] > 10.0
+    assert told["id"] in found.verdict.sentence
+    assert "too small to matter" in found.verdict.sentence
