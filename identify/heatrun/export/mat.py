@@ -46,7 +46,7 @@ def export_mat(
             applied to the signals; else these are the record's own samples, as `Tw_m` always is.
 
     Returns:
-        As plain data: the files, test, network (`order`) and effects, variables with value or
+        As plain data: the files, test, network (`order`, `title`) and effects, variables with value or
         shape and unit, the RMSE of the winding of `lptn.simulate` on these variables to `Tw_m` at
         the samples (that of a report is of block means), the same of what the sensor of the run
         would read, how far the corrections move the winding [K], notes and findings.
@@ -81,6 +81,7 @@ def export_mat(
         "test": found.record.name,
         "is_held_out": found.is_held_out,
         "order": found.model.name,
+        "title": found.model.title,
         "effects": [kind.card.id for kind in found.model.effects],
         "is_corrected": is_corrected,
         "variables": {

@@ -16,8 +16,11 @@ from lptn.effects import AbstractEffect, NodeEffect
 from lptn.effects.sensor_lag import SensorLag
 from lptn.effects.time_shift import TimeShift
 
-from .grid import SHARE_OF_LONGEST, Grid
+from .grid import Grid
 from .network_variables import RPM
+
+SHARE_OF_LONGEST = 0.005
+"""As in `heatrun.export.grid`, finer: laws of effects bend between two samples as well."""
 
 SENSOR_STEP_S = 0.02
 LINES_PER_SAMPLE = 40

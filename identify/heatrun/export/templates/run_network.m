@@ -18,7 +18,7 @@
 folder = fileparts(mfilename('fullpath'));
 p = load(fullfile(folder, 'network.mat'));
 names = reshape(p.nodes, 1, []);
-ends = p.links;
+pairs = p.links;
 C = p.capacitance(:);
 R = p.resistance(:);
 share = p.share(:);
@@ -44,7 +44,7 @@ for e = 1:numel(effects)
     case 'housing_node'
       at = effects{e}.link{1};
       new = 'housing';
-      whole = R(strcmp(ends(:, 1), at) & strcmp(ends(:, 2), effects{e}.link{2}));
+      whole = R(strcmp(pairs(:, 1), at) & strcmp(pairs(:, 2), effects{e}.link{2}));
       resistance = (1 - q.x)*whole/(q.x + 1e-12);
       added = q.tau/resistance;
     case 'end_winding_node'
@@ -62,7 +62,7 @@ for e = 1:numel(effects)
       R = [q.tau/(product*C); R];
       C = [part*C; (1 - part)*C];
       names = {p.copper_node, 'stator'};
-      ends = {p.copper_node, 'stator'; 'stator', p.sink};
+      pairs = {p.copper_node, 'stator'; 'stator', p.sink};
       share = [0; share];
       start = [start; start];
     otherwise
@@ -74,7 +74,7 @@ for e = 1:numel(effects)
     names{end + 1} = new;
     C = [C; added];
     share = [share; 0];
-    ends = [ends; {at, new}];
+    pairs = [pairs; {at, new}];
     R = [R; resistance];
   end
 end
@@ -86,12 +86,12 @@ first = zeros(num_links, 1);
 second = zeros(num_links, 1);
 into = zeros(num_nodes, num_links);
 for l = 1:num_links
-  first(l) = find(strcmp(names, ends{l, 1}));
+  first(l) = find(strcmp(names, pairs{l, 1}));
   into(first(l), l) = -1;
-  if strcmp(ends{l, 2}, p.sink)
+  if strcmp(pairs{l, 2}, p.sink)
     second(l) = num_nodes + 1;
   else
-    second(l) = find(strcmp(names, ends{l, 2}));
+    second(l) = find(strcmp(names, pairs{l, 2}));
     into(second(l), l) = 1;
   end
 end
@@ -103,7 +103,7 @@ acting = 1:numel(effects);
 for e = 1:numel(effects)
   if isfield(effects{e}, 'link')
     ab = effects{e}.link;
-    place(e) = find(strcmp(ends(:, 1), ab{1}) & strcmp(ends(:, 2), ab{2}));
+    place(e) = find(strcmp(pairs(:, 1), ab{1}) & strcmp(pairs(:, 2), ab{2}));
   elseif isfield(effects{e}, 'node')
     place(e) = find(strcmp(names, effects{e}.node));
   end
