@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,10 +68,11 @@ def finished(tmp_path_factory, duty, bench, generator):
         found = calibrate(
             motor,
             load_tests(motor, [Path("duty.csv")], [Path("step.csv")]),
+            networks=["first", "second"],
             method="quick",
         )
         run = RunFolder.begin(Path("run"), {})
-        write_run(run, motor, found.result, found.posteriors, found.predictions)
+        write_run(run, found.motor, found.result, found.posteriors, found.predictions)
         run.finish(manifest(found, "", 0))
     return folder
 
@@ -137,12 +139,15 @@ def test_our_reader_takes_the_file_for_the_record(day):
 
 
 def test_the_first_order_has_the_names_of_its_own_model(day):
+    def known(result):
+        network = result["models"]["first"]["parameters"]
+        network["Ceq"]["value"], network["Req"]["value"] = 12500.0, 0.132
+
+    edit(Path("run/fit.json"), known)
     written = export_mat(Path("run"), folder=Path("out"), network="first")
     variables = read_variables(Path("out/prova.mat").read_bytes())
     assert list(variables) == FIRST_ORDER
-    model = json.loads(Path("run/fit.json").read_text())["models"]["first"]["parameters"]
-    found = tuple(float(variables[name][0, 0]) for name in ("Ceqw", "Reqw"))
-    assert found == (model["Ceq"]["value"], model["Req"]["value"])
+    assert (variables["Ceqw"], variables["Reqw"]) == (12500.0, 0.132)
     assert variables["Rrif"] == pytest.approx(3 * 0.0062, rel=1e-15)
     assert written["order"] == "first"
 
@@ -171,8 +176,8 @@ def test_a_held_out_test_starts_at_its_first_readings(day):
     assert test.values["Tw_start"] + offset == pytest.approx(
         test.record["winding_degC"][:10].mean(), abs=1.0
     )
-    # soaked at one temperature; a median of 400 draws that are known to 1 K
-    assert test.values["Tsr_start"] == pytest.approx(test.values["Tw_start"], abs=0.3)
+    # a cold start: the machine has soaked, and both ends differ by less than the 1 K it leaves
+    assert test.values["Tsr_start"] == pytest.approx(test.values["Tw_start"], abs=1.0)
 
 
 def test_the_same_run_gives_the_same_bytes_again(day):
@@ -246,28 +251,18 @@ def test_a_missing_record_is_refused(day, capsys):
 def test_what_the_run_has_not_is_refused(day):
     with pytest.raises(InputError, match="with one of: duty, step"):
         export_mat(Path("run"), test="other")
-    with pytest.raises(InputError, match="holds no first order, only second"):
+    with pytest.raises(InputError, match="holds no third network, only first, second"):
         export_mat(Path("run"), network="third")
-
-
-def test_a_model_with_effects_is_refused(day):
-    def extend(result):
-        parameters = result["models"]["second"]["parameters"]
-        parameters["speed_cooling.gain"] = parameters["Req_sr"]
-
-    edit(Path("run/fit.json"), extend)
-    with pytest.raises(InputError, match=r"effects beyond the second-order .*speed_cooling"):
-        export_mat(Path("run"))
 
 
 @pytest.mark.parametrize("key", ["motor", "tests", "models"])
 def test_a_run_that_lacks_a_part_is_refused(day, key):
     edit(Path("run/fit.json"), lambda result: result.pop(key))
-    with pytest.raises(InputError, match="lacks what an export needs"):
+    with pytest.raises(InputError, match=r"fit\.json of the run cannot be read"):
         export_mat(Path("run"))
 
 
-@pytest.mark.parametrize(("value", "said"), [("x", "lacks what"), (None, "lacks what"),
+@pytest.mark.parametrize(("value", "said"), [("x", "cannot be read"), (None, "cannot be read"),
                                              (-1.0, "expected Ceq_w above 0, got -1")])  # fmt: skip
 def test_a_capacity_that_is_none_is_refused(day, value, said):
     def spoil(result):
@@ -284,25 +279,15 @@ def test_a_run_without_a_calibrated_test_is_refused(day):
         export_mat(Path("run"))
 
 
-def test_a_torque_offset_needs_the_speed(day):
-    def add_torque_offset(result):
-        result["models"]["second"]["nuisances"]["torque_offset"] = {"value": 0.5}
-
-    edit(Path("run/fit.json"), add_torque_offset)
-    assert export_mat(Path("run"))["corrections_K"] > 1.0
-    table = pd.read_csv("duty.csv").drop(columns="speed_rpm")
-    table.to_csv("duty.csv", index=False)
-    digest = hashlib.sha256(Path("duty.csv").read_bytes()).hexdigest()
-
-    def without_speed(content):
-        for entry in content.get("tests", content.get("inputs")):
-            if entry["path"] == "duty.csv":
-                entry["sha256"] = digest
-
-    edit(Path("run/fit.json"), without_speed)
-    edit(Path("run/manifest.json"), without_speed)
+def test_a_torque_offset_needs_the_speed(day, monkeypatch):
+    found = read_run_test(Path("run"))
+    offset = replace(found, values={**found.values, "torque_offset": 0.5})
+    monkeypatch.setattr("heatrun.export.mat.read_run_test", lambda *_, **__: offset)
+    assert export_mat(Path("run"), folder=Path("out"))["corrections_K"] > 1.0
+    silent = {n: v for n, v in found.record.channels.items() if n != "speed_rpm"}
+    offset = replace(offset, record=replace(found.record, channels=silent))
     with pytest.raises(InputError, match="torque offset, and this test has no speed"):
-        export_mat(Path("run"))
+        export_mat(Path("run"), folder=Path("out"))
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"inputs": [{"path": 3}]}', '{"inputs": []}'])

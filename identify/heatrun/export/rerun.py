@@ -13,13 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ..bench.blocks import Blocks
 from ..bench.joined import read_test
 from ..bench.record import Record
 from ..errors import InputError
 from ..inference.model import Model
+from ..io.toml_text import parse_toml
 from ..motor import Motor
 from ..motorfile import load_motor
-from ..runs.run import Run, RunTest, open_run
+from ..runs.run import Run, RunTest, model_name, open_run
 from ..runs.sources import SourceFile, refuse_changed
 
 
@@ -35,6 +37,7 @@ class RunAndTest:
         values: Medians of the posterior, or fixed values, by parameter name without the test; the
             start of a test that was only predicted as `heatrun.inference.starts` has it.
         is_held_out: Whether the run predicted the test only.
+        blocks: The test as it was reduced.
         inputs: Every file that the run was made of, as the manifest names it.
     """
 
@@ -44,6 +47,7 @@ class RunAndTest:
     record: Record
     values: Mapping[str, float]
     is_held_out: bool
+    blocks: Blocks
     inputs: tuple[Path, ...]
 
 
@@ -81,7 +85,24 @@ def read_run_test(run: Path, *, test: str | None = None, network: str | None = N
     _refuse_negative(values, run)
     is_held_out = chosen.role == "holdout"
     files = tuple(Path(entry["path"]) for entry in opened.manifest["inputs"])
-    return RunAndTest(run, found.model, motor, record, values, is_held_out, files)
+    return RunAndTest(run, found.model, motor, record, values, is_held_out, found.test, files)
+
+
+def effects_of(run: Path, network: str | None = None) -> tuple[str, ...]:
+    """Return the ids of the effects of a run's model, whether they are still known or not.
+
+    Args:
+        run: The run folder.
+        network: Name of the network; None for the last one of the run.
+
+    Raises:
+        InputError: If the folder is no run, or lacks the network.
+    """
+    opened = open_run(run)
+    name = model_name(opened.choose(network))
+    content = parse_toml(opened.file(name), f"{run}, {name}", "model file")
+    own = content.get("network", {}).get("effects", [])
+    return (*own, *content.get("effects", []))
 
 
 def _test(run: Run, name: str | None) -> RunTest:
