@@ -114,7 +114,7 @@ def steady_current(
         ValueError: As `linearise`.
     """
     at = field(network, losses, drive, None, effects)
-    place = at.index(network.copper_node)
+    place = at.place(network.copper_node)
     copper = jnp.asarray(copper, dtype=float)
 
     def residual(unknown: Vector) -> Vector:
@@ -141,5 +141,7 @@ def _newton(residual: Callable[[Vector], Vector], first: Vector) -> tuple[Vector
         _, size, count = state
         return (size > TOLERANCE) & (count < MOST_ITERATIONS)  # false for NaN
 
-    value, size, _ = jax.lax.while_loop(is_moving, improve, (first, jnp.inf, 0))
-    return value, size <= TOLERANCE
+    value, size, _ = jax.lax.while_loop(
+        is_moving, improve, (first, jnp.asarray(jnp.inf), jnp.asarray(0))
+    )
+    return value, jnp.asarray(size) <= TOLERANCE
