@@ -41,7 +41,7 @@ def searched(hidden_bench):
     bare = Model.of("second", motor)
     kinds = [kind for kind in EFFECTS if kind.card.id in (*EQUIVALENT, "radiation", "sensor_lag")]
     found = library(kinds, bare.topology(), tests)
-    engine = Engine(Problem.of(replace(bare, effects=found.kinds), motor, tests))
+    engine = Engine(Problem.of(replace(bare, effects=found.kinds), motor, tests, found.kinds))
     start = base_start(engine)
     screen, _ = look(engine, engine.refit(start.z, engine.base, start.noise), found.candidates)
     return engine, screen.present, {score.candidate.id: score for score in screen.scores()}

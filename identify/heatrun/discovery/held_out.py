@@ -19,6 +19,7 @@ from ..inference.starts import start_draws
 from .acceptance import Rival
 from .engine import Engine, Refit
 from .folds import rmse
+from .known import searched_effects_of
 
 WORSE_K, WORSE_SHARE, WORSE_NOISE = 0.05, 0.10, 0.5
 """An error that grows by less than this counts as the same: in kelvin, in parts of itself and of
@@ -36,7 +37,8 @@ class HeldOut:
     def __init__(self, engine: Engine, tests: Sequence[Blocks]) -> None:
         full = engine.problem
         self._fitted = engine
-        self._trial = Engine(Problem.of(full.model, full.motor, list(tests)))
+        searched = searched_effects_of(full)
+        self._trial = Engine(Problem.of(full.model, full.motor, list(tests), searched))
 
     def errors(self, fit: Refit) -> tuple[float, ...]:
         """Return the root mean square error on each test [K], NaN where nothing was read.

@@ -11,6 +11,7 @@ import numpy as np
 from ..inference.problem import Problem
 from .duties import DUTIES, Stretch, imagined
 from .engine import Engine, Refit
+from .known import searched_effects_of
 from .rivals import Named
 
 MARGIN_K = 20.0
@@ -88,7 +89,8 @@ def _engine(engine: Engine, final: Refit, duty: Sequence[Stretch], like) -> Engi
     model = engine.problem.model
     losses = model.losses({name: jnp.asarray(value) for name, value in values.items()})
     test = imagined(duty, like, engine.tests, losses)
-    return Engine(Problem.of(model, engine.problem.motor, [test]))
+    searched = searched_effects_of(engine.problem)
+    return Engine(Problem.of(model, engine.problem.motor, [test], searched))
 
 
 def _scores(engine: Engine, trial: Engine, fit: Refit) -> np.ndarray:

@@ -28,7 +28,6 @@ from .extended import extended_fit
 from .final_check import Adequacy, adequacy
 from .grow import Growth, grow
 from .held_out import HeldOut
-from .known import with_known
 from .library import Library, library
 from .localise import Where, localise
 from .proposed_test import NextTest, next_test
@@ -132,8 +131,7 @@ def discover(
     )
     found = replace(found, unavailable={**found.unavailable, **blocked})
     extended = replace(bare, effects=(*bare.effects, *found.kinds))
-    problem = with_known(Problem.of(extended, motor, tests), bare.effects)
-    engine = Engine(problem)
+    engine = Engine(Problem.of(extended, motor, tests, searched=found.kinds))
     say(f"{bare.title}: fitting the network alone")
     start = base_start(engine, seed=seed)
     if not np.all(np.isfinite(start.residual)) or start.chi2 > 1e9:

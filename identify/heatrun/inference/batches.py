@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
 from typing import TypeVar
 
 import jax
@@ -29,7 +30,15 @@ def at_once(function: Callable[[Item], Result], items: Iterable[Item]) -> list[R
         return list(pool.map(function, items))
 
 
-def in_batches(function: Callable[[Rows], Result], rows: Rows, size: int) -> Result:
+ALONE = Lock()
+"""Held by what factorises batches of matrices inside compiled code. XLA shares such a batch among
+the threads of its pool and waits for them; two of them at once, on two cores, each occupy one
+thread and wait for the other for ever (seen with 24 parameters)."""
+
+
+def in_batches(
+    function: Callable[[Rows], Result], rows: Rows, size: int, *, alone: bool = False
+) -> Result:
     """Return what a function gives for rows, as NumPy arrays.
 
     One size of batch means one compilation; the last batch is filled up with copies of the last
@@ -40,6 +49,7 @@ def in_batches(function: Callable[[Rows], Result], rows: Rows, size: int) -> Res
         rows: A pytree of NumPy arrays whose first axis is that of the rows, at least one; what
             `function` returns is another.
         size: Rows in a batch.
+        alone: Whether `function` factorises matrices, so that nothing of the kind may run beside.
     """
     num = jax.tree.leaves(rows)[0].shape[0]
 
@@ -49,5 +59,9 @@ def in_batches(function: Callable[[Rows], Result], rows: Rows, size: int) -> Res
         return jax.tree.map(np.asarray, function(part))
 
     starts = range(0, num, size)
-    done = [one(start) for start in starts] if len(starts) < FEW else at_once(one, starts)
+    if alone:
+        with ALONE:
+            done = [one(start) for start in starts]
+    else:
+        done = [one(start) for start in starts] if len(starts) < FEW else at_once(one, starts)
     return jax.tree.map(lambda *arrays: np.concatenate(arrays)[:num], *done)

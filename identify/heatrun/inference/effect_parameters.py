@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from lptn import EFFECTS
 from lptn.effects import AbstractEffect, Quantity
 
-from .parameters import Parameter
+from .parameters import Parameter, Transform
 
 WIDE = 4.0
 """A shape parameter whose range spans more than this factor is carried as a logarithm [1]."""
@@ -33,26 +33,43 @@ def amplitudes(kind: type[AbstractEffect]) -> tuple[str, ...]:
     return tuple(n for n, q in kind.card.parameters.items() if q.null is not None)
 
 
+def null_values(effects: Sequence[type[AbstractEffect]]) -> dict[str, float]:
+    """Return the values of amplitudes at which effects vanish, by qualified name [their units]."""
+    return {
+        qualified(kind, name): quantity.null
+        for kind in effects
+        for name, quantity in kind.card.parameters.items()
+        if quantity.null is not None
+    }
+
+
 def effect_parameters(
-    effects: Sequence[type[AbstractEffect]], duration_s: float
+    effects: Sequence[type[AbstractEffect]],
+    duration_s: float,
+    searched: Sequence[type[AbstractEffect]] = (),
 ) -> list[Parameter]:
     """Return the parameters of effects for one test.
 
-    The score 0 of an amplitude is its null value, so that a vector of zeros leaves the network
-    as it was. The physical range is four prior standard deviations wide for a shape parameter,
-    and reaches to two of them for an amplitude.
+    An effect that is searched may be absent: the score 0 of its amplitude is the null value, so
+    that a vector of zeros leaves the network as it was. One that is known to be there has a
+    log-normal amplitude around its typical value where it cannot change sign. The physical range
+    is four prior standard deviations wide for a shape parameter, and reaches to two of them for
+    an amplitude.
 
     Args:
         effects: In order.
         duration_s: Length of the test, which bounds when an event can happen [s].
+        searched: Those of them that may be absent; the others are known.
     """
     result = []
     for kind in effects:
+        is_searched = kind in searched
         for name, quantity in kind.card.parameters.items():
-            transform, centre, sd = _prior(kind, quantity, duration_s)
+            transform, centre, sd = _prior(kind, quantity, duration_s, is_searched=is_searched)
             result.append(
                 Parameter(
-                    qualified(kind, name), quantity.unit, quantity.meaning, "effect",
+                    qualified(kind, name), quantity.unit, quantity.meaning,
+                    "effect" if is_searched else "known",
                     transform, centre, sd,
                     f"plausible from {quantity.low:g} to {quantity.high:g} {quantity.unit}",
                     per_test=kind.card.family == EVENT,
@@ -61,8 +78,14 @@ def effect_parameters(
     return result
 
 
-def _prior(kind: type[AbstractEffect], quantity: Quantity, duration_s: float):
+def _prior(
+    kind: type[AbstractEffect], quantity: Quantity, duration_s: float, *, is_searched: bool
+) -> tuple[Transform, float, float]:
+    """Return transform, centre and standard deviation of a prior."""
     low, high = quantity.low, quantity.high
+    has_one_sign = quantity.null is not None and quantity.null <= low and quantity.null == 0.0
+    if not is_searched and has_one_sign and quantity.typical > 0.0:
+        return "log", quantity.typical, max(0.5 * math.log(high / quantity.typical), 0.5)
     if quantity.null is not None:
         reach = max(high - quantity.null, quantity.null - low)
         return "linear", quantity.null, 0.5 * reach

@@ -184,8 +184,19 @@ class Model:
         )
 
 
-def parameters(model: Model, motor: Motor, tests: Sequence[Blocks]) -> ParameterSet:
+def parameters(
+    model: Model,
+    motor: Motor,
+    tests: Sequence[Blocks],
+    searched: Sequence[type[AbstractEffect]] = (),
+) -> ParameterSet:
     """Return all parameters of a model over tests, with priors and the motor file's overrides.
+
+    Args:
+        model: Network with effects.
+        motor: The machine.
+        tests: The reduced records.
+        searched: Effects of the model that may be absent, as `effect_parameters`.
 
     Raises:
         InputError: If the phase resistance is needed and not given, or an override is wrong.
@@ -200,7 +211,7 @@ def parameters(model: Model, motor: Motor, tests: Sequence[Blocks]) -> Parameter
                 *shared,
                 *_timing(test),
                 *_start(model, test),
-                *effect_parameters(model.effects, test.duration_s),
+                *effect_parameters(model.effects, test.duration_s, searched),
             ],
             motor,
         )
@@ -253,12 +264,6 @@ def _torque(motor: Motor, tests: Sequence[Blocks]) -> Parameter:
         )
     return Parameter("torque_offset", "N m", "offset of the torque transducer", "instrument",
                      "linear", 0.0, 0.1, "0.1 % of a 100 N m transducer")  # fmt: skip
-
-
-def _of_test(model: Model, test: Blocks) -> list[Parameter]:
-    """Return what belongs to one test: timing, start, and effects by its length."""
-    effects = effect_parameters(model.effects, test.duration_s)
-    return [*_timing(test), *_start(model, test), *effects]
 
 
 def _timing(test: Blocks) -> list[Parameter]:

@@ -14,6 +14,7 @@ from scipy.stats import norm
 from ..bench.blocks import Blocks, Observation
 from . import noise as noise_module
 from .draws import Draws
+from .effect_parameters import null_values
 from .model import Model, parameters
 from .noise import Noise
 from .posterior import Posterior
@@ -171,12 +172,14 @@ def of_test(
     values = picked.of_test(fitted_as)
     starts = {name for _, name in draws.model.form.starts}
     size = picked.vectors.shape[0]
+    nulls = null_values(draws.model.effects)
     for name, parameter in known.items():
         if name in values or (name in starts and fitted_as is None):
             continue
         if parameter.fixed is not None or parameter.role in ("effect", "known"):
             # an event of another test stays at its null
-            number = parameter.centre if parameter.fixed is None else parameter.fixed
+            number = nulls.get(name, parameter.centre)
+            number = number if parameter.fixed is None else parameter.fixed
             values[name] = np.full(size, number)
         else:
             values[name] = parameter.value(_normal(draws, rng, size))

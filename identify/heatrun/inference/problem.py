@@ -18,6 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from lptn.effects import AbstractEffect
+
 from ..bench.blocks import Blocks, Observation
 from ..motor import Motor
 from . import noise as noise_module
@@ -83,13 +85,25 @@ class Problem:
     temper: float = 1.0
 
     @classmethod
-    def of(cls, model: Model, motor: Motor, tests: Sequence[Blocks]) -> Problem:
+    def of(
+        cls,
+        model: Model,
+        motor: Motor,
+        tests: Sequence[Blocks],
+        searched: Sequence[type[AbstractEffect]] = (),
+    ) -> Problem:
         """Return the problem of a model over tests.
+
+        Args:
+            model: Network with effects.
+            motor: The machine.
+            tests: The reduced records.
+            searched: Effects of the model that may be absent, as `parameters`.
 
         Raises:
             InputError: If a parameter is needed and not given.
         """
-        return cls(model, motor, tuple(tests), parameters(model, motor, tests))
+        return cls(model, motor, tuple(tests), parameters(model, motor, tests, searched))
 
     @property
     def num_parameters(self) -> int:

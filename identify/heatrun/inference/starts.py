@@ -61,11 +61,10 @@ def start_draws(
     normal = np.zeros((num_draws, len(free)))
     if rng is not None:
         normal = rng.standard_normal(normal.shape)
-    drawn = _regress(
-        model, tuple(free), {**values, **fixed}, noise, first, jnp.asarray(mean),
-        jnp.asarray(covariance), jnp.asarray(normal),
-    )  # fmt: skip
-    return {**fixed, **{name: np.asarray(drawn[:, i]) for i, name in enumerate(free)}}
+    known_values = {name: jnp.asarray(draws) for name, draws in {**values, **fixed}.items()}
+    rows = _whitened(model, tuple(free), known_values, noise, first, jnp.asarray(mean))
+    drawn = mean + _regress(np.asarray(rows), covariance, normal)
+    return {**fixed, **{name: drawn[:, i] for i, name in enumerate(free)}}
 
 
 def _prior(
@@ -117,21 +116,18 @@ def _first_blocks(test: Observation, num: int) -> Observation:
 
 
 @partial(jax.jit, static_argnames=("model", "names"))
-def _regress(
+def _whitened(
     model: Model,
     names: tuple[str, ...],
     values: dict[str, Float[Array, " draw"]],
     noise: Noise,
     test: Observation,
     mean: Float[Array, " start"],
-    covariance: Float[Array, "start start"],
-    normal: Float[Array, "draw start"],
-) -> Float[Array, "draw start"]:
-    """Return one draw of the starts for each draw of everything else [degC]."""
-    precision = jnp.linalg.inv(covariance)
+) -> Float[Array, "draw block column"]:
+    """Return whitened errors at the mean of the starts, and their slopes, of each draw."""
 
     def one(x):
-        values, noise, normal = x
+        values, noise = x
 
         def reading(starts):
             return model.block_means({**values, **dict(zip(names, starts, strict=True))}, test)
@@ -139,10 +135,16 @@ def _regress(
         error = test.measured - reading(mean)
         slope = jax.jacfwd(reading)(mean)
         rows = whiten(jnp.column_stack([error, slope]), noise, test)[0]
-        rows = jnp.where(test.is_observed[:, None], rows, 0.0)
-        total = precision + rows[:, 1:].T @ rows[:, 1:]
-        shift = jnp.linalg.solve(total, rows[:, 1:].T @ rows[:, 0])
-        spread = jnp.linalg.cholesky(jnp.linalg.inv(total))
-        return mean + shift + spread @ normal
+        return jnp.where(test.is_observed[:, None], rows, 0.0)
 
-    return jax.lax.map(one, (values, noise, normal), batch_size=50)
+    return jax.lax.map(one, (values, noise), batch_size=50)
+
+
+def _regress(rows: np.ndarray, covariance: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Return how far one draw of the starts lies from their mean, for each draw [K]."""
+    error, slope = rows[:, :, :1], rows[:, :, 1:]
+    turned = np.swapaxes(slope, 1, 2)
+    total = np.linalg.inv(covariance) + turned @ slope
+    shift = np.linalg.solve(total, turned @ error)
+    spread = np.linalg.cholesky(np.linalg.inv(total))
+    return (shift + spread @ normal[:, :, None])[:, :, 0]

@@ -189,7 +189,7 @@ class Proposal:
         """Return draws; `z` holds standard draws of their branches, or scores as given."""
         known = self.problem.data, self.kernels, self.optima, self.branches
         rows = noise_z, branch, z
-        return Drawn(*in_batches(lambda part: _place(*known, *part), rows, BATCH))
+        return Drawn(*in_batches(lambda part: _place(*known, *part), rows, BATCH, alone=True))
 
     def adapted(self, drawn: Drawn, weights: Float[np.ndarray, " draw"]) -> Proposal:
         """Return the proposal moved to the importance samples.

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from ...errors import InputError
 from ...io.file_set import together
 from ...io.whole_files import writable, write_whole
@@ -32,8 +30,8 @@ def write_sheet(run: Run, folder: Path) -> list[Path]:
     tables = [(*each, table) for each, table in zip(names, run.courses(), strict=True)]
     main = run.choose()
     free = [n for n, e in result["models"][main]["parameters"].items() if not e["fixed"]]
-    group = run.posterior(main)["posterior"]
-    draws = {name: np.asarray(group[name]).ravel() for name in free if name in group}
+    values = run.draws(main).values()
+    draws = {name: values[name] for name in free}
     units = {
         name: entry["unit"]
         for model in result["models"].values()
