@@ -1,10 +1,59 @@
 """heatrun identifies the thermal network of an electric motor from bench transients.
 
+    import heatrun
+    run = heatrun.calibrate("motor.toml", ["duty.csv"], holdout=["step.csv"])
+    run.summary()
+    run.plot()
+    run.predict("other.csv")
+    found = heatrun.discover(run)
+    found.run.simulate("other.csv")
+    heatrun.open_run("results/runs/demo")
+
 Importing this package switches JAX to float64, which the thermal models need (a thousandth of
 a kelvin over an hour does not survive float32), and sets the one XLA option that makes small
-loops compile whole. Both happen before JAX is first used, in `heatrun.runtime`.
+loops compile whole. Both happen before JAX is first used, in `heatrun.runtime`. Everything else is
+loaded when it is first asked for.
 """
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from . import runtime as runtime
 
+if TYPE_CHECKING:
+    from .api import Found, calibrate, check, compare, discover, simulate
+    from .errors import InputError
+    from .motorfile import load_motor
+    from .runs.run import Run, open_run
+
 __version__ = "0.1.0"
+
+__all__ = [
+    "Found",
+    "InputError",
+    "Run",
+    "calibrate",
+    "check",
+    "compare",
+    "discover",
+    "load_motor",
+    "open_run",
+    "simulate",
+]
+
+_PLACES = {
+    "InputError": ".errors",
+    "load_motor": ".motorfile",
+    "Run": ".runs.run",
+    "open_run": ".runs.run",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_PLACES.get(name, ".api"), __name__), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -13,7 +13,9 @@ import pandas as pd
 from .bench import Record, read_record, require
 from .bench.readers.open_file import read_start
 from .errors import InputError
+from .inference.catalogue import known_effects
 from .inference.draws import NUM_NOISE, Draws
+from .inference.effect_parameters import effect_names
 from .inference.model import Model, override_names, parameters
 from .inference.networks import NetworkForm, network_named
 from .inference.predict import Prediction, predict
@@ -56,7 +58,7 @@ def simulate_file(
         found = open_run(source).predict(record, network=network, motor=motor, seed=seed)
     else:
         form = network_named(network or "second")
-        found = predict_values(motor, parameters_from(Path(source), form), record, form)
+        found = predict_values(motor, parameters_from(Path(source), form, motor), record, form)
         lacking = "a TOML file of parameters says nothing of their uncertainty"
     table = virtual_record(found, record, motor)
     target = folder / f"{record.name}_virtual.csv"
@@ -81,7 +83,8 @@ def simulate_values(
 
     Args:
         motor: The machine.
-        values: Parameters by name; the start is taken from the record's first readings, or from
+        values: Parameters by name, those of the motor file's known effects as
+            `speed_cooling.g`; the start is taken from the record's first readings, or from
             the sink where no winding was measured.
         record: Currents, losses and sink.
         network: Name of a network, or the network.
@@ -99,7 +102,7 @@ def predict_values(
 ) -> Prediction:
     """Return the prediction of given parameters, taken as exact; arguments as `simulate_values`."""
     blocks = reduce_driven(record, motor)
-    model = Model.of(network, motor)
+    model = Model.of(network, motor, known_effects(motor))
     known = parameters(model, motor, [blocks])
     starts = {name for _, name in model.form.starts} - set(values)
     fixed = {}
@@ -121,12 +124,15 @@ def predict_values(
     return found
 
 
-def parameters_from(source: Path, form: NetworkForm) -> dict[str, float]:
+def parameters_from(
+    source: Path, form: NetworkForm, motor: Motor | None = None
+) -> dict[str, float]:
     """Return parameters by name from a TOML file.
 
     Args:
         source: The file.
         form: The network that they are for.
+        motor: The machine, whose known effects may have parameters too.
 
     Raises:
         InputError: If there is no such file, or a parameter is missing or misnamed.
@@ -138,10 +144,11 @@ def parameters_from(source: Path, form: NetworkForm) -> dict[str, float]:
             "expected a section [parameters].", where=str(source),
             remedy="Write lines such as Ceq_w = 666.75.",
         )  # fmt: skip
+    effects = effect_names(known_effects(motor)) if motor and motor.effects else ()
     units = {parameter.name: parameter.unit for parameter in form.parameters}
     needed = [p.name for p in form.parameters if p.fixed is None]
     missing = [name for name in needed if name not in content]
-    unknown = [name for name in content if name not in override_names(form)]
+    unknown = [name for name in content if name not in (*override_names(form), *effects)]
     if missing or unknown:
         what = [f"{', '.join(missing)} missing"] if missing else []
         what += [f"{', '.join(unknown)} unknown"] if unknown else []

@@ -36,7 +36,7 @@ class Field(NamedTuple):
     slope: Callable[[Float[Array, " node"]], Float[Array, " node"]]
     heat: Callable[[Float[Array, " node"]], Float[Array, " node"]]
 
-    def index(self, node: str) -> int:
+    def place(self, node: str) -> int:
         """Return the place of a node in a vector.
 
         Raises:

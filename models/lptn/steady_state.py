@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from .constant_drive import field
 from .effects.base import AbstractEffect
+from .elimination import eliminate
 from .inputs import Drive
 from .losses import CopperLosses
 from .network import Network
@@ -113,7 +114,7 @@ def steady_current(
         ValueError: As `linearise`.
     """
     at = field(network, losses, drive, None, effects)
-    place = at.index(network.copper_node)
+    place = at.place(network.copper_node)
     copper = jnp.asarray(copper, dtype=float)
 
     def residual(unknown: Vector) -> Vector:
@@ -132,7 +133,7 @@ def _newton(residual: Callable[[Vector], Vector], first: Vector) -> tuple[Vector
 
     def improve(state):
         value, _, count = state
-        step = jnp.linalg.solve(jax.jacfwd(residual)(value), -residual(value))
+        step = eliminate(jax.jacfwd(residual)(value), -residual(value)[:, None])[:, 0]
         after = value + step
         return after, jnp.max(jnp.abs(step) / (1.0 + jnp.abs(after))), count + 1
 
@@ -140,5 +141,7 @@ def _newton(residual: Callable[[Vector], Vector], first: Vector) -> tuple[Vector
         _, size, count = state
         return (size > TOLERANCE) & (count < MOST_ITERATIONS)  # false for NaN
 
-    value, size, _ = jax.lax.while_loop(is_moving, improve, (first, jnp.inf, 0))
-    return value, size <= TOLERANCE
+    value, size, _ = jax.lax.while_loop(
+        is_moving, improve, (first, jnp.asarray(jnp.inf), jnp.asarray(0))
+    )
+    return value, jnp.asarray(size) <= TOLERANCE

@@ -46,7 +46,7 @@ class _State(NamedTuple):
     before: Float[Array, " node"]
     after: Float[Array, " node"]
     is_never: Bool[Array, ""]
-    count: Array
+    num_steps: Array
 
 
 def time_to(
@@ -84,7 +84,7 @@ def time_to(
         ValueError: As `linearise`, and if there is no such node.
     """
     at = field(network, losses, drive, start, effects)
-    place, limit = at.index(node), jnp.asarray(limit, dtype=float)
+    place, limit = at.place(node), jnp.asarray(limit, dtype=float)
     sink = jnp.full_like(at.start, drive.ambient + losses.ambient_offset)
     steady = equilibrium(at.slope, sink)
     fastest = jnp.minimum(
@@ -93,7 +93,7 @@ def time_to(
 
     def is_going(state: _State) -> Bool[Array, ""]:
         is_below = state.after[place] < limit
-        return is_below & ~state.is_never & (state.count < MOST_STEPS)
+        return is_below & ~state.is_never & (state.num_steps < MOST_STEPS)
 
     def advance(state: _State) -> _State:
         time, before = state.time + state.step, state.after
@@ -104,7 +104,7 @@ def time_to(
         is_never = stays | jnp.all(slope <= 0.0)  # what cools everywhere goes on cooling
         # nothing moves while it is decided that nothing will
         after = jnp.where(is_never, before, after)
-        return _State(time, step, before, after, is_never, state.count + 1)
+        return _State(time, step, before, after, is_never, state.num_steps + 1)
 
     zero = jnp.zeros(())
     first = _State(zero, zero, at.start, at.start, jnp.asarray(False), jnp.asarray(0))

@@ -25,11 +25,15 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 
+import heatrun.inference.networks
 from heatrun.bench.readers.read import read_record
 from heatrun.errors import InputError
+from heatrun.inference.networks import network_named
+from heatrun.inference.networks.text import network_of, network_text
 from heatrun.inference.sampling.checkpoint import Checkpoint
 from heatrun.motorfile import load_motor
 from heatrun.reports.sheet.of_run import rewrite_sheet
+from heatrun.runs.run import open_run
 from heatrun.runs.run_folder import load_result
 from heatrun.simulation import parameters_from
 
@@ -39,6 +43,7 @@ from reading_corpus.grammar import stated
 from reading_corpus.oracle import MISREAD, TRACEBACK, judge
 
 FOLDER = Path(tempfile.mkdtemp(prefix="heatrun-fuzz-"))
+NETWORKS = Path(heatrun.inference.networks.__file__).parent
 REFERENCE = Path(__file__).parents[2] / "data" / "synthetic"
 TABLE = "t,Is,Pd,Te,Tw_m\n0.0,10.5,300.0,21.5,22\n0.5,11.0,310.0,21.5,23\n1.0,-1e1,305.5,21.5,23\n"
 GERMAN = '"Gerät: 1"\nZeit [s];Strom [A];"T Wicklung [°C]"\n0,0;1,5;22,1\n0,5;1,75;22,2\n'
@@ -108,7 +113,7 @@ def result(data: bytes) -> None:
     with suppress(InputError):
         rewrite_sheet(run, FOLDER / "again")
     with suppress(InputError):
-        parameters_from(run, "second")
+        open_run(run).draws()
 
 
 def manifest(data: bytes) -> None:
@@ -126,9 +131,36 @@ def parameters(data: bytes) -> None:
     path = FOLDER / "parameters.toml"
     path.write_bytes(data)
     with suppress(InputError):
-        values = parameters_from(path, "second")
+        values = parameters_from(path, network_named("second"))
         assert all(np.isfinite(value) for value in values.values()), values
         assert all(values[name] > 0 for name in ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")), values
+
+
+def network(data: bytes) -> None:
+    """Read bytes as the TOML file of a network, and as the model of a run."""
+    path = FOLDER / "network.toml"
+    path.write_bytes(data)
+    with suppress(InputError):
+        form = network_named(str(path))
+        assert form.body[0] in form.names
+        assert network_of(network_text(form), "again") == form
+    run = FOLDER / "modelled"
+    run.mkdir(exist_ok=True)
+    fit = json.dumps(
+        {
+            "format": "heatrun-fit/1",
+            "motor": {"name": "m"},
+            "tests": [],
+            "models": {"second": {"parameters": {}, "nuisances": {}}},
+        }
+    ).encode()
+    files = {"fit.json": fit, "model_second.toml": data}
+    for name, content in files.items():
+        (run / name).write_bytes(content)
+    listing = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+    (run / "manifest.json").write_text(json.dumps({"files": listing}))
+    with suppress(InputError):
+        open_run(run).model()
 
 
 def checkpoint(data: bytes) -> None:
@@ -258,6 +290,40 @@ FIT = {
     "models": {"second": {"parameters": {"Ceq_w": {"value": 666.0}}}},
 }
 
+FOUR = """format = "heatrun-model/1"
+effects = []
+[network]
+name = "four"
+nodes = ["winding", "tooth", "yoke", "rotor"]
+sinks = ["coolant"]
+links = [["winding", "tooth"], ["tooth", "yoke"], ["tooth", "rotor"], ["yoke", "coolant"]]
+losses = { copper = "winding", iron = ["tooth", "yoke"], mechanical = "rotor" }
+sensors = { winding_degC = "winding", stator_degC = "yoke" }
+[parameters.Ceq_w]
+capacitance = "winding"
+value = 600.0
+[losses]
+kind = "balance"
+phases = 3
+reference_temperature_degC = 25.0
+coefficient_degC = 234.5
+[noise]
+kind = "white"
+temper = 1.0
+[fitted]
+tests = [{ name = "a", parameters = [0] }]
+[[fitted.parameters]]
+name = "Ceq_w"
+unit = "J/K"
+meaning = ""
+role = "network"
+transform = "log"
+centre = 1.0
+sd = 1.0
+basis = ""
+per_test = false
+"""
+
 TARGETS: dict[str, Target] = {
     "statement": Target(statement, (b"", bytes(40), bytes(range(40)), bytes(range(0, 240, 6)))),
     "text": Target(record("csv"), tuple(text.encode() for text in (TABLE, GERMAN, CLOCK))),
@@ -277,6 +343,7 @@ TARGETS: dict[str, Target] = {
     "parameters": Target(
         parameters, (b"Ceq_w = 666.75\nCeq_sr = 15060.1\nReq_w = 0.14485\nReq_sr = 0.11625\n",)
     ),
+    "network": Target(network, (FOUR.encode(), (NETWORKS / "second.toml").read_bytes())),
     "checkpoint": Target(checkpoint, (chunk(), stored(chunk()))),
 }  # fmt: skip
 if find_spec("asammdf"):

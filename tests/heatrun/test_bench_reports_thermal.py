@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import xarray
-from heatrun.reports.bench_tests.run_draws import read_draws
 
 from heatrun.bench.readers.read import read_record
 from heatrun.bench.record import Record
+from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.inference.model import Model, parameters
+from heatrun.motor import Motor, ParameterOverride
 from heatrun.reports.bench_tests import build_report, read_reference
 from heatrun.reports.bench_tests.analysis.equilibrium import equilibrium
 from heatrun.reports.bench_tests.analysis.loss_split import split_losses
 from heatrun.reports.bench_tests.simulated import simulate_run
+from heatrun.runs.model_text import ModelOfRun, model_text
+from heatrun.runs.motor_text import motor_text
+from heatrun.runs.run import open_run
 from heatrun.simulation import simulate_file
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
@@ -45,11 +50,13 @@ def seal(folder: Path) -> None:
     """List the files of a run with their digests, as a finished run does."""
     files = {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.glob("*.*")
              if p.name != "manifest.json"}  # fmt: skip
-    (folder / "manifest.json").write_text(json.dumps({"files": files}), encoding="utf-8")
+    inputs = [{"path": "motor.toml", "sha256": "of the motor"}, {"path": "a.csv", "sha256": "a"}]
+    manifest = {"files": files, "inputs": inputs}
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
 
 
 @pytest.fixture
-def run(tmp_path):
+def run(tmp_path, bench, generator):
     """A run folder whose posterior lies closely around the truth, in the form of a calibration."""
     folder = tmp_path / "run"
     folder.mkdir()
@@ -58,21 +65,26 @@ def run(tmp_path):
     nuisances = {name: {"value": 0.0, "fixed": True} for name in INSTRUMENTS}
     result = {
         "format": "heatrun-fit/1",
-        "motor": {"name": "reference"},
-        "models": {
-            "second": {
-                "parameters": entries,
-                "nuisances": {**nuisances, "Tw_start[duty]": {"value": 20.0, "fixed": False}},
-                "noise": {"kind": "correlated", "sd_K": 0.2, "time_s": 200.0, "white_K": 0.02},
-            }
-        },
-        "tests": [{"sha256": "of the calibration", "role": "calibration"}],
+        "motor": {"name": "reference", "path": "motor.toml", "sha256": "of the motor"},
+        "models": {"second": {"parameters": entries, "nuisances": nuisances}},
+        "tests": [{"name": "duty", "path": "a.csv", "sha256": "a", "role": "calibration"}],
     }
     (folder / "fit.json").write_text(json.dumps(result), encoding="utf-8")
+    certain = {name: ParameterOverride(fixed=0.0) for name in (*INSTRUMENTS, "load_timing")}
+    model = Model.of("second", MOTOR)
+    blocks = replace(reduce(bench(generator.duty(600.0), seed=20), MOTOR), name="duty")
+    known = parameters(model, replace(MOTOR, parameters=certain), [blocks])
+    text = model_text(ModelOfRun(model, known, "correlated", 1.0))
+    (folder / "model_second.toml").write_bytes(text)
+    (folder / "motor.toml").write_bytes(motor_text(MOTOR))
+    around = {**TRUTH, "noise_sd": 0.2, "noise_time": 200.0, "noise_white": 0.02}
     draws = {
         name: (("chain", "draw"), value * (1.0 + 0.005 * rng.normal(size=(1, NUM_DRAWS))))
-        for name, value in TRUTH.items()
+        for name, value in around.items()
     }
+    starts = 20.0 + 0.2 * rng.normal(size=(2, 1, NUM_DRAWS, 1))
+    for name, start in zip(("Tw_start", "Tsr_start"), starts, strict=True):
+        draws[name] = (("chain", "draw", "test"), start)
     xarray.Dataset(draws).to_netcdf(
         folder / "posterior_second.nc", group="posterior", engine="h5netcdf"
     )
@@ -159,20 +171,21 @@ def test_a_report_without_resistance_keeps_the_temperatures_and_says_why():
 
 def test_the_network_of_a_run_meets_the_truth_of_an_independent_simulator(run, bench, generator):
     record = bench(generator.duty(1800.0), seed=21)
-    found = simulate_run(run, record, MOTOR)
+    simulated = simulate_run(run, record, MOTOR)
+    found = simulated.prediction
     # noise of a 20 s mean: drift 0.2 K, rounding 1 K over 20 readings 0.06 K; parameters 0.5 %
     assert found.rmse_K < 0.5
-    assert found.coverage_95 > 0.85
-    assert not found.is_seen
+    assert found.coverage_95() > 0.85
+    assert not simulated.is_seen
     truth = generator.simulate(
         generator.reference_motor(), generator.duty(1800.0), sample_s=1.0, steps_per_sample=20
     )
     stator = np.interp(found.time_s, truth.time_s, truth.stator_degC)
-    low, high = found.nodes_95_degC["stator"]
+    low, high = found.nodes_95["stator"]
     assert np.mean((stator >= low) & (stator <= high)) > 0.9
     # what the winding gives to the stator is (Tw - Tsr)/Req_w by definition
-    flow = (found.nodes_degC["winding"] - found.nodes_degC["stator"]) / TRUTH["Req_w"]
-    assert found.flows_W["winding", "stator"] == pytest.approx(flow, abs=0.02 * np.max(flow))
+    flow = (found.nodes["winding"] - found.nodes["stator"]) / TRUTH["Req_w"]
+    assert found.flows["winding", "stator"] == pytest.approx(flow, abs=0.02 * np.max(flow))
 
 
 def test_the_thermal_report_shows_the_run_and_the_virtual_one_compares(run, bench, generator):
@@ -199,29 +212,32 @@ def test_a_run_that_another_test_drives_beyond_all_temperatures_is_refused(run, 
 
 
 def test_draws_leave_out_starts_and_keep_fixed_values(run):
-    draws = read_draws(run, num_draws=50, seed=0)
-    assert set(draws.values) == {*TRUTH, *INSTRUMENTS}
-    assert np.ptp(draws.values["power_gain"]) == 0.0
-    assert np.std(draws.values["Ceq_w"]) > 0.0
+    draws = open_run(run).draws().thin(50)
+    values = draws.of_test(None)
+    assert set(values) == {*TRUTH, *INSTRUMENTS}
+    assert np.ptp(values["power_gain"]) == 0.0
+    assert np.std(values["Ceq_w"]) > 0.0
+    assert set(draws.of_test("duty")) == {*values, "Tw_start", "Tsr_start", "load_timing"}
 
 
-@pytest.mark.parametrize("damage", ["posterior", "format", "effect"])
+@pytest.mark.parametrize("damage", ["posterior", "format", "effect", "missing"])
 def test_a_damaged_run_is_an_error_of_ours(run, damage):
+    text = (run / "model_second.toml").read_text("utf-8")
     if damage == "posterior":
         (run / "posterior_second.nc").write_bytes(b"no netcdf")
-    else:
-        result = json.loads((run / "fit.json").read_text("utf-8"))
-        if damage == "format":
-            del result["models"]["second"]["noise"]
-        else:
-            result["models"]["second"]["parameters"]["speed_cooling.g"] = {
-                "value": 1.0,
-                "fixed": True,
-            }
-        (run / "fit.json").write_text(json.dumps(result), encoding="utf-8")
         seal(run)
-    with pytest.raises(InputError, match="run"):
-        read_draws(run, num_draws=50, seed=0)
+    elif damage == "format":
+        (run / "model_second.toml").write_text(text.replace("[noise]", "[noises]"), "utf-8")
+        seal(run)
+    elif damage == "effect":
+        (run / "model_second.toml").write_text(
+            text.replace("effects = []", 'effects = ["of_ours_alone"]', 1), "utf-8"
+        )
+        seal(run)
+    else:
+        (run / "model_second.toml").unlink()
+    with pytest.raises(InputError, match=r"run|of_ours_alone"):
+        open_run(run).draws()
 
 
 def test_a_simulated_record_carries_its_band_along(run, bench, generator, tmp_path):

@@ -193,7 +193,7 @@ def test_what_a_line_says_of_all_columns_gives_way_to_what_stands_at_one():
     assert read_power("P [W]", line) == (2.0, "stated", [])
     unclear = Stated("kW", "the line 'rated power in kW'", "unclear")
     assert read_power("P_W", unclear)[0] == 2.0
-    with pytest.raises(InputError, match="'rated power in kW' speaks of kW") as caught:
+    with pytest.raises(InputError, match="'rated power in kW' mentions kW") as caught:
         read_power("P", unclear)
     assert '"P [W]" or [columns] losses_W = "P [kW]"' in caught.value.remedy
     assert read_power("P", Stated("W", "the line 'rated power in W'", "unclear"))[1] == "assumed"

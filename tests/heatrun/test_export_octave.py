@@ -21,7 +21,8 @@ from heatrun.export import mat_bytes, simulate_variables, thesis_variables
 from heatrun.motorfile import load_motor
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
-SCRIPT = files("heatrun.export") / "templates" / "run_prova.m"
+TEMPLATES = files("heatrun.export") / "templates"
+SCRIPT = TEMPLATES / "run_prova.m"
 SECOND = {
     "Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062,
     "Tw_start": 20.4, "Tsr_start": 19.8,
@@ -113,10 +114,11 @@ def test_our_reader_takes_the_course_for_a_record(long_record, motor, tmp_path):
     assert record["winding_degC"] == pytest.approx(simulate_variables(variables).winding, abs=2e-3)
 
 
-def test_the_script_is_plain_matlab():
+@pytest.mark.parametrize("name", ["run_prova.m", "run_network.m"])
+def test_the_script_is_plain_matlab(name):
     """None of what Octave alone understands: # comments, +=, !=, printf, double quotes, endif."""
     code = [line.partition("%")[0] if line.lstrip().startswith("%") else line
-            for line in SCRIPT.read_text().splitlines()]  # fmt: skip
+            for line in (TEMPLATES / name).read_text().splitlines()]  # fmt: skip
     text = re.sub(r"'[^'\n]*'", "''", "\n".join(code))  # texts may hold anything
     for foreign in (r"#", r"\+=", r"-=", r"\+\+", r"!", r'"', r"\bend[a-z]+", r"\bprintf\b",
                     r"\*\*", r"\bfunction\b", r"\bunwind_protect\b"):  # fmt: skip

@@ -11,7 +11,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from heatrun.bench.channels.channel_map import header
+from heatrun.bench.channels import header
 from heatrun.bench.channels.column_unit import unit_of
 from heatrun.bench.channels.header import LONGEST_NAME, LONGEST_UNIT, plain, split_name
 from heatrun.bench.channels.schema import CHANNEL

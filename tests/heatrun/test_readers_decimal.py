@@ -140,7 +140,7 @@ def test_a_comment_among_the_data_that_speaks_of_units_is_refused(tmp_path):
     rows = [f"{i};1.25;20" for i in range(40)]
     rows.insert(20, "# losses in kW")
     path = written(tmp_path, rows, "time_s;losses;winding_degC")
-    with pytest.raises(InputError, match=r"Line 22 among the data speaks of units"):
+    with pytest.raises(InputError, match=r"Line 22 among the data mentions units"):
         read_record(path)
     rows[20] = "# second shift"
     path = written(tmp_path, rows, "time_s;losses;winding_degC")

@@ -71,7 +71,7 @@ def test_a_file_with_its_own_time_is_not_moved(tmp_path):
 def test_a_blank_line_behind_each_line_is_a_way_of_writing(tmp_path, end):
     record = read_record(written(tmp_path, lines(), end=end), RATE)
     assert np.array_equal(record.time_s, np.arange(N))
-    assert any("blank line stands behind each line" in note for note in record.notes)
+    assert any("blank line follows each line" in note for note in record.notes)
 
 
 def test_too_many_ragged_lines_are_refused_still(tmp_path):

@@ -126,7 +126,7 @@ def test_a_row_that_speaks_of_units_is_not_passed_over(below):
 @pytest.mark.parametrize("line", ["; losses in kW", "# losses: kW", "losses in kW", "// now in kW"])
 def test_a_line_among_the_data_that_speaks_of_units_is_refused(line):
     text = f"{NAMES}\n{DATA}{line}\n" + DATA.replace("\n", " \n") * 10
-    with pytest.raises(InputError, match="Line 5 among the data speaks of units"):
+    with pytest.raises(InputError, match="Line 5 among the data mentions units"):
         read_text(text.encode(), "test.csv")
 
 

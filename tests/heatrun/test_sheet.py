@@ -12,10 +12,10 @@ from pypdf import PdfReader
 from heatrun.bench.record import ColumnReading
 from heatrun.calibration import BenchTest, calibrate
 from heatrun.reports.sheet import digits
-from heatrun.reports.sheet.of_run import write_sheet_of
+from heatrun.reports.sheet.of_run import write_sheet
 from heatrun.reports.sheet.worksheet import WorksheetConstants, fill_worksheet
-from heatrun.runs import netcdf as archive
-from heatrun.runs.run_folder import dump
+from heatrun.runs.run_folder import RunFolder, dump
+from heatrun.runs.write import write_run
 
 HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* \\ <script> \x1b[31m שלום @import "/etc/passwd"'
 
@@ -32,11 +32,10 @@ def found(duty, blocks, motor):
 
 @pytest.fixture(scope="module")
 def folder(found, tmp_path_factory):
-    path = tmp_path_factory.mktemp("sheet")
-    (path / "fit.json").write_text(dump(found.result), encoding="utf-8")
-    archive.write(found.posteriors["second"], path / "posterior_second.nc")
-    write_sheet_of(found, path)
-    return path
+    run = RunFolder.begin(tmp_path_factory.mktemp("sheet") / "run", {})
+    whole = write_run(run, found.motor, found.result, found.posteriors, found.predictions)
+    write_sheet(whole, run.partial)
+    return run.partial
 
 
 def test_the_result_is_valid_json_without_nan(found):

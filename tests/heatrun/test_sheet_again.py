@@ -11,9 +11,9 @@ import pytest
 
 from heatrun.calibration import BenchTest, calibrate, manifest
 from heatrun.errors import InputError
-from heatrun.reports.sheet.of_run import rewrite_sheet, write_sheet_of
-from heatrun.runs import netcdf as archive
+from heatrun.reports.sheet.of_run import rewrite_sheet, write_sheet
 from heatrun.runs.run_folder import RunFolder, load_result
+from heatrun.runs.write import write_run
 
 
 @pytest.fixture(scope="module")
@@ -23,10 +23,8 @@ def run(duty, blocks, motor, tmp_path_factory):
     tests = [BenchTest(duty, blocks, "calibration", ()), other]
     found = calibrate(motor, tests, method="quick", command="calibrate")
     folder = RunFolder.begin(tmp_path_factory.mktemp("again") / "run", {})
-    folder.write_json("fit.json", found.result)
-    for order, posterior in found.posteriors.items():
-        archive.write(posterior, folder.partial / f"posterior_{order}.nc")
-    write_sheet_of(found, folder.partial)
+    whole = write_run(folder, motor, found.result, found.posteriors, found.predictions)
+    write_sheet(whole, folder.partial)
     return folder.finish(manifest(found, "calibrate", 0))
 
 

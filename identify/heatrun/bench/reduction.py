@@ -133,8 +133,8 @@ def _inputs(
                              remedy="Check the column that it is mapped to.")  # fmt: skip
         if not np.all(finite):
             notes.append(
-                f"{record.name}: {np.sum(~finite)} missing samples of {channel} were bridged by "
-                "straight lines"
+                f"{record.name}: {np.sum(~finite)} missing samples of {channel} were "
+                "interpolated linearly"
             )
         return _interval_means(record.time_s[finite], values[finite], edges)
 

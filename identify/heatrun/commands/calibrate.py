@@ -13,10 +13,8 @@ from .exit_codes import DONE, NOT_ALLOWED
 from .loading import load
 
 if TYPE_CHECKING:
-    from ..calibration import Calibration
     from ..inference.networks import NetworkForm
     from ..motor import Motor
-    from ..runs.run_folder import RunFolder
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -74,66 +72,39 @@ def calibrate_into_folder(
         holdout: Paths of the tests that are predicted.
         networks: What is calibrated.
     """
-    from ..calibration import calibrate, default_folder, identity, refuse_unwritable
+    from ..calibration import default_folder
     from ..inference.catalogue import known_effects
-    from ..inference.networks.text import network_text
+    from ..jobs import calibrate_into
     from ..ratings.duties import parse_duty
     from ..reports.terminal import result_text
-    from ..runs.run_folder import RunFolder, dump
+    from ..runs.run_folder import dump
 
     tests = load(motor, calibration, holdout, as_json=options.json)
     if tests is None:
         return NOT_ALLOWED
     name = "both" if len(networks) == 2 else networks[0].name
-    path = options.out or default_folder(motor, tests, name)
-    refuse_unwritable(path)
-    method = "quick" if options.quick else "emcee"
     for duty in getattr(options, "rating", ()):
         parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
-    effects = known_effects(motor, getattr(options, "effects_known", ""))
-    same = identity(
-        motor,
-        tests,
-        networks=[network_text(form) for form in networks],
-        effects=[kind.card.id for kind in effects],
-        method=method,
-        seed=options.seed,
-    )
-    folder = RunFolder.begin(path, same)
-    if folder.note:
-        say(folder.note)
     with bar() as progress:
-        found = calibrate(
+        found, written = calibrate_into(
+            options.out or default_folder(motor, tests, name),
             motor,
             tests,
-            networks=networks,
-            effects=effects,
-            method=method,
+            networks,
+            effects=known_effects(motor, getattr(options, "effects_known", "")),
+            method="quick" if options.quick else "emcee",
             seed=options.seed,
             command=options.command_line,
             duties=getattr(options, "rating", ()),
-            folder=folder,
             say=say,
             progress=progress,
         )
-    say("writing the sheet")
-    written = _write(found, folder, options)
     if options.json:
         print(dump({**found.result, "run": str(written)}))
     else:
         print(result_text(found.result))
         print(f"\nRun folder:      {printable(str(written))}")
-        for name in ("sheet.pdf", "sheet.xlsx", "posterior_second.nc", "figures"):
+        for name in ("sheet.pdf", "sheet.xlsx", f"posterior_{networks[-1].name}.nc", "figures"):
             if (written / name).exists():
                 print(f"  {name:<14} {written / name}")
     return DONE
-
-
-def _write(found: Calibration, folder: RunFolder, options: argparse.Namespace) -> Path:
-    from ..calibration import manifest
-    from ..reports.sheet.of_run import write_sheet
-    from ..runs.write import write_run
-
-    run = write_run(folder, found.motor, found.result, found.posteriors, found.predictions)
-    write_sheet(run, folder.partial)
-    return folder.finish(manifest(found, options.command_line, options.seed))

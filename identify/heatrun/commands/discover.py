@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +32,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         type=Path,
         default=[],
         metavar="FILE.py",
-        help="your own effects, searched beside the library; the file is executed",
+        help="your own effects, searched beside the catalogue; the file is executed",
     )
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
@@ -44,14 +43,13 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Search, write the run folder and print the verdict."""
     from ..bench.channels.column_mapping import describe_columns, mapping_text
-    from ..calibration import default_folder, identity, refuse_unwritable
-    from ..discovery.job import run_job
+    from ..calibration import default_folder
     from ..inference.catalogue import all_effects, known_effects
     from ..inference.networks import network_named
-    from ..inference.networks.text import network_text
+    from ..jobs import discover_into
     from ..motorfile import load_motor
     from ..reports.terminal import discovery_text
-    from ..runs.run_folder import RunFolder, dump
+    from ..runs.run_folder import dump
 
     motor = load_motor(options.motor)
     kinds = all_effects(options.effects)
@@ -60,31 +58,16 @@ def run(options: argparse.Namespace) -> int:
     tests = load(motor, options.tests, options.holdout, as_json=options.json)
     if tests is None:
         return NOT_ALLOWED
-    path = options.out or default_folder(motor, tests, "discovery")
-    refuse_unwritable(path)
-    method = "quick" if options.quick else "emcee"
-    same = identity(
-        motor,
-        tests,
-        command="discover",
-        effects=[[str(p), hashlib.sha256(p.read_bytes()).hexdigest()] for p in options.effects],
-        network=network_text(network),
-        known=[kind.card.id for kind in known],
-        method=method,
-        seed=options.seed,
-    )
-    folder = RunFolder.begin(path, same)
-    if folder.note:
-        say(folder.note)
     with bar() as progress:
-        job = run_job(
+        job = discover_into(
+            options.out or default_folder(motor, tests, "discovery"),
             motor,
             tests,
-            folder,
-            order=network,
-            known=known,
+            network,
             kinds=kinds,
-            method=method,
+            known=known,
+            files=options.effects,
+            method="quick" if options.quick else "emcee",
             seed=options.seed,
             command=options.command_line,
             say=say,

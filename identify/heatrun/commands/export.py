@@ -17,7 +17,11 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser = commands.add_parser("export", help="a run for MATLAB, Simulink and Octave")
     parser.add_argument("run", type=Path, metavar="RUN")
     parser.add_argument(
-        "--to", choices=("mat",), required=True, help="mat: prova.mat with the script run_prova.m"
+        "--to",
+        choices=("mat",),
+        required=True,
+        help="mat: prova.mat with run_prova.m for the built-in networks; network.mat with "
+        "run_network.m for any other and for models with effects",
     )
     parser.add_argument(
         "--test", metavar="NAME", help="test of the run (default: the first calibrated on)"
@@ -56,13 +60,20 @@ def run(options: argparse.Namespace) -> int:
         print(dump(written))
         return DONE
     samples = written["variables"]["t"]["shape"][0]
+    effects = f" with {', '.join(written['effects'])}" if written["effects"] else ""
     print(
         f"{len(written['variables'])} variables, {samples} samples of "
-        f"{printable(written['test'])}, {written['order']} order"
+        f"{printable(written['test'])}, {printable(written['title'])}{effects}"
     )
-    print(
-        f"RMSE of Tw to Tw_m: {written['rmse_K']:.4f} K by heatrun "
-        f"({written['rmse_reading_K']:.4f} K with the sensor's error that the run found)"
-    )
+    if Path(written["files"][0]).name == "prova.mat":
+        print(
+            f"RMSE of Tw to Tw_m: {written['rmse_K']:.4f} K by heatrun "
+            f"({written['rmse_reading_K']:.4f} K with the sensor's error that the run found)"
+        )
+    else:
+        print(
+            f"RMSE of the reading to Tw_m: {written['rmse_reading_K']:.4f} K by heatrun, sample by "
+            "sample (a report gives that of block means)"
+        )
     print("\n".join(printable(path) for path in written["files"]))
     return DONE

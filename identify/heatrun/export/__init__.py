@@ -1,19 +1,25 @@
-"""A run's model and record for other programs: the MAT file of the thesis' Simulink model."""
+"""A run's model and record for other programs: MAT files for Simulink, MATLAB and Octave."""
 
 from __future__ import annotations
 
+from .contents import mat_bytes
 from .course import Course, simulate_variables
-from .mat import export_mat, mat_bytes
+from .mat import export_mat
+from .network_course import NetworkCourse, simulate_network
+from .network_variables import network_variables
 from .rerun import RunAndTest, read_run_test
 from .variables import Corrections, thesis_variables
 
 __all__ = [
     "Corrections",
     "Course",
+    "NetworkCourse",
     "RunAndTest",
     "export_mat",
     "mat_bytes",
+    "network_variables",
     "read_run_test",
+    "simulate_network",
     "simulate_variables",
     "thesis_variables",
 ]

@@ -10,9 +10,7 @@ import numpy as np
 
 from lptn import CopperLosses, Inputs, first_order, longest_step, second_order, simulate
 
-SHARE_OF_LONGEST = 0.02
-"""Steps stay below this share of the longest that the method takes, about a hundredth of the
-fastest time constant: means over a step then stand for straight lines to 1e-4 of a change."""
+from .grid import SHARE_OF_LONGEST, Grid
 
 
 @dataclass(frozen=True)
@@ -66,22 +64,13 @@ def simulate_variables(variables: Mapping[str, np.ndarray]) -> Course:
         phases=1,  # Rrif is the resistance of all phases
     )
     time = variables["t"].ravel()
-    interval = np.diff(time)
-    parts = np.ceil(interval / (SHARE_OF_LONGEST * float(longest_step(network)))).astype(int)
-    step = np.repeat(interval / parts, parts)
-    first = np.concatenate([[0], np.cumsum(parts)])  # edge at which each sample lies
-    inside = np.arange(step.size) - np.repeat(first[:-1], parts)
-    middle = np.repeat(time[:-1], parts) + (inside + 0.5) * step
-
-    def mean(values: np.ndarray) -> jnp.ndarray:
-        return jnp.asarray(np.interp(middle, time, values.ravel()))
-
+    grid = Grid.of(time, SHARE_OF_LONGEST * float(longest_step(network)))
     inputs = Inputs(
-        step=jnp.asarray(step),
-        current_squared=mean(variables["Is"] ** 2),
-        losses=mean(variables["Pd"]),
-        ambient=mean(variables["Te"]),
+        step=jnp.asarray(grid.step),
+        current_squared=grid.mean(variables["Is"] ** 2),
+        losses=grid.mean(variables["Pd"]),
+        ambient=grid.mean(variables["Te"]),
     )
     trace = simulate(network, losses, inputs, start)
-    at_samples = {node: np.asarray(T)[first] for node, T in trace.temperature.items()}
+    at_samples = {node: np.asarray(T)[grid.first] for node, T in trace.temperature.items()}
     return Course(time, at_samples["winding"], at_samples.get("stator"))

@@ -1,34 +1,23 @@
-"""`prova.mat` of a run with the script that integrates it: for Simulink, MATLAB and Octave."""
+"""A run as a MAT file with the script that integrates it: for Simulink, MATLAB and Octave."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
-from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
 
-from .. import __version__
 from ..bench.record import Finding
 from ..errors import InputError
 from ..io.file_set import together
 from ..io.whole_files import writable, write_whole
 from ..runs.result import describe_finding
-from .course import simulate_variables
-from .rerun import RunAndTest, read_run_test
-from .variables import SCALARS, UNITS, Corrections, thesis_variables
-
-MAT_FILE = "prova.mat"
-SCRIPT = "run_prova.m"
-
-HEADER_TEXT_BYTES = 116
-"""Free text at the start of a MATLAB 5 file; MAT-File Format, "Level 5 MAT-file header"."""
-
-MARK = b"MATLAB 5.0 MAT-file, heatrun "
+from .contents import MARK, Simulated, contents_of, mat_bytes
+from .network_variables import refuse_unknown
+from .rerun import RunAndTest, effects_of, read_run_test
+from .variables import Corrections
 
 LARGEST_UNSAID_K = 0.5
 """Corrections that move the winding by more are worth a warning: that is the standard uncertainty
@@ -43,84 +32,76 @@ def export_mat(
     network: str | None = None,
     is_corrected: bool = False,
 ) -> dict[str, Any]:
-    """Write `prova.mat` of a run, and the script that integrates it beside it.
+    """Write a run as a MAT file, and the script that integrates it beside it.
+
+    The built-in networks without effects become `prova.mat`, in the variables of the thesis; every
+    other network, every model with effects and every model of a loss map becomes `network.mat`.
 
     Args:
         run: The run folder.
         folder: Where the two files go; None for the run folder itself.
         test: As `read_run_test`.
         network: As `read_run_test`.
-        is_corrected: Whether the corrections of losses and sink that the run found are applied
-            to `Pd` and `Te`; else these are the record's own samples, as `Tw_m` always is.
+        is_corrected: Whether the corrections of losses, sink and timing that the run found are
+            applied to the signals; else these are the record's own samples, as `Tw_m` always is.
 
     Returns:
-        As plain data: the files, test, order, variables with value or shape and unit, the RMSE
-        of `lptn.simulate` on these variables to `Tw_m`, the same as the sensor of the run would
-        read the winding, how far the corrections move the winding [K], notes and findings.
+        As plain data: the files, test, network (`order`, `title`) and effects, variables with value or
+        shape and unit, the RMSE of the winding of `lptn.simulate` on these variables to `Tw_m` at
+        the samples (that of a report is of block means), the same of what the sensor of the run
+        would read, how far the corrections move the winding [K], notes and findings.
 
     Raises:
-        InputError: As `read_run_test` and `thesis_variables`; and if the files cannot be written
-            or something that heatrun has not written would be lost.
+        InputError: As `read_run_test`, `thesis_variables` and `network_variables`; and if the
+            files cannot be written or something that heatrun has not written would be lost.
     """
+    refuse_unknown(effects_of(run, network), str(run))
     found = read_run_test(run, test=test, network=network)
-    variables, notes = thesis_variables(
-        found.record, found.values, found.motor, _thesis_network(found)
-    )
+    contents = contents_of(found)
+    variables, notes = contents.variables(found)
     corrections = Corrections.of(found.values)
-    corrected = corrections.applied(variables, _speed(found, corrections))
-    plain, full = simulate_variables(variables), simulate_variables(corrected)
+    corrected = contents.corrected(variables, corrections, _speed(found, corrections))
+    plain = contents.simulated(variables, corrections)
+    full = contents.simulated(corrected, corrections)
     difference = float(np.max(np.abs(full.winding - plain.winding)))
-    findings = () if is_corrected else _left_out(corrections, difference, found.record.name)
+    findings: tuple[Finding, ...] = ()
     if is_corrected:
         variables, plain = corrected, full
-        notes = (*notes, f"Is, Pd and Te are corrected as in the run: {_words(corrections)}.")
-    reading = replace(plain, winding=corrections.reading(plain.winding, variables["Te"].ravel()))
+        signals = f"Is, {'Pol' if 'Pol' in variables else 'Pd'} and Te"
+        notes = (*notes, f"{signals} are corrected as in the run: {_words(corrections)}.")
+    else:
+        findings = _left_out(corrections, difference, found.record.name, contents.file)
     target = folder or run
-    script = files("heatrun.export").joinpath("templates", SCRIPT).read_bytes()
-    _write(target, {MAT_FILE: mat_bytes(variables), SCRIPT: script}, found.inputs)
+    script = files("heatrun.export").joinpath("templates", contents.script).read_bytes()
+    content = {contents.file: mat_bytes(variables), contents.script: script}
+    _write(target, content, found.inputs)
     return {
-        "files": [str(target / MAT_FILE), str(target / SCRIPT)],
+        "files": [str(target / name) for name in content],
         "run": str(run),
         "test": found.record.name,
         "is_held_out": found.is_held_out,
         "order": found.model.name,
+        "title": found.model.title,
+        "effects": [kind.card.id for kind in found.model.effects],
         "is_corrected": is_corrected,
-        "variables": {name: _describe(name, value) for name, value in variables.items()},
-        "rmse_K": plain.rmse(variables["Tw_m"]),
-        "rmse_reading_K": reading.rmse(variables["Tw_m"]),
+        "variables": {
+            name: _describe(value, contents.units[name]) for name, value in variables.items()
+        },
+        **_rmse(plain, variables["Tw_m"]),
         "corrections_K": difference,
         "notes": list(notes),
         "findings": [describe_finding(finding) for finding in findings],
     }
 
 
-def _thesis_network(found: RunAndTest) -> str:
-    """Return the network of a run that the thesis has variables for.
+def _rmse(course: Simulated, measured: np.ndarray) -> dict[str, float]:
+    """Return the RMSE of winding and reading to the readings of the record [K]."""
+    is_read = np.isfinite(measured.ravel())
 
-    Raises:
-        InputError: If its model has effects, or is another network.
-    """
-    effects = [kind.card.id for kind in found.model.effects]
-    if effects or found.model.name not in SCALARS:
-        what = f"effects ({', '.join(effects)})" if effects else f"the network {found.model.name}"
-        raise InputError(
-            f"the model of this run has {what}, which {MAT_FILE} has no variables for.",
-            where=str(found.run),
-            remedy="Export a run of `heatrun calibrate` on the same tests.",
-        )
-    return found.model.name
+    def rmse(values: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((values - measured.ravel())[is_read] ** 2)))
 
-
-def mat_bytes(variables: Mapping[str, np.ndarray]) -> bytes:
-    """Return a MATLAB 5 file, uncompressed; the same variables give the same bytes.
-
-    Args:
-        variables: Arrays by name, of two dimensions.
-    """
-    buffer = io.BytesIO()
-    scipy.io.savemat(buffer, dict(variables), format="5", do_compression=False)
-    text = MARK + __version__.encode()  # SciPy puts the time there
-    return text.ljust(HEADER_TEXT_BYTES) + buffer.getvalue()[HEADER_TEXT_BYTES:]
+    return {"rmse_K": rmse(course.winding), "rmse_reading_K": rmse(course.reading)}
 
 
 def _speed(found: RunAndTest, corrections: Corrections) -> np.ndarray | None:
@@ -139,7 +120,9 @@ def _speed(found: RunAndTest, corrections: Corrections) -> np.ndarray | None:
     return np.interp(time, time[is_read], speed[is_read])
 
 
-def _left_out(corrections: Corrections, difference: float, test: str) -> tuple[Finding, ...]:
+def _left_out(
+    corrections: Corrections, difference: float, test: str, file: str
+) -> tuple[Finding, ...]:
     if difference <= LARGEST_UNSAID_K:
         return ()
     return (
@@ -147,10 +130,10 @@ def _left_out(corrections: Corrections, difference: float, test: str) -> tuple[F
             id="corrections_left_out",
             severity="warning",
             message=f"The run corrects losses, sink and timing ({_words(corrections)}), for which "
-            f"{MAT_FILE} has no variables; the record's own samples take the winding up to "
+            f"{file} has no variables; the record's own samples take the winding up to "
             f"{difference:.2g} K elsewhere (limit {LARGEST_UNSAID_K} K).",
             where=test,
-            remedy="Pass --corrected to have them applied to Is, Pd and Te.",
+            remedy="Pass --corrected to have them applied to current, losses and sink.",
             test=test,
             values={"corrections_K": difference},
         ),
@@ -164,11 +147,23 @@ def _words(corrections: Corrections) -> str:
     return ", ".join(f"{n} = {v:.3g}{units[n]}" for n, v in given.items() if v) or "by nothing"
 
 
-def _describe(name: str, value: np.ndarray) -> dict[str, Any]:
-    described: dict[str, Any] = {"shape": list(value.shape), "unit": UNITS[name]}
-    if value.size == 1:
-        described["value"] = float(value[0, 0])
-    return described
+def _describe(value: Any, unit: str) -> dict[str, Any]:
+    """Return shape and unit of a variable, and its value unless it is a signal."""
+    if isinstance(value, np.ndarray) and value.dtype != object:
+        described: dict[str, Any] = {"shape": list(value.shape), "unit": unit}
+        return described | ({"value": float(value[0, 0])} if value.size == 1 else {})
+    shape = list(value.shape) if isinstance(value, np.ndarray) else [1, 1]
+    return {"shape": shape, "unit": unit, "value": _plain(value)}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, np.ndarray):
+        rows = [[_plain(entry) for entry in row] for row in value.tolist()]
+        flat = [row[0] if len(row) == 1 else row for row in rows]
+        return flat[0] if value.shape == (1, 1) and value.dtype != object else flat
+    return value
 
 
 def _write(folder: Path, contents: Mapping[str, bytes], inputs: tuple[Path, ...]) -> None:

@@ -7,21 +7,22 @@ every file is compared with the SHA-256 in the manifest before a sample of it is
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from ..bench.blocks import Blocks
 from ..bench.joined import read_test
-from ..bench.readers.open_file import digest
 from ..bench.record import Record
 from ..errors import InputError
 from ..inference.model import Model
+from ..io.toml_text import parse_toml
 from ..motor import Motor
 from ..motorfile import load_motor
-from ..runs.run import Run, RunTest, open_run
+from ..runs.run import Run, RunTest, model_name, open_run
+from ..runs.sources import SourceFile, refuse_changed
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class RunAndTest:
         values: Medians of the posterior, or fixed values, by parameter name without the test; the
             start of a test that was only predicted as `heatrun.inference.starts` has it.
         is_held_out: Whether the run predicted the test only.
+        blocks: The test as it was reduced.
         inputs: Every file that the run was made of, as the manifest names it.
     """
 
@@ -45,6 +47,7 @@ class RunAndTest:
     record: Record
     values: Mapping[str, float]
     is_held_out: bool
+    blocks: Blocks
     inputs: tuple[Path, ...]
 
 
@@ -82,7 +85,24 @@ def read_run_test(run: Path, *, test: str | None = None, network: str | None = N
     _refuse_negative(values, run)
     is_held_out = chosen.role == "holdout"
     files = tuple(Path(entry["path"]) for entry in opened.manifest["inputs"])
-    return RunAndTest(run, found.model, motor, record, values, is_held_out, files)
+    return RunAndTest(run, found.model, motor, record, values, is_held_out, found.test, files)
+
+
+def effects_of(run: Path, network: str | None = None) -> tuple[str, ...]:
+    """Return the ids of the effects of a run's model, whether they are still known or not.
+
+    Args:
+        run: The run folder.
+        network: Name of the network; None for the last one of the run.
+
+    Raises:
+        InputError: If the folder is no run, or lacks the network.
+    """
+    opened = open_run(run)
+    name = model_name(opened.choose(network))
+    content = parse_toml(opened.file(name), f"{run}, {name}", "model file")
+    own = content.get("network", {}).get("effects", [])
+    return (*own, *content.get("effects", []))
 
 
 def _test(run: Run, name: str | None) -> RunTest:
@@ -107,16 +127,13 @@ def _test(run: Run, name: str | None) -> RunTest:
 
 def _motor(run: Run) -> Motor:
     said = run.result["motor"]
-    _refuse_changed(str(said["path"]), str(said["sha256"]), run.path, "motor file")
+    refuse_changed(SourceFile(str(said["path"]), str(said["sha256"])), run.path, "motor file")
     return load_motor(said["path"])
 
 
 def _record(run: Run, test: RunTest, motor: Motor) -> Record:
     """Return the test, read as the run read it, from files that are still the same."""
-    for file in test.files:
-        _refuse_changed(file.path, file.sha256, run.path, "record")
-    command = str(run.result.get("command", ""))
-    record = read_test("+".join(_with_rate(file.path, command) for file in test.files), motor)
+    record = read_test(run.source(test), motor)
     if record.time_s.size != test.said["num_samples"]:
         raise InputError(
             f"the run saw {test.said['num_samples']} samples, this version reads "
@@ -147,31 +164,4 @@ def _refuse_negative(values: Mapping[str, float], run: Path) -> None:
             f"{', '.join(f'{values[name]:g}' for name in bad)}.",
             where=f"{run}, fit.json",
             remedy="Calibrate again.",
-        )
-
-
-def _with_rate(path: str, command: str) -> str:
-    """Return a path with the sampling rate that the run's command gave it, if it did."""
-    found = re.search(re.escape(path) + r"@[0-9.]+\s*Hz", command)
-    return path if found is None else found[0]
-
-
-def _refuse_changed(path: str, expected: str, run: Path, kind: str) -> None:
-    try:
-        now = digest(path)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(
-            f"the {kind} {path} of this run cannot be read ({reason}); the run keeps its path "
-            "as it was given, and no signals.",
-            where=str(run),
-            remedy="Start the command in the folder that the run was started in, "
-            "or put the file back.",
-        ) from error
-    if now != expected:
-        raise InputError(
-            f"the {kind} {path} has changed since the run: SHA-256 {expected[:12]}… then, "
-            f"{now[:12]}… now.",
-            where=str(run),
-            remedy="Put the file of the run back, or calibrate again.",
         )

@@ -95,15 +95,22 @@ class Corrections:
         losses = (1.0 + self.power_gain) * variables["Pd"]
         if self.torque_offset and speed_rpm is not None:
             losses = losses - self.torque_offset * speed_rpm[:, None] * (np.pi / 30.0)
-        time = variables["t"].ravel()
-
-        def later(values: np.ndarray) -> np.ndarray:
-            return np.interp(time - self.load_timing, time, values.ravel())[:, None]
-
+        time = variables["t"]
         if not self.load_timing:
             return {**variables, "Pd": losses, "Te": sink}
-        current = np.sqrt(later(variables["Is"] ** 2))  # its square is what heats
-        return {**variables, "Is": current, "Pd": later(losses), "Te": later(sink)}
+        current = np.sqrt(self.later(time, variables["Is"] ** 2))  # its square is what heats
+        later = {"Pd": self.later(time, losses), "Te": self.later(time, sink)}
+        return {**variables, "Is": current, **later}
+
+    def later(self, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return a signal as much later as the load is, shape (time, 1).
+
+        Args:
+            time: Time of the samples [s], shape (time, 1).
+            values: Signal at the samples, shape (time, 1).
+        """
+        at = time.ravel()
+        return np.interp(at - self.load_timing, at, values.ravel())[:, None]
 
 
 def thesis_variables(
@@ -135,9 +142,9 @@ def thesis_variables(
     notes: list[str] = []
     sink = f"{motor.sink}_degC"
     columns = {
-        "Is": _bridged(record, "phase_current_A", notes, power=2),
-        "Pd": _bridged(record, "losses_W", notes),
-        "Te": _bridged(record, sink, notes),
+        "Is": bridged(record, "phase_current_A", notes, power=2),
+        "Pd": bridged(record, "losses_W", notes),
+        "Te": bridged(record, sink, notes),
         "Tw_m": record["winding_degC"],
         "t": record.time_s,
     }
@@ -161,10 +168,16 @@ def thesis_variables(
     return {name: variables[name] for name in UNITS if name in variables}, tuple(notes)
 
 
-def _bridged(record: Record, channel: str, notes: list[str], power: int = 1) -> np.ndarray:
+def bridged(record: Record, channel: str, notes: list[str], power: int = 1) -> np.ndarray:
     """Return a channel without gaps, bridged as the reduction to blocks bridges them.
 
     There the straight line is drawn through the square of the current, since that is what heats.
+
+    Args:
+        record: The test.
+        channel: Name of the channel.
+        notes: Gets a sentence where something was bridged.
+        power: Power of the values through which the line is straight [1].
     """
     values = record[channel]
     is_read = np.isfinite(values)

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..bench.blocks import Blocks, Observation
-from .model import Model
+from .model import COLD_START_K, Model
 from .networks.form import STATOR
 from .noise import Noise, whiten
 from .parameters import Parameter
@@ -25,6 +25,11 @@ from .parameters import Parameter
 NUM_BLOCKS = 2
 """Blocks whose readings tell the start (40 s): short against the time constants of a winding, so
 that what the network misses has no time to show; the rest of a held-out test is never read."""
+
+
+SOAKED_K, UNSOAKED_K = 1.0, 5.0
+"""How far [K] the measured node of a machine may be from the sink after it has soaked there, and
+from the first reading where it has not."""
 
 
 def start_draws(
@@ -68,12 +73,19 @@ def _prior(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return mean [degC] and covariance [K^2] of the starts.
 
-    A node without a sensor starts near the measured one, wherever that is; a measured stator is
-    known for itself.
+    A machine whose first reading is that of the sink has soaked there; else the reading says where
+    it is, roughly, since the readings themselves come later. A node without a sensor starts as far
+    from the measured one as the prior of a fit has it; a measured stator is known for itself.
     """
+    node_of = {name: node for node, name in model.form.starts}
     mean = np.array([known[name].centre for name in free])
     own = np.array([known[name].sd for name in free])
-    node_of = {name: node for node, name in model.form.starts}
+    is_measured = np.array([node_of[name] == model.form.measured_node for name in free])
+    sink = float(test.inputs.ambient[0])
+    is_soaked = abs(test.start_degC - sink) < COLD_START_K
+    own[is_measured] = SOAKED_K if is_soaked else UNSOAKED_K
+    if is_soaked:
+        mean = mean + (sink - test.start_degC)
     measured = {model.form.measured_node}
     if test.stator_start_degC is not None:
         measured |= {model.form.sensed(STATOR) or model.form.measured_node}

@@ -24,6 +24,7 @@ from ..motorfile import parse_motor
 from . import netcdf
 from .model_text import ModelOfRun, read_model
 from .run_folder import MANIFEST, load_result, read_listed
+from .sources import SourceFile, refuse_changed, with_rate
 
 MOTOR = "motor.toml"
 
@@ -44,19 +45,6 @@ def draws_name(network: str) -> str:
 def course_name(number: int) -> str:
     """Return the name of the file that holds the predicted course of a test, counted from 1."""
     return f"course_{number}.csv"
-
-
-@dataclass(frozen=True)
-class SourceFile:
-    """A file that a run was made of.
-
-    Attributes:
-        path: As it was given.
-        sha256: Its digest then.
-    """
-
-    path: str
-    sha256: str
 
 
 @dataclass(frozen=True)
@@ -142,6 +130,17 @@ class Run:
     def findings(self) -> Sequence[Mapping[str, Any]]:
         """What was found about records and fits."""
         return self.result["findings"]
+
+    def source(self, test: RunTest) -> str:
+        """Return a test as the command line names it: its files, with the rates they were given.
+
+        Raises:
+            InputError: If a file is gone or has changed since the run.
+        """
+        for file in test.files:
+            refuse_changed(file, self.path, "record")
+        command = str(self.result.get("command", ""))
+        return "+".join(with_rate(file.path, command) for file in test.files)
 
     def choose(self, network: str | None = None) -> str:
         """Return the name of a network of the run: the one asked for, or the last one.
@@ -304,7 +303,21 @@ def open_run(path: str | Path, read: Read = Path.read_bytes) -> Run:
         InputError: If the folder is no run, or a file is damaged or was changed.
     """
     folder = Path(path)
-    return Run(folder, load_result(folder, read), read)
+    found = Run(folder, load_result(folder, read), read)
+    _whole(found, "fit.json", lambda: _require_shape(found.result))
+    return found
+
+
+def _require_shape(result: Mapping[str, Any]) -> None:
+    """Raise if a result has not the parts that every reader of a run relies on."""
+    if not result["models"] or not isinstance(result["tests"], list):
+        raise ValueError("no models or no tests")
+    for model in result["models"].values():
+        for entry in (*model["parameters"].values(), *model["nuisances"].values()):
+            float(entry["value"])
+    for test in result["tests"]:
+        test["name"], test["role"], test["sha256"]
+    str(result["motor"]["name"])
 
 
 def _whole(run: Run, name: str, make: Callable[[], T]) -> T:
@@ -332,6 +345,9 @@ def _files_of(
     starts: list[int] = []
     at = 0
     for entry in entries:
+        if not entry["path"]:  # a record that was made in memory
+            starts.append(at)
+            continue
         while (files[at].path, files[at].sha256) != (entry["path"], entry["sha256"]):
             at += 1
         starts.append(at)

@@ -262,8 +262,8 @@ def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Colum
                 Finding(
                     id="not_recorded",
                     severity="warning",
-                    message="The values are 0 throughout, which this bench writes for a channel "
-                    f"that it does not record; {name} is not taken from it.",
+                    message="All values are 0, which this bench writes for a channel that it does "
+                    f"not record: {name} is not read from it.",
                     where=f"{mapping.where}, column '{column.name}'",
                     remedy=f'If the zeros were measured, say so in [columns]: {name} = "{label}".',
                 )

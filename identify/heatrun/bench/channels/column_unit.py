@@ -138,9 +138,9 @@ def _by_general(column: Column, channel: Channel, where: str) -> tuple[str | Non
         return clear[0].text, "stated"
     for one in general:
         if find_unit(one.text, channel.quantity) != find_unit(channel.unit, channel.quantity):
-            problem = f"{one.source[:1].upper()}{one.source[1:]} speaks of {one.text}; nothing "
+            problem = f"{one.source[:1].upper()}{one.source[1:]} mentions {one.text}; nothing "
             raise _doubt(
-                f"{problem}says whether it is the unit of this column.",
+                f"{problem}states whether it is the unit of this column.",
                 (one.text,),
                 channel,
                 column,
@@ -169,7 +169,7 @@ def overridden(column: Column, channel: Channel, decided: str) -> Stated | None:
 
 def unit_wanted(channel: Channel, column: Column) -> str:
     """Return the remedy where a unit is not understood; none is offered, it may be any of them."""
-    return f"Say it in the motor file, UNIT being one of these: {line_of(channel, column, 'UNIT')}."
+    return f"Say it in the motor file, with the unit for UNIT: {line_of(channel, column, 'UNIT')}."
 
 
 def _conflict(

@@ -93,11 +93,11 @@ class Assignment:
             raise column.question.asked(channel.name, where)
         if not is_decided and (factor := FACTOR.search(column.label)):
             raise InputError(
-                f"The name holds the factor '{factor[0].strip()}'; whether the values are to be "
-                "multiplied by it is not said.",
+                f"The name contains the factor '{factor[0].strip()}'; whether the values must be "
+                "multiplied by it is not stated.",
                 where=where,
-                remedy=f"Say what they are in the motor file: {line_of(channel, column)}, or the "
-                "unit that holds; write the values without the factor where none does.",
+                remedy=f"State their unit in the motor file: {line_of(channel, column)}, or "
+                "another; if none fits, export the values without the factor.",
             )
         remedy = unit_wanted(channel, column)
         known = require_unit(unit or channel.unit, channel.quantity, where=where, remedy=remedy)
@@ -151,7 +151,7 @@ def doubt_of_kind(channel: Channel, column: Column, symbol: str, where: str) -> 
         if said is None and not AMPLITUDE.search(column.label):
             return None
         source = said.source if said else "the name"
-        message = f"{source[:1].upper()}{source[1:]} speaks of an amplitude, the unit is read as "
+        message = f"{source[:1].upper()}{source[1:]} mentions an amplitude, the unit is read as "
         remedy = (
             f"Write '{column.label} [{prefix}_peak]' in [columns] if it is an amplitude, "
             f"'{column.label} [{prefix}_rms]' if not."
@@ -159,7 +159,7 @@ def doubt_of_kind(channel: Channel, column: Column, symbol: str, where: str) -> 
     elif channel.quantity == "dq current" and not symbol.endswith("_rms"):
         if not EFFECTIVE.search(column.label):
             return None
-        message = "The name speaks of rms values (amplitude / √2), the unit is read as amplitude, "
+        message = "The name mentions rms values (amplitude / √2), the unit is read as amplitude, "
         remedy = (
             f"Write '{column.label} [{prefix}_rms]' in [columns] if it is rms, "
             f"'{column.label} [{prefix}_peak]' if not."

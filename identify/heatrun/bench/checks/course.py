@@ -72,14 +72,15 @@ def no_heating(record: Record, motor: Motor) -> tuple[Finding, ...]:
             "warning" if is_cooling else "error",
             f"Expected the winding to warm by more than {limit:.1f} K; it rises by {rise:.1f} K"
             + (
-                f" and falls by {fall:.1f} K: a cooling curve gives time constants, not capacities."
+                f" and falls by {fall:.1f} K. A cooling curve alone determines time constants, not "
+                "heat capacities."
                 if is_cooling
-                else "."
+                else ": without heating, no thermal parameter can be identified."
             ),
             place(record, "winding_degC", float(means_s[0]), float(means_s[-1])),
-            "Fit it together with a loaded test."
+            "Fit it together with a test under load."
             if is_cooling
-            else "Check which column is mapped and whether the load was on.",
+            else "Check which column is mapped as winding_degC, and whether the load was on.",
             values={"rise_K": rise, "fall_K": fall, "limit_K": limit},
         ),
     )
@@ -108,10 +109,10 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...
             "start_not_in_equilibrium",
             "warning",
             f"Expected the winding within {EQUILIBRIUM_K:.0f} K of {sink_name} at the start; it is "
-            f"{excess:+.1f} K away and moves by {drift:+.1f} K before heat flows.",
+            f"{excess:+.1f} K away and drifts by {drift:+.1f} K before the load. The start "
+            "temperature of the stator is then unknown and estimated with a wide prior.",
             place(record, "winding_degC", float(time_s[0]), float(time_s[lead - 1])),
-            "The stator's start temperature will be estimated with a wide prior; give "
-            "`stator_degC` if it was measured.",
+            "Map `stator_degC` if it was measured, or start the next test after a soak.",
             values={
                 "excess_K": excess,
                 "drift_K": drift,
@@ -147,9 +148,13 @@ def ambient_moving(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "ambient_moving",
             "note" if motor.sink == "coolant" else "warning",
-            f"Expected a steady sink; it travels {travel:.1f} K and drifts by {slope:+.2f} K/h.",
+            f"Expected a steady sink temperature; it varies by {travel:.1f} K and drifts by "
+            f"{slope:+.2f} K/h. The fit follows the measured course; where the sensor does not "
+            "show what the machine feels, Req_sr is biased.",
             place(record, channel, float(time_s[0]), float(time_s[-1])),
-            "" if motor.sink == "coolant" else "Shield the sensor from the machine's own warm air.",
+            ""
+            if motor.sink == "coolant"
+            else "Shield the sensor from the warm air of the machine.",
             values={"travel_K": travel, "slope_K_per_h": slope, "drift_K": drift},
         ),
     )

@@ -68,11 +68,11 @@ def single_step(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "single_step",
             "warning",
-            f"Expected several levels of load; the current holds {np.mean(levels):.4g} A "
-            "throughout. A single step cannot name effects and hardly fixes how heat splits "
-            "between winding and stator.",
+            f"Expected several levels of load; the current is {np.mean(levels):.4g} A throughout. "
+            "A single load step hardly separates winding from stator parameters, and missing "
+            "effects cannot be distinguished.",
             place(record, "phase_current_A", from_s, to_s),
-            "Add a cool-down, or steps in which current and speed move apart.",
+            "Add a cool-down, or steps in which current and speed change independently.",
             values={"current_A": float(np.mean(levels)), "from_s": from_s, "to_s": to_s},
         ),
     )
@@ -101,12 +101,12 @@ def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "too_short",
             "warning" if is_short else "note",
-            f"Expected two slow time constants or more; {(to_s - from_s) / 60.0:.0f} min of test "
-            f"are {constants:.2g} of about {fit.tau_s:.0f} s: Ceq_sr and Req_sr to {at_least}"
-            f"{now[0]:.0%} and {now[1]:.0%}; 2 h would bring about {later[0]:.1%} and "
-            f"{later[1]:.1%}.",
+            f"Expected at least two slow time constants; the {(to_s - from_s) / 60.0:.0f} min of "
+            f"test are {constants:.2g} time constants of about {fit.tau_s:.0f} s. The standard "
+            f"uncertainties of Ceq_sr and Req_sr will be {at_least}{now[0]:.0%} and {now[1]:.0%}; "
+            f"after 2 h about {later[0]:.1%} and {later[1]:.1%}.",
             place(record, "winding_degC", from_s, to_s),
-            "Run longer, or until the temperature settles, and let it cool down in the record.",
+            "Extend the load until the temperature settles, and record the cool-down.",
             values={
                 "duration_s": to_s - from_s,
                 "time_constants": constants,

@@ -87,11 +87,13 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "losses_below_copper",
             "error" if is_most else "warning",
-            f"Expected losses above the copper loss; they are {1.0 / typical:.0%} of it in "
-            f"{np.mean(below):.0%} of the time under current.",
+            f"Expected losses above the copper loss; in {np.mean(below):.0%} of the time under "
+            f"current they are {1.0 / typical:.0%} of it. Every thermal resistance and capacity "
+            "would be biased.",
             place(record, "losses_W", from_s, to_s),
-            "Is phase_current_A an amplitude (factor 2), or phase_resistance_ohm measured between "
-            "terminals (factor 2 in star, 2/3 in delta)? Are the losses complete?",
+            "Check whether phase_current_A is an amplitude (factor 2 in the copper loss), whether "
+            "phase_resistance_ohm was measured between terminals (factor 2 in star, 2/3 in delta), "
+            "and whether the losses are complete.",
             values={
                 "share_of_time": float(np.mean(below)),
                 "copper_share": typical,
@@ -123,10 +125,12 @@ def current_amplitude(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "current_amplitude",
             "warning" if is_impossible or turns else "note",
-            f"Expected rms values; as such the copper loss is {typical:.0%} of the losses, as "
-            f"amplitudes {typical / AMPLITUDE_SQUARED:.0%}.",
+            f"Expected rms values; read as rms, the copper loss is {typical:.0%} of the losses; "
+            f"read as amplitudes, {typical / AMPLITUDE_SQUARED:.0%}. A wrong reading doubles the "
+            "copper loss.",
             place(record, "phase_current_A", float(time_s[0]), float(time_s[-1])),
-            "If the column holds amplitudes, divide by sqrt(2) before it is read.",
+            "If the column holds amplitudes, say so in [columns]: "
+            'phase_current_A = "COLUMN [A_peak]".',
             values={"copper_share": typical, "copper_share_halved": typical / AMPLITUDE_SQUARED},
         ),
     )
@@ -164,9 +168,9 @@ def losses_negative(record: Record, motor: Motor) -> tuple[Finding, ...]:
             "losses_negative",
             severity,
             f"Expected losses of at least 0 W; {int(np.sum(losses < floor))} samples are "
-            f"negative, down to {lowest:.0f} W.",
+            f"negative, down to {lowest:.0f} W. Negative losses would cool the model.",
             place(record, "losses_W", float(from_s), float(to_s)),
-            "Exchanged signs of electrical and mechanical power, braking, or a torque offset?",
+            "Check the signs of electrical and mechanical power, braking, and the torque offset.",
             values={
                 "lowest_W": lowest,
                 "num_samples": float(np.sum(losses < floor)),

@@ -120,7 +120,7 @@ def power_conflicts(record: Record, motor: Motor, is_strict: bool) -> list[Confl
         elif 1e-6 < best < (USUAL_EFFICIENCY if is_strict else LOW_EFFICIENCY) and _is_idle(
             record, motor
         ):
-            sentence = f"The best efficiency is {best:.2g}."
+            sentence = f"The highest efficiency is only {best:.2g}."
             found.append(Conflict("little_efficiency", sentence, channels, True, values))
     found += _difference(record, motor, width_s, name, both, channels)
     if name.startswith("dc"):
@@ -158,8 +158,8 @@ def _lossless(
     if share >= least:
         return []
     sentence = (
-        f"Expected losses above {least:.1%} of the shaft's power; they are {share:.2g} of "
-        f"{float(np.median(shaft[loaded])):.3g} W."
+        f"Expected losses above {least:.1%} of the shaft's power of "
+        f"{float(np.median(shaft[loaded])):.3g} W; they are {share:.2%} of it."
     )
     values = {"losses_over_shaft": share}
     return [Conflict("too_efficient", sentence, ("losses_W", *rods), False, values)]
@@ -185,7 +185,7 @@ def _behind_dc(
     share = float(np.median((1.0 - (shaft + losses) / np.maximum(electrical, 1e-300))[loaded]))
     if share <= (USUAL_BEHIND_DC if is_strict else LOST_BEHIND_DC):
         return []
-    sentence = f"The shaft and losses_W leave {share:.0%} of the DC power to the inverter."
+    sentence = f"Shaft power and losses_W account for {1.0 - share:.0%} of the DC power only."
     values = {"share_to_inverter": share}
     return [Conflict("lost_behind_dc", sentence, ("losses_W", *channels), True, values)]
 
@@ -223,7 +223,7 @@ def _difference(
     least = 0.0 if name.startswith("dc") else 1.0 / LOSSES_AGREE
     if least <= ratio <= LOSSES_AGREE:
         return []
-    sentence = f"Expected losses_W as electrical power less shaft power; it is {ratio:.3g} of that."
+    sentence = f"Expected losses_W = electrical power - shaft power; it is {ratio:.3g} times that."
     values = {"losses_over_difference": ratio}
     return [Conflict("losses_disagree", sentence, ("losses_W", *channels), False, values)]
 
@@ -254,7 +254,7 @@ def speed_conflicts(record: Record, motor: Motor) -> list[Conflict]:
         if moving.any():
             ratio = float(np.median(np.abs(speed[moving] / wheel[moving])))
             if not 1.0 - KINEMATIC <= ratio <= 1.0 + KINEMATIC:
-                sentence = f"Expected the wheel's speed times the gear; the shaft has {ratio:.3g}."
+                sentence = f"The shaft turns at {ratio:.3g} times wheel speed times gear ratio."
                 values = {"speed_over_wheel": ratio}
                 channels = ("speed_rpm", "vehicle_speed_km_per_h")
                 found.append(Conflict("wheel_disagrees", sentence, channels, False, values))

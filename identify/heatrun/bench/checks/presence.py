@@ -51,10 +51,10 @@ def too_few_samples(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "too_few_samples",
             "error",
-            f"Expected at least {MIN_SAMPLES} samples with all needed channels, got {usable} "
-            f"(of {total} rows).",
+            f"Expected at least {MIN_SAMPLES} samples with all needed channels, got {usable} of "
+            f"{total} rows: too few to fit.",
             record.name,
-            "Check that the file is complete and that its columns are mapped right.",
+            "Check that the file is complete and its columns are mapped correctly.",
             values={"num_usable": float(usable), "num_rows": float(total)},
         ),
     )
@@ -97,9 +97,10 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 severity,
                 f"Expected a number in every sample; {int(lengths.sum())} are missing "
                 f"({share:.1%}) in {lengths.size} stretches, the longest of {longest} samples "
-                f"({duration_s:.3g} s).",
+                f"({duration_s:.3g} s)."
+                + (" The fit cannot bridge them." if severity == "error" else ""),
                 where,
-                "Isolated samples are left out of the block averages."
+                "None is needed: the block averages leave isolated samples out."
                 if severity == "warning"
                 else "Export the channel again, or cut the test to the part that has it.",
                 values={

@@ -116,7 +116,7 @@ def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]
     values = {"tau_s": tau, "capacity_J_per_K": C, "conductance_W_per_K": G}
     values = {name: value for name, value in values.items() if math.isfinite(value)}
     size = f" at {G:.3g} W/K" if math.isfinite(G) else ""
-    came = f"the winding follows with {tau:.3g} s"
+    came = f"the record shows {tau:.3g} s"
     channels = ("time_s", "winding_degC", "losses_W")
     has_settled = seen.duration_s > SETTLES * tau
     if tau < shortest and (is_strict or (has_settled and _stays_short(record, motor, shortest))):
@@ -132,7 +132,7 @@ def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]
     if is_light and (is_strict or has_settled):
         sentence = (
             f"Expected a heat capacity above {LEAST_PER_TORQUE:.0f} J/K for each Nm of torque; "
-            f"{C:.3g} J/K go with {peak:.3g} Nm."
+            f"the record shows {C:.3g} J/K at {peak:.3g} Nm."
         )
         values = values | {"torque_Nm": peak}
         found.append(Conflict("too_light", sentence, (*channels, "torque_Nm"), False, values))
@@ -186,6 +186,6 @@ def _copper(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
         sentence = f"Expected losses above the copper loss; they are {1.0 / typical:.2g} of it."
         return [Conflict("losses_below_copper", sentence, channels, False, values)]
     if typical < (USUAL_COPPER if is_strict else LEAST_COPPER):
-        sentence = f"The copper loss is {typical:.2g} of the losses, as without load."
+        sentence = f"The copper loss is only {typical:.2g} of the losses under load."
         return [Conflict("little_copper", sentence, channels, True, values)]
     return []

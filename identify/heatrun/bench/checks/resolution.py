@@ -38,8 +38,8 @@ def resolution(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "resolution",
             "note",
-            f"Written in steps of {step:.3g} K, which adds {step / np.sqrt(12.0):.2g} K rms; a fit "
-            "closer than that follows the rounding.",
+            f"The resolution is {step:.3g} K, which adds {step / np.sqrt(12.0):.2g} K rms of "
+            "rounding noise: a smaller RMSE would be overfitting.",
             place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
             "Export more decimals if the logger has them.",
             values={"step_K": step},
@@ -66,8 +66,8 @@ def truncation(record: Record, motor: Motor) -> tuple[Finding, ...]:
         values["offset_K"] = offset
     share = float("nan") if offset is None else offset / step
     cost = (
-        f"At {step:.3g} K a cut-off reading is {step / 2.0:.2g} K low on average; at 1 K that "
-        "costs +3.5 % on Ceq_w and -4.2 % on Req_sr of the reference motor."
+        f"Truncation to {step:.3g} K reads {step / 2.0:.2g} K low on average; truncation to 1 K "
+        "biases Ceq_w of the reference motor by +3.5 % and Req_sr by -4.2 %."
     )
     where = place(record, "winding_degC", float(time_s[0]))
     if share < -0.5 - TELLING_MARGIN:
@@ -75,15 +75,16 @@ def truncation(record: Record, motor: Motor) -> tuple[Finding, ...]:
             Finding(
                 "truncation",
                 "warning",
-                f"In equilibrium at the start it reads {offset:+.2f} K against the sink; rounding "
-                f"keeps within {step / 2.0:.2g} K: cut off, or the sensor is low. {cost}",
+                f"In equilibrium at the start the winding reads {offset:+.2f} K against the sink, "
+                f"where rounding allows {step / 2.0:.2g} K: the values are truncated, or the "
+                f"sensor reads low. {cost}",
                 where,
-                "Look up which of the two the logger does.",
+                "Look up in the logger's manual whether it rounds or truncates.",
                 values=values | {"is_suspected": 1.0},
             ),
         )
     if TELLING_MARGIN < share <= 0.5 + TELLING_MARGIN:
-        message = f"Rounded, not cut off: it starts {offset:+.2f} K above the sink."
+        message = f"Rounded, not truncated: the winding starts {offset:+.2f} K above the sink."
         return (
             Finding("truncation", "note", message, where, values=values | {"is_suspected": 0.0}),
         )
@@ -91,9 +92,9 @@ def truncation(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "truncation",
             "note",
-            f"Rounded or cut off: this record cannot tell. {cost}",
+            f"Rounded or truncated: the record does not show which. {cost}",
             where,
-            "Look up which of the two the logger does.",
+            "Look up in the logger's manual whether it rounds or truncates.",
             values=values,
         ),
     )

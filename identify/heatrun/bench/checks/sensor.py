@@ -89,11 +89,11 @@ def temperature_jump(record: Record, motor: Motor) -> tuple[Finding, ...]:
             Finding(
                 "temperature_jump",
                 "error" if is_error else "warning",
-                f"Expected changes within {limit:.2f} K in {steps[worst]:.3g} s; "
-                f"it moves by {change:+.1f} K ({jumps.size} such jumps, "
-                f"{int(lasting.sum())} of them lasting).",
+                f"Expected changes within {limit:.2f} K in {steps[worst]:.3g} s; the largest is "
+                f"{change:+.1f} K ({jumps.size} such jumps, {int(lasting.sum())} of them lasting). "
+                "No temperature of a machine jumps; the fit would follow the fault.",
                 place(record, channel, float(time_s[worst]), float(time_s[worst + 1])),
-                "Loose contact or interference? Cut the test there or repair the sensor.",
+                "Check the sensor for a loose contact or interference; cut the test there.",
                 values={
                     "num_jumps": float(jumps.size),
                     "num_lasting": float(lasting.sum()),
@@ -149,8 +149,9 @@ def sensor_detached(record: Record, motor: Motor) -> tuple[Finding, ...]:
             Finding(
                 "sensor_detached",
                 "error",
-                f"Expected a winding temperature; it reads {value:.1f} degC as a broken wire does "
-                f"({int(is_open.sum())} samples in {first.size} stretches).",
+                f"Expected a winding temperature, got {value:.1f} °C, the reading of an open "
+                f"circuit ({int(is_open.sum())} samples in {first.size} stretches). Fitted, they "
+                "would bias every parameter.",
                 place(record, "winding_degC", float(time_s[first[0]]), float(time_s[past[0] - 1])),
                 "Cut the test there, or mark these samples as missing.",
                 values={
@@ -179,11 +180,11 @@ def sensor_detached(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 Finding(
                     "sensor_detached",
                     "error",
-                    f"A winding cools over minutes; it falls from {winding[before]:.1f} to "
-                    f"{winding[a]:.1f} degC within {FALL_WINDOW_S:.0f} s, the sink being at "
-                    f"{sink[a]:.1f} degC.",
+                    f"The reading falls from {winding[before]:.1f} to {winding[a]:.1f} °C within "
+                    f"{FALL_WINDOW_S:.0f} s, towards the sink at {sink[a]:.1f} °C; a winding takes "
+                    "minutes. From there on it does not show the winding.",
                     place(record, "winding_degC", float(time_s[before]), float(time_s[a])),
-                    "Has the sensor come off? Cut the test there.",
+                    "Check whether the sensor has come off; cut the test there.",
                     values={
                         "from_degC": float(winding[before]),
                         "to_degC": float(winding[a]),

@@ -35,10 +35,10 @@ def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
             Finding(
                 "sensor_stuck",
                 "error",
-                f"Expected a temperature that moves; all {time_s.size} samples read "
-                f"{winding[0]:.2f} degC.",
+                f"Expected a temperature that changes; all {time_s.size} samples read "
+                f"{winding[0]:.2f} °C: nothing can be fitted to them.",
                 place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
-                "Check the sensor and which column is mapped.",
+                "Check the sensor, and which column is mapped as winding_degC.",
                 values={"reading_degC": float(winding[0]), "from_s": float(time_s[0])},
             ),
         )
@@ -51,15 +51,16 @@ def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
             or stretch.expected_K - stretch.doubt_K > HARMFUL_K
         )
         expected = (
-            "its last digit flickers elsewhere"
+            "its last digit changes elsewhere in the test"
             if stretch.is_live
-            else f"the heat balance of the rest moves it by {stretch.expected_K:.1f} K"
+            else f"by the heat balance it should change by {stretch.expected_K:.1f} K"
         )
         found.append(
             Finding(
                 "sensor_stuck",
                 "error" if is_harmful else "warning",
-                f"It reads {stretch.reading_degC:.2f} degC for {lasts_s:.0f} s while {expected}.",
+                f"The reading is frozen at {stretch.reading_degC:.2f} °C for {lasts_s:.0f} s, but "
+                f"{expected}: these samples would bias the fit.",
                 place(record, "winding_degC", stretch.from_s, stretch.to_s),
                 "Cut the test there, or mark these samples as missing.",
                 values={
@@ -147,9 +148,10 @@ def _flat(
     return Finding(
         "saturation",
         "error" if channel == "winding_degC" else "warning",
-        f"Expected a crest; the {word} value {extreme:.6g} {unit} is held flat in {count} samples.",
+        f"The signal appears clipped at its {word} value {extreme:.6g} {unit} ({count} samples): "
+        "what lies beyond is missing from the fit.",
         place(record, channel, from_s, to_s),
-        "Is this the end of the range of the amplifier or logger? Cut the flat part out.",
+        "Check the range of the amplifier and the logger; cut the clipped part out.",
         values={
             "extreme": float(extreme),
             "num_samples": float(count),

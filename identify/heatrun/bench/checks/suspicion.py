@@ -55,7 +55,7 @@ FAMILIES = (
 )
 """Relations that say the same of a unit: where one is broken, its family must become usual."""
 
-OTHER_COOLING = ' Or does a liquid cool the machine, and [motor] lacks sink = "coolant"?'
+OTHER_COOLING = ' Or set sink = "coolant" in [motor] if a liquid cools the machine.'
 
 SPOKEN = {"time_s": "the time", "speed_rpm": "the speed", "losses_W": "the losses"}
 
@@ -122,7 +122,7 @@ def referred(findings: Sequence[Finding]) -> list[Finding]:
         for name in finding.values
         if name.startswith("explains_")
     }
-    remedy = "Explained by the unit that unit_suspected asks about: settle that first."
+    remedy = "Explained by the unit that the finding unit_suspected asks about: clarify that first."
     return [
         replace(finding, remedy=remedy) if finding.id in explained else finding
         for finding in findings
@@ -237,7 +237,7 @@ def _spoken(one: OtherReading) -> str:
 
 
 def _list(sentences: Sequence[str]) -> str:
-    return f"All relations hold if {', or if '.join(sentences)}."
+    return f"The channels are consistent if {', or if '.join(sentences)}."
 
 
 def _remedy(mending: Sequence[OtherReading], record: Record) -> str:
@@ -263,7 +263,7 @@ def _remedy(mending: Sequence[OtherReading], record: Record) -> str:
     if stays is None:
         return f"If so, {told}."
     kept = f'{stays.channel} = "{stays.column} [{stays.unit}]"'
-    return f"If so, {told}. If {stays.unit} is right, write {kept}: then it is a warning only."
+    return f"If so, {told}. If {stays.unit} is right, write {kept}: then this is only a warning."
 
 
 def _counts_samples(record: Record) -> bool:
@@ -287,8 +287,9 @@ def _unexplained(record: Record, broken: Sequence[Conflict]) -> Finding:
     return Finding(
         "unit_suspected",
         "warning",
-        f"{_told(broken)} No other unit of a single column explains it.",
+        f"{_told(broken)} No other unit of a single column resolves the contradiction; fitted "
+        "parameters would be wrong.",
         place(record, broken[0].channels[0], float(samples(record)[0][0])),
-        "Check the columns, their units, and sink and losses in the motor file.",
+        "Check the columns and their units, and sink and losses in the motor file.",
         values=_figures(broken),
     )

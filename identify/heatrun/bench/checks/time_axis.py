@@ -54,9 +54,10 @@ def time_backwards(record: Record, motor: Motor) -> tuple[Finding, ...]:
             "time_backwards",
             "error",
             f"Expected increasing time; at sample {first + 1} it falls from {time_s[first]:.3f} s "
-            f"to {time_s[first + 1]:.3f} s ({back.size} such steps).",
+            f"to {time_s[first + 1]:.3f} s ({back.size} such steps): the order of the samples is "
+            "not known.",
             place(record, "time_s", float(time_s[first])),
-            "Clock set during the test, or two tests in one file? Split the file there.",
+            "Check whether the clock was set, or the file holds two tests; split it there.",
             values={
                 "num_steps": float(back.size),
                 "sample": float(first + 1),
@@ -83,8 +84,13 @@ def time_duplicate(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "time_duplicate",
             "error" if is_coarse else "warning",
-            f"Expected increasing time; {same.size} samples ({share:.1%}) repeat the stamp before "
-            f"them, first sample {int(same[0]) + 1}.",
+            f"Expected increasing time; {same.size} samples ({share:.1%}) repeat the time stamp "
+            f"before them, the first is sample {int(same[0]) + 1}."
+            + (
+                " The time stamps are coarser than the sampling."
+                if is_coarse
+                else " The block averages are hardly affected."
+            ),
             place(record, "time_s", float(time_s[same[0]])),
             "Export the time with more decimals." if is_coarse else "Check for rows written twice.",
             values={
@@ -112,10 +118,11 @@ def time_gap(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "time_gap",
             "error" if is_error else "warning",
-            f"Expected a sample every {usual:.3g} s; {gaps.size} gaps lack {missing_s:.1f} s "
-            f"({share:.1%} of the test), the longest {steps[longest]:.1f} s.",
+            f"Expected a sample every {usual:.3g} s; in {gaps.size} gaps {missing_s:.1f} s are "
+            f"missing ({share:.1%} of the test), the longest gap is {steps[longest]:.1f} s. "
+            "The load in a gap is not known, and is interpolated.",
             place(record, "time_s", float(time_s[longest]), float(time_s[longest + 1])),
-            "Split the test at the gap." if is_error else "Check the logger.",
+            "Split the test at the gap." if is_error else "Check the logger and its storage.",
             values={
                 "num_gaps": float(gaps.size),
                 "missing_s": missing_s,
@@ -142,7 +149,8 @@ def time_jitter(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "time_jitter",
             "note",
-            f"Expected an even sampling step; it spreads by {spread:.0%} about {usual:.3g} s.",
+            f"Expected an even sampling interval; it varies by {spread:.0%} (standard deviation) "
+            f"about {usual:.3g} s. The fit uses the time stamps as they are.",
             place(record, "time_s", float(time_s[0]), float(time_s[-1])),
             values={"relative_spread": spread, "step_s": usual},
         ),
@@ -171,8 +179,8 @@ def sampling(record: Record, motor: Motor) -> tuple[Finding, ...]:
     is_coarse = usual > COARSE_S
     suspected = _suspected_unit(record, usual) if is_coarse else ""
     timing = (
-        f" When a load step comes is known to ±{usual / 2.0:.3g} s only; the fit estimates it as "
-        "load_timing."
+        f" The instant of a load step is known to ±{usual / 2.0:.3g} s only; the fit estimates it "
+        "as load_timing."
         if usual >= SLOW_LOGGER_S
         else ""
     )
@@ -181,11 +189,15 @@ def sampling(record: Record, motor: Motor) -> tuple[Finding, ...]:
             "sampling",
             "warning" if is_coarse else "note",
             f"{time_s.size} samples at {usual:.3g} s over {duration_s / 60.0:.1f} min."
-            + (f" Expected at most {COARSE_S:.0f} s: Ceq_w hangs on them." if is_coarse else "")
+            + (
+                f" Expected at most {COARSE_S:.0f} s: Ceq_w shows in the first minute after a step."
+                if is_coarse
+                else ""
+            )
             + timing
             + suspected,
             place(record, "time_s", float(time_s[0]), float(time_s[-1])),
-            "Export at the logger's own rate." if is_coarse else "",
+            "Export at the logger's full sampling rate." if is_coarse else "",
             values={"num_samples": float(time_s.size), "step_s": usual, "duration_s": duration_s},
         ),
     )

@@ -64,7 +64,7 @@ def _unit_finding(
     return Finding(
         "units_temperature",
         severity,
-        f"Expected degC; {typical:.1f} looks like {unit}, which would be {as_celsius:.1f} degC.",
+        f"Expected °C; {typical:.1f} looks like {unit}, which would be {as_celsius:.1f} °C.",
         place(record, channel, from_s),
         f'Declare the unit in the motor file: [columns] {channel} = "{column} [{symbol}]".',
         values={"value": typical, "as_degC": as_celsius},
@@ -78,8 +78,8 @@ def _scaled_finding(
     return Finding(
         "units_temperature",
         severity,
-        f"Expected degC; the winding starts at {typical:.0f} degC, at the sink's temperature if "
-        f"the unit is 1/{scale:.0f} degC ({degC:.1f} degC).",
+        f"Expected °C; the winding starts at {typical:.0f} °C. In units of 1/{scale:.0f} °C it "
+        f"would start at {degC:.1f} °C, the temperature of the sink.",
         place(record, "winding_degC", from_s),
         f"Divide the column by {scale:.0f} before it is read.",
         values={"value": typical, "as_degC": degC, "factor": 1.0 / scale},
@@ -97,7 +97,8 @@ def unit_assumed(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "unit_assumed",
             "note",
-            f"Expected units in the file or in [columns]; assumed are {told}.",
+            f"No unit is given in the file or in [columns]; assumed: {told}. A wrong unit scales "
+            "the parameters.",
             record.name,
             f'State them: [columns] {first.channel} = "{first.column} [{first.unit}]".',
             values={"num_columns": float(len(assumed))},
@@ -183,9 +184,9 @@ def ambient_implausible(record: Record, motor: Motor) -> tuple[Finding, ...]:
             Finding(
                 "ambient_implausible",
                 "warning" if lowest <= typical <= highest else "error",
-                f"Expected {low:.0f} to {high:.0f} degC; its median is {typical:.1f} degC.",
+                f"Expected {low:.0f} to {high:.0f} °C; the median is {typical:.1f} °C.",
                 place(record, channel, float(time_s[0]), float(time_s[-1])),
-                "Check which column is mapped, its unit and the sensor.",
+                "Check the sensor, its unit, and which column is mapped.",
                 values={"median_degC": typical},
             )
         )
@@ -197,9 +198,9 @@ def ambient_implausible(record: Record, motor: Motor) -> tuple[Finding, ...]:
             Finding(
                 "ambient_implausible",
                 "error",
-                f"Expected the loaded winding above {channel}; it lies {-below:.1f} K below.",
+                f"Expected the winding above {channel} under load; it is {-below:.1f} K below.",
                 place(record, channel, float(time_s[loaded][0]), float(time_s[loaded][-1])),
-                "Are the two columns exchanged?",
+                "Check whether the two columns are exchanged.",
                 values={"winding_above_sink_K": below},
             )
         )

@@ -137,7 +137,7 @@ def find_alignment(
             f"{heats.start_s:.1f} to {heats.end_s:.1f} s, which leaves "
             f"{response.middle_s.size} usable blocks.",
             where=f"{temperature_record.name}, {drive_record.name}",
-            remedy="Are the files of one test? Give a smaller max_offset_s or the offset itself.",
+            remedy="Check that both belong to one test; give the offset or a smaller max_offset_s.",
         )
     profile = search_offset(response, max_offset_s)
     steps_s = (median_step(time_s), median_step(samples(drive_record)[0]))
@@ -188,18 +188,21 @@ def _findings(
         "num_effective": profile.num_effective,
     }
     figures = (
-        f"The drive's clock {profile.mean_s:+.2f} s is the thermometer's, standard uncertainty "
-        f"{sd_s:.2f} s, by the {METHOD}."
+        f"The drive's clock plus {profile.mean_s:.2f} s is the thermometer's (standard uncertainty "
+        f"{sd_s:.2f} s, by the {METHOD})."
     )
     found = [Finding("alignment", "note", figures, where, test=name, values=values)]
     doubt = ""
     if profile.gain < MIN_GAIN:
         severity, doubt = "error", "the temperature does not follow the drive"
     elif profile.is_at_edge:
-        severity, doubt = "error", f"the best may lie beyond the {max_offset_s:.0f} s searched"
+        severity, doubt = (
+            "error",
+            f"the best offset may lie beyond the {max_offset_s:.0f} s searched",
+        )
     elif sd_s > MAX_SD_S:
         severity = "error" if sd_s > LOST_SD_S else "warning"
-        doubt = f"several fit, with a standard uncertainty of {sd_s:.1f} s"
+        doubt = f"several offsets fit, with a standard uncertainty of {sd_s:.1f} s"
     else:
         severity = "note"
     if doubt:
@@ -207,7 +210,7 @@ def _findings(
             Finding(
                 "alignment_uncertain",
                 severity,
-                f"Expected one offset known to {MAX_SD_S:.0f} s; {doubt}.",
+                f"Expected a clock offset known to {MAX_SD_S:.0f} s; {doubt}.",
                 where,
                 "Give the offset, or record a step of the load in both logs.",
                 name,
@@ -220,10 +223,11 @@ def _findings(
             Finding(
                 "alignment_rate",
                 "error",
-                f"Expected clocks of one rate; with the drive's seconds {rate:.2f} of the "
-                f"thermometer's the response fits better by {gain:.0f} in log likelihood.",
+                f"Expected clocks of equal rate; with {rate:.2f} s of the thermometer's clock for "
+                "each second of the drive's, the thermal response fits better (log likelihood "
+                f"+{gain:.0f}).",
                 where,
-                "Are rows of the drive's log missing, or is its rate another than declared?",
+                "Check whether rows of the drive's log are missing, or its rate is misstated.",
                 name,
                 {"rate": rate, "log_likelihood_gain": gain},
             )

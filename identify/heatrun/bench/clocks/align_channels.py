@@ -36,11 +36,11 @@ def joined_channels(
     common = (begins >= drive_s[0]) & (ends <= drive_s[-1])
     if common.sum() < 2:
         raise InputError(
-            f"Expected logs of one time; with an offset of {offset_s:+.1f} s the drive runs from "
-            f"{drive_s[0]:.1f} to {drive_s[-1]:.1f} s, the temperatures from {time_s[0]:.1f} to "
-            f"{time_s[-1]:.1f} s.",
+            f"Expected logs that overlap in time; with an offset of {offset_s:+.1f} s the drive "
+            f"runs from {drive_s[0]:.1f} to {drive_s[-1]:.1f} s, the temperatures from "
+            f"{time_s[0]:.1f} to {time_s[-1]:.1f} s.",
             where=f"{temperature_record.name}, {drive_record.name}",
-            remedy="Are the files of one test?",
+            remedy="Check that the files belong to one test.",
         )
     channels = {name: values[kept][common] for name, values in temperature_record.channels.items()}
     doubled = [name for name in drive_record.channels if name in channels and name != "time_s"]

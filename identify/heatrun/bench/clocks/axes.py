@@ -151,10 +151,10 @@ def _joined(axis: Axis, held: Mapping[str, np.ndarray], time_s: np.ndarray, wher
     return Finding(
         id="raster_joined",
         severity="note",
-        message=f"Samples come each {step_s:g} s, the time axis has steps of "
-        f"{median_step_s(time_s):g} s; between the samples stand straight lines.",
+        message=f"The samples are {step_s:g} s apart, the times of the record "
+        f"{median_step_s(time_s):g} s: values in between are interpolated linearly.",
         where=f"{where}, {', '.join(held)}",
-        remedy=f"Give raster_s = {step_s:g} in [motor] to have samples alone.",
+        remedy=f"Give raster_s = {step_s:g} in [motor] to keep to the samples.",
         values={"step_s": step_s},
     )
 
@@ -165,8 +165,8 @@ def _not_covered(key: str, values: np.ndarray, time_s: np.ndarray, where: str) -
     return Finding(
         id="raster_not_covered",
         severity="warning",
-        message=f"At {count} of {time_s.size} times, the first at {first_s:.9g} s, no samples "
-        "cover half of the interval around it. They count as missing.",
+        message=f"At {count} of {time_s.size} times, the first at {first_s:.9g} s, less than "
+        "half of the interval around the time is covered by samples. They count as missing.",
         where=f"{where}, {key}",
         remedy="Check where the channel was not recorded.",
         values={"count": count, "from_s": first_s},

@@ -35,7 +35,7 @@ def from_first_sample(time_s: np.ndarray) -> tuple[np.ndarray, str]:
         notes.append(f"time_s counts from the first sample, at {start:.9g} s in the file.")
     absurd = np.isinf(moved)
     if absurd.any():
-        notes.append(f"{int(absurd.sum())} times are beyond any number and count as missing.")
+        notes.append(f"{int(absurd.sum())} times are too large for a number and count as missing.")
     return np.where(absurd, np.nan, moved), " ".join(notes)
 
 

@@ -35,6 +35,14 @@ def losses_of(
     for kind, target in losses.items():
         if kind == "copper":
             continue
+        if not isinstance(target, str | dict) and not (
+            isinstance(target, list) and all(isinstance(node, str) for node in target)
+        ):
+            raise InputError(
+                f"losses: {kind} = {target!r:.40}; expected a node, a list of nodes, or shares by "
+                "node.",
+                where=at,
+            )
         if isinstance(target, dict):
             given |= {str(node): share for node, share in target.items()}
             heated += [str(node) for node in target]

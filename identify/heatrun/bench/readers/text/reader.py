@@ -63,7 +63,7 @@ def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     texts: dict[str, str] = {}
     notes = [f"Preamble: {line}" for line in layout.preamble]
     if body.is_double_spaced:
-        notes.append("A blank line stands behind each line; they are no samples.")
+        notes.append("A blank line follows each line; blank lines are no samples.")
     findings = ragged_lines(body, layout, where)
     _refuse_units_between(body, layout, where)
     remarks = units_of_remarks(layout.preamble, layout.names)
@@ -166,7 +166,7 @@ def _refuse_units_between(body: DataLines, layout: Layout, where: str) -> None:
     for number, text in zip(body.ragged, body.ragged_texts, strict=False):
         if any(units_of_remarks((text.lstrip("; "),), layout.names)):
             raise InputError(
-                f"Line {number} among the data speaks of units: '{printable(text[:80])}'.",
+                f"Line {number} among the data mentions units: '{printable(text[:80])}'.",
                 where=where,
                 remedy="Split the file there, or delete the line if the units stay the same.",
             )
@@ -181,7 +181,7 @@ def _refuse_second_header(unreadable: Sequence[np.ndarray], lines: np.ndarray, w
         return
     raise InputError(
         f"Line {lines[texts[0]]} holds text in every column of numbers ({texts.size} such lines): "
-        "a second table, or names and units again, which may be others.",
+        "a second table, or a repeated header, whose units may differ.",
         where=where,
         remedy="Split the file there, or delete the line if the units stay the same.",
     )

@@ -103,7 +103,7 @@ def unsettled_cells(cells: pd.Series, decimal: str) -> Question | None:
     as_decimal, as_thousands = shown.replace(decimal, "."), shown.replace(decimal, "")
     other = "," if decimal == "." else "."
     return Question(
-        f"'{shown}' may be {float(as_decimal):g} or {as_thousands}: no number of the file tells "
+        f"'{shown}' may be {float(as_decimal):g} or {as_thousands}: no number in the file shows "
         "whether the sign is decimal or separates thousands.",
         remedy=f"Say which in the motor file: [motor] decimal = '{decimal}' for "
         f"{float(as_decimal):g}, decimal = '{other}' for {as_thousands}.",

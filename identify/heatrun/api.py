@@ -1,0 +1,255 @@
+"""The Python interface: what `import heatrun` gives, as short as a notebook wants it."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import pandas as pd
+
+from .bench import Finding
+from .bench.checks import check_record
+from .bench.joined import read_test
+from .calibration import BenchTest, load_tests
+from .inference.catalogue import all_effects, known_effects
+from .inference.networks import NetworkForm, network_named, networks_of
+from .inference.virtual import virtual_record
+from .jobs import calibrate_into, discover_into
+from .motor import Motor
+from .motorfile import load_motor
+from .runs.run import Run, open_run
+from .simulation import predict_values
+
+Files = Sequence[str | Path] | str | Path
+Method = Literal["emcee", "quick"]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a discovery found.
+
+    Attributes:
+        run: Its run: the model with the effects that were accepted.
+    """
+
+    run: Run
+
+    @property
+    def result(self) -> Mapping[str, Any]:
+        """What stands in `discovery.json`."""
+        result = self.run.discovery
+        assert result is not None
+        return result
+
+    @property
+    def verdict(self) -> str:
+        """`"adequate"`, `"named"`, `"ambiguous"`, `"unexplained"` or `"not_identifiable"`."""
+        return self.result["verdict"]
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Ids of the effects that were accepted, in order."""
+        return tuple(effect["id"] for effect in self.result["effects"])
+
+    def summary(self) -> pd.DataFrame:
+        """Return the accepted effects: parameters with 95 % intervals, equivalents, evidence."""
+        rows = [
+            {
+                "effect": effect["id"],
+                "parameter": name,
+                "value": entry["value"],
+                "low_95": entry["interval_95"][0],
+                "high_95": entry["interval_95"][1],
+                "unit": entry["unit"],
+                "equivalents": ", ".join(effect["equivalents"]),
+                "delta_log_evidence": effect["evidence"]["delta_log_evidence"],
+            }
+            for effect in self.result["effects"]
+            for name, entry in effect["parameters"].items()
+        ]
+        return pd.DataFrame(rows)
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.result['sentence']}</p>{self.summary().to_html(index=False)}"
+
+
+def calibrate(
+    motor: str | Path | Motor,
+    tests: Files,
+    *,
+    holdout: Files = (),
+    model: str | NetworkForm = "both",
+    effects: Sequence[str] = (),
+    method: Method = "emcee",
+    seed: int = 0,
+    out: str | Path | None = None,
+) -> Run:
+    """Calibrate the thermal network of a motor on bench tests.
+
+    Args:
+        motor: Motor file, or the machine.
+        tests: Bench files that are fitted.
+        holdout: Bench files that are predicted only.
+        model: `"first"`, `"second"`, `"both"`, or a TOML file with a network.
+        effects: Ids of known effects, such as `"speed_cooling"`.
+        method: `"emcee"`, or `"quick"`: importance sampling where its guard holds.
+        seed: Random seed.
+        out: The run folder; None for one that is removed with the run.
+
+    Returns:
+        The run, as `open_run` gives it.
+
+    Raises:
+        InputError: If a file cannot be read, or something that a model needs is not given.
+        Refused: If a check forbids the calibration; its findings say why.
+
+    Example:
+        >>> run = heatrun.calibrate("motor.toml", ["duty.csv"], holdout=["step.csv"])
+        >>> run.summary()  # doctest: +SKIP
+    """
+    machine = _motor(motor)
+    read = load_tests(machine, _paths(tests), _paths(holdout))
+    networks = (model,) if isinstance(model, NetworkForm) else networks_of(model)
+    folder, is_kept = _folder(out)
+    _, path = calibrate_into(
+        folder, machine, read, networks, effects=known_effects(machine, ",".join(effects)),
+        method=method, seed=seed, command="heatrun.calibrate",
+    )  # fmt: skip
+    return _opened(path, is_kept)
+
+
+def compare(
+    motor: str | Path | Motor, tests: Files, *, holdout: Files = (), **settings: Any
+) -> pd.DataFrame:
+    """Return RMSE, maximum error, coverage and evidence of the first and the second order.
+
+    Args:
+        motor: As `calibrate`.
+        tests: As `calibrate`.
+        holdout: As `calibrate`.
+        **settings: `effects`, `method` and `seed` of `calibrate`.
+    """
+    run = calibrate(motor, tests, holdout=holdout, model="both", **settings)
+    rows = [
+        {"network": name, **row, "log_evidence": model["evidence"]["log_evidence"]}
+        for name, model in run.result["models"].items()
+        for row in model["residuals"]
+    ]
+    return pd.DataFrame(rows).set_index(["test", "network"]).sort_index()
+
+
+def discover(
+    source: Run | str | Path | Motor,
+    tests: Files = (),
+    *,
+    holdout: Files = (),
+    model: str | NetworkForm | None = None,
+    effects: Sequence[str] = (),
+    own_effects: Sequence[str | Path] = (),
+    method: Method = "emcee",
+    seed: int = 0,
+    out: str | Path | None = None,
+) -> Found:
+    """Find where simulation and measurement disagree, and what is missing.
+
+    Args:
+        source: A run, whose motor, tests and last network are taken; or a motor file.
+        tests: Bench files, where no run is given.
+        holdout: Bench files that are predicted; they judge what is accepted.
+        model: The base network; that of the run, or the second order, if None.
+        effects: Ids of effects that the base network has.
+        own_effects: Python files with effects of your own, searched beside the catalogue.
+        method: As `calibrate`.
+        seed: Random seed.
+        out: As `calibrate`.
+
+    Raises:
+        InputError: As `calibrate`.
+    """
+    if isinstance(source, Run):
+        found = source.model()
+        machine, form = source.motor, found.model.form
+        known = found.model.effects
+        read = _tests_of(source, machine)
+    else:
+        machine = _motor(source)
+        form = network_named("second")
+        known = known_effects(machine, ",".join(effects))
+        read = load_tests(machine, _paths(tests), _paths(holdout))
+    if model is not None:
+        form = network_named(model)
+    files = [Path(file) for file in own_effects]
+    folder, is_kept = _folder(out)
+    job = discover_into(
+        folder, machine, read, form, kinds=all_effects(files), known=known, files=files,
+        method=method, seed=seed, command="heatrun.discover",
+    )  # fmt: skip
+    return Found(_opened(job.path, is_kept))
+
+
+def simulate(
+    motor: str | Path | Motor,
+    source: Run | str | Path | Mapping[str, float],
+    test: str | Path,
+    *,
+    model: str | None = None,
+    seed: int = 0,
+) -> pd.DataFrame:
+    """Return the record of a virtual prototype driven by a test.
+
+    Args:
+        motor: How the bench of the test measures.
+        source: A run or its folder; or parameters by name.
+        test: The bench file whose currents, losses and sink drive the model.
+        model: Name of the network; the last one of a run, or the second order, if None.
+        seed: Random seed.
+    """
+    machine = _motor(motor)
+    record = read_test(Path(test), machine)
+    if isinstance(source, Mapping):
+        found = predict_values(machine, source, record, model or "second")
+        return virtual_record(found, record, machine)
+    run = source if isinstance(source, Run) else open_run(source)
+    return run.simulate(record, network=model, motor=machine, seed=seed)
+
+
+def check(motor: str | Path | Motor, tests: Files) -> list[Finding]:
+    """Return the findings about bench files, before anything is fitted."""
+    machine = _motor(motor)
+    records = [read_test(path, machine) for path in _paths(tests)]
+    return [finding for record in records for finding in check_record(record, machine)]
+
+
+def _motor(motor: str | Path | Motor) -> Motor:
+    return motor if isinstance(motor, Motor) else load_motor(motor)
+
+
+def _paths(files: Files) -> list[Path]:
+    return [Path(file) for file in ([files] if isinstance(files, str | Path) else files)]
+
+
+def _folder(out: str | Path | None) -> tuple[Path, bool]:
+    """Return where a run goes, and whether it stays."""
+    if out is not None:
+        return Path(out), True
+    return Path(tempfile.mkdtemp(prefix="heatrun-")) / "run", False
+
+
+def _opened(path: Path, is_kept: bool) -> Run:
+    run = open_run(path)
+    if not is_kept:
+        weakref.finalize(run, shutil.rmtree, path.parent, ignore_errors=True)
+    return run
+
+
+def _tests_of(run: Run, motor: Motor) -> tuple[BenchTest, ...]:
+    """Return the tests of a run, read from the files that it was made of."""
+    by_role: dict[str, list[Path]] = {"calibration": [], "holdout": []}
+    for test in run.tests:
+        by_role[test.role].append(Path(run.source(test)))
+    return load_tests(motor, by_role["calibration"], by_role["holdout"])

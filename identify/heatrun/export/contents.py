@@ -1,0 +1,140 @@
+"""The two files that a run may become: the thesis' own, and that of any network with effects."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.io
+
+from .. import __version__
+from ..inference.networks import BUILT_IN, NetworkForm, network_named
+from . import network_variables as general
+from . import variables as thesis
+from .course import simulate_variables
+from .network_course import simulate_network
+from .network_variables import corrected_network, network_variables
+from .rerun import RunAndTest
+from .variables import Corrections, thesis_variables
+
+HEADER_TEXT_BYTES = 116
+"""Free text at the start of a MATLAB 5 file; MAT-File Format, "Level 5 MAT-file header"."""
+
+MARK = b"MATLAB 5.0 MAT-file, heatrun "
+
+Variables = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What the variables of a file give, at the samples.
+
+    Attributes:
+        winding: Temperature of the node that the winding's sensor sits in [degC], shape (time,).
+        reading: What the sensor of the run would read [degC], shape (time,).
+    """
+
+    winding: np.ndarray
+    reading: np.ndarray
+
+
+@dataclass(frozen=True)
+class Contents:
+    """A MAT file with the script that integrates it.
+
+    Attributes:
+        file: Name of the MAT file.
+        script: Name of the script.
+        units: Unit of each variable that there may be.
+        variables: Gives the variables of a test, and notes on them.
+        corrected: Gives the variables with the corrections of the run, the speed at the samples
+            [rpm] or None as its third argument.
+        simulated: What `lptn` makes of the variables.
+    """
+
+    file: str
+    script: str
+    units: Mapping[str, str]
+    variables: Callable[[RunAndTest], tuple[Variables, tuple[str, ...]]]
+    corrected: Callable[[Variables, Corrections, np.ndarray | None], Variables]
+    simulated: Callable[[Variables, Corrections], Simulated]
+
+
+def contents_of(found: RunAndTest) -> Contents:
+    """Return the file that holds a model: the thesis' own where it has the variables for it."""
+    model = found.model
+    is_thesis = (
+        model.name in BUILT_IN
+        and model.kind == "balance"
+        and not model.effects
+        and _is_same(model.form, network_named(model.name))
+    )
+    return THESIS if is_thesis else NETWORK
+
+
+def mat_bytes(variables: Mapping[str, Any]) -> bytes:
+    """Return a MATLAB 5 file, uncompressed; the same variables give the same bytes.
+
+    Args:
+        variables: By name arrays of two dimensions, object arrays for cells, dictionaries for
+            structs, or text.
+    """
+    buffer = io.BytesIO()
+    scipy.io.savemat(buffer, dict(variables), format="5", do_compression=False)
+    text = MARK + __version__.encode()  # SciPy puts the time there
+    return text.ljust(HEADER_TEXT_BYTES) + buffer.getvalue()[HEADER_TEXT_BYTES:]
+
+
+def _is_same(form: NetworkForm, other: NetworkForm) -> bool:
+    """Whether two networks have the same nodes, links, losses and names; priors may differ."""
+    parts = ("names", "nodes", "share", "copper", "sink", "sensors", "starts")
+    links = [[link for link, _ in each.resistance] for each in (form, other)]
+    same = all(getattr(form, part) == getattr(other, part) for part in parts)
+    return same and links[0] == links[1]
+
+
+def _of_thesis(found: RunAndTest) -> tuple[Variables, tuple[str, ...]]:
+    return thesis_variables(found.record, found.values, found.motor, found.model.name)
+
+
+def _simulated_thesis(variables: Variables, corrections: Corrections) -> Simulated:
+    winding = simulate_variables(variables).winding
+    return Simulated(winding, corrections.reading(winding, variables["Te"].ravel()))
+
+
+def _of_network(found: RunAndTest) -> tuple[Variables, tuple[str, ...]]:
+    return network_variables(
+        found.record,
+        found.values,
+        found.motor,
+        found.model,
+        rated_speed=float(found.blocks.inputs.rated_speed),
+        rated_current=float(found.blocks.inputs.rated_current),
+    )
+
+
+def _simulated_network(variables: Variables, corrections: Corrections) -> Simulated:
+    course = simulate_network(mat_bytes(variables))  # which hold the error of the sensor
+    return Simulated(course.sensed, course.reading)
+
+
+THESIS = Contents(
+    file="prova.mat",
+    script="run_prova.m",
+    units=thesis.UNITS,
+    variables=_of_thesis,
+    corrected=lambda variables, corrections, speed: corrections.applied(variables, speed),
+    simulated=_simulated_thesis,
+)
+
+NETWORK = Contents(
+    file="network.mat",
+    script=general.SCRIPT,
+    units=general.UNITS,
+    variables=_of_network,
+    corrected=corrected_network,
+    simulated=_simulated_network,
+)

@@ -1,0 +1,143 @@
+"""What `lptn` makes of `network.mat`: the course that the script must meet."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import scipy.io
+
+from lptn import EFFECTS, CopperLosses, Inputs, Network, Sensor, longest_step, simulate
+from lptn.effects import AbstractEffect, NodeEffect
+from lptn.effects.sensor_lag import SensorLag
+from lptn.effects.time_shift import TimeShift
+
+from .grid import Grid
+from .network_variables import RPM
+
+SHARE_OF_LONGEST = 0.005
+"""As in `heatrun.export.grid`, finer: laws of effects bend between two samples as well."""
+
+SENSOR_STEP_S = 0.02
+LINES_PER_SAMPLE = 40
+"""A sensor that lags or is late reads along straight lines between the edges of the steps. So
+many to a sampling interval, and none shorter than `SENSOR_STEP_S`, keep the bend of the
+temperature at a hard step of load below 1e-3 K."""
+
+
+@dataclass(frozen=True)
+class NetworkCourse:
+    """Temperatures at the samples of a record.
+
+    Attributes:
+        time: Time of the samples [s], shape (time,).
+        temperature: Temperature by node, those of effects included [degC], shape (time,).
+        sensed: Temperature of the node that the sensor sits in [degC], shape (time,).
+        reading: What the sensor reads [degC], shape (time,).
+        measured: Readings of the record [degC], shape (time,); NaN where nothing was read.
+    """
+
+    time: np.ndarray
+    temperature: Mapping[str, np.ndarray]
+    sensed: np.ndarray
+    reading: np.ndarray
+    measured: np.ndarray
+
+
+def simulate_network(content: bytes) -> NetworkCourse:
+    """Simulate the variables of `network.mat` at the samples of the record.
+
+    The squared current and all other inputs run straight from sample to sample; an interval that
+    is long for the network or the sensor is split.
+
+    Args:
+        content: The bytes of the file.
+    """
+    found = scipy.io.loadmat(io.BytesIO(content), simplify_cells=True)
+    network, start = _network(found)
+    effects = [_effect(each) for each in np.atleast_1d(found["effects"])]
+    time = np.atleast_1d(found["t"]) - found["t"][0]
+    grid = Grid.of(time, _longest(network, effects, time))
+    sensor = Sensor(
+        node=found["sensor"]["node"],
+        gain=found["sensor"]["gain"],
+        offset=found["sensor"]["offset"],
+    )
+    trace = simulate(network, _losses(found), _inputs(found, grid), start, effects=effects,
+                     sensor=sensor)  # fmt: skip
+    at_samples = {node: np.asarray(T)[grid.first] for node, T in trace.temperature.items()}
+    return NetworkCourse(
+        time=found["t"],
+        temperature=at_samples,
+        sensed=at_samples[sensor.node],
+        reading=np.asarray(trace.reading)[grid.first],
+        measured=found["Tw_m"],
+    )
+
+
+def _network(found: Mapping[str, Any]) -> tuple[Network, dict[str, float]]:
+    nodes = [str(node) for node in np.atleast_1d(found["nodes"])]
+    links = [(str(a), str(b)) for a, b in np.reshape(found["links"], (-1, 2))]
+    by_node = {name: np.atleast_1d(found[name]) for name in ("capacitance", "share", "start")}
+    resistance = np.atleast_1d(found["resistance"])
+    network = Network(
+        capacitance={n: jnp.asarray(C) for n, C in zip(nodes, by_node["capacitance"], strict=True)},
+        resistance={link: jnp.asarray(R) for link, R in zip(links, resistance, strict=True)},
+        share={n: jnp.asarray(s) for n, s in zip(nodes, by_node["share"], strict=True) if s},
+        copper_node=found["copper_node"],
+        boundary=found["sink"],
+    )
+    return network, dict(zip(nodes, map(float, by_node["start"]), strict=True))
+
+
+def _losses(found: Mapping[str, Any]) -> CopperLosses:
+    return CopperLosses(
+        Rs0=jnp.asarray(found["Rs0"]),
+        reference_temperature=found["Tref"],
+        coefficient=found["B"],
+        phases=int(found["phases"]),
+        kind=found["losses"],
+    )
+
+
+def _effect(said: Mapping[str, Any]) -> AbstractEffect:
+    kind = {kind.card.id: kind for kind in EFFECTS}[said["id"]]
+    places: dict[str, Any] = {}
+    if "node" in said:
+        places["node"] = said["node"]
+    if "link" in said:
+        a, b = said["link"]
+        places["link"] = (str(a), str(b))
+    return kind(**{n: jnp.asarray(v) for n, v in said["parameters"].items()}, **places)
+
+
+def _inputs(found: Mapping[str, Any], grid: Grid) -> Inputs:
+    def mean(name: str, factor: float = 1.0) -> jnp.ndarray | None:
+        return grid.mean(factor * found[name]) if name in found else None
+
+    return Inputs(
+        step=jnp.asarray(grid.step),
+        current_squared=grid.mean(found["Is"] ** 2),
+        losses=grid.mean(found["Pd"] if found["losses"] == "balance" else found["Pol"]),
+        ambient=grid.mean(found["Te"]),
+        speed=mean("speed_rpm", RPM),
+        coolant=mean("coolant_degC"),
+        fan=mean("fan"),
+        rated_speed=found["rated_speed_rpm"] * RPM,
+        rated_current=found["rated_current_A"],
+    )
+
+
+def _longest(network: Network, effects: Sequence[AbstractEffect], time: np.ndarray) -> float:
+    for effect in effects:
+        if isinstance(effect, NodeEffect):
+            network = effect.extend(network)
+    longest = SHARE_OF_LONGEST * float(longest_step(network))
+    if any(isinstance(effect, SensorLag | TimeShift) for effect in effects):
+        sample = float(np.median(np.diff(time)))
+        return min(longest, max(sample / LINES_PER_SAMPLE, SENSOR_STEP_S))
+    return longest

@@ -1,0 +1,138 @@
+"""A calibration or a discovery from tests down to its run folder, for commands and notebooks."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Literal
+
+from lptn.effects import AbstractEffect
+
+from .calibration import BenchTest, Calibration, calibrate, identity, manifest, refuse_unwritable
+from .discovery.job import Job, run_job
+from .inference.networks import NetworkForm
+from .inference.networks.text import network_text
+from .motor import Motor
+from .reports.sheet.of_run import write_sheet
+from .runs.run_folder import RunFolder
+from .runs.write import write_run
+
+Method = Literal["emcee", "quick"]
+Say = Callable[[str], None]
+Progress = Callable[[str, float], None]
+
+
+def _silent(sentence: str) -> None:
+    """Say nothing."""
+
+
+def calibrate_into(
+    path: Path,
+    motor: Motor,
+    tests: Sequence[BenchTest],
+    networks: Sequence[NetworkForm],
+    *,
+    effects: tuple[type[AbstractEffect], ...] = (),
+    method: Method = "emcee",
+    seed: int = 0,
+    command: str = "",
+    duties: Sequence[str] = (),
+    say: Say = _silent,
+    progress: Progress | None = None,
+) -> tuple[Calibration, Path]:
+    """Calibrate networks on tests and write the run folder with its sheet.
+
+    Args:
+        path: The run folder; an unfinished run of the same inputs there is taken up.
+        motor: The machine.
+        tests: From `heatrun.calibration.load_tests`.
+        networks: What is calibrated.
+        effects: Known effects that each network has.
+        method: As `heatrun.inference.posterior.sample`.
+        seed: Random seed.
+        command: As it is to stand in the result.
+        duties: Ratings asked for, as `heatrun.ratings.figures.derive`.
+        say: Told what is being done.
+        progress: Called with a sentence and the share done while sampling.
+
+    Returns:
+        What was found, and the run folder.
+
+    Raises:
+        InputError: If something that a model needs is not given, or the folder cannot be written.
+    """
+    refuse_unwritable(path)
+    same = identity(
+        motor,
+        tests,
+        networks=[network_text(form) for form in networks],
+        effects=[kind.card.id for kind in effects],
+        method=method,
+        seed=seed,
+    )
+    folder = RunFolder.begin(path, same)
+    if folder.note:
+        say(folder.note)
+    found = calibrate(
+        motor, tests, networks=networks, effects=effects, method=method, seed=seed,
+        command=command, duties=duties, folder=folder, say=say, progress=progress,
+    )  # fmt: skip
+    say("writing the sheet")
+    run = write_run(folder, motor, found.result, found.posteriors, found.predictions)
+    write_sheet(run, folder.partial)
+    return found, folder.finish(manifest(found, command, seed))
+
+
+def discover_into(
+    path: Path,
+    motor: Motor,
+    tests: Sequence[BenchTest],
+    network: NetworkForm,
+    *,
+    kinds: Sequence[type[AbstractEffect]],
+    known: tuple[type[AbstractEffect], ...] = (),
+    files: Sequence[Path] = (),
+    method: Method = "emcee",
+    seed: int = 0,
+    command: str = "",
+    say: Say = _silent,
+    progress: Progress | None = None,
+) -> Job:
+    """Search for missing effects and write the run folder with its reports.
+
+    Args:
+        path: As `calibrate_into`.
+        motor: The machine.
+        tests: From `heatrun.calibration.load_tests`.
+        network: The base network.
+        kinds: The effects that are searched.
+        known: Effects that the base network has.
+        files: Python files that some of the effects came from.
+        method: As `calibrate_into`.
+        seed: Random seed.
+        command: As it is to stand in the result.
+        say: Told what is being done.
+        progress: Called with a sentence and the share done while sampling.
+
+    Raises:
+        InputError: As `calibrate_into`.
+    """
+    refuse_unwritable(path)
+    same = identity(
+        motor,
+        tests,
+        command="discover",
+        effects=[[str(p), hashlib.sha256(p.read_bytes()).hexdigest()] for p in files],
+        network=network_text(network),
+        known=[kind.card.id for kind in known],
+        method=method,
+        seed=seed,
+    )
+    folder = RunFolder.begin(path, same)
+    if folder.note:
+        say(folder.note)
+    return run_job(
+        motor, tests, folder, order=network, known=known, kinds=kinds, method=method, seed=seed,
+        command=command, say=say, progress=progress,
+    )  # fmt: skip

@@ -1,0 +1,390 @@
+"""Derived figures against the formulas of one and two nodes, written independently."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from heatrun.bench.blocks import Blocks
+from heatrun.inference.model import Model
+from heatrun.inference.problem import Problem, Structure
+from heatrun.motor import Motor, ParameterOverride
+from heatrun.ratings.figures import derive
+from heatrun.ratings.machine import machines
+from heatrun.reports.sheet.content import _derived
+from lptn import CopperLosses, Drive, Inputs, Network
+from lptn.effects import EFFECTS
+
+BY_ID = {kind.card.id: kind for kind in EFFECTS}
+TRUE = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
+RS0, B, TREF = 0.0062, 234.5, 25.0
+CURRENT, POWER, SINK, SPEED, LIMIT = 110.0, 620.0, 21.0, 240.0, 155.0
+RATED_SPEED = 600.0
+LARGEST = 150.0
+NUM = 40
+
+
+def blocks(hottest=150.0, power=POWER):
+    """Half an hour: 10 minutes without load, 20 minutes at the load, one reading per block."""
+    loaded = np.arange(90) >= 30
+    each = lambda values: jnp.asarray(np.repeat(values, 10))  # noqa: E731
+    measured = np.where(loaded, 90.0, SINK)
+    measured[-1] = hottest
+    measured[40] = np.nan  # the largest current, without a reading: in the range, not in the mean
+    squared = np.where(loaded, CURRENT**2, 100.0)
+    squared[40] = LARGEST**2
+    return Blocks(
+        name="duty",
+        inputs=Inputs(
+            step=jnp.asarray(2.0),
+            current_squared=each(squared),
+            losses=each(np.where(loaded, power, 30.0)),
+            ambient=each(np.full(90, SINK)),
+            speed=each(np.where(loaded, SPEED, 50.0)),
+            rated_speed=RATED_SPEED,
+            rated_current=150.0,
+        ),
+        measured=measured,
+        weight=np.full((90, 10), 0.1),
+        position=np.full((90, 10), 0.5),
+        count=np.full(90, 20.0),
+        time=20.0 * np.arange(90) + 10.0,
+        block_s=20.0,
+        rounding_K=0.0,
+        start_degC=SINK,
+        start_slope=0.0,
+        sample_s=0.5,
+    )
+
+
+def motor(losses="balance", **more):
+    settings: dict[str, Any] = {"insulation_class": "F", "phase_resistance_ohm": RS0} | more
+    return Motor(name="test", losses=losses, **settings)
+
+
+def posterior(order, machine, values, effects=(), tests=None):
+    """Draws with the given values, all other parameters at the centres of their priors."""
+    kinds = tuple(BY_ID[name] for name in effects)
+    problem = Problem.of(Model.of(order, machine, kinds), machine, tests or [blocks()])
+    z = np.zeros((NUM, problem.num_parameters + 3))
+    for position, slot in enumerate(problem.parameters.slots):
+        if slot.parameter.name in values:
+            z[:, position] = slot.parameter.score(values[slot.parameter.name])
+    return SimpleNamespace(fit=SimpleNamespace(problem=problem), flat=z)
+
+
+@pytest.fixture(scope="module")
+def draws():
+    """The four parameters, each by 10 %, and the scale of the losses by 1 %."""
+    rng = np.random.default_rng(5)
+    values = {n: v * np.exp(0.1 * rng.standard_normal(NUM)) for n, v in TRUE.items()}
+    return values | {"power_gain": 0.01 * rng.standard_normal(NUM)}
+
+
+@dataclass
+class ByHand:
+    """The formulas of the second order with P_ol held, one array element per draw."""
+
+    k: float
+    other: np.ndarray
+    values: dict
+
+    @classmethod
+    def of(cls, kind, draws, factor=1.0):
+        k = factor * 3.0 * CURRENT**2 * RS0 / (B + TREF)
+        channel = (1.0 + draws["power_gain"]) * POWER
+        loaded = (58 * 90.0 + 150.0) / 59
+        other = channel - k * (B + loaded) if kind == "balance" else channel
+        return cls(k, other, draws)
+
+    def steady_rise(self):
+        Rw, Rs = self.values["Req_w"], self.values["Req_sr"]
+        both = Rw + Rs
+        return (self.k * (B + SINK) * both + Rs * self.other) / (1.0 - self.k * both)
+
+    def continuous_A(self):
+        Rw, Rs = self.values["Req_w"], self.values["Req_sr"]
+        per_square = self.k / CURRENT**2 * (B + LIMIT)
+        return np.sqrt((LIMIT - SINK - Rs * self.other) / ((Rw + Rs) * per_square))
+
+    def matrix(self, k, moved):
+        Cw, Cs, Rw, Rs = (self.values[n] for n in TRUE)
+        rows = [[(k - 1 / Rw) / Cw, 1 / (Rw * Cw)],
+                [(1 / Rw - moved) / Cs, -(1 / Rw + 1 / Rs) / Cs]]  # fmt: skip
+        return np.stack([np.stack(np.broadcast_arrays(*row), -1) for row in rows], -2)
+
+    def times(self, k, moved):
+        A = self.matrix(k, moved)
+        half = 0.5 * (A[:, 0, 0] + A[:, 1, 1])
+        root = np.sqrt(half**2 - (A[:, 0, 0] * A[:, 1, 1] - A[:, 0, 1] * A[:, 1, 0]))
+        return 1.0 / (root - half), -1.0 / (root + half)
+
+    def after(self, index, squared, is_on, start, time):
+        """Return the temperatures after a time at a current, exactly."""
+        one = {n: v[index : index + 1] for n, v in self.values.items()}
+        k = self.k * squared / CURRENT**2
+        A = ByHand(k, self.other, one).matrix(k, 0.0)[0]
+        stator = is_on * self.other[index] + SINK / one["Req_sr"][0]
+        heat = np.array([k * B / one["Ceq_w"][0], stator / one["Ceq_sr"][0]])
+        rest = -np.linalg.solve(A, heat)
+        return rest + expm(A * time) @ (start - rest)
+
+    def time_to_limit(self, index, start):
+        square = CURRENT**2
+        return brentq(
+            lambda t: self.after(index, square, 1.0, start, t)[0] - LIMIT, 0.0, 5e4, xtol=1e-9
+        )
+
+
+def check(entry, expected, rtol=1e-6):
+    """Compare median, spread and interval with those of draws worked out independently."""
+    assert entry["value"] == pytest.approx(np.median(expected), rel=rtol)
+    assert entry["sd"] == pytest.approx(np.std(expected), rel=rtol)
+    assert entry["interval_95"] == pytest.approx(
+        np.quantile(expected, [0.025, 0.975]).tolist(), rel=rtol
+    )
+
+
+@pytest.mark.parametrize("kind", ["balance", "map"])
+def test_the_figures_of_the_second_order_are_those_of_the_formulas(kind, draws):
+    power = {"balance": 850.0, "map": POWER}[kind]
+    found = derive(posterior("second", motor(kind), draws, tests=[blocks(230.0, power)]))
+    by_hand = ByHand.of(kind, draws)
+    loaded = (58 * 90.0 + 230.0) / 59
+    if kind == "balance":
+        by_hand.other = (1.0 + draws["power_gain"]) * power - by_hand.k * (B + loaded)
+    check(found["tau_winding_s"], draws["Req_w"] * draws["Ceq_w"])
+    check(found["tau_stator_s"], draws["Req_sr"] * draws["Ceq_sr"])
+    fast, slow = by_hand.times(0.0, 0.0)
+    check(found["tau_fast_s"], fast)
+    check(found["tau_slow_s"], slow)
+    fast, slow = by_hand.times(by_hand.k, by_hand.k if kind == "balance" else 0.0)
+    check(found["tau_fast_feedback_s"], fast)
+    check(found["tau_slow_feedback_s"], slow)
+    check(found["steady_rise_K"], by_hand.steady_rise())
+    check(found["continuous_current_A"], by_hand.continuous_A())
+    rest = by_hand.steady_rise()
+    flow = by_hand.other + by_hand.k * (B + SINK + rest)
+    for name, share in (("cold", 0.0), ("hot", 0.75)):
+        times = []
+        for index in range(NUM):
+            rises = share * np.array([rest[index], draws["Req_sr"][index] * flow[index]])
+            is_there = SINK + rises[0] >= LIMIT
+            never = SINK + rest[index] <= LIMIT
+            times.append(0.0 if is_there else np.inf if never
+                         else by_hand.time_to_limit(index, SINK + rises))  # fmt: skip
+        entry = found[f"time_to_limit_{name}_s"]
+        assert np.mean(np.isfinite(times)) > 0.5
+        # 1e-4: the march keeps the temperature to 2e-5 of the rise
+        assert entry["value"] == pytest.approx(np.median(times), rel=1e-4)
+        finite = np.asarray(times)[np.isfinite(times)]
+        assert entry["interval_95"][0] == pytest.approx(np.quantile(finite, 0.025), rel=1e-4)
+
+
+def test_the_currents_of_duties_are_those_of_the_exact_solution(draws):
+    found = derive(posterior("second", motor(), draws), ("S2-30", "S3-40"))
+    by_hand = ByHand.of("balance", draws)
+    cold = np.array([SINK, SINK])
+
+    def excess(current, index, on, off, num):
+        state, top = cold, 0.0
+        for _ in range(num):
+            state = by_hand.after(index, current**2, 1.0, state, on)
+            top = state[0]  # at the end of the load: the winding is hotter than the stator
+            state = by_hand.after(index, 0.0, 0.0, state, off) if off else state
+        return top - LIMIT
+
+    slow = np.median(by_hand.times(0.0, 0.0)[1])
+    duties = {"S2-30": (1800.0, 0.0, 1), "S3-40": (240.0, 360.0, round(5 * slow / 600.0))}
+    for name, duty in duties.items():
+        currents = [brentq(excess, 10.0, 400.0, args=(i, *duty)) for i in range(NUM)]
+        entry = found[f"{name}_current_A"]
+        if "refused" in entry:
+            assert np.median(currents) > 1.2 * LARGEST
+            continue
+        # the search halves 0...360 A fourteen times: to 0.022 A
+        assert entry["value"] == pytest.approx(np.median(currents), abs=0.022)
+        assert "none at rest" in entry["condition"]
+    assert "value" in found["S2-30_current_A"]
+
+
+@pytest.mark.parametrize("kind", ["balance", "map"])
+def test_the_figures_of_the_first_order(kind):
+    rng = np.random.default_rng(2)
+    C, R = 15e3 * np.exp(0.1 * rng.standard_normal((2, NUM)))
+    R = R / 15e3 * 0.12
+    found = derive(posterior("first", motor(kind), {"Ceq": C, "Req": R}))
+    check(found["tau_s"], R * C)
+    if kind == "balance":  # the total is known, whatever the copper takes of it
+        check(found["steady_rise_K"], R * POWER)
+        assert "one node" in found["continuous_current_A"]["refused"]
+        assert "tau_feedback_s" not in found
+        return
+    k = 3.0 * CURRENT**2 * RS0 / (B + TREF)
+    check(found["tau_feedback_s"], R * C / (1.0 - k * R))
+    check(found["steady_rise_K"], R * (POWER + k * (B + SINK)) / (1.0 - k * R))
+    room = (LIMIT - SINK - R * POWER) / (R * 3 * RS0 * (B + LIMIT) / (B + TREF))
+    check(found["continuous_current_A"], np.sqrt(room))
+
+
+def test_cooling_by_speed_is_a_smaller_resistance_at_the_tests_speed(draws):
+    g, m = np.full(NUM, 0.6), np.full(NUM, 0.8)
+    values = {"speed_cooling.g": g, "speed_cooling.m": m}
+    made = posterior("second", motor(), draws | values, ("speed_cooling",))
+    found = derive(made, ("S2-30",))
+    factor = 1.0 + g * (SPEED / RATED_SPEED) ** m
+    same = derive(posterior("second", motor(), draws | {"Req_sr": draws["Req_sr"] / factor}),
+                  ("S2-30",))  # fmt: skip
+    assert "refused" not in found["continuous_current_A"]
+    for name, entry in same.items():
+        if name == "tau_stator_s":  # of the parameters themselves, which hold at standstill
+            continue
+        for key in ("value", "interval_95"):
+            if "refused" not in entry:
+                assert found[name][key] == pytest.approx(entry[key], rel=1e-9), name
+    for name in ("tau_slow_s", "continuous_current_A", "S2-30_current_A"):
+        if "refused" not in found[name]:
+            assert ", 2292 rpm" in found[name]["condition"]  # 240 rad/s
+    assert "rpm" not in same["tau_slow_s"]["condition"]
+
+
+def test_an_ac_loss_comes_out_of_the_measured_total(draws):
+    """The copper takes k s^2 more, and under a balance the other losses give it."""
+    values = {"ac_copper_loss.k": np.full(NUM, 0.8)}
+    made = posterior("second", motor(), draws | values, ("ac_copper_loss",))
+    found = derive(made)
+    by_hand = ByHand.of("balance", draws, factor=1.0 + 0.8 * (SPEED / RATED_SPEED) ** 2)
+    check(found["steady_rise_K"], by_hand.steady_rise())
+    # per ampere the copper loss is that much larger too
+    check(found["continuous_current_A"], by_hand.continuous_A())
+
+
+def test_an_event_is_not_there_at_the_start(draws):
+    values = {"cooling_step.k": np.full(NUM, 2.0), "cooling_step.t_star": np.full(NUM, 1500.0)}
+    found = derive(posterior("second", motor(), draws | values, ("cooling_step",)))
+    same = derive(posterior("second", motor(), draws))
+    for name, entry in same.items():
+        if "refused" not in entry:
+            assert found[name]["value"] == pytest.approx(entry["value"], rel=1e-9)
+    text = "as at the start of the first test"
+    assert text in found["tau_slow_s"]["condition"]
+    assert text not in same["tau_slow_s"]["condition"]
+
+
+def test_a_third_node_has_a_third_time_constant(draws):
+    C, tau = 4e3, 900.0
+    values = {"neighbour_body.C": np.full(NUM, C), "neighbour_body.tau": np.full(NUM, tau)}
+    found = derive(posterior("second", motor(), draws | values, ("neighbour_body",)))
+    by_hand = ByHand.of("balance", draws)
+    A = np.zeros((NUM, 3, 3))
+    A[:, :2, :2] = by_hand.matrix(0.0, 0.0)
+    A[:, 1, 1] -= C / tau / draws["Ceq_sr"]
+    A[:, 1, 2] = C / tau / draws["Ceq_sr"]
+    A[:, 2, 1], A[:, 2, 2] = 1.0 / tau, -1.0 / tau
+    times = np.sort(-1.0 / np.linalg.eigvals(A).real, axis=1)
+    for place, name in enumerate(("tau_fast_s", "tau_2_s", "tau_slow_s")):
+        check(found[name], times[:, place])
+    # at rest it takes no heat
+    check(found["continuous_current_A"], by_hand.continuous_A())
+
+
+def test_radiation_lets_more_current_through(draws):
+    made = {"radiation.eA": np.full(NUM, 0.3)}
+    found = derive(posterior("second", motor(), draws | made, ("radiation",)))
+    by_hand = ByHand.of("balance", draws)
+    currents = []
+    for index in range(NUM):
+        Rw, Rs, other = draws["Req_w"][index], draws["Req_sr"][index], by_hand.other[index]
+
+        def leftover(stator, Rw=Rw, Rs=Rs, other=other):
+            copper = (LIMIT - stator) / Rw
+            lost = 5.670374419e-8 * 0.3 * ((stator + 273.15) ** 4 - (SINK + 273.15) ** 4)
+            return copper + other - (stator - SINK) / Rs - lost
+
+        copper = (LIMIT - brentq(leftover, SINK, LIMIT)) / Rw
+        currents.append(np.sqrt(copper / (by_hand.k / CURRENT**2 * (B + LIMIT))))
+    check(found["continuous_current_A"], np.asarray(currents))
+
+
+def test_an_offset_of_the_torque_is_no_heat(draws):
+    """Pd is electrical in minus mechanical out: what the torque hides at speed is not lost."""
+    override = {"torque_offset": ParameterOverride(fixed=0.25)}
+    found = derive(posterior("second", motor(parameters=override), draws))
+    by_hand = ByHand.of("balance", draws)
+    by_hand.other = by_hand.other - 0.25 * SPEED
+    check(found["steady_rise_K"], by_hand.steady_rise())
+
+
+def test_without_a_class_the_limit_is_refused_and_the_rest_stands(draws):
+    found = derive(posterior("second", motor(insulation_class=None), draws), ("S2-30",))
+    for name in ("continuous_current_A", "time_to_limit_cold_s", "time_to_limit_hot_s",
+                 "S2-30_current_A"):  # fmt: skip
+        assert "no insulation class" in found[name]["refused"]
+    check(found["steady_rise_K"], ByHand.of("balance", draws).steady_rise())
+    cool = derive(posterior("second", motor(), draws, tests=[blocks(hottest=100.0)]))
+    assert "highest temperature measured is 100 degC" in cool["time_to_limit_cold_s"]["refused"]
+    for name, entry in found.items():
+        assert len(_derived(name, entry)) == 4  # the sheet prints whatever comes
+
+
+class FourNodes(NamedTuple):
+    """A model of four nodes, two of which lead to the sink by two ways."""
+
+    kind: str = "balance"
+
+    def network(self, values):
+        C = {"winding": 437.0, "tooth": 6509.0, "yoke": 10666.0, "magnet": 3511.0}
+        R = {("winding", "tooth"): 0.0899, ("winding", "yoke"): 0.0375,
+             ("yoke", "tooth"): 0.0707, ("tooth", "magnet"): 0.4}  # fmt: skip
+        return Network(
+            capacitance={node: jnp.asarray(each) for node, each in C.items()},
+            resistance={link: jnp.asarray(each) for link, each in R.items()}
+            | {("yoke", "ambient"): values["Req"]},
+            share={"tooth": jnp.asarray(0.7), "yoke": jnp.asarray(0.3)},
+        )
+
+    def losses(self, values):
+        return CopperLosses(Rs0=jnp.asarray(RS0), kind="balance")
+
+    def built_effects(self, values):
+        return ()
+
+
+def test_a_network_of_four_nodes_is_rated_too():
+    problem = posterior("first", motor(), {}).fit.problem
+    priors, form = problem.data.priors, problem.structure.form
+    place = problem.parameters.index("Req")
+    R = np.array([0.015, 0.02, 0.03])
+    z = np.zeros((3, problem.num_parameters))
+    z[:, place] = problem.parameters.slots[place].parameter.score(R)
+    loaded = Drive.constant(current_squared=CURRENT**2, losses=1500.0, ambient=SINK)
+    structure: Any = Structure(FourNodes(), form)  # pyright: ignore[reportArgumentType]
+    found = machines(structure, priors, jnp.asarray(z), loaded, jnp.asarray(90.0),
+                     jnp.asarray(70.0))  # fmt: skip
+    assert found.node_times == {}
+    k = 3.0 * CURRENT**2 * RS0 / (B + TREF)
+    other = 1500.0 - k * (B + 90.0)
+    np.testing.assert_allclose(found.other, other, rtol=1e-12)
+    G = {("w", "t"): 1 / 0.0899, ("w", "y"): 1 / 0.0375, ("y", "t"): 1 / 0.0707, ("t", "m"): 2.5}
+    names = "wtym"
+    for index in range(3):
+        K = np.zeros((4, 4))
+        for (a, b), g in G.items():
+            i, j = names.index(a), names.index(b)
+            K[[i, j], [i, j]] += g
+            K[[i, j], [j, i]] -= g
+        K[2, 2] += 1 / R[index]
+        C = np.array([437.0, 6509.0, 10666.0, 3511.0])
+        expected = np.sort(1 / np.linalg.eigvals(K / C[:, None]).real)
+        got = np.sort(-1 / np.linalg.eigvals(np.asarray(found.A[index])).real)
+        np.testing.assert_allclose(got, expected, rtol=1e-9)
+        fed = K - np.diag([k, 0.0, 0.0, 0.0])
+        heat = np.array([k * (B + SINK), 0.7 * other, 0.3 * other, 0.0])
+        assert float(found.rise[index]) == pytest.approx(np.linalg.solve(fed, heat)[0], rel=1e-9)

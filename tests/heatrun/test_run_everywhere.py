@@ -1,0 +1,145 @@
+"""A run of any network with effects goes through every command, with the same numbers."""
+
+from __future__ import annotations
+
+import doctest
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import heatrun
+from heatrun import cli
+from heatrun.errors import InputError
+
+MOTOR = """[motor]
+name = "bench"
+rated_speed_rpm = 6000
+insulation_class = "F"
+[winding]
+phase_resistance_ohm = 0.0062
+[model]
+effects = ["speed_cooling"]
+"""
+FOUR = """[network]
+name = "four"
+nodes = ["winding", "tooth", "yoke", "rotor"]
+links = [["winding", "tooth"], ["tooth", "yoke"], ["tooth", "rotor"], ["yoke", "ambient"]]
+losses = { copper = "winding", iron = ["tooth", "yoke"], mechanical = "rotor" }
+sensors = { winding_degC = "winding", stator_degC = "yoke" }
+"""
+
+
+@pytest.fixture(scope="module")
+def day(tmp_path_factory, bench, generator):
+    """A bench folder with two tests and a calibrated four-node network with an effect."""
+    folder = tmp_path_factory.mktemp("day")
+    (folder / "motor.toml").write_text(MOTOR)
+    (folder / "four.toml").write_text(FOUR)
+    profiles = {"duty": generator.duty(1800.0), "step": generator.constant_load(1200.0)}
+    for seed, (name, profile) in enumerate(profiles.items()):
+        record = bench(profile, seed=40 + seed)
+        pd.DataFrame(dict(record.channels)).to_csv(folder / f"{name}.csv", index=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        words = ["motor.toml", "duty.csv", "--holdout", "step.csv", "--model", "four.toml",
+                 "--with", "sensor_lag", "--quick", "--out", "run"]  # fmt: skip
+        assert cli.main(["calibrate", *words]) == 0
+    return folder
+
+
+def json_of(capsys, *words):
+    capsys.readouterr()
+    assert cli.main([*words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_every_command_gives_one_rmse_for_one_test(day, capsys, monkeypatch):
+    monkeypatch.chdir(day)
+    fit = json.loads(Path("run/fit.json").read_text())
+    assert fit["models"]["four"]["effects"][0]["id"] == "speed_cooling"
+    rmse = {row["test"]: row["rmse_K"] for row in fit["models"]["four"]["residuals"]}
+    simulated = json_of(capsys, "simulate", "motor.toml", "run", "duty.csv", "step.csv",
+                        "--out", "virtual")  # fmt: skip
+    run = heatrun.open_run("run")
+    for row in simulated["simulated"]:
+        name = row["test"]
+        assert row["effects"] == ["speed_cooling", "sensor_lag"]
+        assert row["rmse_K"] == pytest.approx(rmse[name], rel=1e-9)
+        assert run.predict(f"{name}.csv").rmse_K == pytest.approx(rmse[name], rel=1e-9)
+        report = json_of(capsys, "report", "--type", "thermal", "--run", "run", "motor.toml",
+                         f"{name}.csv", "--out", "reports")  # fmt: skip
+        assert rmse_of(report) == pytest.approx(rmse[name], rel=1e-9)
+
+
+def rmse_of(report):
+    text = json.dumps(report)
+    return float(text.split('"rmse_K"')[1].split('"value": ')[1].split(",")[0])
+
+
+def test_the_row_of_a_course_belongs_to_one_moment(day):
+    run = heatrun.open_run(day / "run")
+    values, virtual = run.values(), run.simulate(day / "duty.csv")
+    drop = virtual["winding_degC"] - virtual["tooth_degC"]
+    by_ohm = drop / values["Req_winding_tooth"]
+    # medians over draws and flow at the median parameters: the same moment to within their spread
+    error = np.abs(by_ohm - virtual["flow_winding_tooth_W"])
+    assert error.max() < 0.05 * np.abs(by_ohm).max()
+
+
+def test_sheet_and_export_of_a_network_with_effects(day, capsys, monkeypatch):
+    monkeypatch.chdir(day)
+    assert cli.main(["sheet", "run", "--out", "sheet"]) == 0
+    text = json.loads(Path("sheet/sheet.json").read_text())
+    assert "speed_cooling, sensor_lag" in json.dumps(text)
+    for name in ("sheet.pdf", "sheet.xlsx", "sheet.json"):
+        assert Path("sheet", name).read_bytes() == Path("run", name).read_bytes()
+    written = json_of(capsys, "export", "run", "--to", "mat", "--out", "matlab")
+    assert any(path.endswith("network.mat") for path in written["files"])
+
+
+def test_the_virtual_report_takes_the_run(day, capsys, monkeypatch):
+    monkeypatch.chdir(day)
+    report = json_of(capsys, "report", "--type", "virtual", "--run", "run", "motor.toml",
+                     "step.csv", "--out", "reports")  # fmt: skip
+    assert "winding_degC" in json.dumps(report)
+
+
+def test_the_python_interface(day, monkeypatch):
+    monkeypatch.chdir(day)
+    run = heatrun.open_run("run")
+    summary = run.summary()
+    assert {"Ceq_winding", "speed_cooling.g", "sensor_lag.tau"} <= set(summary.index)
+    assert (summary["low_95"] <= summary["value"]).all()
+    assert set(run.idata.posterior.data_vars) >= {"Ceq_winding", "noise_sd"}
+    assert len(run.plot().axes) == 2
+    assert run.motor.effects == ("speed_cooling",)
+    assert [test.role for test in run.tests] == ["calibration", "holdout"]
+    assert "Ceq_winding" in run._repr_html_()
+    assert [f.severity for f in heatrun.check("motor.toml", "duty.csv")].count("error") == 0
+    with pytest.raises(AttributeError, match="calibrte"):
+        heatrun.calibrte  # noqa: B018
+    with pytest.raises(InputError, match="holds no second network, only four"):
+        run.predict("duty.csv", network="second")
+
+
+def test_the_example_of_the_interface_runs_as_it_stands(day, monkeypatch):
+    """The session of the package's docstring, on files of these names."""
+    monkeypatch.chdir(day)
+    Path("other.csv").write_bytes(Path("step.csv").read_bytes())
+    Path("motor.toml").write_text(MOTOR.replace('effects = ["speed_cooling"]', "effects = []"))
+    lines = [line.strip() for line in (heatrun.__doc__ or "").split("\n") if line[:4] == "    "]
+    assert lines[0] == "import heatrun"
+    session = "\n".join(f">>> _ = {line}" if "=" not in line.split("(")[0] and "import" not in line
+                        else f">>> {line}" for line in lines)  # fmt: skip
+    session = session.replace('holdout=["step.csv"])', 'holdout=["step.csv"], method="quick")')
+    session = session.replace("discover(run)", 'discover(run, method="quick")')
+    session = session.replace("results/runs/demo", "run")
+    test = doctest.DocTestParser().get_doctest(session + "\n", {}, "session", None, 0)
+    assert len(test.examples) == 8
+    runner = doctest.DocTestRunner()
+    runner.run(test)
+    assert runner.failures == 0
+    Path("motor.toml").write_text(MOTOR)
