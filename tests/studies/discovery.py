@@ -127,7 +127,8 @@ def table(
         text = "–" if value is None else f"{100 * value:.1f} %" if is_share else f"{value:.2f}"
         cases = f"{gate['count']} of {gate['cases']}" if is_share else f"{gate['cases']}"
         spread = "–" if limits is None else f"{100 * limits[0]:.0f}…{100 * limits[1]:.0f} %"
-        mark = "–" if gate["holds"] is None else "met" if gate["holds"] else "**missed**"
+        met = "met" if gate["is_proven"] else "met, too few cases to show it"
+        mark = "–" if gate["holds"] is None else met if gate["holds"] else "**missed**"
         lines.append(f"| {gate['what']} | {gate['gate']} | {text} | {cases} | {spread} | {mark} |")
     head = ("from", "hidden", "cases", "exact", "in set", "missed", "verdicts", "set size",
             "also named", "traces", "rejected by held-out test")  # fmt: skip
