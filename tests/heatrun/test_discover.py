@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.discovery.library import all_effects
 from heatrun.discovery.result import assemble
 from heatrun.discovery.run import discover, show
+from heatrun.inference.catalogue import all_effects
 from heatrun.motor import Motor
 from heatrun.reports.discovery.report import write_report
 from heatrun.runs.run_folder import dump

@@ -14,9 +14,10 @@ from heatrun.discovery.bootstrap import familywise_p
 from heatrun.discovery.engine import Engine
 from heatrun.discovery.folds import folds, left_out_errors, rmse
 from heatrun.discovery.grow import look
-from heatrun.discovery.library import all_effects, library
+from heatrun.discovery.library import library
 from heatrun.discovery.start import base_start
 from heatrun.errors import InputError
+from heatrun.inference.catalogue import all_effects
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem, linearise
 from lptn import EFFECTS, second_order
@@ -145,7 +146,7 @@ def test_an_effect_of_an_installed_package_is_taken_in(monkeypatch):
         def load(self):
             return kind
 
-    monkeypatch.setattr("heatrun.discovery.library.entry_points", lambda group: [Entry()])
+    monkeypatch.setattr("heatrun.inference.catalogue.entry_points", lambda group: [Entry()])
     assert all_effects()[-1] is kind
 
 

@@ -43,6 +43,11 @@ def main() -> None:
         default=float("inf"),
         help="no case is begun after this; the order of the cases is by chance",
     )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on after the cases that study.json in --out has of this seed",
+    )
     parser.add_argument("--out", type=Path, default=Path("results") / "discovery")
     options = parser.parse_args()  # fmt: skip
     from discovery_cases import jobs
@@ -50,10 +55,10 @@ def main() -> None:
     listed = jobs(options.seed, options.repeats, options.clean)
     options.out.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
-    rows: list[dict[str, Any]] = []
+    rows = _done(options.out / "study.json", options.seed) if options.resume else []
     context = multiprocessing.get_context("spawn")  # JAX must not be forked
     with context.Pool(options.processes) as pool:
-        for first in range(0, len(listed), options.processes):
+        for first in range(len(rows), len(listed), options.processes):
             if time.monotonic() - begin > 60.0 * options.minutes:
                 break
             for row in pool.map(_run, listed[first : first + options.processes], 1):
@@ -63,6 +68,14 @@ def main() -> None:
                       f"{[n['id'] for n in row['named']]} {row['seconds']:.0f} s "
                       f"{row['failure'][-200:]}", flush=True)  # fmt: skip
             write(rows, options.out, " ".join(sys.argv), options.seed, len(listed))
+
+
+def _done(path: Path, seed: int) -> list[dict[str, Any]]:
+    """Return the rows of an unfinished study in the order in which they were run."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    if content["seed"] != seed:
+        raise SystemExit(f"{path} is of seed {content['seed']}, not {seed}: give another --out.")
+    return sorted(content["rows"], key=lambda row: row["place"])
 
 
 def _run(job: dict[str, Any]) -> dict[str, Any]:
@@ -114,7 +127,8 @@ def table(
         text = "–" if value is None else f"{100 * value:.1f} %" if is_share else f"{value:.2f}"
         cases = f"{gate['count']} of {gate['cases']}" if is_share else f"{gate['cases']}"
         spread = "–" if limits is None else f"{100 * limits[0]:.0f}…{100 * limits[1]:.0f} %"
-        mark = "–" if gate["holds"] is None else "met" if gate["holds"] else "**missed**"
+        met = "met" if gate["is_proven"] else "met, too few cases to show it"
+        mark = "–" if gate["holds"] is None else met if gate["holds"] else "**missed**"
         lines.append(f"| {gate['what']} | {gate['gate']} | {text} | {cases} | {spread} | {mark} |")
     head = ("from", "hidden", "cases", "exact", "in set", "missed", "verdicts", "set size",
             "also named", "traces", "rejected by held-out test")  # fmt: skip

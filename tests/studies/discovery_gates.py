@@ -120,6 +120,7 @@ def _share(what: str, wanted: str, rule: str, values: Iterable[Any]) -> dict[str
     holds = None if rate is None else rate <= limit if rule.startswith("≤") else rate >= limit
     low = float(beta.ppf(0.025, count, num - count + 1)) if count else 0.0
     high = float(beta.ppf(0.975, count + 1, num - count)) if count < num else 1.0
+    is_proven = high <= limit if rule.startswith("≤") else low >= limit
     return {
         "what": what,
         "gate": wanted,
@@ -128,6 +129,7 @@ def _share(what: str, wanted: str, rule: str, values: Iterable[Any]) -> dict[str
         "count": count,
         "cases": num,
         "limits_95": [low, high] if num else None,
+        "is_proven": bool(num) and is_proven,
         "holds": None if wanted == "–" else holds,
     }
 
@@ -144,5 +146,6 @@ def _figure(what: str, wanted: str, values: Sequence[float], reduce: Any) -> dic
         "measured": value,
         "cases": len(values),
         "limits_95": None,
+        "is_proven": bool(len(values)),
         "holds": holds,
     }
