@@ -15,7 +15,7 @@ from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.export import Corrections, mat_bytes, network_variables, simulate_network
 from heatrun.export.contents import _is_same
-from heatrun.export.network_variables import corrected_network, known_laws
+from heatrun.export.network_file import corrected_network, known_laws
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.model import Model
 from heatrun.inference.networks import network_named
@@ -45,16 +45,16 @@ def constant(num=3001, step=1.0, **channels):
     })  # fmt: skip
 
 
-def variables(record, effects=(), motor=MOTOR, network="second", **values):
-    model = Model.of(network, motor, effects)
+def variables(record, effects=(), *, values=(), motor=MOTOR):
+    model = Model.of("second", motor, effects)
     return network_variables(
-        record, VALUES | values, motor, model, rated_speed=100.0 * np.pi, rated_current=100.0
+        record, VALUES | dict(values), motor, model, rated_speed=100.0 * np.pi, rated_current=100.0
     )
 
 
 def test_the_file_reads_back_as_data():
     record = constant(num=5, speed_rpm=3000.0)
-    content = mat_bytes(variables(record, (SpeedCooling,), sensor_offset=0.25)[0])
+    content = mat_bytes(variables(record, (SpeedCooling,), values={"sensor_offset": 0.25})[0])
     found = scipy.io.loadmat(io.BytesIO(content), simplify_cells=True)
     assert list(found["nodes"]) == ["winding", "stator"]
     assert found["links"].tolist() == [["stator", "ambient"], ["winding", "stator"]]
@@ -95,7 +95,7 @@ def test_the_script_holds_the_law_of_every_effect_of_the_catalogue():
 def test_an_effect_of_the_users_own_is_refused_by_name():
     shaft_fan = all_effects([Path(__file__).with_name("shaft_fan.py")])[-1]
     with pytest.raises(InputError, match=r"not that of shaft_fan, which comes from a file after"):
-        variables(constant(num=50, speed_rpm=3000.0), (shaft_fan,), **{"shaft_fan.g": 0.5})
+        variables(constant(num=50, speed_rpm=3000.0), (shaft_fan,), values={"shaft_fan.g": 0.5})
 
 
 def test_a_channel_that_an_effect_needs_is_asked_for():
@@ -105,7 +105,7 @@ def test_a_channel_that_an_effect_needs_is_asked_for():
 
 def test_a_capacitance_that_is_none_is_refused():
     with pytest.raises(InputError, match="above 0, got Ceq_w = -1 J/K"):
-        variables(constant(num=50), Ceq_w=-1.0)
+        variables(constant(num=50), values={"Ceq_w": -1.0})
 
 
 def test_a_map_has_its_own_name_for_the_losses():
@@ -150,7 +150,7 @@ def test_time_counts_from_the_first_sample():
     late = constant(num=601)
     shifted = Record("late", {**late.channels, "time_s": late.time_s + 500.0})
     step = {"cooling_step.k": 2.0, "cooling_step.t_star": 300.0}
-    courses = [simulate_network(mat_bytes(variables(r, (CoolingStep,), **step)[0]))
+    courses = [simulate_network(mat_bytes(variables(r, (CoolingStep,), values=step)[0]))
                for r in (late, shifted)]  # fmt: skip
     np.testing.assert_allclose(courses[0].sensed, courses[1].sensed, atol=1e-9)
     assert courses[1].time[0] == 500.0
