@@ -255,6 +255,17 @@ def test_what_the_run_has_not_is_refused(day):
         export_mat(Path("run"), network="third")
 
 
+def test_an_effect_from_a_file_of_the_user_is_refused_by_name(day):
+    path = Path("run/model_second.toml")
+    path.write_text(path.read_text().replace("effects = []", 'effects = ["shaft_fan"]', 1))
+    listing = json.loads(Path("run/manifest.json").read_text())
+    listing["files"][path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
+    Path("run/manifest.json").write_text(json.dumps(listing))
+    with pytest.raises(InputError, match="not that of shaft_fan"):
+        export_mat(Path("run"), folder=Path("out"))
+    assert not Path("out").exists()
+
+
 @pytest.mark.parametrize("key", ["motor", "tests", "models"])
 def test_a_run_that_lacks_a_part_is_refused(day, key):
     edit(Path("run/fit.json"), lambda result: result.pop(key))

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import doctest
 import json
+import os
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +16,9 @@ import pytest
 import heatrun
 from heatrun import cli
 from heatrun.errors import InputError
+from heatrun.export import simulate_network
 
+OCTAVE = shutil.which("octave-cli")
 MOTOR = """[motor]
 name = "bench"
 rated_speed_rpm = 6000
@@ -97,7 +102,34 @@ def test_sheet_and_export_of_a_network_with_effects(day, capsys, monkeypatch):
     for name in ("sheet.pdf", "sheet.xlsx", "sheet.json"):
         assert Path("sheet", name).read_bytes() == Path("run", name).read_bytes()
     written = json_of(capsys, "export", "run", "--to", "mat", "--out", "matlab")
-    assert any(path.endswith("network.mat") for path in written["files"])
+    assert [Path(path).name for path in written["files"]] == ["network.mat", "run_network.m"]
+    assert written["effects"] == ["speed_cooling", "sensor_lag"]
+    assert written["variables"]["nodes"]["value"] == ["winding", "tooth", "yoke", "rotor"]
+
+
+@pytest.mark.skipif(OCTAVE is None, reason="GNU Octave is not installed")
+@pytest.mark.parametrize("test", ["duty", "step"])
+def test_octave_integrates_the_export_of_the_run(test, day, capsys, monkeypatch):
+    monkeypatch.chdir(day)
+    written = json_of(capsys, "export", "run", "--to", "mat", "--test", test, "--out", test)
+    assert OCTAVE is not None
+    # as it leaves, Octave complains where the home has no folder for its own data
+    own = {**os.environ, "HOME": str(day), "XDG_DATA_HOME": str(day)}
+    done = subprocess.run(
+        [OCTAVE, "--no-init-file", written["files"][1]],
+        capture_output=True, text=True, timeout=120, check=False, env=own,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    table = pd.read_csv(Path(test, "network_course.csv"))
+    course = simulate_network(Path(test, "network.mat").read_bytes())
+    np.testing.assert_allclose(table["reading_degC"], course.reading, rtol=0, atol=1e-3)
+    for node, T in course.temperature.items():
+        np.testing.assert_allclose(table[f"{node}_degC"], T, rtol=0, atol=1e-3, err_msg=node)
+    measured = pd.read_csv(f"{test}.csv")["winding_degC"]
+    rmse = np.sqrt(np.mean((table["reading_degC"] - measured) ** 2))
+    # four decimals are printed, six stand in the table
+    assert f"RMSE of the reading to Tw_m: {rmse:.4f} K over {len(measured)} readings" in done.stdout
+    assert written["rmse_reading_K"] == pytest.approx(rmse, abs=1e-3)
 
 
 def test_the_virtual_report_takes_the_run(day, capsys, monkeypatch):

@@ -6,7 +6,7 @@ from .contents import mat_bytes
 from .course import Course, simulate_variables
 from .mat import export_mat
 from .network_course import NetworkCourse, simulate_network
-from .network_variables import network_variables
+from .network_file import network_variables
 from .rerun import RunAndTest, read_run_test
 from .variables import Corrections, thesis_variables
 

@@ -12,12 +12,13 @@ import scipy.io
 
 from .. import __version__
 from ..inference.networks import BUILT_IN, NetworkForm, network_named
-from . import network_variables as general
-from . import variables as thesis
 from .course import simulate_variables
 from .network_course import simulate_network
-from .network_variables import corrected_network, network_variables
+from .network_file import SCRIPT as NETWORK_SCRIPT
+from .network_file import UNITS as NETWORK_UNITS
+from .network_file import corrected_network, network_variables
 from .rerun import RunAndTest
+from .variables import UNITS as THESIS_UNITS
 from .variables import Corrections, thesis_variables
 
 HEADER_TEXT_BYTES = 116
@@ -124,7 +125,7 @@ def _simulated_network(variables: Variables, corrections: Corrections) -> Simula
 THESIS = Contents(
     file="prova.mat",
     script="run_prova.m",
-    units=thesis.UNITS,
+    units=THESIS_UNITS,
     variables=_of_thesis,
     corrected=lambda variables, corrections, speed: corrections.applied(variables, speed),
     simulated=_simulated_thesis,
@@ -132,8 +133,8 @@ THESIS = Contents(
 
 NETWORK = Contents(
     file="network.mat",
-    script=general.SCRIPT,
-    units=general.UNITS,
+    script=NETWORK_SCRIPT,
+    units=NETWORK_UNITS,
     variables=_of_network,
     corrected=corrected_network,
     simulated=_simulated_network,

@@ -15,7 +15,7 @@ from ..io.file_set import together
 from ..io.whole_files import writable, write_whole
 from ..runs.result import describe_finding
 from .contents import MARK, Simulated, contents_of, mat_bytes
-from .network_variables import refuse_unknown
+from .network_file import refuse_unknown
 from .rerun import RunAndTest, effects_of, read_run_test
 from .variables import Corrections
 
@@ -46,10 +46,10 @@ def export_mat(
             applied to the signals; else these are the record's own samples, as `Tw_m` always is.
 
     Returns:
-        As plain data: the files, test, network (`order`, `title`) and effects, variables with value or
-        shape and unit, the RMSE of the winding of `lptn.simulate` on these variables to `Tw_m` at
-        the samples (that of a report is of block means), the same of what the sensor of the run
-        would read, how far the corrections move the winding [K], notes and findings.
+        As plain data: the files, test, network (`order`, `title`) and effects, variables with
+        value or shape and unit, the RMSE of the winding of `lptn.simulate` on these variables to
+        `Tw_m` at the samples (that of a report is of block means), the same of what the sensor of
+        the run would read, how far the corrections move the winding [K], notes and findings.
 
     Raises:
         InputError: As `read_run_test`, `thesis_variables` and `network_variables`; and if the

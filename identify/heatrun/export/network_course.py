@@ -17,7 +17,7 @@ from lptn.effects.sensor_lag import SensorLag
 from lptn.effects.time_shift import TimeShift
 
 from .grid import Grid
-from .network_variables import RPM
+from .network_file import RPM
 
 SHARE_OF_LONGEST = 0.005
 """As in `heatrun.export.grid`, finer: laws of effects bend between two samples as well."""

@@ -143,10 +143,13 @@ rated_current = p.rated_current_A;
 k = p.phases*p.Rs0/(p.B + p.Tref);
 
 % Classical Runge-Kutta (ode4 in Simulink). The step is the sampling interval, split evenly where
-% that is longer than a twentieth of the fastest time constant.
+% that is longer than a twentieth of the fastest time constant, and into 20 where the machine
+% stops or turns around: powers of the speed have a kink at standstill.
 g0 = 1./R;
 fastest = 1/max((abs(into)*g0)./C);
 parts = max(1, ceil(diff(t)/(fastest/20)));
+turns = x(1:end - 1, 5).*x(2:end, 5) <= 0 & x(1:end - 1, 5) ~= x(2:end, 5);
+parts(turns) = max(parts(turns), 20);
 num_steps = sum(parts);
 at_sample = [1; 1 + cumsum(parts)];
 time = zeros(num_steps + 1, 1);

@@ -13,6 +13,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from lptn.effects import AbstractEffect
@@ -141,14 +142,15 @@ def network_variables(
         notes.append(f"Te holds {sink}, the sink of this motor.")
     if "Rs0" not in values:
         notes.append("Rs0 is 0: the phase resistance does not enter this model.")
-    network = model.form.build(values)
-    starts = model.start({name: np.asarray(value) for name, value in values.items()})
+    arrays = {name: jnp.asarray(value) for name, value in values.items()}
+    network = model.network(arrays)
+    starts = model.start(arrays)
     nodes, links = model.form.nodes, network.links
     capacitance = [float(network.capacitance[node]) for node in nodes]
     resistance = [float(network.resistance[link]) for link in links]
     _refuse_negative(model, values, record.name)
-    untimed = {name: np.asarray(v) for name, v in values.items() if name != "load_timing"}
-    effects = [_effect(effect) for effect in model.built_effects(untimed)]
+    arrays.pop("load_timing", None)  # shifts the reading, and is no effect of the machine
+    effects = [_effect(effect) for effect in model.built_effects(arrays)]
     variables: dict[str, Any] = {
         "B": _scalar(model.coefficient),
         "Rs0": _scalar(values.get("Rs0", 0.0)),
@@ -244,10 +246,11 @@ def _effect(effect: AbstractEffect) -> dict[str, Any]:
         "parameters": {name: _scalar(float(getattr(effect, name))) for name in card.parameters},
         "units": {name: quantity.unit for name, quantity in card.parameters.items()},
     }
-    if hasattr(effect, "node"):
-        struct["node"] = effect.node
-    if hasattr(effect, "link"):
-        struct["link"] = _cell([effect.link], 2)
+    node, link = getattr(effect, "node", None), getattr(effect, "link", None)
+    if node is not None:
+        struct["node"] = node
+    if link is not None:
+        struct["link"] = _cell([link], 2)
     return struct
 
 
