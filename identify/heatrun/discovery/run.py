@@ -137,7 +137,7 @@ def discover(
     if not np.all(np.isfinite(start.residual)) or start.chi2 > 1e9:
         raise InputError(
             "the network cannot be fitted to these tests at all.",
-            where=problem.label,
+            where=engine.problem.label,
             remedy="Run `heatrun calibrate` on them first: it says what is wrong.",
         )
     watch.lap("base fit")
