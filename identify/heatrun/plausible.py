@@ -47,6 +47,10 @@ WIDTHS = 25.0
 width is four standard deviations of the prior."""
 
 
+LOG_WIDTHS = 10.0
+"""The same for a log-normal parameter, in standard deviations of the logarithm."""
+
+
 def refuse_implausible(
     name: str, said: ParameterOverride, unit: str, limits: tuple[float, float], where: str
 ) -> None:
@@ -99,6 +103,6 @@ def limits_around(centre: float, sd: float, *, is_log: bool) -> tuple[float, flo
         is_log: Whether the prior is one of the logarithm.
     """
     if is_log:
-        reach = math.exp(min(WIDTHS * sd, 200.0))
+        reach = math.exp(min(LOG_WIDTHS * sd, 200.0))
         return centre / reach, centre * reach
     return centre - 4.0 * WIDTHS * sd, centre + 4.0 * WIDTHS * sd

@@ -52,7 +52,7 @@ def test_so_are_those_of_an_effect(bad, motor, blocks):
     evil = replace(motor, parameters={name: said})
     model = replace(Model.of("second", evil), effects=(kind,))
     with pytest.raises(InputError, match=f"is beyond what {name} is in any machine"):
-        parameters(model, evil, [blocks])
+        parameters(model, evil, [blocks], searched=(kind,))
 
 
 def test_the_defaults_and_their_units_are_within_the_ranges(motor, blocks):

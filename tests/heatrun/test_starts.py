@@ -37,7 +37,8 @@ def lagging(record):
     winding = record["winding_degC"].copy()
     for i in range(1, winding.size):
         share = 1.0 - np.exp(-(record.time_s[i] - record.time_s[i - 1]) / LAG_S)
-        winding[i] = winding[i - 1] + share * (record["winding_degC"][i] - winding[i - 1])
+        between = 0.5 * (record["winding_degC"][i] + record["winding_degC"][i - 1])
+        winding[i] = winding[i - 1] + share * (between - winding[i - 1])
     return replace(record, channels={**record.channels, "winding_degC": winding})
 
 

@@ -31,6 +31,10 @@ SOAKED_K, UNSOAKED_K = 1.0, 5.0
 """How far [K] the measured node of a machine may be from the sink after it has soaked there, and
 from the first reading where it has not."""
 
+APART_K, APART = 0.3, 0.5
+"""How far [K] the nodes of a soaked machine may be apart, and as a share of what is left of its
+rise [1]."""
+
 
 def start_draws(
     model: Model,
@@ -81,10 +85,12 @@ def _prior(
     own = np.array([known[name].sd for name in free])
     is_measured = np.array([node_of[name] == model.form.measured_node for name in free])
     sink = float(test.inputs.ambient[0])
-    is_soaked = abs(test.start_degC - sink) < COLD_START_K
+    rise = test.start_degC - sink
+    is_soaked = abs(rise) < COLD_START_K
     own[is_measured] = SOAKED_K if is_soaked else UNSOAKED_K
     if is_soaked:
-        mean = mean + (sink - test.start_degC)
+        mean = mean - rise
+        own[~is_measured] = max(APART_K, APART * abs(rise))
     measured = {model.form.measured_node}
     if test.stator_start_degC is not None:
         measured |= {model.form.sensed(STATOR) or model.form.measured_node}

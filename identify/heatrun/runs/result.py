@@ -101,7 +101,7 @@ def describe_model(
         (main if is_main else nuisances)[slot.name] = entry
     for parameter in fit.problem.parameters.by_test[0].values():
         if parameter.fixed is not None:
-            is_main = parameter.role in ("network", "resistance")
+            is_main = parameter.role in ("network", "resistance", "effect", "known")
             (main if is_main else nuisances)[parameter.name] = _fixed(parameter)
     matrix = np.corrcoef(np.stack([draws[s.name].ravel() for s in slots]))
     size = fit.vector.size

@@ -241,7 +241,7 @@ def applies(kind: type[AbstractEffect], network: Network) -> bool:
     link = _places(kind).get("link")
     if not kind.fits(network):
         return False
-    return link is None or link in network.links or network.boundary in link
+    return link is None or link in network.links or _leads_out(link, network)
 
 
 def build(
@@ -301,6 +301,11 @@ def build_all(
             network = effect.extend(network)
         built.append(effect)
     return tuple(built)
+
+
+def _leads_out(link: Link, network: Network) -> bool:
+    """Whether a link of a card is the one to the sink, whatever a network calls its sink."""
+    return link[1] in (Network.boundary, network.boundary)
 
 
 def _places(kind: type[AbstractEffect]) -> dict[str, Any]:

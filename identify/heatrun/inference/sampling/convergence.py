@@ -76,7 +76,8 @@ def judge(chains: Float[np.ndarray, "ensemble step walker parameter"]) -> Conver
     from emcee.autocorr import integrated_time  # as in `posterior`: only who samples needs it
 
     _, num_steps, num_walkers, _ = chains.shape
-    times = np.mean([integrated_time(chain, quiet=True, tol=0) for chain in chains], axis=0)
+    with np.errstate(invalid="ignore"):  # a walker that never moved: 0/0, taken for all its steps
+        times = np.mean([integrated_time(chain, quiet=True, tol=0) for chain in chains], axis=0)
     times = np.maximum(np.where(np.isfinite(times), times, num_steps), 1.0)
     draws = chains.shape[0] * num_steps * num_walkers / times
     return Convergence(
