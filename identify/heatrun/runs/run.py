@@ -316,8 +316,8 @@ def _require_shape(result: Mapping[str, Any]) -> None:
         for entry in (*model["parameters"].values(), *model["nuisances"].values()):
             float(entry["value"])
     for test in result["tests"]:
-        test["name"], test["role"], test["sha256"]
-    str(result["motor"]["name"])
+        _ = test["name"], test["role"], test["sha256"]
+    _ = result["motor"]["name"]
 
 
 def _whole(run: Run, name: str, make: Callable[[], T]) -> T:

@@ -59,7 +59,9 @@ def rewrite_sheet(run: Path, folder: Path) -> list[Path]:
         InputError: If the folder is no run, or misses one of its files.
     """
     opened = open_run(run)
-    opened.posterior(), opened.courses()  # a damaged file is named before anything is written
+    # a damaged file is named before anything is written
+    opened.posterior()
+    opened.courses()
     try:
         with writable("the sheet", folder), together(folder, "sheet") as files:
             written = write_sheet(opened, files.aside)
