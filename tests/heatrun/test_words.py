@@ -11,10 +11,12 @@ import pytest
 import heatrun
 
 ROOT = Path(heatrun.__file__).parent
-ROOMS = ("app", "bench", "commands", "inference")
+ROOMS = (
+    "app", "bench", "commands", "discovery", "export", "inference", "ratings", "reports", "runs",
+)  # fmt: skip
 
 OTHER_TERMS = {
-    r"\branges?\b(?! of the amplifier)": "95 % intervals",
+    r"(?<!tested )\branges?\b(?! of the amplifier)": "95 % intervals",
     r"weighted draws|draws that count": "importance sampling",
     r"effective draws": "effective sample size",
     r"sampling has (not )?converged": "MCMC converged",
@@ -61,7 +63,7 @@ def sentences(path: Path) -> list[tuple[int, str]]:
 def test_sentences_use_the_terms_of_the_glossary(room):
     files = sorted((ROOT / room).rglob("*.py"))
     texts = [(path, line, text) for path in files for line, text in sentences(path)]
-    assert len(texts) > 40  # a room without sentences would pass unread
+    assert len(texts) > 20  # a room without sentences would pass unread
     wrong = [
         f"{path.relative_to(ROOT)}:{line}: {text!r} (write: {term})"
         for path, line, text in texts

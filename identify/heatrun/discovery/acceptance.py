@@ -106,7 +106,7 @@ def _reason(rival: Rival, unsound: str) -> str:
     fall = rival.left_out_without_K - rival.left_out_K
     if fall < BETTER_K or fall < BETTER_SHARE * rival.left_out_without_K:
         return (
-            f"it does not predict parts left out better ({rival.left_out_without_K:.2f} K "
+            f"it does not pass cross-validation (RMSE {rival.left_out_without_K:.2f} K "
             f"without it, {rival.left_out_K:.2f} K with it)"
         )
     return ""

@@ -145,7 +145,7 @@ def _effect(found: Discovery, shown: Shown, named: Named) -> dict[str, Any]:
                 "delta_log_evidence": -swap.delta_log_evidence,
                 "share_of_gap": swap.share,
                 "parameters": swap.values,
-                "reason": swap.reason or "cannot be told apart on these tests",
+                "reason": swap.reason or "not distinguishable from these tests",
             }
             for swap in named.swaps
         ],

@@ -55,7 +55,7 @@ def verdict(
         tied = [n for n in named if n.equivalents]
         names = " and ".join(_with_rivals(n) for n in named)
         if tied:
-            return Verdict("ambiguous", f"Missing is {names}; these tests cannot tell which.")
+            return Verdict("ambiguous", f"Missing is {names}; these tests do not distinguish them.")
         return Verdict("named", f"Missing was {names}; with it only noise is left.")
     if named:
         names = " and ".join(n.rival.candidate.id for n in named)
@@ -68,8 +68,8 @@ def verdict(
     if not before.is_adequate:
         close = [r.candidate.id for r in first.rivals if r.gap_K > HALF * before.misfit_K]
         several = (
-            f"; {', '.join(close[:4])} would each close much of it, but none is borne out by parts "
-            "left out, a physical amplitude and the rest of the residuals"
+            f"; {', '.join(close[:4])} would each close much of it, but none has a physical "
+            "amplitude, passes cross-validation and explains the rest of the residuals"
             if close
             else ""
         )
@@ -83,8 +83,8 @@ def verdict(
     if visible < ENOUGH_VISIBLE:
         return Verdict(
             "not_identifiable",
-            f"Nothing is seen to be missing, but these tests could show only "
-            f"{100 * visible:.0f} % of the effects: they say nothing about the others.",
+            f"No missing effect is seen, but these tests could show only {100 * visible:.0f} % of "
+            "the effects: the others are not identifiable from them.",
         )
     return Verdict(
         "adequate", f"Nothing is missing that these tests would show{_beside(first, traces)}."

@@ -185,7 +185,7 @@ def bridged(record: Record, channel: str, notes: list[str], power: int = 1) -> n
         return values
     line = np.interp(record.time_s, record.time_s[is_read], values[is_read] ** power)
     notes.append(
-        f"{int(np.sum(~is_read))} missing samples of {channel} were bridged by straight lines"
-        f"{' through its square' if power == 2 else ''}, as in the run."
+        f"{int(np.sum(~is_read))} missing samples of {channel} were interpolated linearly"
+        f"{' in its square' if power == 2 else ''}, as in the run."
     )
     return np.where(is_read, values, line ** (1.0 / power))

@@ -76,7 +76,7 @@ def discovery_text(result: Mapping[str, Any]) -> str:
         )
         lines.append(f"{effect['id']}: {figures}")
         if effect["equivalents"]:
-            lines.append(f"  cannot be told from {', '.join(effect['equivalents'])}")
+            lines.append(f"  not distinguishable from {', '.join(effect['equivalents'])}")
     for name, key in (("calibration", "calibration"), ("held out", "holdout")):
         gap = result[key]
         if gap is not None:

@@ -13,14 +13,14 @@ VERDICTS = {
     "named": "Found what was missing",
     "ambiguous": "Found a set that these tests cannot separate",
     "unexplained": "Something is missing that no effect of the catalogue accounts for",
-    "not_identifiable": "These tests cannot tell",
+    "not_identifiable": "Not identifiable from these tests",
 }
 
 LIMITS = (
     "An effect is accepted only if a clean record would reach its score in fewer than 5 % of "
-    "cases, its amplitude is physical and significantly different from zero, parts left out are "
-    "predicted better by 10 % and 0.05 K at least, it closes a gap that matters, and no held-out "
-    "test is predicted worse. The laws of the catalogue stand for the machine's own; a name says "
+    "cases, its amplitude is physical and significantly different from zero, it passes "
+    "cross-validation (RMSE better by 10 % and 0.05 K at least), it closes a gap that matters, and "
+    "no held-out test is predicted worse. The laws of the catalogue stand for the machine's own; a name says "
     "which of them fits, not that no other could.",
     "The evidence takes the noise as estimated with room for the whole catalogue; its capped "
     "correlation time and the spread between physical laws are why a rival that closes nearly the "

@@ -130,7 +130,7 @@ def _axis(test: Record, reference: Record, offset_s: float) -> tuple[np.ndarray,
     head = f"Common axis: the samples of the {coarse} ({steps[coarse]:.3g} s apart)"
     if steps[fine] <= FINER * steps[coarse]:
         return axis, f"{head}; the {fine} is averaged over the time each stands for.", fine
-    return axis, f"{head}; the {fine} is interpolated by straight lines.", ""
+    return axis, f"{head}; the {fine} is interpolated linearly.", ""
 
 
 def _on(
