@@ -39,6 +39,25 @@ def test_the_command_names_what_is_hidden_and_writes_its_folder(tmp_path, capsys
     for name in ("discovery.pdf", "sheet.pdf", "fit.json", "posterior_second.nc", "manifest.json"):
         assert (run / name).stat().st_size > 0
     assert not run.with_name("run.partial").exists()
+    # what was found can be used: the same model, the same number, everywhere
+    held_out = str(DATA / "other_staircase.csv.gz")
+    words = ["simulate", str(DATA / "motor.toml"), str(run), held_out, "--out", str(tmp_path)]
+    assert main([*words, "--json"]) == 0
+    (simulated,) = json.loads(capsys.readouterr().out)["simulated"]
+    assert simulated["effects"] == truth["hidden"]
+    assert simulated["rmse_K"] == pytest.approx(said["holdout"]["rmse_after_K"], rel=1e-6)
+    for kind in ("thermal", "virtual"):
+        words = ["report", "--type", kind, "--run", str(run), str(DATA / "motor.toml"), held_out]
+        assert main([*words, "--json", "--out", str(tmp_path / "reports")]) == 0
+        report = capsys.readouterr().out
+        if kind == "thermal":
+            row = report.split('"rmse_K"')[1]
+            found = float(row.split('"value": ')[1].split(",")[0])
+            assert found == pytest.approx(simulated["rmse_K"], rel=1e-9)
+    assert main(["sheet", str(run), "--out", str(tmp_path / "sheet")]) == 0
+    assert "speed_cooling" in (tmp_path / "sheet" / "sheet.json").read_text()
+    assert main(["export", str(run), "--to", "mat", "--out", str(tmp_path / "matlab")]) == 0
+    assert (tmp_path / "matlab" / "network.mat").stat().st_size > 0
 
 
 def test_a_file_of_effects_that_is_not_there_is_an_error(tmp_path, capsys):

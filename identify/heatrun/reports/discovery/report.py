@@ -20,8 +20,8 @@ LIMITS = (
     "An effect is accepted only if a clean record would reach its score in fewer than 5 % of "
     "cases, its amplitude is physical and significantly different from zero, it passes "
     "cross-validation (RMSE better by 10 % and 0.05 K at least), it closes a gap that matters, and "
-    "no held-out test is predicted worse. The laws of the catalogue stand for the machine's own; a name says "
-    "which of them fits, not that no other could.",
+    "no held-out test is predicted worse. The laws of the catalogue stand for the machine's own; a "
+    "name says which of them fits, not that no other could.",
     "The evidence takes the noise as estimated with room for the whole catalogue; its capped "
     "correlation time and the spread between physical laws are why a rival that closes nearly the "
     "whole gap counts as tied whatever the evidence says.",
