@@ -19,14 +19,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from . import runtime as runtime
+from .version import __version__ as __version__
 
 if TYPE_CHECKING:
     from .api import Found, calibrate, check, compare, discover, simulate
     from .errors import InputError
     from .motorfile import load_motor
     from .runs.run import Run, open_run
-
-__version__ = "0.1.0"
 
 __all__ = [
     "Found",

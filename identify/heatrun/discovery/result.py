@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from .. import __version__
 from ..inference.effect_parameters import qualified
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
+from ..version import __version__
 from .fates import describe_candidates, test_name
 from .final_check import Adequacy
 from .library import Candidate

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import scipy.io
 
-from .. import __version__
 from ..inference.networks import BUILT_IN, NetworkForm, network_named
+from ..version import __version__
 from .course import simulate_variables
 from .network_course import simulate_network
 from .network_file import SCRIPT as NETWORK_SCRIPT

@@ -9,7 +9,6 @@ import numpy as np
 
 from lptn.effects import AbstractEffect
 
-from .. import __version__
 from ..bench.blocks import Blocks
 from ..bench.channels.column_mapping import describe_mapping
 from ..bench.record import Finding, Record
@@ -23,6 +22,7 @@ from ..inference.predict import Prediction
 from ..inference.sampling.importance import evaluate
 from ..motor import Motor
 from ..ratings.figures import derive
+from ..version import __version__
 
 FORMAT = "heatrun-fit/1"
 
