@@ -19,7 +19,7 @@ from .inference.effect_parameters import effect_names
 from .inference.model import Model, override_names, parameters
 from .inference.networks import NetworkForm, network_named
 from .inference.predict import Prediction, predict
-from .inference.virtual import reduce_driven, refuse_runaway, virtual_record
+from .inference.virtual import reduce_driven, refuse_coarse_steps, refuse_runaway, virtual_record
 from .io.file_set import together
 from .io.toml_text import LARGEST_BYTES, parse_toml
 from .io.whole_files import writable, write_whole
@@ -112,14 +112,9 @@ def predict_values(
             fixed[name] = replace(parameter, fixed=values.get(name, default))
     exact = replace(known, by_test=(fixed,), slots=())
     draws = Draws(model, motor, exact, np.zeros((1, NUM_NOISE)))
-    try:
-        found = predict(draws, blocks)
-    except ValueError as error:
-        raise InputError(
-            str(error), where=record.name,
-            remedy="Give a record at a higher rate, or look whether the units of the parameters "
-            "are J/K and K/W.",
-        ) from error  # fmt: skip
+    given = {name: p.fixed for name, p in fixed.items() if p.fixed is not None}
+    refuse_coarse_steps(model, given, blocks)
+    found = predict(draws, blocks)
     refuse_runaway(found, record.name)
     return found
 

@@ -20,7 +20,7 @@ from heatrun.bench.joined import read_test
 from heatrun.bench.reduction import reduce
 from heatrun.inference.fit import fit
 from heatrun.inference.fit_result import Fit
-from heatrun.inference.model import Model, Order
+from heatrun.inference.model import Model
 from heatrun.inference.noise import NOISE
 from heatrun.inference.problem import Problem, log_posterior
 from heatrun.inference.sampling.importance import Weighted
@@ -39,7 +39,7 @@ ACCEPT = 0.95
 diverge where the white noise goes to zero, and the tail there is missed."""
 
 
-def fitted(test: str, order: Order) -> Fit:
+def fitted(test: str, order: str) -> Fit:
     """Return the fit of a bundled record."""
     motor = load_motor(SYNTHETIC / "motor.toml")
     blocks = reduce(read_test(SYNTHETIC / f"{test}.csv.gz", motor), motor)

@@ -165,7 +165,7 @@ def test_draws_that_do_not_fit_on_the_disk_do_not_end_the_process(tmp_path):
     """HDF5 itself, left to write to a full disk, once ended it with signal 11."""
     program = (
         "import pathlib, resource, numpy, xarray\n"
-        "from heatrun import archive\n"
+        "from heatrun.runs import netcdf as archive\n"
         "draws = xarray.Dataset({'a': ('draw', numpy.random.default_rng(1).normal(size=9000))})\n"
         "class Groups(dict):\n"
         "    groups = dict.keys\n"
@@ -209,7 +209,7 @@ def test_an_interrupt_ends_with_130_and_a_word(inputs, tmp_path):
     command.send_signal(signal.SIGINT)
     said += command.communicate()[1]
     assert command.returncode == 130
-    assert "interrupted; the same command goes on" in said
+    assert "interrupted; the same command resumes" in said
     assert "Traceback" not in said
     assert [p.name for p in tmp_path.iterdir()] == ["run.partial"]
 

@@ -104,6 +104,7 @@ def test_every_candidate_has_a_fate_and_a_reason_and_the_report_is_written(coole
     assert written.read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.slow
 def test_without_its_name_in_the_catalogue_the_cause_stays_unexplained(cooled):
     """And no wrong name is claimed for it: the place and the watts are there all the same."""
     _, motor, tests, _ = cooled
@@ -145,6 +146,7 @@ def test_a_single_load_step_cannot_tell(hidden_bench):
     assert not found.named
 
 
+@pytest.mark.slow
 def test_a_users_effect_is_found_when_it_is_the_hidden_one(cooled):
     """Its one file stands in for what the catalogue would call speed cooling."""
     case, motor, tests, _ = cooled

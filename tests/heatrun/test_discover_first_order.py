@@ -72,6 +72,7 @@ def without_the_effect():
     return found, held_out
 
 
+@pytest.mark.slow
 def test_an_effect_that_worsens_a_held_out_test_is_not_added(without_the_effect):
     found, held_out = without_the_effect
     blind, seeing = found([]), found(held_out)

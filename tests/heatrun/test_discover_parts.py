@@ -29,7 +29,7 @@ USER_EFFECT = MINE.read_text()
 @pytest.fixture(scope="module")
 def engine(blocks, motor):
     found = library(EFFECTS, second_order(1.0, 1.0, 1.0, 1.0), [blocks])
-    return Engine(Problem.of(Model.of("second", motor, found.kinds), motor, [blocks]))
+    return Engine(Problem.of(Model.of("second", motor, found.kinds), motor, [blocks], found.kinds))
 
 
 @pytest.fixture(scope="module")

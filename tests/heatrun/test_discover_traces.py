@@ -11,6 +11,8 @@ from heatrun.discovery.result import describe_trace
 from heatrun.discovery.run import discover
 from heatrun.motor import Motor
 
+pytestmark = pytest.mark.slow
+
 
 def found_on(hidden_bench, hidden, seed, target_K):
     case = hidden_bench.make_case(hidden, seed, target_K=target_K, resolution_K=0.1)

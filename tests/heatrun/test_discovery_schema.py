@@ -12,6 +12,8 @@ import pytest
 from heatrun.discovery.result import FORMAT
 from heatrun.runs.run_folder import dump
 
+pytestmark = pytest.mark.slow
+
 SCHEMA = json.loads((files("heatrun.discovery") / "schema.json").read_text(encoding="utf-8"))
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 

@@ -120,6 +120,8 @@ def test_gradients_are_finite_and_true(kind, losses, short):
         gradient = gradient_of(values)
         for name, quantity in kind.card.parameters.items():
             width = 1e-2 if name == "t_star" else 1e-4 * (quantity.high - quantity.low)
+            if quantity.null is None:  # beside its own size: a range may span three decades
+                width = min(width, 1e-3 * float(values[name])) if values[name] else width
             if at_null and quantity.null is not None and quantity.null <= quantity.low:
                 points, factors = (0.0, 1.0, 2.0), (-1.5, 2.0, -0.5)  # one-sided, second order
             else:

@@ -9,6 +9,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+pytestmark = pytest.mark.slow
+
 DEVELOPMENT_SEED = 4_000
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -9,11 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 
+from lptn import growth_rate, longest_step
+
 from ..bench.blocks import Blocks
 from ..bench.record import Record
 from ..bench.reduction import reduce
 from ..errors import InputError
 from ..motor import Motor
+from .model import Model
 from .predict import Prediction
 
 MELTING_DEGC = 1085.0
@@ -94,6 +98,28 @@ def virtual_record(found: Prediction, record: Record, motor: Motor) -> pd.DataFr
     return pd.DataFrame(columns)[inside].reset_index(drop=True)
 
 
+def refuse_coarse_steps(model: Model, values: Mapping[str, float], blocks: Blocks) -> None:
+    """Refuse a record whose steps are longer than the fastest node allows.
+
+    Args:
+        model: Network with effects.
+        values: Parameters of the network by name.
+        blocks: The reduced record.
+
+    Raises:
+        InputError: With both lengths.
+    """
+    network = model.network({name: jnp.asarray(value) for name, value in values.items()})
+    longest, step = float(longest_step(network)), float(np.max(np.asarray(blocks.inputs.step)))
+    if step > longest:
+        raise InputError(
+            f"the step of {step:.3g} s is longer than the fastest node allows ({longest:.3g} s).",
+            where=blocks.name,
+            remedy="Give a record at a higher rate, or look whether the units of the parameters "
+            "are J/K and K/W.",
+        )
+
+
 def refuse_runaway(found: Prediction, where: str) -> None:
     """Refuse a prediction that leaves the temperatures at which there is a machine.
 
@@ -109,10 +135,18 @@ def refuse_runaway(found: Prediction, where: str) -> None:
     if not is_beyond.any():
         return
     first = float(found.time_s[int(np.argmax(is_beyond))])
+    values = {name: jnp.asarray(np.median(draws)) for name, draws in found.values.items()}
+    squared = float(np.max(np.asarray(found.test.inputs.current_squared)))
+    growth = growth_rate(found.model.network(values), found.model.losses(values), squared)
+    reason = (
+        f"At {np.sqrt(squared):.0f} A it runs away: the copper loss rises faster with the "
+        "temperature than the heat that leaves."
+        if growth > 0.0
+        else "The losses are too large for these resistances."
+    )
     raise InputError(
         f"the model passes {MELTING_DEGC:.0f} degC, where copper melts, after about {first:.0f} s "
-        "of this test: the losses are too large for these resistances, or the copper loss rises "
-        "faster with the temperature than the heat that leaves.",
+        f"of this test. {reason}",
         where=where,
         remedy="Is the run of this motor? Check the units of current (rms), losses (W) and "
         "parameters (J/K, K/W).",

@@ -1,0 +1,3 @@
+"""The version that results and files state."""
+
+__version__ = "0.1.0"
