@@ -61,7 +61,7 @@ study-coverage: $(VENV)/ready
 	$(BIN)/python tests/studies/coverage_study.py
 
 notebooks: $(VENV)/ready
-	$(BIN)/pytest -n auto -m notebook
+	$(BIN)/pytest -n auto -m notebook $(if $(NOTEBOOKS),-k "$(NOTEBOOKS)")
 
 # Hashes for every platform and Python from 3.11 on, no index addresses.
 lock:

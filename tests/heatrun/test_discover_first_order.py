@@ -20,6 +20,9 @@ X, TAU = 0.14485 / 0.11625, 0.14485 * 666.75 * 15060.1 / (666.75 + 15060.1)
 """The reference machine's: resistances in a row, and how fast two bodies even out [s]."""
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     run = tmp_path_factory.mktemp("first") / "run"
