@@ -5,7 +5,8 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -18,12 +19,11 @@ from .bench.joined import read_test
 from .calibration import BenchTest, load_tests
 from .inference.catalogue import all_effects, known_effects
 from .inference.networks import NetworkForm, network_named, networks_of
-from .inference.virtual import virtual_record
 from .jobs import calibrate_into, discover_into
 from .motor import Motor
 from .motorfile import load_motor
 from .runs.run import Run, open_run
-from .simulation import predict_values
+from .simulation import simulate_values
 
 Files = Sequence[str | Path] | str | Path
 Method = Literal["emcee", "quick"]
@@ -115,12 +115,12 @@ def calibrate(
     machine = _motor(motor)
     read = load_tests(machine, _paths(tests), _paths(holdout))
     networks = (model,) if isinstance(model, NetworkForm) else networks_of(model)
-    folder, is_kept = _folder(out)
-    _, path = calibrate_into(
-        folder, machine, read, networks, effects=known_effects(machine, ",".join(effects)),
-        method=method, seed=seed, command="heatrun.calibrate",
-    )  # fmt: skip
-    return _opened(path, is_kept)
+    with _folder(out) as (folder, is_kept):
+        _, path = calibrate_into(
+            folder, machine, read, networks, effects=known_effects(machine, ",".join(effects)),
+            method=method, seed=seed, command="heatrun.calibrate",
+        )  # fmt: skip
+        return _opened(path, is_kept)
 
 
 def compare(
@@ -184,12 +184,12 @@ def discover(
     if model is not None:
         form = network_named(model)
     files = [Path(file) for file in own_effects]
-    folder, is_kept = _folder(out)
-    job = discover_into(
-        folder, machine, read, form, kinds=all_effects(files), known=known, files=files,
-        method=method, seed=seed, command="heatrun.discover",
-    )  # fmt: skip
-    return Found(_opened(job.path, is_kept))
+    with _folder(out) as (folder, is_kept):
+        job = discover_into(
+            folder, machine, read, form, kinds=all_effects(files), known=known, files=files,
+            method=method, seed=seed, command="heatrun.discover",
+        )  # fmt: skip
+        return Found(_opened(job.path, is_kept))
 
 
 def simulate(
@@ -212,8 +212,7 @@ def simulate(
     machine = _motor(motor)
     record = read_test(Path(test), machine)
     if isinstance(source, Mapping):
-        found = predict_values(machine, source, record, model or "second")
-        return virtual_record(found, record, machine)
+        return simulate_values(machine, source, record, model or "second")
     run = source if isinstance(source, Run) else open_run(source)
     return run.simulate(record, network=model, motor=machine, seed=seed)
 
@@ -233,11 +232,18 @@ def _paths(files: Files) -> list[Path]:
     return [Path(file) for file in ([files] if isinstance(files, str | Path) else files)]
 
 
-def _folder(out: str | Path | None) -> tuple[Path, bool]:
-    """Return where a run goes, and whether it stays."""
+@contextmanager
+def _folder(out: str | Path | None) -> Iterator[tuple[Path, bool]]:
+    """Give where a run goes, and whether it stays; a job that fails leaves nothing behind."""
     if out is not None:
-        return Path(out), True
-    return Path(tempfile.mkdtemp(prefix="heatrun-")) / "run", False
+        yield Path(out), True
+        return
+    made = tempfile.mkdtemp(prefix="heatrun-")
+    try:
+        yield Path(made) / "run", False
+    except BaseException:
+        shutil.rmtree(made, ignore_errors=True)
+        raise
 
 
 def _opened(path: Path, is_kept: bool) -> Run:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 class InputError(ValueError):
     """Bad input from outside: a file, a channel, a setting. The command ends with exit code 1.
@@ -37,3 +40,15 @@ def of_file(error: OSError) -> InputError:
         remedy="Make room or choose another folder; the same command goes on from what was "
         "finished.",
     )
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return "Did you mean a or b?" for the known words nearest to a word, or an empty text.
+
+    Args:
+        word: What came.
+        known: What was expected.
+    """
+    folded = {candidate.casefold(): candidate for candidate in known}
+    near = difflib.get_close_matches(word.casefold(), folded, n=3, cutoff=0.5)
+    return f"Did you mean {' or '.join(repr(folded[key]) for key in near)}?" if near else ""

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, cast
 
-from .bench.channels.claims import did_you_mean, parse_claims
+from .bench.channels.claims import parse_claims
 from .bench.readers.open_file import read_start
-from .errors import InputError
-from .io.toml_text import LARGEST_BYTES, parse_toml
+from .errors import InputError, did_you_mean
+from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
 from .motor import Motor, ParameterOverride
 from .plausible import RANGES, UNITS, refuse_implausible
 
@@ -81,10 +81,10 @@ def parse_motor(data: bytes, where: str) -> Motor:
         where: The file, for messages.
     """
     content = parse_toml(data, where)
-    _check_keys(content, (*KEYS, "model", "columns", "parameters"), where, "section")
+    check_keys(content, (*KEYS, "model", "columns", "parameters"), where, "section")
     sections = {name: _section(content, name, where) for name in KEYS}
     for name, keys in KEYS.items():
-        _check_keys(sections[name], keys, f"{where}, [{name}]", "key")
+        check_keys(sections[name], keys, f"{where}, [{name}]", "key")
     motor, winding, vehicle = sections["motor"], sections["winding"], sections["vehicle"]
     if "name" not in motor:
         raise InputError(
@@ -132,16 +132,6 @@ def _section(content: Mapping[str, Any], name: str, where: str) -> Mapping[str, 
             remedy=f"Write [{name}] on a line of its own.",
         )
     return section
-
-
-def _check_keys(content: Mapping[str, Any], known: tuple[str, ...], where: str, kind: str) -> None:
-    for key in content:
-        if key not in known:
-            raise InputError(
-                f"The {kind} '{key[:60]}' is not known. {did_you_mean(key[:60], known)}".strip(),
-                where=where,
-                remedy=f"Known are: {', '.join(known)}.",
-            )
 
 
 def _shown(value: Any) -> str:
@@ -235,7 +225,7 @@ def _coefficient(winding: Mapping[str, Any], where: str) -> float:
 
 def _effects(section: Mapping[str, Any], where: str) -> tuple[str, ...]:
     at = f"{where}, [model]"
-    _check_keys(section, ("effects",), at, "key")
+    check_keys(section, ("effects",), at, "key")
     effects = section.get("effects", [])
     if not isinstance(effects, list) or not all(isinstance(e, str) for e in effects):
         raise InputError(
@@ -264,7 +254,7 @@ def _parameters(section: Mapping[str, Any], where: str) -> dict[str, ParameterOv
                 where=at,
                 remedy=f"Write [parameters.{name}] and below it fixed = 0.1, for example.",
             )
-        _check_keys(keys, OVERRIDE_KEYS, at, "key")
+        check_keys(keys, OVERRIDE_KEYS, at, "key")
         overrides[name] = said = _override(keys, at)
         unit = UNITS.get(name)
         if unit is not None:  # those of effects are looked at where the effects are known

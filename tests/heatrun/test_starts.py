@@ -79,3 +79,12 @@ def test_readings_after_the_first_blocks_are_not_read(exact, motor, truth):
     moved = replace(exact, channels={**exact.channels, "winding_degC": winding})
     one, two = (predict_values(motor, values, record, "second") for record in (exact, moved))
     assert np.array_equal(one.median, two.median)
+
+
+def test_a_measured_stator_starts_where_its_sensor_says(exact, motor, truth):
+    """Winding and stator 1.5 K above the sink: not soaked to the end, and both are measured."""
+    channels = {**exact.channels, "ambient_degC": exact["ambient_degC"] - 1.5}
+    stator = np.full_like(exact["winding_degC"], exact["winding_degC"][0])
+    warm = replace(exact, channels={**channels, "stator_degC": stator})
+    found = predict_values(motor, {**truth, "Rs0": 0.0062}, warm, "second")
+    assert float(found.values["Tsr_start"][0]) == pytest.approx(stator[0], abs=0.2)

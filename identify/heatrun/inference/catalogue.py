@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib.util
 import inspect
 import sys
@@ -13,7 +12,7 @@ from pathlib import Path
 from lptn import EFFECTS
 from lptn.effects import AbstractEffect, HeatEffect, NodeEffect, SensorEffect
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..motor import Motor
 
 GROUP = "heatrun.effects"
@@ -38,11 +37,10 @@ def effects_named(
     kinds = {kind.card.id: kind for kind in all_effects(files)}
     for name in ids:
         if name not in kinds:
-            near = difflib.get_close_matches(name, kinds, n=1)
             raise InputError(
                 f"there is no effect {name!r:.60}.",
                 where=where,
-                remedy=f"Did you mean {near[0]!r}?" if near else f"There are {', '.join(kinds)}.",
+                remedy=did_you_mean(name, kinds) or f"There are {', '.join(kinds)}.",
             )
     if len(set(ids)) < len(ids):
         raise InputError(f"an effect is named twice: {', '.join(ids)}.", where=where)

@@ -8,7 +8,6 @@ said nothing.
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..motor import Motor, ParameterOverride
 from ..plausible import RANGES, UNITS, limits_around, refuse_implausible
 
@@ -226,12 +225,10 @@ def check_names(known: Sequence[str], motor: Motor) -> None:
     """
     for name in motor.parameters:
         if name not in known:
-            close = difflib.get_close_matches(name, known, n=1)
-            hint = f"Did you mean {close[0]!r}?" if close else ""
             raise InputError(
                 f"[parameters.{name}] names no parameter; there are {', '.join(known)}.",
                 where=motor.path or motor.name,
-                remedy=hint,
+                remedy=did_you_mean(name, known),
             )
 
 

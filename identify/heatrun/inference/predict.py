@@ -167,7 +167,8 @@ def of_test(
         seed: Of what the fit does not know of the test.
     """
     picked = draws.thin(num_draws, seed)
-    rng = np.random.default_rng([seed, 3])
+    # where nothing was free, nothing is uncertain: the most probable values
+    rng = np.random.default_rng([seed, 3]) if draws.parameters.num_free else None
     known = parameters(draws.model, draws.motor, [test]).by_test[0]
     values = picked.of_test(fitted_as)
     starts = {name for _, name in draws.model.form.starts}
@@ -182,18 +183,12 @@ def of_test(
             number = number if parameter.fixed is None else parameter.fixed
             values[name] = np.full(size, number)
         else:
-            values[name] = parameter.value(_normal(draws, rng, size))
+            z = np.zeros(size) if rng is None else rng.standard_normal(size)
+            values[name] = parameter.value(z)
     noise = picked.noise()
     if fitted_as is None:
-        certain = draws.parameters.num_free == 0
-        source = None if certain else rng
-        values |= start_draws(draws.model, test, dict(known), values, noise, source)
+        values |= start_draws(draws.model, test, dict(known), values, noise, rng)
     return OfTest(values, noise)
-
-
-def _normal(draws: Draws, rng: np.random.Generator, size: int) -> np.ndarray:
-    """Return standard scores of what the fit does not know; 0 where nothing is uncertain."""
-    return np.zeros(size) if draws.parameters.num_free == 0 else rng.standard_normal(size)
 
 
 @partial(jax.jit, static_argnames="model")

@@ -83,24 +83,22 @@ def _prior(
     node_of = {name: node for node, name in model.form.starts}
     mean = np.array([known[name].centre for name in free])
     own = np.array([known[name].sd for name in free])
-    is_measured = np.array([node_of[name] == model.form.measured_node for name in free])
-    sink = float(test.inputs.ambient[0])
-    rise = test.start_degC - sink
-    is_soaked = abs(rise) < COLD_START_K
-    own[is_measured] = SOAKED_K if is_soaked else UNSOAKED_K
-    if is_soaked:
-        mean = mean - rise
-        own[~is_measured] = max(APART_K, APART * abs(rise))
     measured = {model.form.measured_node}
     if test.stator_start_degC is not None:
         measured |= {model.form.sensed(STATOR) or model.form.measured_node}
-    leader = next((n for n in free if node_of[n] == model.form.measured_node), None)
+    leads = np.array([node_of[name] == model.form.measured_node for name in free])
+    is_unmeasured = np.array([node_of[name] not in measured for name in free])
+    sink = float(test.inputs.ambient[0])
+    rise = test.start_degC - sink
+    is_soaked = abs(rise) < COLD_START_K
+    own[leads] = SOAKED_K if is_soaked else UNSOAKED_K
+    if is_soaked:
+        mean = np.where(leads | is_unmeasured, mean - rise, mean)
+        own[is_unmeasured] = max(APART_K, APART * abs(rise))
     mix = np.diag(own)
-    if leader is not None:
-        column = free.index(leader)
-        for row, name in enumerate(free):
-            if node_of[name] not in measured:
-                mix[row, column] = own[column]
+    if leads.any():
+        column = int(np.argmax(leads))
+        mix[is_unmeasured, column] = own[column]
     return mean, mix @ mix.T
 
 

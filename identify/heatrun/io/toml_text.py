@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 
 LARGEST_BYTES = 2**20
 """Largest TOML file; those in use have a few kilobytes."""
@@ -68,6 +69,27 @@ def parse_toml(data: bytes, where: str, what: str = "motor file") -> dict[str, A
             where=where,
             remedy='Write lines such as name = "…" below a [section].',
         ) from error
+
+
+def check_keys(content: Mapping[str, Any], known: Sequence[str], where: str, kind: str) -> None:
+    """Refuse a key or section that is not known.
+
+    Args:
+        content: A parsed section.
+        known: Its keys.
+        where: The section, for the message.
+        kind: `"key"` or `"section"`.
+
+    Raises:
+        InputError: With the known ones, the nearest named.
+    """
+    for key in content:
+        if key not in known:
+            raise InputError(
+                f"The {kind} '{key[:60]}' is not known. {did_you_mean(key[:60], known)}".strip(),
+                where=where,
+                remedy=f"Known are: {', '.join(known)}.",
+            )
 
 
 def _require_bounded(text: str, where: str, what: str) -> None:

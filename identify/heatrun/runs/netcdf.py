@@ -14,6 +14,7 @@ from jaxtyping import Float
 from ..inference.noise import NOISE
 from ..inference.parameters import ParameterSet
 from ..inference.posterior import Posterior
+from ..inference.sampling.diagnostics import load_arviz
 from ..io.moment import stated_moment
 from ..io.whole_files import write_whole
 
@@ -26,7 +27,7 @@ def groups(posterior: Posterior) -> Any:
     tests have with a dimension `test_of_NAME` over these; `sample_stats` the log density;
     `observed_data` the block means by test.
     """
-    arviz = _arviz()
+    arviz = load_arviz()
     tests = posterior.fit.problem.tests
     names = [test.name for test in tests]
     variables, dims, coords = _variables(posterior, names)
@@ -76,7 +77,7 @@ def from_bytes(data: bytes) -> Any:
 
 def as_arviz(data: bytes) -> Any:
     """Return the groups as ArviZ knows them: `InferenceData` on 0.23, a `DataTree` on 1.x."""
-    arviz = _arviz()
+    arviz = load_arviz()
     tree = from_bytes(data)
     if _is_tree(arviz):
         return tree
@@ -104,7 +105,7 @@ def vectors(tree: Any, parameters: ParameterSet) -> Float[np.ndarray, "chain dra
 
 def summary(posterior: Posterior) -> Any:
     """Return ArviZ's table of means, intervals and diagnostics."""
-    return _arviz().summary(groups(posterior))
+    return load_arviz().summary(groups(posterior))
 
 
 def monte_carlo(
@@ -123,7 +124,7 @@ def monte_carlo(
     Reference: A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Buerkner, Rank-normalization,
         folding, and localization: an improved R-hat, Bayesian Analysis 16 (2021) 667-718.
     """
-    arviz = _arviz()
+    arviz = load_arviz()
     data = arviz.convert_to_dataset(dict(draws))
     # the error of a sd by way of that of the variance: ArviZ 0.23 fails on it under NumPy 2.4
     squares = arviz.convert_to_dataset({k: (x - np.mean(x)) ** 2 for k, x in draws.items()})
@@ -150,7 +151,7 @@ def _netcdf(data: Any) -> bytes:
     """Return the bytes of a NetCDF file: HDF5 on a full disk ends the process with a fault."""
     import xarray
 
-    arviz = _arviz()
+    arviz = load_arviz()
     names = () if _is_tree(arviz) else data.groups()
     tree = data if _is_tree(arviz) else xarray.DataTree.from_dict({n: data[n] for n in names})
     packed = {"zlib": True, "complevel": 4}
@@ -158,14 +159,6 @@ def _netcdf(data: Any) -> bytes:
         group.path: {str(name): packed for name in group.data_vars} for group in tree.subtree
     }
     return bytes(tree.to_netcdf(engine="h5netcdf", encoding=encoding))
-
-
-def _arviz() -> Any:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # 0.23 announces 1.0 when it is imported
-        import arviz
-
-    return arviz
 
 
 def _is_tree(arviz: Any) -> bool:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, did_you_mean
 from ..readers.table import Column, Table
 from ..record import ColumnReading, Finding, Record
-from .claims import NOT_RECORDED, Claim, did_you_mean, parse_claims
+from .claims import NOT_RECORDED, Claim, parse_claims
 from .column_unit import overridden, statements, unit_of, unit_wanted
 from .header import read_heading
 from .labels import columns_of, is_sure, named_unit

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ...errors import InputError
+from ...errors import InputError, did_you_mean
 from .header import split_name
 from .schema import CHANNEL
 
@@ -40,18 +39,6 @@ class Claim:
     base: str = ""
     bracket: str = ""
     rate_Hz: float | None = None
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return "Did you mean a or b?" for the known words nearest to a word, or an empty text.
-
-    Args:
-        word: What came.
-        known: What was expected.
-    """
-    folded = {candidate.casefold(): candidate for candidate in known}
-    near = difflib.get_close_matches(word.casefold(), folded, n=3, cutoff=0.5)
-    return f"Did you mean {' or '.join(repr(folded[key]) for key in near)}?" if near else ""
 
 
 def parse_claims(columns: Mapping[str, str], where: str) -> tuple[Claim, ...]:

@@ -77,19 +77,6 @@ def _opened(path: str | Path, largest: int, held: contextlib.ExitStack) -> Binar
     return file
 
 
-def read_file(path: str | Path) -> bytes:
-    """Return the bytes of a bench file.
-
-    Args:
-        path: As `open_input`.
-
-    Raises:
-        InputError: As `open_input` and `read_stream`.
-    """
-    with open_input(path) as stream:
-        return read_stream(stream, str(path))
-
-
 def read_start(path: str | Path, most: int) -> bytes:
     """Return the first bytes of a file, and one more than wanted if there are more.
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ...errors import InputError
-from ...io.toml_text import parse_toml
+from ...errors import InputError, did_you_mean
+from ...io.toml_text import check_keys, parse_toml
 from ..parameters import Parameter
 from .form import STATOR, WINDING, Link, NetworkForm
 from .losses import losses_of
@@ -47,7 +46,7 @@ def network_of(content: Mapping[str, Any], where: str) -> NetworkForm:
             where=where,
             remedy='Write [network] and below it nodes = ["winding", "stator"], for example.',
         )
-    _known(network, KEYS, at)
+    check_keys(network, KEYS, at, "key")
     nodes = _names(network, "nodes", at)
     if len(nodes) > MOST_NODES:
         raise InputError(f"{len(nodes)} nodes, expected at most {MOST_NODES}.", where=at)
@@ -66,7 +65,7 @@ def network_of(content: Mapping[str, Any], where: str) -> NetworkForm:
     if not isinstance(said, dict) or not all(isinstance(v, dict) for v in said.values()):
         raise InputError("expected sections [parameters.NAME].", where=where)
     for name, keys in said.items():
-        _known(keys, PARAMETER_KEYS, f"{where}, [parameters.{name}]")
+        check_keys(keys, PARAMETER_KEYS, f"{where}, [parameters.{name}]", "key")
     copper, share = losses_of(network, nodes, said, at, where)
     form = NetworkForm(
         name=_text(network, "name", at),
@@ -167,29 +166,18 @@ def _connected(form: NetworkForm, at: str) -> None:
 def _all_used(said: Mapping[str, Any], form: NetworkForm, where: str) -> None:
     for name in said:
         if name not in form.names:
-            near = difflib.get_close_matches(name, form.names, n=1)
             raise InputError(
                 f"[parameters.{name}] belongs to no node, link, share or start of the network; "
                 f"there are {', '.join(form.names)}.",
                 where=where,
-                remedy=f"Did you mean {near[0]!r}?"
-                if near
-                else 'Name what it is the value of: capacitance = "winding", for example.',
+                remedy=did_you_mean(name, form.names)
+                or 'Name what it is the value of: capacitance = "winding", for example.',
             )
 
 
 def _start_name(node: str, form: NetworkForm, said: Mapping) -> str:
     found = said_of(said, "start", node)
     return found or ("Tw_start" if node == form.measured_node else f"T_{node}_start")
-
-
-def _known(content: Mapping[str, Any], known: Sequence[str], at: str) -> None:
-    for key in content:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
-            hint = f" Did you mean {near[0]!r}?" if near else ""
-            raise InputError(f"the key {key!r:.60} is not known.{hint}", where=at,
-                             remedy=f"Known are: {', '.join(known)}.")  # fmt: skip
 
 
 def _names(network: Mapping[str, Any], key: str, at: str) -> tuple[str, ...]:

@@ -38,7 +38,7 @@ def split_rhat(
 
     Reference: A. Gelman et al., Bayesian Data Analysis, 3rd ed., section 11.4.
     """
-    arviz = _arviz()
+    arviz = load_arviz()
     found = arviz.rhat(arviz.convert_to_dataset({"x": chains}), method="split")
     return np.asarray(found["x"])
 
@@ -57,7 +57,7 @@ def pareto_shape(log_weight: Float[np.ndarray, " draw"]) -> float:
     """
     if np.unique(log_weight[np.isfinite(log_weight)]).size < 2:
         return float("inf")
-    arviz = _arviz()
+    arviz = load_arviz()
     if hasattr(arviz, "psislw"):
         shape = float(arviz.psislw(log_weight)[1])
     else:
@@ -67,7 +67,7 @@ def pareto_shape(log_weight: Float[np.ndarray, " draw"]) -> float:
     return float("inf") if np.isnan(shape) else shape
 
 
-def _arviz() -> Any:
+def load_arviz() -> Any:
     """Return the module; it is loaded when it is first needed, for it takes a second."""
     with _LOADING:  # the orders are sampled in threads, and filters of warnings belong to all
         if "arviz" not in sys.modules:
