@@ -17,6 +17,7 @@ from .bench.joined import read_test
 from .bench.reduction import reduce
 from .errors import InputError
 from .inference.batches import at_once
+from .inference.effect_needs import refuse_unusable
 from .inference.fit import fit
 from .inference.model import Model
 from .inference.networks import NetworkForm
@@ -140,6 +141,8 @@ def calibrate(
         raise InputError(
             f"two networks have one name: {', '.join(names)}.", remedy="Rename one in its file."
         )
+    for model in models:
+        refuse_unusable(model, [test.blocks for test in tests])
     shares = dict.fromkeys(names, 0.0)
 
     def one(model: Model) -> _Outcome:

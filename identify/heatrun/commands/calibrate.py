@@ -74,6 +74,7 @@ def calibrate_into_folder(
     """
     from ..calibration import default_folder
     from ..inference.catalogue import known_effects
+    from ..inference.networks import BUILT_IN
     from ..jobs import calibrate_into
     from ..ratings.duties import parse_duty
     from ..reports.terminal import result_text
@@ -82,7 +83,8 @@ def calibrate_into_folder(
     tests = load(motor, calibration, holdout, as_json=options.json)
     if tests is None:
         return NOT_ALLOWED
-    name = "both" if len(networks) == 2 else networks[0].name
+    names = [network.name for network in networks]
+    name = "both" if names == list(BUILT_IN) else "-".join(names)
     for duty in getattr(options, "rating", ()):
         parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
     with bar() as progress:

@@ -9,15 +9,8 @@ from lptn import Network
 from lptn.effects import AbstractEffect, applies
 
 from ..bench.blocks import Blocks
+from ..inference.effect_needs import lacking
 from ..inference.effect_parameters import EVENT
-
-CHANNELS = {
-    "speed": "speed_rpm",
-    "speed_rad": "speed_rpm",
-    "coolant": "coolant_degC",
-    "fan": "fan",
-}
-"""Channel of the record behind each optional input."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +65,9 @@ def library(
     usable: list[type[AbstractEffect]] = []
     unavailable: dict[str, str] = {}
     for kind in kinds:
-        missing = [need for need in kind.card.needs if any(_lacks(test, need) for test in tests)]
+        missing = dict.fromkeys(channel for test in tests for channel in lacking(kind, test))
         if missing:
-            channels = ", ".join(dict.fromkeys(CHANNELS.get(need, need) for need in missing))
-            unavailable[kind.card.id] = f"needs the channel {channels} in every test"
+            unavailable[kind.card.id] = f"needs the channel {', '.join(missing)} in every test"
         elif not kind.fits(network):
             unavailable[kind.card.id] = "splits a network of one node, and this one has more"
         elif not applies(kind, network):
@@ -89,8 +81,3 @@ def library(
         else:
             candidates.append(Candidate(kind))
     return Library(tuple(usable), tuple(candidates), unavailable)
-
-
-def _lacks(test: Blocks, need: str) -> bool:
-    name = "speed" if need == "speed_rad" else need
-    return getattr(test.inputs, name, 0.0) is None
