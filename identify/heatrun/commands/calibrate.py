@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser(
-        "calibrate", help="parameters with 95 % intervals, bands, verdict and parameter sheet"
+        "calibrate", help="parameters with 95 %% intervals, bands, verdict and parameter sheet"
     )
     words.add_inputs(parser)
     words.add_holdout(parser)
@@ -28,7 +28,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "--model",
         default="both",
         metavar="first|second|both|FILE.toml",
-        help="network: one or both built-in ones, or your own from a TOML file",
+        help="network: one or both built-in ones, or your own from a TOML file; several with "
+        "commas between, such as second,mine.toml (default: both)",
     )
     words.add_with(parser)
     parser.add_argument(
@@ -36,7 +37,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="S2-MIN|S3-PCT",
-        help="current of a duty type at the insulation limit, such as S2-30 or S3-40",
+        help="current of a duty type at the insulation limit, such as S2-30 (30 min) or S3-40 (40 %% "
+        "of 10 min); may be given several times",
     )
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
