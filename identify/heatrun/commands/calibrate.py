@@ -37,8 +37,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="S2-MIN|S3-PCT",
-        help="current of a duty type at the insulation limit, such as S2-30 (30 min) or S3-40 (40 %% "
-        "of 10 min); may be given several times",
+        help="current of a duty type at the insulation limit, such as S2-30 (30 min) or S3-40 (40 "
+        "%% of 10 min); may be given several times",
     )
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")

@@ -24,7 +24,8 @@ def findings_text(findings: Sequence[Finding]) -> str:
         return "No findings: the records are as a fit wants them."
     return "\n".join(
         printable(
-            f"{_MARK[f.severity]}  {f'[{f.test}] ' if f.test else ''}{f.sentence()}  ({f.id})"
+            f"{_MARK[f.severity]}  {'' if f.where.startswith(f.test) else f'[{f.test}] '}"
+            f"{f.sentence()}  ({f.id})"
         )
         for f in ranked(findings)
     )
