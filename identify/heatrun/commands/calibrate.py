@@ -110,5 +110,5 @@ def calibrate_into_folder(
         print(f"\nRun folder:      {printable(str(written))}")
         for name in ("sheet.pdf", "sheet.xlsx", f"posterior_{networks[-1].name}.nc", "figures"):
             if (written / name).exists():
-                print(f"  {name:<14} {written / name}")
+                print(f"  {name:<20} {written / name}")
     return DONE

@@ -8,6 +8,7 @@ from typing import Any
 from ..bench import Finding
 from ..bench.channels.column_mapping import mapping_text
 from ..io.printable import printable
+from ..io.quantities import printed_unit, quantity, rounded
 
 _MARK = {"error": "ERROR  ", "warning": "warning", "note": "note   "}
 
@@ -40,7 +41,7 @@ def result_text(result: Mapping[str, Any]) -> str:
         for name, entry in model["parameters"].items():
             low, high = entry["interval_95"]
             lines.append(
-                f"  {name:<7} {entry['value']:>11.5g} {entry['unit']:<4} "
+                f"  {name:<7} {entry['value']:>11.5g} {printed_unit(entry['unit']):<4} "
                 f"95 % {low:.4g} … {high:.4g}   {entry['identifiability']}: {entry['why']}"
             )
         for row in model["residuals"]:
@@ -71,8 +72,8 @@ def discovery_text(result: Mapping[str, Any]) -> str:
     lines = [f"{result['verdict'].upper()}: {result['sentence']}", ""]
     for effect in result["effects"]:
         figures = ", ".join(
-            f"{name} = {p['value']:.3g} {p['unit']} ({p['interval_95'][0]:.3g} … "
-            f"{p['interval_95'][1]:.3g})"
+            f"{name} = {quantity(rounded(p['value']), p['unit'])} "
+            f"({rounded(p['interval_95'][0])} … {rounded(p['interval_95'][1])})"
             for name, p in effect["parameters"].items()
         )
         lines.append(f"{effect['id']}: {figures}")

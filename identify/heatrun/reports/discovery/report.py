@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...io.quantities import printed_unit, quantity, rounded
 from ..sheet.typeset import typeset
 
 VERDICTS = {
@@ -88,8 +89,8 @@ def _selected(holdout: Mapping[str, Any] | None) -> list[str]:
 
 def _effect(effect: Mapping[str, Any]) -> list[str]:
     numbers = "; ".join(
-        f"{name} = {p['value']:.3g} {p['unit']} ({p['interval_95'][0]:.3g} … "
-        f"{p['interval_95'][1]:.3g})"
+        f"{name} = {quantity(rounded(p['value']), p['unit'])} "
+        f"({rounded(p['interval_95'][0])} … {rounded(p['interval_95'][1])})"
         for name, p in effect["parameters"].items()
     )
     return [
@@ -112,14 +113,14 @@ def _gap(name: str, gap: Mapping[str, float]) -> list[str]:
 
 def _parameter(name: str, entry: Mapping[str, Any]) -> list[str]:
     def interval(figure: Mapping[str, Any]) -> str:
-        return " … ".join(f"{limit:.4g}" for limit in figure["interval_95"])
+        return " … ".join(rounded(limit, 4) for limit in figure["interval_95"])
 
     before, after = entry["before"], entry["after"]
     off = entry["wrong_by"]
     return [
-        f"{name} [{entry['unit']}]",
-        f"{before['value']:.4g}", interval(before),
-        f"{after['value']:.4g}", interval(after),
+        f"{name} [{printed_unit(entry['unit'])}]",
+        rounded(before["value"], 4), interval(before),
+        rounded(after["value"], 4), interval(after),
         "–" if off is None else f"{100 * off:+.1f} %",
     ]  # fmt: skip
 

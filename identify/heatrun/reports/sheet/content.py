@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...bench.channels.column_mapping import KNOWN_BY, assumption, grouped
+from ...io.quantities import quantity, rounded
 from ...io.without_folders import command_without_folders, without_folders
 from .digits import format_interval, format_value
 
@@ -135,7 +136,7 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> list[str]:
     return [
         name,
         entry["meaning"],
-        f"{value} {entry['unit']}",
+        quantity(value, entry["unit"]),
         "fixed" if entry["fixed"] else f"± {expanded}",
         "–" if entry["fixed"] else format_interval(entry["interval_95"], sd),
         parts,
@@ -145,7 +146,7 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> list[str]:
 
 
 def _short(value: float | None) -> str:
-    return "–" if not value else f"{value:.2g}"
+    return "–" if not value else rounded(value, 2)
 
 
 def _correlation(model: Mapping[str, Any]) -> dict[str, Any]:
@@ -164,7 +165,7 @@ def _derived(name: str, entry: Mapping[str, Any]) -> list[str]:
     value, _ = format_value(entry["value"], entry["sd"])
     return [
         name,
-        f"{value} {entry['unit']}",
+        quantity(value, entry["unit"]),
         entry["condition"],
         format_interval(entry["interval_95"], entry["sd"]),
     ]

@@ -68,7 +68,7 @@ def _parameters(book: Any, bold: Any, result: Mapping, content: Mapping) -> None
     sheet = book.add_worksheet("Parameters")
     sheet.write_string(0, 0, content["title"], bold)
     sheet.write_string(1, 0, content["verdict"])
-    head = ["order", "parameter", "value", "unit", "standard uncertainty", "expanded (k = 2)",
+    head = ["network", "parameter", "value", "unit", "standard uncertainty", "expanded (k = 2)",
             "95 % low", "95 % high", "type A", "type B", "identifiability", "reason"]  # fmt: skip
     sheet.write_row(3, 0, head, bold)
     row = 4
@@ -92,9 +92,9 @@ def _parameters(book: Any, bold: Any, result: Mapping, content: Mapping) -> None
 def _correlation(book: Any, bold: Any, result: Mapping) -> None:
     sheet = book.add_worksheet("Correlation")
     row = 0
-    for order, model in result["models"].items():
+    for model in result["models"].values():
         names = model["correlation"]["names"]
-        sheet.write_string(row, 0, f"{order} order", bold)
+        sheet.write_string(row, 0, model["title"], bold)
         for position, name in enumerate(names):
             sheet.write_string(row, position + 1, name, bold)
             sheet.write_string(row + position + 1, 0, name, bold)
@@ -111,7 +111,7 @@ def _residuals(book: Any, bold: Any, result: Mapping) -> None:
         for order, model in result["models"].items()
         for row in model["residuals"]
     ]
-    _rows(book, "Residuals", bold, ["order", *keys], rows)
+    _rows(book, "Residuals", bold, ["network", *keys], rows)
 
 
 def _rows(book: Any, name: str, bold: Any, head: Sequence[str], rows: Sequence[Sequence]) -> None:
