@@ -121,9 +121,10 @@ def _as_calibration(
     )
     if found.named:
         names = " and ".join(each.rival.candidate.id for each in found.named)
+        words = posterior.fit.problem.model.words
         result["verdict"]["sentence"] = (
-            f"The {posterior.fit.problem.model.words} with {names}, which was found "
-            f"missing ({found.verdict.word}): {found.verdict.sentence}"
+            f"{words[0].upper()}{words[1:]} with {names}, as the discovery left it. "
+            f"{found.verdict.sentence}"
         )
     result["effects"] = [each.rival.candidate.id for each in found.named]
     return Calibration(motor, tuple(tests), {network: posterior}, {network: predictions}, result)
