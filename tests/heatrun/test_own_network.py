@@ -10,9 +10,13 @@ import pytest
 
 import heatrun
 from heatrun import cli
+from heatrun.discovery.library import library
 from heatrun.errors import InputError, UsageError
+from heatrun.inference.catalogue import effects_named
+from heatrun.inference.effect_needs import refuse_unusable
 from heatrun.inference.model import Model
 from heatrun.inference.networks import network_named, pair_of
+from lptn import EFFECTS
 
 FOUR = Path(__file__).with_name("four.toml").read_text("utf-8")
 PLAIN = """[motor]
@@ -118,6 +122,16 @@ def test_a_network_cooled_by_a_liquid_needs_a_motor_file_that_says_so(folder, tm
     motor = heatrun.load_motor(tmp_path / "motor.toml")
     assert Model.of(str(folder / "coolant.toml"), motor).form.sink == "coolant"
     assert Model.of("second", motor).name == "second"  # the built-in ones take either sink
+
+
+def test_an_effect_that_would_add_a_node_again_is_not_searched(folder, blocks, motor):
+    network = Model.of(str(folder / "four.toml"), motor).topology()
+    found = library(EFFECTS, network, [blocks])
+    assert found.unavailable["rotor_node"] == "adds a node that this network already has"
+    assert "housing_node" in {kind.card.id for kind in found.kinds}
+    twice = Model.of(str(folder / "four.toml"), motor, effects_named(["rotor_node"]))
+    with pytest.raises(InputError, match="already has a node 'rotor'"):
+        refuse_unusable(twice, [blocks])
 
 
 def test_which_two_networks_are_compared(folder):

@@ -9,7 +9,7 @@ from lptn import Network
 from lptn.effects import AbstractEffect, applies
 
 from ..bench.blocks import Blocks
-from ..inference.effect_needs import lacking
+from ..inference.effect_needs import lacking, unplaced
 from ..inference.effect_parameters import EVENT
 
 
@@ -72,6 +72,8 @@ def library(
             unavailable[kind.card.id] = "splits a network of one node, and this one has more"
         elif not applies(kind, network):
             unavailable[kind.card.id] = "acts on a link that this network does not have"
+        elif unplaced([kind], network):
+            unavailable[kind.card.id] = "adds a node that this network already has"
         else:
             usable.append(kind)
     candidates: list[Candidate] = []

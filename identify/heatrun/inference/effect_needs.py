@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lptn.effects import AbstractEffect, build_all
+from lptn import Network
+from lptn.effects import AbstractEffect, NodeEffect, build_all
 
 from ..bench.blocks import Blocks
 from ..errors import InputError
@@ -65,15 +66,25 @@ def refuse_unusable(
     """
     kinds = [kind for kind in model.effects if kind not in searched]
     refuse_lacking(kinds, tests)
-    wanted = [(kind, dict.fromkeys(kind.card.parameters, 1.0)) for kind in kinds]
-    try:
-        build_all(wanted, model.topology())
-    except ValueError as error:
+    reason = unplaced(kinds, model.topology())
+    if reason:
         raise InputError(
-            f"{error}",
+            reason,
             where=model.title,
             remedy="Drop the effect, or choose another network with --model.",
-        ) from error
+        )
+
+
+def unplaced(kinds: Sequence[type[AbstractEffect]], network: Network) -> str:
+    """Return why a network has no place for effects, empty if it has one for all of them."""
+    wanted = [(kind, dict.fromkeys(kind.card.parameters, 1.0)) for kind in kinds]
+    try:
+        for effect in build_all(wanted, network):
+            if isinstance(effect, NodeEffect):
+                network = effect.extend(network)
+    except ValueError as error:
+        return str(error)
+    return ""
 
 
 def _is_absent(test: Blocks, need: str) -> bool:

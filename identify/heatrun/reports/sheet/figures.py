@@ -130,7 +130,8 @@ def pairs(draws: Mapping[str, np.ndarray], units: Mapping[str, str]) -> Figure:
     """Return marginal and pairwise densities of the parameters."""
     names = list(draws)
     size = len(names)
-    figure = Figure(figsize=2 * (max(5.6, 1.0 * size),), layout="constrained")
+    side = max(5.6, 1.0 * size)
+    figure = Figure(figsize=(side, side), layout="constrained")
     grid = figure.subplots(size, size, squeeze=False)
     for row, lower in enumerate(names):
         for column, left in enumerate(names):

@@ -57,6 +57,7 @@ def write_xlsx(
                 PurePath(row["file"]).name]
                for test in result["tests"] for row in test.get("mapping") or ()])  # fmt: skip
         _residuals(book, bold, result)
+        _derived(book, bold, result)
         _rows(book, "Findings", bold, ["severity", "finding"], content["findings"])
         name, _, table = tables[0]
         _worksheet(book, bold, result, name, table)
@@ -112,6 +113,19 @@ def _residuals(book: Any, bold: Any, result: Mapping) -> None:
         for row in model["residuals"]
     ]
     _rows(book, "Residuals", bold, ["network", *keys], rows)
+
+
+def _derived(book: Any, bold: Any, result: Mapping) -> None:
+    """Write the derived figures and the ratings, those that are refused with the reason."""
+    head = ["network", "figure", "value", "unit", "95 % low", "95 % high", "condition or refusal"]
+    rows = []
+    for network, model in result["models"].items():
+        for name, entry in model["derived"].items():
+            low, high = entry.get("interval_95") or (None, None)
+            why = entry["refused"] if "refused" in entry else entry["condition"]
+            numbers = [entry.get("value"), entry.get("unit", ""), low, high]
+            rows.append([network, name, *numbers, why])
+    _rows(book, "Derived", bold, head, rows)
 
 
 def _rows(book: Any, name: str, bold: Any, head: Sequence[str], rows: Sequence[Sequence]) -> None:
