@@ -15,10 +15,13 @@ from .bench.blocks import Blocks
 from .bench.checks import check_record
 from .bench.joined import read_test
 from .bench.reduction import reduce
+from .discovery.missing import missing, missing_finding
 from .errors import InputError
 from .inference.batches import at_once
 from .inference.effect_needs import refuse_unusable
 from .inference.fit import fit
+from .inference.fit_checks import fit_findings
+from .inference.fit_result import Fit
 from .inference.model import Model
 from .inference.networks import NetworkForm
 from .inference.posterior import Posterior, sample
@@ -160,13 +163,16 @@ def calibrate(
         shares[model.name] = 1.0
         predicted = [predict(posterior, test.blocks, seed=seed) for test in tests]
         described = describe_model(posterior, predicted, roles, duties)
-        return _Outcome(posterior, predicted, described)
+        seen = [*found.findings, *_sampling_findings(posterior)]
+        if model.name == names[-1]:  # a network that another one extends is known to miss it
+            say(f"{model.title}: looking for effects that it misses")
+            seen += [*_missing(found, seed), *fit_findings(posterior, predicted)]
+        return _Outcome(posterior, predicted, described, seen)
 
     outcomes = dict(zip(names, at_once(one, models), strict=True))
     posteriors = {name: outcome.posterior for name, outcome in outcomes.items()}
     predictions = {name: outcome.predictions for name, outcome in outcomes.items()}
-    for posterior in posteriors.values():
-        findings += [*posterior.fit.findings, *_sampling_findings(posterior)]
+    findings += [finding for outcome in outcomes.values() for finding in outcome.findings]
     last = posteriors[names[-1]].fit
     rows = []
     for test in tests:
@@ -185,6 +191,14 @@ class _Outcome:
     posterior: Posterior
     predictions: list[Prediction]
     described: dict[str, Any]
+    findings: list[Finding]
+
+
+def _missing(found: Fit, seed: int) -> list[Finding]:
+    """Return what is said of effects that a fit misses."""
+    screened = missing(found, seed=seed)
+    finding = None if screened is None else missing_finding(found, screened)
+    return [] if finding is None else [finding]
 
 
 def identity(motor: Motor, tests: Sequence[BenchTest], **settings: Any) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import pytest
 from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
 from heatrun.inference.fit import fit
+from heatrun.inference.laplace import whiten_fit
 from heatrun.inference.model import Model, parameters
 from heatrun.inference.problem import Problem, linearise, log_posterior, residuals
 from heatrun.motor import Motor, ParameterOverride
@@ -121,3 +122,30 @@ def test_a_first_order_fit_says_that_it_misfits(blocks, motor):
 def test_wrong_motor_files_are_refused(wrong, match, blocks):
     with pytest.raises(InputError, match=match):
         parameters(Model.of("second", wrong), wrong, [blocks])
+
+
+def test_what_the_readings_did_not_lessen_is_type_b(fitted):
+    """The resistance stands in the copper loss alone: its prior is all that is known of it."""
+    position = fitted.problem.parameters.index("Rs0")
+    both = fitted.covariance[position, position]
+    type_a = fitted.covariance_type_a[position, position]
+    assert both > 0.9  # the prior's variance is 1
+    assert type_a < 0.1 * both
+
+
+def test_type_a_is_the_scatter_of_fits_to_drawn_readings(fitted):
+    """Against simulated fits of the linear model: readings drawn anew, priors held."""
+    rng = np.random.default_rng(5)
+    problem, size = fitted.problem, fitted.z.size
+    white = whiten_fit(
+        problem, fitted.noise_z, np.concatenate(fitted.residual), np.concatenate(fitted.jacobian)
+    ).jacobian
+    # the estimate from readings alone: minimise |J z - noise|^2 + |z|^2
+    noise = rng.standard_normal((white.shape[0], 4000))
+    fits = np.linalg.lstsq(
+        np.concatenate([white, np.eye(size)]),
+        np.concatenate([noise, np.zeros((size, 4000))]), rcond=None,
+    )[0]  # fmt: skip
+    scatter = np.var(fits, axis=1)
+    expected = np.diag(fitted.covariance_type_a)
+    assert scatter == pytest.approx(expected, rel=0.12)

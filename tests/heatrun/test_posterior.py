@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from heatrun.bench.reduction import reduce
+from heatrun.inference.adequacy import ljung_box
 from heatrun.inference.fit import fit
 from heatrun.inference.identifiability import forecast
 from heatrun.inference.model import Model
@@ -87,6 +88,22 @@ def test_bands_cover_a_held_out_test(posterior, bench, generator, motor):
     wide_low, wide_high = prediction.total["95"]
     assert np.mean(wide_high - wide_low) > np.mean(high - low)
     assert np.all(prediction.nodes["stator"] < np.maximum(prediction.nodes["winding"], 30.0) + 20)
+
+
+def test_residuals_of_a_right_model_are_white_once_freed_of_their_noise(
+    posterior, bench, generator, motor, blocks
+):
+    held_out = reduce(bench(generator.staircase(3000.0), seed=21, name="stairs"), motor)
+    for test in (blocks, held_out):
+        found = predict(posterior, test)
+        innovations = found.innovations()
+        assert innovations.size == int(test.is_observed.sum())
+        assert ljung_box(innovations) > 0.001
+        assert 0.8 < np.std(innovations) < 1.2
+    # of a winding that wanders by 0.4 K in waves of ten minutes they are not
+    waves = 0.4 * np.sin(2 * np.pi * held_out.time / 600.0)
+    wandering = replace(held_out, measured=held_out.measured + waves)
+    assert ljung_box(predict(posterior, wandering).innovations()) < 1e-6
 
 
 def test_temperatures_and_flows_of_a_row_belong_to_one_mean(posterior, blocks):

@@ -11,6 +11,7 @@ from lptn.effects import AbstractEffect, applies
 from ..bench.blocks import Blocks
 from ..inference.effect_needs import lacking, unplaced
 from ..inference.effect_parameters import EVENT
+from ..motor import Motor
 
 
 @dataclass(frozen=True)
@@ -83,3 +84,11 @@ def library(
         else:
             candidates.append(Candidate(kind))
     return Library(tuple(usable), tuple(candidates), unavailable)
+
+
+def without_resistance(kinds: Sequence[type[AbstractEffect]], motor: Motor) -> dict[str, str]:
+    """Return the effects, with the reason, that bring in a copper loss which cannot be reckoned."""
+    if motor.phase_resistance_ohm is not None or "Rs0" in motor.parameters:
+        return {}
+    reason = "needs [winding] phase_resistance_ohm in the motor file"
+    return {kind.card.id: reason for kind in kinds if kind.rebuilds}

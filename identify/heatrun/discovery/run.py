@@ -29,7 +29,7 @@ from .extended import extended_fit
 from .final_check import Adequacy, adequacy
 from .grow import Growth, grow
 from .held_out import HeldOut
-from .library import Library, library
+from .library import Library, library, without_resistance
 from .localise import Where, localise
 from .proposed_test import NextTest, next_test
 from .rivals import Named, settle
@@ -124,7 +124,7 @@ def discover(
     bare = Model.of(order, motor, known)
     refuse_unusable(bare, [*tests, *held_out])
     searched = [k for k in (kinds or all_effects()) if k not in bare.effects]
-    blocked = _without_resistance(searched, motor)
+    blocked = without_resistance(searched, motor)
     found = library(
         [kind for kind in searched if kind.card.id not in blocked],
         bare.topology(),
@@ -185,14 +185,6 @@ def discover(
         fits=(base_fit, last_fit),
         seconds=watch.laps,
     )
-
-
-def _without_resistance(kinds: Sequence[type[AbstractEffect]], motor: Motor) -> dict[str, str]:
-    """Return the effects, with the reason, that bring in a copper loss which cannot be reckoned."""
-    if motor.phase_resistance_ohm is not None or "Rs0" in motor.parameters:
-        return {}
-    reason = "needs [winding] phase_resistance_ohm in the motor file"
-    return {kind.card.id: reason for kind in kinds if kind.rebuilds}
 
 
 def show(

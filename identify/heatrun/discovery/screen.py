@@ -62,10 +62,11 @@ class Score:
         gain: Drop of the sum of squares that its amplitude would bring [1].
         log_bayes: Its approximate log Bayes factor over the model without it [nat].
         start: Scores by slot to start a refit from.
-        other_starts: The next best of them, at other settings of its shape.
         visibility: Norm of its whitened, projected signature at the typical amplitude [1].
         visible_K: Root mean square of its projected signature at that amplitude [K].
         direction: Its whitened, projected signature at the estimate, of length one.
+        shift: By how much it would move the free scores of the present model at the estimate.
+        other_starts: The next best starts, at other settings of its shape.
     """
 
     candidate: Candidate
@@ -75,6 +76,7 @@ class Score:
     visibility: float
     visible_K: float
     direction: Float[np.ndarray, " block"]
+    shift: Float[np.ndarray, " free"]
     other_starts: tuple[dict[int, float], ...] = ()
 
     @property
@@ -200,6 +202,7 @@ class Screen:
             visibility=float(np.linalg.norm(at_typical)),
             visible_K=float(np.sqrt(np.mean(raw[seen] ** 2))),
             direction=direction / max(length, 1e-300),
+            shift=-self._raw_half[:, span] @ estimate,
         )
 
     def _inside(self, signature: Signature, estimate: np.ndarray) -> np.ndarray:

@@ -20,7 +20,6 @@ DECISIVE = 5.0
 def residual_row(prediction: Prediction, role: str) -> dict[str, Any]:
     """Return the error figures of one prediction, as they stand in `fit.json`."""
     error = prediction.residual[prediction.test.is_observed]
-    normal = error / prediction.sd[prediction.test.is_observed]
     return {
         "test": prediction.test.name,
         "role": role,
@@ -28,7 +27,7 @@ def residual_row(prediction: Prediction, role: str) -> dict[str, Any]:
         "mae_K": float(np.mean(np.abs(error))),
         "max_K": float(np.max(np.abs(error))),
         "end_K": float(np.mean(error[-max(1, error.size // 50) :])),
-        "whiteness_p": ljung_box(normal),
+        "whiteness_p": ljung_box(prediction.innovations()),
         "coverage_95": prediction.coverage_95(),
         "log_score": prediction.log_score(),
     }

@@ -38,8 +38,8 @@ class Fit:
         z: Scores of the parameters, shape (parameter,).
         noise_z: Scores of the noise, shape (3,).
         covariance: Of the scores of parameters and noise, shape (all, all).
-        covariance_type_a: Of the parameters with the instruments taken as exact, shape
-            (parameter, parameter); rows of instruments are zero.
+        covariance_type_a: What the scatter of the readings contributes to that of the
+            parameters, shape (parameter, parameter); the rest comes from priors (type B).
         residual: Measured minus modelled block means by test [K].
         jacobian: Derivative of the residuals by test [K per score].
         modes: Scores of all optima that share the posterior, the best first, shape

@@ -18,8 +18,8 @@ class Spread(NamedTuple):
 
     Attributes:
         covariance: Of the scores of parameters and noise, shape (all, all).
-        type_a: Of the parameters with the instruments taken as exact, shape (parameter,
-            parameter); rows of instruments are zero.
+        type_a: What the scatter of the readings contributes to that of the parameters, shape
+            (parameter, parameter); the rest comes from priors (type B).
         log_evidence: Marginal likelihood [nat].
     """
 
@@ -44,17 +44,21 @@ def spread(
         residual: Residuals of all tests in a row [K].
         jacobian: Their derivative [K per score].
 
-    Reference: D. J. C. MacKay, Information Theory, Inference, and Learning Algorithms, chapter 27.
+    The best estimate moves with the readings and with the centres of the priors. With J the
+    whitened derivative and P the precision J'J + 1, the first contribute inv(P) J'J inv(P) to the
+    covariance inv(P), the second inv(P) inv(P): an uncertainty that the tests did not lessen is
+    type B, whatever it belongs to.
+
+    References: D. J. C. MacKay, Information Theory, Inference, and Learning Algorithms, chapter
+        27. JCGM 100:2008 (GUM), 4.2 and 4.3.
     """
     white = whiten_fit(problem, noise_z, residual, jacobian)
     columns = white.jacobian
     precision = columns.T @ columns / problem.temper + np.eye(problem.num_parameters)
     covariance = np.linalg.inv(precision)
 
-    known = np.array([s.parameter.role == "instrument" for s in problem.parameters.slots])
-    type_a = np.zeros_like(covariance)
-    keep = np.ix_(~known, ~known)
-    type_a[keep] = np.linalg.inv(precision[keep])
+    # what comes of the readings, and what of the priors: the two add up to the covariance
+    type_a = covariance - covariance @ covariance
 
     curvature = noise_precision(problem, noise_z, z, residual, jacobian)
     size = problem.num_parameters + NUM_NOISE

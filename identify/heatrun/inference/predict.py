@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import norm
@@ -45,6 +46,7 @@ class Prediction:
         flows_95: Its 95 % limits [W].
         draws: The readings themselves, without noise [degC], shape (draw, block).
         values: The parameters behind them by name [their units], shape (draw,).
+        noise: The noise of each draw.
     """
 
     model: Model
@@ -60,6 +62,7 @@ class Prediction:
     flows_95: Mapping[tuple[str, str], tuple[np.ndarray, np.ndarray]]
     draws: Float[np.ndarray, "draw block"]
     values: Mapping[str, np.ndarray]
+    noise: Noise
 
     @property
     def residual(self) -> np.ndarray:
@@ -89,6 +92,26 @@ class Prediction:
         seen = self.test.is_observed
         inside = (self.test.measured >= low) & (self.test.measured <= high)
         return float(np.mean(inside[seen]))
+
+    def innovations(self) -> Float[np.ndarray, " observed"]:
+        """Return the residuals freed of what makes neighbours alike [1]: white if all is right.
+
+        That is the slow part of the noise; in a held-out test also what the draws of the
+        parameters leave open, which shifts many blocks at once.
+        """
+        seen = self.test.is_observed
+        if not np.any(seen):
+            return np.zeros(0)
+        spread = (self.draws - self.median).T / np.sqrt(self.draws.shape[0])
+        joined = jnp.asarray(np.nan_to_num(np.column_stack([self.residual, spread])))
+        noise = jax.tree.map(lambda draws: jnp.median(jnp.asarray(draws)), self.noise)
+        rows = np.asarray(noise_module.whiten(joined, noise, self.test.observation())[0])[seen]
+        error, spread = rows[:, 0], rows[:, 1:]
+        if not self.is_held_out:
+            return error
+        # the covariance is now 1 + spread spread'; its inverse root frees the errors of it
+        axes, size, _ = np.linalg.svd(spread, full_matrices=False)
+        return error - axes @ ((1.0 - 1.0 / np.sqrt(1.0 + size**2)) * (axes.T @ error))
 
     def log_score(self) -> float:
         """Return the mean log density of a block mean under its predicted normal [nat]."""
@@ -138,6 +161,7 @@ def predict(
         flows_95={n: _limits(v)["95"] for n, v in course["flows"].items()},
         draws=readings,
         values=drawn.values,
+        noise=drawn.noise,
     )
 
 

@@ -44,7 +44,8 @@ class Machine(NamedTuple):
         node_times: Capacity times resistance of each node and its only way to the sink [s];
             empty where a node has several.
         A: State matrix without current [1/s], shape (node, node).
-        A_fed: State matrix at the loaded part's current, with R(T) [1/s], shape (node, node).
+        A_fed: State matrix at the loaded part's current, with R(T) and the other losses held as
+            for the steady rise [1/s], shape (node, node).
         rise: Steady rise of the copper at the loaded part's current [K]; inf where it runs away.
         limit_squared: Squared current that holds the copper at the limit [A^2].
         cold_s: Time to the limit at the loaded part's current, from the sink [s].
@@ -115,7 +116,7 @@ def machines(
             copper_slope=losses.slope(jnp.asarray(1.0)),
             node_times=node_times(network),
             A=linearise(network, losses, loaded.scale_current(0.0), at, effects=effects).A,
-            A_fed=linearise(network, losses, loaded, at, effects=effects).A,
+            A_fed=linearise(network, rated, drive, at, effects=effects).A,
             rise=jnp.where(jnp.isfinite(rest[copper]), rest[copper] - sink, jnp.inf),
             limit_squared=top.squared,
             cold_s=cold_s,

@@ -1,0 +1,77 @@
+"""What a posterior and its predictions show of a model that does not suit the tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..bench.record import Finding
+from .posterior import Posterior
+from .predict import Prediction
+
+LEAST_COVERAGE = 0.85
+"""Share of held-out readings inside the 95 % band below which the model counts as off [1]."""
+
+BEYOND = 2.0
+"""Standard deviations of its prior that an instrument's error may be from the centre [1]."""
+
+
+def fit_findings(posterior: Posterior, predictions: Sequence[Prediction]) -> list[Finding]:
+    """Return findings on held-out tests and on the errors that the fit gives the instruments.
+
+    Args:
+        posterior: Draws of a calibrated network.
+        predictions: Of all tests.
+    """
+    held_out = [_held_out(p) for p in predictions if p.is_held_out]
+    return [*(found for found in held_out if found is not None), *_instruments(posterior)]
+
+
+def _held_out(prediction: Prediction) -> Finding | None:
+    coverage = prediction.coverage_95()
+    if not coverage < LEAST_COVERAGE:
+        return None
+    name = prediction.test.name
+    return Finding(
+        id="holdout_outside_band",
+        severity="warning",
+        message=f"{name} (holdout): only {100.0 * coverage:.0f} % of the readings lie in the 95 % "
+        f"band of the {prediction.model.words} (RMSE {prediction.rmse_K:.2f} K, largest error "
+        f"{prediction.largest_K:.1f} K): the model does not carry over to this test.",
+        where=name,
+        remedy="Do not use these parameters for such loads. Compare both records with `heatrun "
+        "check`, search for the missing effect with `heatrun discover`, or calibrate on both.",
+        test=name,
+        values={"coverage_95": coverage, "rmse_K": prediction.rmse_K},
+    )
+
+
+def _instruments(posterior: Posterior) -> list[Finding]:
+    values = posterior.values()
+    found = []
+    for slot in posterior.fit.slots:
+        parameter = slot.parameter
+        if parameter.role != "instrument":
+            continue
+        median = float(np.median(values[slot.name]))
+        score = float(parameter.score(median))
+        if abs(score) <= BEYOND:
+            continue
+        low, high = parameter.prior_interval_95()
+        found.append(
+            Finding(
+                id="instrument_beyond_prior",
+                severity="warning",
+                message=f"the fit puts {slot.name} ({parameter.meaning}) at {median:.3g} "
+                f"{parameter.unit}, {abs(score):.1f} prior standard deviations from what is "
+                f"expected ({low:.3g} to {high:.3g} {parameter.unit}): it may stand for an effect "
+                "that the network misses, and the other parameters are then off too.",
+                where=posterior.fit.problem.label,
+                remedy=f"Check the instrument. If such an error is possible, widen its prior with "
+                f"[parameters.{parameter.name}] in the motor file; if not, search with `heatrun "
+                "discover`.",
+                values={slot.name: median, "prior_sd": score},
+            )
+        )
+    return found
