@@ -114,8 +114,8 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
     first = named[0]
     moves = {name: move for name, move in first.moves.items() if abs(move[1]) > MOVED}
     message = (
-        f"the {fit.problem.model.words} misses something that the tests show (p = {found.p:.2g}: "
-        f"so many clean records would look like it). Most like it: "
+        f"the {fit.problem.model.words} is incomplete: its residuals show an effect that it lacks "
+        f"(p = {found.p:.2g}, the share of clean records that would look so). Most likely: "
         f"{', '.join(s.words for s in named)}. {_moved(first, moves)}"
     )
     with_effects = ",".join([kind.card.id for kind in fit.problem.model.effects]
