@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo test test-slow test-latest lint types check bench study-coverage study-crosschecks \
-  study-discovery study-faults study-fuzz study-readings study-view audit notebooks lock clean
+  study-discovery study-faults study-fuzz study-misfit study-readings study-view audit notebooks lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -39,6 +39,9 @@ study-crosschecks: $(VENV)/ready
 study-discovery: $(VENV)/ready
 	$(BIN)/python tests/studies/discovery.py
 	$(BIN)/python tests/studies/discovery_time.py
+
+study-misfit: $(VENV)/ready
+	$(BIN)/python tests/studies/misfit.py
 
 study-view: $(VENV)/ready
 	$(BIN)/python tests/studies/view_speed.py
