@@ -16,7 +16,7 @@ from heatrun.discovery.run import discover, show
 from heatrun.inference.catalogue import all_effects
 from heatrun.motor import Motor
 from heatrun.reports.discovery.report import write_report
-from heatrun.runs.run_folder import dump
+from heatrun.results import to_json
 from lptn import EFFECTS
 
 
@@ -84,7 +84,7 @@ def test_every_candidate_has_a_fate_and_a_reason_and_the_report_is_written(coole
     _, _, _, tests = cooled
     shown = show(named, tests, method="quick")
     roles = ["calibration", "calibration", "holdout"]
-    result = json.loads(dump(assemble(named, shown, roles, command="test", seed=0)))
+    result = json.loads(to_json(assemble(named, shown, roles, command="test", seed=0)))
     assert {row["id"] for row in result["candidates"]} == {kind.card.id for kind in EFFECTS}
     for row in result["candidates"]:
         assert row["reason"] or row["status"] == "accepted"

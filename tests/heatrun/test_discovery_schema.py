@@ -10,7 +10,7 @@ import jsonschema
 import pytest
 
 from heatrun.discovery.result import FORMAT
-from heatrun.runs.run_folder import dump
+from heatrun.results import to_json
 
 pytestmark = pytest.mark.slow
 
@@ -40,7 +40,7 @@ def result(hidden_bench):
     found = discover(motor, tests[:2], held_out=tests[2:])
     shown = show(found, tests, method="quick")
     roles = [test.role for test in case.tests]
-    return json.loads(dump(assemble(found, shown, roles, command="test", seed=0)))
+    return json.loads(to_json(assemble(found, shown, roles, command="test", seed=0)))
 
 
 def test_the_schema_is_one():

@@ -14,7 +14,8 @@ from heatrun.calibration import BenchTest, calibrate
 from heatrun.reports.sheet import digits
 from heatrun.reports.sheet.of_run import write_sheet
 from heatrun.reports.sheet.worksheet import WorksheetConstants, fill_worksheet
-from heatrun.runs.run_folder import RunFolder, dump
+from heatrun.results import to_json
+from heatrun.runs.run_folder import RunFolder
 from heatrun.runs.write import write_run
 
 HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* \\ <script> \x1b[31m שלום @import "/etc/passwd"'
@@ -39,7 +40,7 @@ def folder(found, tmp_path_factory):
 
 
 def test_the_result_is_valid_json_without_nan(found):
-    assert json.loads(dump(found.result))["format"] == "heatrun-fit/1"
+    assert json.loads(to_json(found.result))["format"] == "heatrun-fit/1"
 
 
 def test_names_do_not_act_as_markup_in_the_pdf(folder):
