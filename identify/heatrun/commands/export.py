@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     for note in written["notes"]:
         say(note)
     for finding in written["findings"]:
-        sentence = f"{finding['where']}: {finding['message']} {finding['remedy']}"
+        sentence = f"{finding.where}: {finding.message} {finding.remedy}"
         print(f"warning {printable(sentence)}", file=sys.stderr)
     if options.json:
         print(to_json(written))

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from .candidate import CandidateFate
-from .found_effect import FoundEffect, TraceOfEffect
+from .found_effect import FoundEffect, Trace
 from .gap import ErrorsBeforeAfter, Gap, HeldOutGap, ParameterBeforeAfter
 from .missing import Localisation, Missing
 from .values import NonNegative
@@ -166,7 +166,7 @@ class DiscoveryResult:
     sentence: str
     effects: tuple[FoundEffect, ...]
     dropped: tuple[str, ...]
-    traces: tuple[TraceOfEffect, ...]
+    traces: tuple[Trace, ...]
     where: tuple[Missing, ...]
     where_left: tuple[Missing, ...]
     localisation: Localisation

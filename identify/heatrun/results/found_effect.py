@@ -114,3 +114,7 @@ class TraceOfEffect:
     equivalents: tuple[str, ...]
     closes_K: NonNegative
     delta_log_evidence: float
+
+
+Trace = Annotated[TraceOfEffect, Meta(extra_json_schema={"unevaluatedProperties": False})]
+"""In a list of traces, which has no other fields within this version of the schema."""
