@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser(
-        "calibrate", help="parameters with 95 % intervals, bands, verdict and parameter sheet"
+        "calibrate", help="parameters with 95 %% intervals, bands, verdict and parameter sheet"
     )
     words.add_inputs(parser)
     words.add_holdout(parser)
