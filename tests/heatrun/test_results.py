@@ -14,15 +14,19 @@ import pytest
 from heatrun.bench.record import Finding
 from heatrun.calibration import BenchTest, calibrate
 from heatrun.errors import InputError
-from heatrun.results import FitResult, from_json, to_json
+from heatrun.results import DiscoveryResult, FitResult, from_json, to_json
 from heatrun.results.candidate import CandidateFate
 from heatrun.results.derived import DerivedFigure
 from heatrun.results.missing import MissingSpan
 from heatrun.results.schema import SCHEMAS, schema_text, shipped
 
-STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
-"""`heatrun calibrate motor.toml duty_30min.csv.gz --holdout step_90min.csv.gz --model both --quick
---rating S2-30` on data/synthetic, as heatrun wrote it before its results were types."""
+STORED = Path(__file__).parents[1] / "stored"
+"""Files as heatrun wrote them before its results were types (commit d93e2a8).
+
+`fit-1.json`: `heatrun calibrate motor.toml duty_30min.csv.gz --holdout step_90min.csv.gz --model
+both --quick --rating S2-30` on data/synthetic. `discovery-2.json`: the case of
+`test_discovery_schema.py`, a cooling step in one of two tests, with a held-out test.
+"""
 
 
 def read(content, kind=FitResult):
@@ -31,7 +35,12 @@ def read(content, kind=FitResult):
 
 @pytest.fixture
 def stored():
-    return json.loads(STORED.read_text())
+    return json.loads((STORED / "fit-1.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def found():
+    return json.loads((STORED / "discovery-2.json").read_text(encoding="utf-8"))
 
 
 def violations(content, name="fit-1.json"):
@@ -50,11 +59,13 @@ def test_the_shipped_schemas_are_those_of_the_types(name):
     assert set(shipped(name)["properties"]) == fields | {"run"}
 
 
-def test_a_file_of_an_earlier_version_reads_and_writes_to_the_same_bytes(stored):
-    content = STORED.read_bytes()
-    assert to_json(from_json(content, FitResult, "fit.json", "run")).encode() + b"\n" == content
-    assert violations(stored) == []
-    assert violations({**stored, "run": "folder"}) == []
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_a_file_of_an_earlier_version_reads_and_writes_to_the_same_bytes(name):
+    content = (STORED / name).read_bytes()
+    kind, _ = SCHEMAS[name]
+    assert to_json(from_json(content, kind, name, "run")).encode() + b"\n" == content
+    assert violations(json.loads(content), name) == []
+    assert violations({**json.loads(content), "run": "folder"}, name) == []
 
 
 def test_a_fresh_calibration_holds_to_the_schema_and_reads_back(duty, blocks, motor):
@@ -115,6 +126,53 @@ def test_a_damaged_field_is_named_by_its_path_and_refused_by_the_schema(spoil, w
         read(stored)
     assert "fit.json of the run cannot be read" in str(refusal.value)
     assert violations(stored)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "where"),
+    [
+        (lambda r: r.update(verdict="perhaps"), r"'perhaps' - at `\$\.verdict`"),
+        (lambda r: r.pop("traces"), "missing required field `traces`"),
+        (
+            lambda r: r.update(traces=[{"id": "radiation", "closes_K": 0.1}]),
+            r"at `\$\.traces\[0\]`",
+        ),
+        (lambda r: r["holdout"].pop("took_part_in_selection"), r"at `\$\.holdout`"),
+        (
+            lambda r: r["effects"][0]["parameters"]["k"].pop("unit"),
+            r"`\$\.effects\[0\]\.parameters",
+        ),
+        (lambda r: r["effects"][0].update(parameters={}), r"`\$\.effects\[0\]\.parameters"),
+        (lambda r: r["effects"][0].update(probability=1.5), r"effects\[0\]\.probability"),
+        (lambda r: r["candidates"][0].update(status="unsure"), r"candidates\[0\]\.status"),
+        (lambda r: r.update(candidates=[]), r"at `\$\.candidates`"),
+        (lambda r: r["where"][0].update(interval_95=[1.0]), r"where\[0\]\.interval_95"),
+        (lambda r: r["where"][0].update(missing_K=1.0), r"missing_W and missing_K.*where\[0\]"),
+        (lambda r: r["calibration"].update(coverage_95_after=1.5), "coverage_95_after"),
+        (lambda r: r["tests"][0]["before"].update(rmse_K=-1.0), r"tests\[0\]\.before\.rmse_K"),
+        (lambda r: r["localisation"]["before"].pop("nodes"), r"localisation\.before"),
+    ],
+)
+def test_a_damaged_discovery_is_refused_by_reader_and_schema(spoil, where, found):
+    spoil(found)
+    content = json.dumps(found).encode()
+    with pytest.raises(InputError, match=where):
+        from_json(content, DiscoveryResult, "discovery.json", "run")
+    assert violations(found, "discovery-2.json")
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda r: r.update(unheard_of=1),
+        lambda r: r.update(traces=[{"id": "radiation", "equivalents": [], "closes_K": 0.1,
+                                    "delta_log_evidence": 12.0, "unheard_of": 1}]),
+    ],
+)  # fmt: skip
+def test_a_field_unknown_to_this_version_reads_but_is_not_in_its_schema(spoil, found):
+    spoil(found)
+    from_json(json.dumps(found).encode(), DiscoveryResult, "discovery.json", "run")
+    assert violations(found, "discovery-2.json")
 
 
 @pytest.mark.parametrize(

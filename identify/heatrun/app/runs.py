@@ -143,5 +143,5 @@ def _discovery(path: Path, root: Path, stamp: Stamp) -> DiscoveryResult | None:
     opened = _opened(path, root, stamp)
     try:
         return None if opened is None else opened.discovery
-    except (ValueError, LookupError, TypeError):  # a manifest that is none; InputError too
+    except (ValueError, LookupError, TypeError, RecursionError):  # InputError too
         return None
