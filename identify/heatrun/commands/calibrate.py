@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser(
-        "calibrate", help="parameters with 95 % intervals, bands, verdict and parameter sheet"
+        "calibrate", help="parameters with 95 %% intervals, bands, verdict and parameter sheet"
     )
     words.add_inputs(parser)
     words.add_holdout(parser)
@@ -77,7 +77,7 @@ def calibrate_into_folder(
     from ..jobs import calibrate_into
     from ..ratings.duties import parse_duty
     from ..reports.terminal import result_text
-    from ..runs.run_folder import dump
+    from ..results import to_json, to_plain
 
     tests = load(motor, calibration, holdout, as_json=options.json)
     if tests is None:
@@ -100,7 +100,7 @@ def calibrate_into_folder(
             progress=progress,
         )
     if options.json:
-        print(dump({**found.result, "run": str(written)}))
+        print(to_json({**to_plain(found.result), "run": str(written)}))
     else:
         print(result_text(found.result))
         print(f"\nRun folder:      {printable(str(written))}")
