@@ -6,7 +6,8 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo test test-slow test-latest lint types check bench study-coverage study-crosschecks \
-  study-discovery study-faults study-fuzz study-readings study-view audit notebooks lock clean
+  study-discovery study-faults study-fuzz study-misfit study-readings study-view audit notebooks \
+  schemas lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -40,6 +41,9 @@ study-discovery: $(VENV)/ready
 	$(BIN)/python tests/studies/discovery.py
 	$(BIN)/python tests/studies/discovery_time.py
 
+study-misfit: $(VENV)/ready
+	$(BIN)/python tests/studies/misfit.py
+
 study-view: $(VENV)/ready
 	$(BIN)/python tests/studies/view_speed.py
 
@@ -62,6 +66,10 @@ study-coverage: $(VENV)/ready
 
 notebooks: $(VENV)/ready
 	$(BIN)/pytest -n auto -m notebook $(if $(NOTEBOOKS),-k "$(NOTEBOOKS)")
+
+# The JSON schemas of fit.json and discovery.json, from the types in identify/heatrun/results.
+schemas: $(VENV)/ready
+	$(BIN)/python -m heatrun.results.schema
 
 # Hashes for every platform and Python from 3.11 on, no index addresses.
 lock:

@@ -7,7 +7,7 @@ import tempfile
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,6 +22,7 @@ from .inference.networks import NetworkForm, network_named, networks_of, pair_of
 from .jobs import calibrate_into, discover_into
 from .motor import Motor
 from .motorfile import load_motor
+from .results import DiscoveryResult
 from .runs.run import Run, open_run
 from .simulation import simulate_values
 
@@ -40,7 +41,7 @@ class Found:
     run: Run
 
     @property
-    def result(self) -> Mapping[str, Any]:
+    def result(self) -> DiscoveryResult:
         """What stands in `discovery.json`."""
         result = self.run.discovery
         assert result is not None
@@ -49,33 +50,33 @@ class Found:
     @property
     def verdict(self) -> str:
         """`"adequate"`, `"named"`, `"ambiguous"`, `"unexplained"` or `"not_identifiable"`."""
-        return self.result["verdict"]
+        return self.result.verdict
 
     @property
     def effects(self) -> tuple[str, ...]:
         """Ids of the effects that were accepted, in order."""
-        return tuple(effect["id"] for effect in self.result["effects"])
+        return tuple(effect.id for effect in self.result.effects)
 
     def summary(self) -> pd.DataFrame:
         """Return the accepted effects: parameters with 95 % intervals, equivalents, evidence."""
         rows = [
             {
-                "effect": effect["id"],
+                "effect": effect.id,
                 "parameter": name,
-                "value": entry["value"],
-                "low_95": entry["interval_95"][0],
-                "high_95": entry["interval_95"][1],
-                "unit": entry["unit"],
-                "equivalents": ", ".join(effect["equivalents"]),
-                "delta_log_evidence": effect["evidence"]["delta_log_evidence"],
+                "value": entry.value,
+                "low_95": entry.interval_95[0],
+                "high_95": entry.interval_95[1],
+                "unit": entry.unit,
+                "equivalents": ", ".join(effect.equivalents),
+                "delta_log_evidence": effect.evidence.delta_log_evidence,
             }
-            for effect in self.result["effects"]
-            for name, entry in effect["parameters"].items()
+            for effect in self.result.effects
+            for name, entry in effect.parameters.items()
         ]
         return pd.DataFrame(rows)
 
     def _repr_html_(self) -> str:
-        return f"<p>{self.result['sentence']}</p>{self.summary().to_html(index=False)}"
+        return f"<p>{self.result.sentence}</p>{self.summary().to_html(index=False)}"
 
 
 def calibrate(
@@ -146,9 +147,9 @@ def compare(
     """
     run = calibrate(motor, tests, holdout=holdout, model=pair_of(model), **settings)
     rows = [
-        {"network": name, **row, "log_evidence": model["evidence"]["log_evidence"]}
-        for name, model in run.result["models"].items()
-        for row in model["residuals"]
+        {"network": name, **asdict(row), "log_evidence": model.evidence.log_evidence}
+        for name, model in run.result.models.items()
+        for row in model.residuals
     ]
     return pd.DataFrame(rows).set_index(["test", "network"]).sort_index()
 

@@ -30,6 +30,9 @@ from .inference.problem import Problem
 from .inference.reduction_checks import check_reduction
 from .io.moment import moment
 from .motor import Motor
+from .results.fit import FitResult
+from .results.model import FittedModel
+from .results.values import Role
 from .runs.result import assemble, describe_model, describe_test
 from .runs.run_folder import RunFolder, environment
 
@@ -55,7 +58,7 @@ class BenchTest:
 
     record: Record
     blocks: Blocks
-    role: Literal["calibration", "holdout"]
+    role: Role
     findings: tuple[Finding, ...]
 
 
@@ -75,7 +78,7 @@ class Calibration:
     tests: tuple[BenchTest, ...]
     posteriors: dict[str, Posterior]
     predictions: dict[str, list[Prediction]]
-    result: dict[str, Any]
+    result: FitResult
 
 
 def load_tests(
@@ -137,7 +140,7 @@ def calibrate(
     fitted = [test.blocks for test in tests if test.role == "calibration"]
     findings = [finding for test in tests for finding in test.findings]
 
-    roles = [test.role for test in tests]
+    roles: list[Role] = [test.role for test in tests]
     models = [Model.of(network, motor, effects) for network in networks]
     names = [model.name for model in models]
     if len(set(names)) < len(names):
@@ -179,7 +182,7 @@ def calibrate(
         error, found = check_reduction(last, test.record, test.blocks, motor)
         rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
         findings += found
-    described: dict[str, Any] = {name: outcome.described for name, outcome in outcomes.items()}
+    described = {name: outcome.described for name, outcome in outcomes.items()}
     result = assemble(motor, rows, findings, described, predictions, command=command, seed=seed)
     return Calibration(motor, tuple(tests), posteriors, predictions, result)
 
@@ -190,7 +193,7 @@ class _Outcome:
 
     posterior: Posterior
     predictions: list[Prediction]
-    described: dict[str, Any]
+    described: FittedModel
     findings: list[Finding]
 
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,12 +15,17 @@ import pytest
 
 from heatrun.app.folder import Folder, Stamp
 from heatrun.app.jobs.running import JobQueue
+from heatrun.app.runs import runs_under
 from heatrun.app.store import RecordStore
 from heatrun.app.tabs.run_view import run_name
 from heatrun.app.trace import GAP, Trace
 from heatrun.app.uploads import BoundedDropper, UploadRoom, keep_upload, safe_name
-from heatrun.app.words import discovery_html, error_message, message, table
+from heatrun.app.words import calibration_html, discovery_html, error_message, message, table
 from heatrun.errors import InputError
+from heatrun.results import DiscoveryResult, FitResult, from_json
+from heatrun.runs.run import open_run
+
+STORED = Path(__file__).parents[1] / "stored"
 
 
 def test_a_window_keeps_the_extremes_of_a_long_signal():
@@ -177,12 +186,47 @@ def test_what_comes_from_files_is_escaped():
     for html in (message("error", bad), error_message(error), table((bad,), [(bad, 1.0)])):
         assert "<script>" not in html
         assert "&lt;script&gt;" in html
-    gap = {"rmse_before_K": 1.0, "rmse_after_K": 0.5, "noise_floor_K": 0.4}
-    result = {"verdict": "named", "sentence": bad, "effects": [], "where": []}
-    result |= {"holdout": None, "calibration": gap}
-    assert "<script>" not in discovery_html(result)
+    stored = (STORED / "discovery-2.json").read_bytes()
+    plain = from_json(stored, DiscoveryResult, "discovery.json", "")
+    effect = replace(plain.effects[0], id=bad, equivalents=(bad,))
+    span = replace(plain.where[0], test=bad, node=bad)
+    html = discovery_html(replace(plain, sentence=bad, effects=(effect,), where=(span,)))
+    assert "<script>" not in html
+    assert html.count("&lt;script&gt;") == 5
+    fit = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "")
+    html = calibration_html(replace(fit, verdict=replace(fit.verdict, sentence=bad)))
+    assert "<script>" not in html
     assert run_name("../../etc/<b>", "x") == "_.._etc__b_"
     assert run_name("  ", "x") == "x"
+
+
+def _stored_run(path: Path) -> Path:
+    """Write a run folder with both results, whole by its manifest."""
+    path.mkdir()
+    for name in ("fit", "discovery"):
+        (number,) = (file.read_bytes() for file in STORED.glob(f"{name}-*.json"))
+        (path / f"{name}.json").write_bytes(number)
+    files = {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in path.glob("*.json")}
+    (path / "manifest.json").write_text(json.dumps({"files": files}))
+    return path
+
+
+def test_a_run_on_the_page_is_read_and_checked_as_everywhere(tmp_path: Path):
+    path = _stored_run(tmp_path / "run")
+    (shown,) = runs_under([(tmp_path, tmp_path)])
+    opened = open_run(path)
+    assert shown.calibration == opened.result
+    assert shown.discovery == opened.discovery
+    changed = json.loads((path / "discovery.json").read_text())
+    (path / "discovery.json").write_text(json.dumps({**changed, "sentence": "another"}))
+    os.utime(path / "manifest.json", ns=(1, 1))  # another state of the run
+    (shown,) = runs_under([(tmp_path, tmp_path)])
+    assert shown.calibration is not None
+    assert shown.discovery is None, "not what the run wrote"
+    (path / "fit.json").write_text("{}")
+    os.utime(path / "manifest.json", ns=(2, 2))
+    (shown,) = runs_under([(tmp_path, tmp_path)])
+    assert shown.calibration is None
 
 
 def _over(job, seconds: float = 60.0):

@@ -18,7 +18,7 @@ from heatrun import cli
 from heatrun.commands.console import printable
 from heatrun.errors import InputError
 from heatrun.io.whole_files import write_whole
-from heatrun.runs.run_folder import RunFolder, listed_anew, load_result
+from heatrun.runs.run_folder import RunFolder, listed_anew, read_listed
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 IDENTITY = {"motor": "m", "seed": 1}
@@ -43,6 +43,10 @@ def words(inputs, out, *more):
             *more]  # fmt: skip
 
 
+def result_of(run):
+    return json.loads(read_listed(run, "fit.json"))
+
+
 def made(path, identity=IDENTITY):
     folder = RunFolder.begin(path, identity)
     folder.write_json("fit.json", FIT)
@@ -55,9 +59,9 @@ def test_two_runs_into_one_folder_are_refused(tmp_path):
     for other in (IDENTITY, {"seed": 2}):
         with pytest.raises(InputError, match=r"another process is writing.*another --out"):
             RunFolder.begin(tmp_path / "run", other)
-    assert load_result(first.finish({})) == FIT
+    assert result_of(first.finish({})) == FIT
     again = RunFolder.begin(tmp_path / "run", {"seed": 2})
-    assert load_result(tmp_path / "run") == FIT
+    assert result_of(tmp_path / "run") == FIT
     assert again.note == ""
 
 
@@ -86,9 +90,9 @@ def test_a_changed_result_is_refused(tmp_path):
     run = made(tmp_path / "run")
     (run / "fit.json").write_text(json.dumps({**FIT, "seed": 3}))
     with pytest.raises(InputError, match="SHA-256"):
-        load_result(run)
+        result_of(run)
     (run / "manifest.json").write_bytes(listed_anew(run, run))
-    assert load_result(run)["seed"] == 3
+    assert result_of(run)["seed"] == 3
 
 
 @pytest.mark.parametrize("name", ["fit.json", "manifest.json"])
@@ -98,7 +102,7 @@ def test_a_cut_run_is_refused(name, tmp_path):
     for length in range(len(content) - 1):
         (run / name).write_bytes(content[:length])
         with pytest.raises(InputError):
-            load_result(run)
+            result_of(run)
 
 
 def in_process(program):
@@ -236,8 +240,8 @@ def test_a_clock_that_runs_backwards_changes_no_result(tmp_path, monkeypatch):
     monkeypatch.setattr(time, "time", lambda: float(next(moment)))
     run = made(tmp_path / "run")
     os.utime(run / "fit.json", (0, 0))
-    assert load_result(run) == FIT
-    assert load_result(made(tmp_path / "run", {"seed": 2})) == FIT
+    assert result_of(run) == FIT
+    assert result_of(made(tmp_path / "run", {"seed": 2})) == FIT
 
 
 def test_text_from_files_cannot_steer_the_terminal():
@@ -271,4 +275,4 @@ def test_a_run_on_a_full_disk_stops_with_a_word_and_goes_on(inputs, tmp_path):
     assert again.returncode == 0, again.stderr
     assert "taking up the unfinished run" in again.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
-    assert load_result(tmp_path / "run")["models"].keys() == {"second"}
+    assert result_of(tmp_path / "run")["models"].keys() == {"second"}

@@ -34,7 +34,6 @@ from heatrun.inference.sampling.checkpoint import Checkpoint
 from heatrun.motorfile import load_motor
 from heatrun.reports.sheet.of_run import rewrite_sheet
 from heatrun.runs.run import open_run
-from heatrun.runs.run_folder import load_result
 from heatrun.simulation import parameters_from
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "readings"))
@@ -123,7 +122,7 @@ def manifest(data: bytes) -> None:
     (run / "fit.json").write_bytes(b"{}")
     (run / "manifest.json").write_bytes(data)
     with suppress(InputError):
-        load_result(run)
+        open_run(run)
 
 
 def parameters(data: bytes) -> None:
@@ -146,15 +145,7 @@ def network(data: bytes) -> None:
         assert network_of(network_text(form), "again") == form
     run = FOLDER / "modelled"
     run.mkdir(exist_ok=True)
-    fit = json.dumps(
-        {
-            "format": "heatrun-fit/1",
-            "motor": {"name": "m"},
-            "tests": [],
-            "models": {"second": {"parameters": {}, "nuisances": {}}},
-        }
-    ).encode()
-    files = {"fit.json": fit, "model_second.toml": data}
+    files = {"fit.json": FIT, "model_second.toml": data}
     for name, content in files.items():
         (run / name).write_bytes(content)
     listing = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
@@ -275,20 +266,7 @@ def stored(data: bytes) -> bytes:
     return buffer.getvalue()
 
 
-FIT = {
-    "format": "heatrun-fit/1",
-    "heatrun_version": "0.1.0",
-    "command": "heatrun calibrate",
-    "seed": 0,
-    "motor": {"name": "m", "losses": "balance", "sink": "ambient"},
-    "verdict": {"order": "second", "sentence": "The second order."},
-    "tests": [
-        {"name": "duty", "role": "calibration", "duration_s": 60.0, "num_samples": 9, "sha256": ""}
-    ],
-    "findings": [{"severity": "note", "where": "x", "message": "y", "remedy": "z"}],
-    "comparison": None,
-    "models": {"second": {"parameters": {"Ceq_w": {"value": 666.0}}}},
-}
+FIT = (Path(__file__).parents[1] / "stored" / "fit-1.json").read_bytes()
 
 FOUR = """format = "heatrun-model/1"
 effects = []
@@ -338,7 +316,7 @@ TARGETS: dict[str, Target] = {
     "channel map": Target(
         channel_map, (b'winding_degC = "T Wicklung [degC]"\ntime_s = "rate 10 Hz"\n',)
     ),
-    "fit.json": Target(result, (json.dumps(FIT).encode(),)),
+    "fit.json": Target(result, (FIT,)),
     "manifest.json": Target(manifest, (b'{"files": {"fit.json": "00"}}',)),
     "parameters": Target(
         parameters, (b"Ceq_w = 666.75\nCeq_sr = 15060.1\nReq_w = 0.14485\nReq_sr = 0.11625\n",)

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from heatrun.bench.readers.read import read_record
-from heatrun.runs.run_folder import dump
+from heatrun.results import to_json
 
 TABLE = "time_s,phase_current_A,losses_W,ambient_degC,winding_degC\n" + "".join(
     f"{t},10,300,20,{20 + 0.001 * t:.3f}\n" for t in range(600)
@@ -44,6 +44,6 @@ def test_a_test_is_named_after_what_can_be_printed(tmp_path):
         file.write(TABLE)
     record = read_record(os.fsdecode(path))
     assert record.name == "duty??"
-    assert json.loads(dump({"path": record.sources[0].path}))["path"].endswith(
+    assert json.loads(to_json({"path": record.sources[0].path}))["path"].endswith(
         r"duty\udcff" + "\x1b.csv"
     )

@@ -17,7 +17,7 @@ from heatrun.reports.bench_tests import TEST_TYPES, Reference, build_report, mak
 from heatrun.reports.bench_tests.content import report_content
 from heatrun.reports.bench_tests.csv_table import csv_table
 from heatrun.reports.bench_tests.document import document_content
-from heatrun.runs.run_folder import dump
+from heatrun.results import to_json
 
 NAMES = [channel.name for channel in CHANNELS if channel.name != "time_s"]
 MOTORS = (
@@ -75,7 +75,7 @@ def kinds_reported(seed):
         for drawing in report.drawings[:3]:
             assert drawing.draw().axes
         content = report_content(report, None)
-        assert "NaN" not in dump(content)
+        assert "NaN" not in to_json(content)
         assert document_content(report, content)["rows"] is not None
         assert ",nan," not in csv_table(report)
     assert all("any" in refusal.where and refusal.remedy for refusal in refusals)

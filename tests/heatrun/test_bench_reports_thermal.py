@@ -61,14 +61,14 @@ def run(tmp_path, bench, generator):
     folder = tmp_path / "run"
     folder.mkdir()
     rng = np.random.default_rng(6)
-    entries = {name: {"value": value, "fixed": False} for name, value in TRUTH.items()}
-    nuisances = {name: {"value": 0.0, "fixed": True} for name in INSTRUMENTS}
-    result = {
-        "format": "heatrun-fit/1",
-        "motor": {"name": "reference", "path": "motor.toml", "sha256": "of the motor"},
-        "models": {"second": {"parameters": entries, "nuisances": nuisances}},
-        "tests": [{"name": "duty", "path": "a.csv", "sha256": "a", "role": "calibration"}],
-    }
+    result = json.loads((Path(__file__).parents[1] / "stored" / "fit-1.json").read_text())
+    result["motor"] |= {"name": "reference", "path": "motor.toml", "sha256": "of the motor"}
+    second = result["models"]["second"]
+    entry = second["parameters"]["Ceq_w"]
+    second["parameters"] = {n: {**entry, "value": value} for n, value in TRUTH.items()}
+    second["nuisances"] = {n: {**entry, "value": 0.0, "fixed": True} for n in INSTRUMENTS}
+    test = {"name": "duty", "path": "a.csv", "sha256": "a", "role": "calibration"}
+    result |= {"models": {"second": second}, "tests": [{**result["tests"][0], **test}]}
     (folder / "fit.json").write_text(json.dumps(result), encoding="utf-8")
     certain = {name: ParameterOverride(fixed=0.0) for name in (*INSTRUMENTS, "load_timing")}
     model = Model.of("second", MOTOR)

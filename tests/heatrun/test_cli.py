@@ -16,8 +16,23 @@ import pandas as pd
 import pytest
 
 from heatrun import cli
+from heatrun.commands import COMMANDS
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
+
+
+HELP = [["--help"], *([name, "--help"] for name in COMMANDS)]
+
+
+@pytest.mark.parametrize("words", HELP, ids=lambda words: words[0])
+def test_every_help_is_printed(words, capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main(words)
+    assert end.value.code == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "usage: heatrun" in said
+    if words == ["--help"]:
+        assert "parameters with 95 % intervals" in said
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from heatrun.discovery.run import discover, show
 from heatrun.inference.catalogue import all_effects
 from heatrun.motor import Motor
 from heatrun.reports.discovery.report import write_report
-from heatrun.runs.run_folder import dump
 from lptn import EFFECTS
 
 
@@ -84,20 +82,20 @@ def test_every_candidate_has_a_fate_and_a_reason_and_the_report_is_written(coole
     _, _, _, tests = cooled
     shown = show(named, tests, method="quick")
     roles = ["calibration", "calibration", "holdout"]
-    result = json.loads(dump(assemble(named, shown, roles, command="test", seed=0)))
-    assert {row["id"] for row in result["candidates"]} == {kind.card.id for kind in EFFECTS}
-    for row in result["candidates"]:
-        assert row["reason"] or row["status"] == "accepted"
-    assert result["verdict"] == "named"
-    assert result["effects"][0]["parameters"]["g"]["unit"] == "1"
-    low, high = result["effects"][0]["parameters"]["g"]["interval_95"]
-    assert low < result["effects"][0]["parameters"]["g"]["value"] < high
-    assert result["effects"][0]["evidence"]["familywise_p"] < 0.05
-    gap = result["holdout"]
-    assert gap["rmse_after_K"] < 0.5 * gap["rmse_before_K"]
-    assert gap["coverage_95_after"] > 0.85
-    assert set(result["parameters"]) == {"Ceq_w", "Ceq_sr", "Req_w", "Req_sr", "Rs0"}
-    assert result["where"][0]["node"] in ("stator", "winding", "sensor")
+    result = assemble(named, shown, roles, command="test", seed=0)
+    assert {row.id for row in result.candidates} == {kind.card.id for kind in EFFECTS}
+    for row in result.candidates:
+        assert row.reason or row.status == "accepted"
+    assert result.verdict == "named"
+    assert result.effects[0].parameters["g"].unit == "1"
+    low, high = result.effects[0].parameters["g"].interval_95
+    assert low < result.effects[0].parameters["g"].value < high
+    assert result.effects[0].evidence.familywise_p < 0.05
+    gap = result.holdout
+    assert gap.rmse_after_K < 0.5 * gap.rmse_before_K
+    assert gap.coverage_95_after > 0.85
+    assert set(result.parameters) == {"Ceq_w", "Ceq_sr", "Req_w", "Req_sr", "Rs0"}
+    assert result.where[0].node in ("stator", "winding", "sensor")
     figure = tmp_path / "figure.png"
     Figure().savefig(figure)
     written = write_report(result, [figure], tmp_path / "discovery.pdf")

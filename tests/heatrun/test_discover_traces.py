@@ -34,8 +34,8 @@ def test_a_trace_is_named_and_the_verdict_stays_adequate(effect, seed, hidden_be
     assert not found.named
     (trace,) = found.traces
     told = describe_trace(trace)
-    assert effect in (told["id"], *told["equivalents"])
-    assert 0.0 < told["closes_K"] < RELEVANT_K
-    assert told["delta_log_evidence"] > 10.0
-    assert told["id"] in found.verdict.sentence
+    assert effect in (told.id, *told.equivalents)
+    assert 0.0 < told.closes_K < RELEVANT_K
+    assert told.delta_log_evidence > 10.0
+    assert told.id in found.verdict.sentence
     assert "too small to matter" in found.verdict.sentence

@@ -33,7 +33,7 @@ def report(path: Path, out: Path):
     return outcome
 
 
-@pytest.mark.parametrize("step", ["write_pdf", "csv_table", "dump"])
+@pytest.mark.parametrize("step", ["write_pdf", "csv_table", "to_json"])
 def test_a_full_disk_leaves_the_earlier_report_and_no_piece(step, test_file, tmp_path, monkeypatch):
     out = tmp_path / "out"
     assert report(test_file, out).error is None

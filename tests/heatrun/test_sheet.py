@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import openpyxl
 import pytest
+from msgspec import UNSET
 from pypdf import PdfReader
 
 from heatrun.bench.record import ColumnReading
@@ -14,7 +15,8 @@ from heatrun.calibration import BenchTest, calibrate
 from heatrun.reports.sheet import digits
 from heatrun.reports.sheet.of_run import write_sheet
 from heatrun.reports.sheet.worksheet import WorksheetConstants, fill_worksheet
-from heatrun.runs.run_folder import RunFolder, dump
+from heatrun.results import to_json
+from heatrun.runs.run_folder import RunFolder
 from heatrun.runs.write import write_run
 
 HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* \\ <script> \x1b[31m שלום @import "/etc/passwd"'
@@ -39,7 +41,7 @@ def folder(found, tmp_path_factory):
 
 
 def test_the_result_is_valid_json_without_nan(found):
-    assert json.loads(dump(found.result))["format"] == "heatrun-fit/1"
+    assert json.loads(to_json(found.result))["format"] == "heatrun-fit/1"
 
 
 def test_names_do_not_act_as_markup_in_the_pdf(folder):
@@ -56,8 +58,8 @@ def test_the_sheet_says_how_columns_were_read(folder, found):
     assert "Columns and units" in text
     assert "ASSUMED" in text
     assert "Unit assumed for time_s" in " ".join(text.split())
-    (row,) = found.result["tests"][0]["mapping"]
-    assert (row["channel"], row["unit"], row["unit_from"]) == ("time_s", "s", "assumed")
+    (row,) = found.result.tests[0].mapping
+    assert (row.channel, row.unit, row.unit_from) == ("time_s", "s", "assumed")
     cells = list(openpyxl.load_workbook(folder / "sheet.xlsx")["Columns"].values)
     assert cells[1][1:5] == ("time_s", HOSTILE.replace("\x1b", "_x001B_"), "s", "ASSUMED")
 
@@ -66,14 +68,14 @@ def test_the_workbook_holds_the_derived_figures(folder, found):
     head, *rows = openpyxl.load_workbook(folder / "sheet.xlsx")["Derived"].values
     assert head[:4] == ("network", "figure", "value", "unit")
     by_name = {(row[0], row[1]): row for row in rows}
-    for network, model in found.result["models"].items():
-        for name, entry in model["derived"].items():
+    for network, model in found.result.models.items():
+        for name, entry in model.derived.items():
             row = by_name.pop((network, name))
-            if "refused" in entry:
-                assert (row[2], row[6]) == (None, entry["refused"])
+            if entry.refused is not UNSET:
+                assert (row[2], row[6]) == (None, entry.refused)
             else:
-                assert (row[2], row[3]) == (pytest.approx(entry["value"]), entry["unit"])
-                assert row[4:6] == pytest.approx(entry["interval_95"])
+                assert (row[2], row[3]) == (pytest.approx(entry.value), entry.unit)
+                assert row[4:6] == pytest.approx(entry.interval_95)
     assert not by_name
 
 
@@ -96,7 +98,7 @@ def test_the_worksheet_of_the_workbook_is_the_published_one(folder, found, motor
     rows = [[cell.value for cell in row[:13]] for row in values.iter_rows(min_row=12)]
     rows = [row for row in rows if row[5] is not None]
     Tw, P, current = (np.array([row[i] for row in rows], dtype=float) for i in (1, 4, 7))
-    Rs0 = found.result["models"]["second"]["parameters"]["Rs0"]["value"]
+    Rs0 = found.result.models["second"].parameters["Rs0"].value
     expected = fill_worksheet(
         WorksheetConstants(
             ambient_mean_degC=float(values["B3"].value), phase_resistance_ohm=Rs0
@@ -117,9 +119,9 @@ def test_the_worksheet_of_the_workbook_is_the_published_one(folder, found, motor
 def test_parameters_carry_their_uncertainty(folder, found):
     book = openpyxl.load_workbook(folder / "sheet.xlsx")["Parameters"]
     row = next(row for row in book.iter_rows(values_only=True) if row[1] == "Ceq_w")
-    entry = found.result["models"]["second"]["parameters"]["Ceq_w"]
-    assert row[2] == pytest.approx(entry["value"])
-    assert row[5] == pytest.approx(2 * entry["sd"])
+    entry = found.result.models["second"].parameters["Ceq_w"]
+    assert row[2] == pytest.approx(entry.value)
+    assert row[5] == pytest.approx(2 * entry.sd)
     assert row[10] == "identified"
 
 

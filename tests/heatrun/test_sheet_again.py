@@ -12,7 +12,8 @@ import pytest
 from heatrun.calibration import BenchTest, calibrate, manifest
 from heatrun.errors import InputError
 from heatrun.reports.sheet.of_run import rewrite_sheet, write_sheet
-from heatrun.runs.run_folder import RunFolder, load_result
+from heatrun.runs.run import open_run
+from heatrun.runs.run_folder import RunFolder
 from heatrun.runs.write import write_run
 
 
@@ -49,7 +50,7 @@ def test_the_sheet_written_into_its_run_changes_nothing(run):
     before = digests(run)
     rewrite_sheet(run, run)
     assert digests(run) == before
-    load_result(run)
+    open_run(run)
 
 
 def test_a_sheet_that_was_damaged_is_written_and_listed_again(run):

@@ -13,12 +13,14 @@ from heatrun.app.reading import read_tests
 from heatrun.app.store import RecordStore
 from heatrun.bench.channels.column_mapping import (
     LONGEST,
-    describe_mapping,
+    ReadColumns,
+    describe_columns,
     grouped,
     mapping_rows,
     mapping_text,
 )
 from heatrun.bench.readers.read import read_record
+from heatrun.bench.record import ColumnReading
 
 MOTOR = f"""
 [motor]
@@ -103,17 +105,16 @@ def test_minutes_are_asked_about_and_the_line_that_is_offered_settles_it(bench, 
 
 def test_tests_that_were_read_alike_share_a_table(bench):
     one, two = (read_record(bench(name)) for name in ("one.csv", "two.csv"))
-    tests = [{"name": each.name, "mapping": describe_mapping(each)} for each in (one, two)]
+    tests = [describe_columns(one), describe_columns(two)]
     ((names, _),) = grouped(tests)
     assert names == "one, two"
     assert mapping_text(tests).count("Columns of") == 1
-    assert mapping_text([{"name": "old", "mapping": []}, {"name": "older"}]) == ""
+    assert mapping_text([ReadColumns("old", [])]) == ""
 
 
 def test_a_long_name_keeps_its_beginning_and_its_end():
     name = "Messstelle_Pruefstand_3_Halle_7_Kanal_0042_Wicklung"
-    row = {"channel": "winding_degC", "column": name, "unit": "degC", "unit_from": "stated",
-           "found_by": "[columns]", "file": "a.csv"}  # fmt: skip
+    row = ColumnReading("winding_degC", name, "degC", "stated", "[columns]", "a.csv")
     ((_, shown, *_),) = mapping_rows([row])
     assert len(shown) == LONGEST
     assert shown.startswith("Messstelle")

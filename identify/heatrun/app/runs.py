@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import io
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from ..errors import InputError
-from ..runs.run_folder import MANIFEST, load_result
+from ..results import DiscoveryResult, FitResult
+from ..runs.run import Run as OpenedRun
+from ..runs.run import course_name, open_run
+from ..runs.run_folder import MANIFEST
 from .folder import Stamp
 from .plots import Band
 from .server.confined import is_inside, read_inside
@@ -42,14 +43,15 @@ class Run:
     root: Path
 
     @property
-    def discovery(self) -> dict[str, Any] | None:
+    def discovery(self) -> DiscoveryResult | None:
         """What `heatrun discover` found, or None."""
         return _discovery(self.path, self.root, self.stamp)
 
     @property
-    def calibration(self) -> dict[str, Any] | None:
+    def calibration(self) -> FitResult | None:
         """What `heatrun calibrate` found, or None."""
-        return _calibration(self.path, self.root, self.stamp)
+        opened = _opened(self.path, self.root, self.stamp)
+        return None if opened is None else opened.result
 
     @property
     def stamp(self) -> Stamp:
@@ -85,15 +87,15 @@ class Run:
         if result is None:
             return []
         found = []
-        for number, entry in enumerate(result["tests"], start=1):
+        for number, entry in enumerate(result.tests, start=1):
             for opened in tests:
-                if entry["sha256"] == opened.record.sources[0].sha256:
+                if entry.sha256 == opened.record.sources[0].sha256:
                     band = self._band(number, opened.record.name)
                     found += [band] if band else []
         return found
 
     def _band(self, number: int, test: str) -> Band | None:
-        file = self.path / f"course_{number}.csv"
+        file = self.path / course_name(number)
         try:
             course = pd.read_csv(io.BytesIO(self.read(file)))
         except (OSError, ValueError):
@@ -128,18 +130,18 @@ def runs_under(places: Sequence[tuple[Path, Path]]) -> list[Run]:
 
 
 @lru_cache(maxsize=256)
-def _calibration(path: Path, root: Path, stamp: Stamp) -> dict[str, Any] | None:
-    """Return `fit.json`, checked and parsed once for as long as the manifest stays."""
+def _opened(path: Path, root: Path, stamp: Stamp) -> OpenedRun | None:
+    """Return a run, checked and parsed once for as long as the manifest stays."""
     try:
-        return load_result(path, lambda file: read_inside(root, file, MAX_BYTES))
+        return open_run(path, lambda file: read_inside(root, file, MAX_BYTES))
     except InputError:
         return None
 
 
 @lru_cache(maxsize=256)
-def _discovery(path: Path, root: Path, stamp: Stamp) -> dict[str, Any] | None:
+def _discovery(path: Path, root: Path, stamp: Stamp) -> DiscoveryResult | None:
+    opened = _opened(path, root, stamp)
     try:
-        content = json.loads(read_inside(root, path / "discovery.json", MAX_BYTES))
-    except (ValueError, RecursionError):  # ValueError: InputError too
+        return None if opened is None else opened.discovery
+    except (ValueError, LookupError, TypeError, RecursionError):  # InputError too
         return None
-    return content if isinstance(content, dict) else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
@@ -10,6 +10,8 @@ from ..bench import Finding
 from ..errors import InputError
 from ..io.quantities import printed_unit, rounded
 from ..reports.terminal import ranked
+from ..results import DiscoveryResult, FitResult
+from ..results.missing import MissingSpan
 
 
 def message(kind: str, text: str) -> str:
@@ -48,19 +50,18 @@ def findings_html(findings: Sequence[Finding]) -> str:
     )
 
 
-def calibration_html(result: Mapping[str, Any]) -> str:
+def calibration_html(result: FitResult) -> str:
     """Return the heart of `fit.json`: verdict, parameters with intervals, errors, comparison."""
-    parts = [f"<h3>{escape(result['verdict']['sentence'])}</h3>"]
-    for model in result["models"].values():
-        parts.append(f"<h3>{escape(model['title'].capitalize())}</h3>")
+    parts = [f"<h3>{escape(result.verdict.sentence)}</h3>"]
+    for model in result.models.values():
+        parts.append(f"<h3>{escape(model.title.capitalize())}</h3>")
         parts.append(
             table(
                 ("parameter", "value", "95 % interval", "unit", "identifiable from these tests"),
                 (
-                    (name, entry["value"], _range(entry["interval_95"]),
-                     printed_unit(entry["unit"]),
-                     f"{entry['identifiability']}: {entry['why']}")
-                    for name, entry in model["parameters"].items()
+                    (name, entry.value, _range(entry.interval_95), printed_unit(entry.unit),
+                     f"{entry.identifiability or ''}: {entry.why or ''}")
+                    for name, entry in model.parameters.items()
                 ),
             )
         )  # fmt: skip
@@ -68,59 +69,59 @@ def calibration_html(result: Mapping[str, Any]) -> str:
             table(
                 ("test", "role", "RMSE [K]", "maximum error [K]", "coverage of the 95 % band"),
                 (
-                    (row["test"], row["role"], row["rmse_K"], row["max_K"],
-                     f"{100 * row['coverage_95']:.0f} %")
-                    for row in model["residuals"]
+                    (row.test, row.role, row.rmse_K, row.max_K,
+                     f"{100 * row.coverage_95:.0f} %")
+                    for row in model.residuals
                 ),
             )
         )  # fmt: skip
-        parts.append(f"<p class='faded'>{escape(model['posterior']['verdict'])}</p>")
-    if result.get("comparison"):
-        parts += [f"<p>{escape(sentence)}</p>" for sentence in result["comparison"]["words"]]
+        parts.append(f"<p class='faded'>{escape(model.posterior.verdict)}</p>")
+    if result.comparison is not None:
+        parts += [f"<p>{escape(sentence)}</p>" for sentence in result.comparison.words]
     return "".join(parts)
 
 
-def discovery_html(result: Mapping[str, Any]) -> str:
+def discovery_html(result: DiscoveryResult) -> str:
     """Return the heart of `discovery.json`: verdict, what was found, where, every candidate."""
-    parts = [f"<h3>{escape(result['verdict'].upper())}: {escape(result['sentence'])}</h3>"]
-    for effect in result["effects"]:
-        alike = ", ".join(effect["equivalents"])
-        parts.append(f"<p><b>{escape(effect['id'])}</b></p>")
+    parts = [f"<h3>{escape(result.verdict.upper())}: {escape(result.sentence)}</h3>"]
+    for effect in result.effects:
+        alike = ", ".join(effect.equivalents)
+        parts.append(f"<p><b>{escape(effect.id)}</b></p>")
         parts.append(
             table(
                 ("parameter", "value", "95 % interval", "unit"),
                 (
-                    (name, p["value"], _range(p["interval_95"]), printed_unit(p["unit"]))
-                    for name, p in effect["parameters"].items()
+                    (name, p.value, _range(p.interval_95), printed_unit(p.unit))
+                    for name, p in effect.parameters.items()
                 ),
             )
         )
         if alike:
             parts.append(message("warning", f"Not distinguishable from {alike} with these tests."))
     gaps = [
-        (label, gap["rmse_before_K"], gap["rmse_after_K"], gap["noise_floor_K"])
-        for label, gap in (("calibration", result["calibration"]), ("held out", result["holdout"]))
+        (label, gap.rmse_before_K, gap.rmse_after_K, gap.noise_floor_K)
+        for label, gap in (("calibration", result.calibration), ("held out", result.holdout))
         if gap is not None
     ]
     parts.append(table(("tests", "RMSE before [K]", "after [K]", "noise [K]"), gaps))
-    if result["where"]:
+    if result.where:
         parts.append("<h3>Where model and measurement disagree</h3>")
         parts.append(
             table(
                 ("test", "from [min]", "to [min]", "node", "missing", "95 % interval"),
                 (
-                    (span["test"], span["from_s"] / 60, span["to_s"] / 60, span["node"],
-                     _missing(span), _range(span["interval_95"]))
-                    for span in result["where"]
+                    (span.test, span.from_s / 60, span.to_s / 60, span.node,
+                     _missing(span), _range(span.interval_95))
+                    for span in result.where
                 ),
             )
         )  # fmt: skip
     return "".join(parts)
 
 
-def _missing(span: Mapping[str, Any]) -> str:
-    unit = "K" if "missing_K" in span else "W"
-    return f"{span[f'missing_{unit}']:+.3g} {unit}"
+def _missing(span: MissingSpan) -> str:
+    missing, unit = span.missing
+    return f"{missing:+.3g} {unit}"
 
 
 def _range(interval: Sequence[float]) -> str:

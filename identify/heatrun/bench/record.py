@@ -10,7 +10,7 @@ import numpy as np
 
 Severity = Literal["error", "warning", "note"]
 
-UnitSource = Literal["stated", "name", "assumed"]
+UnitSource = Literal["stated", "name", "assumed", "derived"]
 """How a unit is known: written for it as a unit, part of the column's name, or neither."""
 
 
@@ -25,7 +25,8 @@ class Finding:
         where: Test, channel and time span or row, in words; may be empty.
         remedy: What to do about it; may be empty.
         test: Name of the record, empty if the finding concerns none in particular.
-        values: Figures behind the message by name with unit suffix, for `--json`.
+        values: Figures behind the message by name with unit suffix, for `--json`; None for one
+            that was not finite, where the finding was read back.
     """
 
     id: str
@@ -34,7 +35,7 @@ class Finding:
     where: str = ""
     remedy: str = ""
     test: str = ""
-    values: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, int | float | None] = field(default_factory=dict)
 
     def sentence(self) -> str:
         """Return the finding as one line of text."""
@@ -59,11 +60,11 @@ class Source:
 
 @dataclass(frozen=True)
 class ColumnReading:
-    """How one column of a file became a channel.
+    """How one column of a file became a channel, or how a channel was derived.
 
     Attributes:
         channel: Canonical name.
-        column: Name of the column in the file.
+        column: Name of the column in the file; empty for a derived channel.
         unit: Symbol of the unit that the values were read in.
         unit_from: How that unit is known.
         found_by: What says that the column is this channel: `"[columns]"`, `"canonical name"` or

@@ -80,7 +80,7 @@ def calibrate_into_folder(
     from ..jobs import calibrate_into
     from ..ratings.duties import parse_duty
     from ..reports.terminal import result_text
-    from ..runs.run_folder import dump
+    from ..results import to_json, to_plain
 
     tests = load(motor, calibration, holdout, as_json=options.json)
     if tests is None:
@@ -104,7 +104,7 @@ def calibrate_into_folder(
             progress=progress,
         )
     if options.json:
-        print(dump({**found.result, "run": str(written)}))
+        print(to_json({**to_plain(found.result), "run": str(written)}))
     else:
         print(result_text(found.result))
         print(f"\nRun folder:      {printable(str(written))}")

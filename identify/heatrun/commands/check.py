@@ -27,19 +27,22 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Print the findings about every test; they forbid a calibration if one is an error."""
     from ..bench import Finding
-    from ..bench.channels.column_mapping import describe_columns, mapping_text
+    from ..bench.channels.column_mapping import (
+        ReadColumns,
+        describe_columns,
+        mapping_text,
+    )
     from ..bench.checks import check_record
     from ..bench.joined import read_test
     from ..inference.model_check import check_model
     from ..motorfile import load_motor
     from ..reports.terminal import findings_text
-    from ..runs.result import describe_finding
-    from ..runs.run_folder import dump
+    from ..results import to_json
 
     motor = load_motor(options.motor)
     records = []
     findings: list[Finding] = []
-    tests: list[dict[str, Any]] = []
+    tests: list[ReadColumns] = []
     for path in options.tests:
         record = read_test(path, motor)
         say(f"{record.name}: {record.time_s.size} samples over {record.duration_s:.0f} s")
@@ -54,8 +57,7 @@ def run(options: argparse.Namespace) -> int:
         findings += check_model(options.model, options.effects_known, motor, records)
     has_error = any(finding.severity == "error" for finding in findings)
     if options.json:
-        described = [describe_finding(finding) for finding in findings]
-        print(dump({"findings": described, "tests": tests}))
+        print(to_json({"findings": findings, "tests": tests}))
     else:
         columns = mapping_text(tests)
         if columns:

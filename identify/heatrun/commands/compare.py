@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     from ..inference.catalogue import known_effects
     from ..inference.networks import pair_of
     from ..motorfile import load_motor
-    from ..runs.run_folder import dump
+    from ..results import to_json
 
     pair = pair_of(options.model)
     motor = load_motor(options.motor)
@@ -61,8 +61,19 @@ def run(options: argparse.Namespace) -> int:
         progress=None,
     )
     if options.json:
-        print(dump({k: found.result[k] for k in ("verdict", "comparison", "findings", "tests")}))
+        result = found.result
+        print(
+            to_json(
+                {
+                    "verdict": result.verdict,
+                    "comparison": result.comparison,
+                    "findings": result.findings,
+                    "tests": result.tests,
+                }
+            )
+        )
     else:
-        sentences = [found.result["verdict"]["sentence"], *found.result["comparison"]["words"]]
+        assert found.result.comparison is not None  # two networks were fitted
+        sentences = [found.result.verdict.sentence, *found.result.comparison.words]
         print("\n".join(printable(sentence) for sentence in sentences))
     return DONE

@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     from ..jobs import discover_into
     from ..motorfile import load_motor
     from ..reports.terminal import discovery_text
-    from ..runs.run_folder import dump
+    from ..results import to_json, to_plain
 
     motor = load_motor(options.motor)
     kinds = all_effects(options.effects)
@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
             progress=progress,
         )
     if options.json:
-        print(dump({**job.result, "run": str(job.path)}))
+        print(to_json({**to_plain(job.result), "run": str(job.path)}))
     else:
         print(discovery_text(job.result))
         columns = mapping_text([describe_columns(test.record) for test in tests])

@@ -42,7 +42,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Write the files and print what is in them."""
     from ..export import export_mat
-    from ..runs.run_folder import dump
+    from ..results import to_json
 
     written = export_mat(
         options.run,
@@ -54,10 +54,10 @@ def run(options: argparse.Namespace) -> int:
     for note in written["notes"]:
         say(note)
     for finding in written["findings"]:
-        sentence = f"{finding['where']}: {finding['message']} {finding['remedy']}"
+        sentence = f"{finding.where}: {finding.message} {finding.remedy}"
         print(f"warning {printable(sentence)}", file=sys.stderr)
     if options.json:
-        print(dump(written))
+        print(to_json(written))
         return DONE
     samples = written["variables"]["t"]["shape"][0]
     effects = f" with {', '.join(written['effects'])}" if written["effects"] else ""

@@ -18,14 +18,13 @@ def load(
     """Return the tests, or None after the findings that forbid them were printed."""
     from ..calibration import Refused, load_tests
     from ..reports.terminal import findings_text
-    from ..runs.result import describe_finding
-    from ..runs.run_folder import dump
+    from ..results import to_json
 
     try:
         return load_tests(motor, calibration, holdout)
     except Refused as refusal:
         if as_json:
-            print(dump({"findings": [describe_finding(f) for f in refusal.findings]}))
+            print(to_json({"findings": refusal.findings}))
         print(findings_text(refusal.findings), file=sys.stderr)
         print("heatrun: the data do not allow a calibration.", file=sys.stderr)
         return None

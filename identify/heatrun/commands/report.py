@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     from ..motorfile import load_motor
     from ..reports.bench_tests import make_report
     from ..reports.bench_tests.analysis.tolerances import parse_tolerances
-    from ..runs.run_folder import dump
+    from ..results import to_json
 
     tolerances = parse_tolerances(options.tolerance)
     outcomes = make_report(
@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
         say=say,
     )
     if options.json:
-        print(dump({"reports": [_described(outcome) for outcome in outcomes]}))
+        print(to_json({"reports": [_described(outcome) for outcome in outcomes]}))
     else:
         print(printable(_text(outcomes)))
     return NOT_ALLOWED if any(outcome.error is not None for outcome in outcomes) else DONE

@@ -23,11 +23,11 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Write the sheet and print its files."""
     from ..reports.sheet.of_run import rewrite_sheet
-    from ..runs.run_folder import dump
+    from ..results import to_json
 
     written = rewrite_sheet(options.run, options.out or options.run)
     if options.json:
-        print(dump({"files": [str(path) for path in written]}))
+        print(to_json({"files": [str(path) for path in written]}))
     else:
         print("\n".join(printable(str(path)) for path in written))
     return DONE

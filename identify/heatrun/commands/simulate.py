@@ -40,7 +40,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Write a CSV file for every test and print how far it is from the measured winding."""
     from ..motorfile import load_motor
-    from ..runs.run_folder import dump
+    from ..results import to_json
     from ..simulation import simulate_file
 
     motor = load_motor(options.motor)
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
         for path in options.tests
     ]
     if options.json:
-        print(dump({"simulated": rows}))
+        print(to_json({"simulated": rows}))
     else:
         for row in rows:
             error = "" if row["rmse_K"] is None else f", RMSE {row['rmse_K']:.2f} K"

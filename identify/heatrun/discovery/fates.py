@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
+from msgspec import UNSET
+
+from ..results.candidate import CandidateFate, HeldOutErrors, Status
 from .acceptance import WORTH_A_REFIT, Rival
 from .grow import NUM_REFITTED, Round
 from .library import Candidate
@@ -11,43 +14,47 @@ from .run import Discovery
 from .screen import VISIBLE, VISIBLE_K, Score
 
 
-def describe_candidates(found: Discovery) -> list[dict[str, Any]]:
+def describe_candidates(found: Discovery) -> tuple[CandidateFate, ...]:
     """Return every effect of the library with what became of it and why."""
     rounds = found.growth.rounds
     rows = []
     for score in rounds[0].scores:
         status, reason, rival = _fate(found, score)
         card = score.candidate.kind.card
-        row = {
-            "id": score.candidate.id,
-            "family": card.family,
-            "test": test_name(found, score.candidate),
-            "status": status,
-            "reason": reason,
-            "visibility": score.visibility,
-            "visible_K": score.visible_K,
-            "screening_log_bayes": score.log_bayes,
-            "separating_test": card.separating_test,
-        }
-        if rival is not None:
-            row |= {
-                "delta_log_evidence": rival.delta_log_evidence,
-                "rmse_K": rival.rmse_K,
-                "left_out_K": rival.left_out_K,
-                "parameters": rival.values,
-            }
-            if rival.held_out_K:
-                row["held_out"] = [
-                    {"rmse_without_K": without, "rmse_with_K": with_it}
-                    for without, with_it in rival.held_out_K
-                ]
-        rows.append(row)
+        row = CandidateFate(
+            id=score.candidate.id,
+            family=card.family,
+            test=test_name(found, score.candidate),
+            status=status,
+            reason=reason,
+            visibility=score.visibility,
+            visible_K=score.visible_K,
+            screening_log_bayes=score.log_bayes,
+            separating_test=card.separating_test,
+        )
+        rows.append(row if rival is None else _refitted(row, rival))
     for name, reason in found.library.unavailable.items():
-        rows.append({"id": name, "status": "not available", "reason": reason})
-    return rows
+        rows.append(CandidateFate(id=name, status="not available", reason=reason))
+    return tuple(rows)
 
 
-def _fate(found: Discovery, score: Score) -> tuple[str, str, Rival | None]:
+def _refitted(row: CandidateFate, rival: Rival) -> CandidateFate:
+    """Return what is said of a candidate with the figures of its refit."""
+    held_out = tuple(
+        HeldOutErrors(rmse_without_K=without, rmse_with_K=with_it)
+        for without, with_it in rival.held_out_K
+    )
+    return replace(
+        row,
+        delta_log_evidence=rival.delta_log_evidence,
+        rmse_K=rival.rmse_K,
+        left_out_K=rival.left_out_K,
+        parameters=dict(rival.values),
+        held_out=held_out or UNSET,
+    )
+
+
+def _fate(found: Discovery, score: Score) -> tuple[Status, str, Rival | None]:
     candidate = score.candidate
     seen = [(r, rival) for r in found.growth.rounds for rival in r.rivals
             if rival.candidate == candidate]  # fmt: skip

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from lptn.effects import AbstractEffect
 
@@ -16,6 +16,8 @@ from ..motor import Motor
 from ..reports.discovery.figures import draw_all
 from ..reports.discovery.report import write_report
 from ..reports.sheet.of_run import write_sheet
+from ..results.discovery import DiscoveryResult
+from ..results.values import Role
 from ..runs.result import assemble as assemble_fit
 from ..runs.result import describe_model, describe_test
 from ..runs.run_folder import RunFolder
@@ -37,7 +39,7 @@ class Job:
 
     found: Discovery
     shown: Shown
-    result: dict[str, Any]
+    result: DiscoveryResult
     path: Path
 
 
@@ -80,7 +82,7 @@ def run_job(
         found, [test.blocks for test in tests], method=method, seed=seed,
         folder=folder.checkpoints, progress=progress,
     )  # fmt: skip
-    roles = [test.role for test in tests]
+    roles: list[Role] = [test.role for test in tests]
     result = assemble(found, shown, roles, command=command, seed=seed)
     say("writing report and sheet")
     folder.write_json("discovery.json", result)
@@ -108,7 +110,7 @@ def _as_calibration(
     """Return the final model as a calibration, for its parameter sheet."""
     posterior = shown.posteriors[1]
     predictions = [after for _, after in shown.predictions]
-    roles = [test.role for test in tests]
+    roles: list[Role] = [test.role for test in tests]
     rows = []
     findings = [finding for test in tests for finding in test.findings]
     for test in tests:
@@ -117,14 +119,16 @@ def _as_calibration(
         findings += more
     models = {network: describe_model(posterior, predictions, roles)}
     result = assemble_fit(
-        motor, rows, findings, dict(models), {network: predictions}, command=command, seed=seed
+        motor, rows, findings, models, {network: predictions}, command=command, seed=seed
     )
-    if found.named:
-        names = " and ".join(each.rival.candidate.id for each in found.named)
+    accepted = tuple(each.rival.candidate.id for each in found.named)
+    verdict = result.verdict
+    if accepted:
         words = posterior.fit.problem.model.words
-        result["verdict"]["sentence"] = (
-            f"{words[0].upper()}{words[1:]} with {names}, as the discovery left it. "
-            f"{found.verdict.sentence}"
+        sentence = (
+            f"{words[0].upper()}{words[1:]} with {' and '.join(accepted)}, as the discovery left "
+            f"it. {found.verdict.sentence}"
         )
-    result["effects"] = [each.rival.candidate.id for each in found.named]
+        verdict = replace(verdict, sentence=sentence)
+    result = replace(result, verdict=verdict, effects=accepted)
     return Calibration(motor, tuple(tests), {network: posterior}, {network: predictions}, result)

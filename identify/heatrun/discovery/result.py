@@ -1,15 +1,44 @@
-"""The result of a discovery as plain data: what stands in `discovery.json`."""
+"""The result of a discovery: what stands in `discovery.json`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
+from msgspec import UNSET
 
 from ..inference.effect_parameters import qualified
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
+from ..results.discovery import (
+    DISCOVERY_FORMAT,
+    AdequacyBeforeAfter,
+    DiscoveryResult,
+    LeftByModel,
+    LoadStep,
+    MotorName,
+    NoiseLevels,
+    PosteriorWords,
+    ProposedTest,
+)
+from ..results.found_effect import (
+    EffectEvidence,
+    EffectParameter,
+    FoundEffect,
+    LeftOut,
+    RivalEffect,
+    TraceOfEffect,
+)
+from ..results.gap import (
+    ErrorsBeforeAfter,
+    ErrorsOnTest,
+    Gap,
+    HeldOutGap,
+    ParameterBeforeAfter,
+    ValueWithInterval,
+)
+from ..results.missing import Localisation, LocalisedMisfit, MissingCourse, MissingSpan
+from ..results.values import Interval, Role
 from ..version import __version__
 from .fates import describe_candidates, test_name
 from .final_check import Adequacy
@@ -19,9 +48,6 @@ from .response import SENSOR
 from .rivals import Named
 from .run import Discovery, Shown
 from .traces import Trace
-
-FORMAT = "heatrun-discovery/2"
-"""Described by `schema.json` beside this file; the number rises with what a reader must know."""
 
 SELECTED = (
     "The held-out tests took part in the selection of effects: none was added that predicts one of "
@@ -33,11 +59,11 @@ SELECTED = (
 def assemble(
     found: Discovery,
     shown: Shown,
-    roles: Sequence[str],
+    roles: Sequence[Role],
     *,
     command: str,
     seed: int,
-) -> dict[str, Any]:
+) -> DiscoveryResult:
     """Return the whole of `discovery.json`.
 
     Args:
@@ -48,108 +74,114 @@ def assemble(
         seed: Of everything that was drawn.
     """
     after = found.after
-    held_out = [p for p, role in zip(shown.predictions, roles, strict=True) if role == "holdout"]
-    return {
-        "format": FORMAT,
-        "heatrun_version": __version__,
-        "command": command,
-        "seed": seed,
-        "motor": {"name": found.engine.problem.motor.name},
-        "verdict": found.verdict.word,
-        "sentence": found.verdict.sentence,
-        "effects": [_effect(found, shown, each) for each in found.named],
-        "dropped": found.dropped,
-        "traces": [describe_trace(trace) for trace in found.traces],
-        "where": [_span(span) for span in found.where_before.spans],
-        "where_left": [_span(span) for span in found.where_after.spans],
-        "localisation": {"before": _where(found.where_before), "after": _where(found.where_after)},
-        "candidates": describe_candidates(found),
-        "adequacy": {"before": _adequacy(found.before), "after": _adequacy(after)},
-        "calibration": _gap(
-            [p for p, role in zip(shown.predictions, roles, strict=True) if role != "holdout"],
-            after.noise_K,
+    pairs = list(zip(shown.predictions, roles, strict=True))
+    fitted = [p for p, role in pairs if role != "holdout"]
+    held_out = [p for p, role in pairs if role == "holdout"]
+    return DiscoveryResult(
+        format=DISCOVERY_FORMAT,
+        heatrun_version=__version__,
+        command=command,
+        seed=seed,
+        motor=MotorName(name=found.engine.problem.motor.name),
+        verdict=found.verdict.word,
+        sentence=found.verdict.sentence,
+        effects=tuple(_effect(found, shown, each) for each in found.named),
+        dropped=tuple(found.dropped),
+        traces=tuple(describe_trace(trace) for trace in found.traces),
+        where=tuple(_span(span) for span in found.where_before.spans),
+        where_left=tuple(_span(span) for span in found.where_after.spans),
+        localisation=Localisation(
+            before=_where(found.where_before), after=_where(found.where_after)
         ),
-        "holdout": _held_out(found, held_out, after.noise_K) if held_out else None,
-        "tests": [
-            {"name": before.test.name, "role": role, "before": _row(before), "after": _row(last)}
-            for (before, last), role in zip(shown.predictions, roles, strict=True)
-        ],
-        "parameters": _parameters(shown),
-        "noise": {
-            "sd_K": float(found.final.noise.sd),
-            "time_s": float(found.final.noise.time),
-            "white_K": float(found.final.noise.white),
-        },
-        "posterior": {
-            "before": shown.posteriors[0].sentence(),
-            "after": shown.posteriors[1].sentence(),
-            "is_sound": shown.posteriors[1].is_sound,
-        },
-        "next_test": _next(found),
-        "seconds": found.seconds,
-    }
+        candidates=describe_candidates(found),
+        adequacy=AdequacyBeforeAfter(before=_adequacy(found.before), after=_adequacy(after)),
+        calibration=_gap(fitted, after.noise_K),
+        holdout=_held_out(found, _gap(held_out, after.noise_K)) if held_out else None,
+        tests=tuple(
+            ErrorsBeforeAfter(
+                name=before.test.name, role=role, before=_row(before), after=_row(last)
+            )
+            for (before, last), role in pairs
+        ),
+        parameters=_parameters(shown),
+        noise=NoiseLevels(
+            sd_K=float(found.final.noise.sd),
+            time_s=float(found.final.noise.time),
+            white_K=float(found.final.noise.white),
+        ),
+        posterior=PosteriorWords(
+            before=shown.posteriors[0].sentence(),
+            after=shown.posteriors[1].sentence(),
+            is_sound=shown.posteriors[1].is_sound,
+        ),
+        next_test=_next(found),
+        seconds=dict(found.seconds),
+    )
 
 
-def _held_out(
-    found: Discovery, pairs: Sequence[tuple[Prediction, Prediction]], floor: float
-) -> dict[str, Any]:
+def _held_out(found: Discovery, gap: Gap) -> HeldOutGap:
     """Return the gap on held-out tests, and whether these decided about an effect."""
     judged = [r for each in found.growth.rounds for r in each.rivals if r.held_out_K]
-    return {
-        **_gap(pairs, floor),
-        "took_part_in_selection": bool(judged),
-        "sentence": SELECTED if judged else "The held-out tests took no part in the selection.",
-    }
+    return HeldOutGap(
+        noise_floor_K=gap.noise_floor_K,
+        rmse_before_K=gap.rmse_before_K,
+        max_before_K=gap.max_before_K,
+        coverage_95_before=gap.coverage_95_before,
+        rmse_after_K=gap.rmse_after_K,
+        max_after_K=gap.max_after_K,
+        coverage_95_after=gap.coverage_95_after,
+        took_part_in_selection=bool(judged),
+        sentence=SELECTED if judged else "The held-out tests took no part in the selection.",
+    )
 
 
-def describe_trace(trace: Trace) -> dict[str, Any]:
+def describe_trace(trace: Trace) -> TraceOfEffect:
     """Return an effect that is there and too small to matter."""
-    return {
-        "id": trace.rival.candidate.id,
-        "equivalents": [candidate.id for candidate in trace.equivalents],
-        "closes_K": trace.rival.gap_K,
-        "delta_log_evidence": trace.rival.delta_log_evidence,
-    }
+    return TraceOfEffect(
+        id=trace.rival.candidate.id,
+        equivalents=tuple(candidate.id for candidate in trace.equivalents),
+        closes_K=trace.rival.gap_K,
+        delta_log_evidence=trace.rival.delta_log_evidence,
+    )
 
 
-def _effect(found: Discovery, shown: Shown, named: Named) -> dict[str, Any]:
+def _effect(found: Discovery, shown: Shown, named: Named) -> FoundEffect:
     rival = named.rival
     kind = rival.candidate.kind
     draws = shown.posteriors[1].values()
     names = {name: _slot_name(found, rival.candidate, name) for name in kind.card.parameters}
     round_ = next(r for r in found.growth.rounds if r.accepted is rival)
-    return {
-        "id": rival.candidate.id,
-        "family": kind.card.family,
-        "law": kind.card.law,
-        "test": test_name(found, rival.candidate),
-        "probability": named.probability,
-        "equivalents": [candidate.id for candidate in named.equivalents],
-        "parameters": {
-            name: {
-                "value": float(np.median(draws[slot])),
-                "unit": kind.card.parameters[name].unit,
-                "interval_95": [float(q) for q in np.quantile(draws[slot], [0.025, 0.975])],
-            }
+    return FoundEffect(
+        id=rival.candidate.id,
+        family=kind.card.family,
+        law=kind.card.law,
+        test=test_name(found, rival.candidate),
+        probability=named.probability,
+        equivalents=tuple(candidate.id for candidate in named.equivalents),
+        parameters={
+            name: EffectParameter(
+                value=float(np.median(draws[slot])),
+                unit=kind.card.parameters[name].unit,
+                interval_95=_interval(draws[slot]),
+            )
             for name, slot in names.items()
             if slot in draws
         },
-        "evidence": {
-            "delta_log_evidence": named.delta_log_evidence,
-            "familywise_p": round_.familywise_p,
-        },
-        "left_out": {"rmse_before_K": rival.left_out_without_K, "rmse_after_K": rival.left_out_K},
-        "rivals": [
-            {
-                "id": swap.candidate.id,
-                "delta_log_evidence": -swap.delta_log_evidence,
-                "share_of_gap": swap.share,
-                "parameters": swap.values,
-                "reason": swap.reason or "not distinguishable from these tests",
-            }
+        evidence=EffectEvidence(
+            delta_log_evidence=named.delta_log_evidence, familywise_p=round_.familywise_p
+        ),
+        left_out=LeftOut(rmse_before_K=rival.left_out_without_K, rmse_after_K=rival.left_out_K),
+        rivals=tuple(
+            RivalEffect(
+                id=swap.candidate.id,
+                delta_log_evidence=-swap.delta_log_evidence,
+                share_of_gap=swap.share,
+                parameters=dict(swap.values),
+                reason=swap.reason or "not distinguishable from these tests",
+            )
             for swap in named.swaps
-        ],
-    }
+        ),
+    )
 
 
 def _slot_name(found: Discovery, candidate: Candidate, name: str) -> str:
@@ -157,103 +189,115 @@ def _slot_name(found: Discovery, candidate: Candidate, name: str) -> str:
     return full if candidate.test is None else f"{full}[{test_name(found, candidate)}]"
 
 
-def _span(span: Span) -> dict[str, Any]:
-    unit = "K" if span.node == SENSOR else "W"
-    return {
-        "test": span.test,
-        "from_s": span.from_s,
-        "to_s": span.to_s,
-        "node": span.node,
-        f"missing_{unit}": span.missing,
-        "interval_95": list(span.interval_95),
-    }
+def _span(span: Span) -> MissingSpan:
+    is_sensor = span.node == SENSOR
+    return MissingSpan(
+        test=span.test,
+        from_s=span.from_s,
+        to_s=span.to_s,
+        node=span.node,
+        missing_W=UNSET if is_sensor else span.missing,
+        missing_K=span.missing if is_sensor else UNSET,
+        interval_95=span.interval_95,
+    )
 
 
-def _where(where: Where) -> dict[str, Any]:
-    return {
-        "nodes": list(where.node),
-        "log_evidence": where.log_evidence,
-        "dependence": where.dependence,
-        "courses": [
-            {
-                "test": course.test,
-                "node": course.node,
-                "unit": course.unit,
-                "time_s": course.time_s,
-                "mean": course.mean,
-                "sd": course.sd,
-            }
+def _where(where: Where) -> LocalisedMisfit:
+    return LocalisedMisfit(
+        nodes=where.node,
+        log_evidence=dict(where.log_evidence),
+        dependence={node: dict(drivers) for node, drivers in where.dependence.items()},
+        courses=tuple(
+            MissingCourse(
+                test=course.test,
+                node=course.node,
+                unit=course.unit,
+                time_s=tuple(course.time_s.tolist()),
+                mean=tuple(course.mean.tolist()),
+                sd=tuple(course.sd.tolist()),
+            )
             for course in where.courses
-        ],
-    }
+        ),
+    )
 
 
-def _adequacy(found: Adequacy) -> dict[str, Any]:
-    return {
-        "is_adequate": found.is_adequate,
-        "low_frequency_excess": found.excess,
-        "correlation_s": found.correlation_s,
-        "slow_misfit_K": found.misfit_K,
-        "noise_K": found.noise_K,
-    }
+def _adequacy(found: Adequacy) -> LeftByModel:
+    return LeftByModel(
+        is_adequate=found.is_adequate,
+        low_frequency_excess=found.excess,
+        correlation_s=found.correlation_s,
+        slow_misfit_K=found.misfit_K,
+        noise_K=found.noise_K,
+    )
 
 
-def _gap(pairs: Sequence[tuple[Prediction, Prediction]], floor: float) -> dict[str, Any]:
-    result: dict[str, Any] = {"noise_floor_K": floor}
-    for name, place in (("before", 0), ("after", 1)):
-        errors = np.concatenate([p[place].residual[p[place].test.is_observed] for p in pairs])
-        inside = [p[place].coverage_95() for p in pairs]
-        sizes = [int(p[place].test.is_observed.sum()) for p in pairs]
-        result |= {
-            f"rmse_{name}_K": float(np.sqrt(np.mean(errors**2))),
-            f"max_{name}_K": float(np.max(np.abs(errors))),
-            f"coverage_95_{name}": float(np.average(inside, weights=sizes)),
-        }
-    return result
+def _gap(pairs: Sequence[tuple[Prediction, Prediction]], floor: float) -> Gap:
+    before, after = ([pair[place] for pair in pairs] for place in (0, 1))
+    errors_before, errors_after = _errors(before), _errors(after)
+    return Gap(
+        noise_floor_K=floor,
+        rmse_before_K=float(np.sqrt(np.mean(errors_before**2))),
+        max_before_K=float(np.max(np.abs(errors_before))),
+        coverage_95_before=_coverage(before),
+        rmse_after_K=float(np.sqrt(np.mean(errors_after**2))),
+        max_after_K=float(np.max(np.abs(errors_after))),
+        coverage_95_after=_coverage(after),
+    )
 
 
-def _row(prediction: Prediction) -> dict[str, float]:
-    seen = prediction.test.is_observed
-    errors = prediction.residual[seen]
-    return {
-        "rmse_K": float(np.sqrt(np.mean(errors**2))),
-        "max_K": float(np.max(np.abs(errors))),
-        "end_K": float(np.mean(errors[-5:])),
-        "coverage_95": prediction.coverage_95(),
-    }
+def _errors(predictions: Sequence[Prediction]) -> np.ndarray:
+    """Return the errors over all tests in a row [K]."""
+    return np.concatenate([p.residual[p.test.is_observed] for p in predictions])
 
 
-def _parameters(shown: Shown) -> dict[str, Any]:
-    before, after = shown.posteriors
-    result: dict[str, Any] = {}
-    for slot in before.fit.slots:
+def _coverage(predictions: Sequence[Prediction]) -> float:
+    """Return the share of the readings of all tests inside their 95 % band [1]."""
+    sizes = [int(p.test.is_observed.sum()) for p in predictions]
+    return float(np.average([p.coverage_95() for p in predictions], weights=sizes))
+
+
+def _row(prediction: Prediction) -> ErrorsOnTest:
+    errors = _errors([prediction])
+    return ErrorsOnTest(
+        rmse_K=float(np.sqrt(np.mean(errors**2))),
+        max_K=float(np.max(np.abs(errors))),
+        end_K=float(np.mean(errors[-5:])),
+        coverage_95=prediction.coverage_95(),
+    )
+
+
+def _parameters(shown: Shown) -> dict[str, ParameterBeforeAfter]:
+    result: dict[str, ParameterBeforeAfter] = {}
+    for slot in shown.posteriors[0].fit.slots:
         if slot.parameter.role in ("network", "resistance"):
-            entry: Mapping[str, Any] = {
-                "before": _figure(before, slot.name),
-                "after": _figure(after, slot.name),
-                "unit": slot.parameter.unit,
-            }
-            was, now = entry["before"]["value"], entry["after"]["value"]
-            result[slot.name] = {**entry, "wrong_by": was / now - 1.0 if now else None}
+            before, after = (_figure(posterior, slot.name) for posterior in shown.posteriors)
+            result[slot.name] = ParameterBeforeAfter(
+                before=before,
+                after=after,
+                unit=slot.parameter.unit,
+                wrong_by=before.value / after.value - 1.0 if after.value else None,
+            )
     return result
 
 
-def _figure(posterior: Posterior, name: str) -> dict[str, Any]:
+def _figure(posterior: Posterior, name: str) -> ValueWithInterval:
     draws = posterior.values()[name].ravel()
-    return {
-        "value": float(np.median(draws)),
-        "interval_95": [float(q) for q in np.quantile(draws, [0.025, 0.975])],
-    }
+    return ValueWithInterval(value=float(np.median(draws)), interval_95=_interval(draws))
 
 
-def _next(found: Discovery) -> dict[str, Any] | None:
+def _interval(draws: np.ndarray) -> Interval:
+    low, high = np.quantile(draws, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _next(found: Discovery) -> ProposedTest | None:
     test = found.next_test
     if test is None:
         return None
-    return {
-        "separates": list(test.separates),
-        "what": test.what,
-        "start": test.start,
-        "profile": test.profile,
-        "expected_log_bayes_factor": test.expected_log_bayes_factor,
-    }
+    return ProposedTest(
+        separates=tuple(test.separates),
+        what=test.what,
+        start=test.start,
+        profile=tuple(LoadStep(**step) for step in test.profile),
+        expected_log_bayes_factor=test.expected_log_bayes_factor,
+    )

@@ -13,7 +13,6 @@ from ..bench.record import Finding
 from ..errors import InputError
 from ..io.file_set import together
 from ..io.whole_files import writable, write_whole
-from ..runs.result import describe_finding
 from .contents import MARK, Simulated, contents_of, mat_bytes
 from .network_file import refuse_unknown
 from .rerun import RunAndTest, effects_of, read_run_test
@@ -90,7 +89,7 @@ def export_mat(
         **_rmse(plain, variables["Tw_m"]),
         "corrections_K": difference,
         "notes": list(notes),
-        "findings": [describe_finding(finding) for finding in findings],
+        "findings": list(findings),
     }
 
 

@@ -126,17 +126,17 @@ def _test(run: Run, name: str | None) -> RunTest:
 
 
 def _motor(run: Run) -> Motor:
-    said = run.result["motor"]
-    refuse_changed(SourceFile(str(said["path"]), str(said["sha256"])), run.path, "motor file")
-    return load_motor(said["path"])
+    said = run.result.motor
+    refuse_changed(SourceFile(said.path, said.sha256), run.path, "motor file")
+    return load_motor(said.path)
 
 
 def _record(run: Run, test: RunTest, motor: Motor) -> Record:
     """Return the test, read as the run read it, from files that are still the same."""
     record = read_test(run.source(test), motor)
-    if record.time_s.size != test.said["num_samples"]:
+    if record.time_s.size != test.said.num_samples:
         raise InputError(
-            f"the run saw {test.said['num_samples']} samples, this version reads "
+            f"the run saw {test.said.num_samples} samples, this version reads "
             f"{record.time_s.size} from the same file.",
             where=f"{run.path}, {test.name}",
             remedy="Calibrate again with this version.",

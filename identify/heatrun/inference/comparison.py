@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
+from ..results.comparison import Comparison, NetworkVerdict, Peak, Threshold
+from ..results.model import FittedModel
+from ..results.residuals import ResidualRow
+from ..results.values import Role, number
 from .adequacy import ljung_box
 from .predict import Prediction
 
@@ -17,20 +20,20 @@ DECISIVE = 5.0
 """Log Bayes factor from which on an order is called for [nat]; odds of 150 to 1."""
 
 
-def residual_row(prediction: Prediction, role: str) -> dict[str, Any]:
+def residual_row(prediction: Prediction, role: Role) -> ResidualRow:
     """Return the error figures of one prediction, as they stand in `fit.json`."""
     error = prediction.residual[prediction.test.is_observed]
-    return {
-        "test": prediction.test.name,
-        "role": role,
-        "rmse_K": float(np.sqrt(np.mean(error**2))),
-        "mae_K": float(np.mean(np.abs(error))),
-        "max_K": float(np.max(np.abs(error))),
-        "end_K": float(np.mean(error[-max(1, error.size // 50) :])),
-        "whiteness_p": ljung_box(prediction.innovations()),
-        "coverage_95": prediction.coverage_95(),
-        "log_score": prediction.log_score(),
-    }
+    return ResidualRow(
+        test=prediction.test.name,
+        role=role,
+        rmse_K=float(np.sqrt(np.mean(error**2))),
+        mae_K=float(np.mean(np.abs(error))),
+        max_K=float(np.max(np.abs(error))),
+        end_K=float(np.mean(error[-max(1, error.size // 50) :])),
+        whiteness_p=ljung_box(prediction.innovations()),
+        coverage_95=prediction.coverage_95(),
+        log_score=prediction.log_score(),
+    )
 
 
 def good_until(prediction: Prediction, limit_K: float) -> float | None:
@@ -40,8 +43,8 @@ def good_until(prediction: Prediction, limit_K: float) -> float | None:
 
 
 def compare(
-    first: Sequence[Prediction], second: Sequence[Prediction], roles: Sequence[str]
-) -> dict[str, Any]:
+    first: Sequence[Prediction], second: Sequence[Prediction], roles: Sequence[Role]
+) -> Comparison:
     """Return the comparison of two networks over the same tests, with sentences.
 
     Args:
@@ -55,54 +58,60 @@ def compare(
         ends = []
         for limit in LIMITS_K:
             until = good_until(one, limit)
-            thresholds.append({
-                "test": name, "limit_K": limit, "until_s": until,
-                "second_until_s": good_until(two, limit),
-            })  # fmt: skip
+            thresholds.append(
+                Threshold(
+                    test=name,
+                    limit_K=limit,
+                    until_s=until,
+                    second_until_s=good_until(two, limit),
+                )
+            )
             ends.append(f"within {limit:g} K {_until(until)}")
         rows = residual_row(one, role), residual_row(two, role)
         words.append(
-            f"{name} ({role}): {one.model.title}: RMSE {rows[0]['rmse_K']:.2f} K, maximum error "
-            f"{rows[0]['max_K']:.1f} K ({', '.join(ends)}); {two.model.title}: RMSE "
-            f"{rows[1]['rmse_K']:.2f} K, maximum error {rows[1]['max_K']:.1f} K."
+            f"{name} ({role}): {one.model.title}: RMSE {rows[0].rmse_K:.2f} K, maximum error "
+            f"{rows[0].max_K:.1f} K ({', '.join(ends)}); {two.model.title}: RMSE "
+            f"{rows[1].rmse_K:.2f} K, maximum error {rows[1].max_K:.1f} K."
         )
         top = int(np.nanargmax(one.test.measured))
-        peak = {
-            "test": name,
-            "time_s": float(one.test.time[top]),
-            "measured_degC": float(one.test.measured[top]),
-            "first_degC": float(one.median[top]),
-            "second_degC": float(two.median[top]),
-        }
+        peak = Peak(
+            test=name,
+            time_s=float(one.test.time[top]),
+            measured_degC=float(one.test.measured[top]),
+            first_degC=float(one.median[top]),
+            second_degC=float(two.median[top]),
+        )
         peaks.append(peak)
         words.append(
-            f"{name}: error at the measured peak of {peak['measured_degC']:.1f} °C: "
-            f"{one.model.title} {peak['first_degC'] - peak['measured_degC']:+.1f} K, "
+            f"{name}: error at the measured peak of {peak.measured_degC:.1f} °C: "
+            f"{one.model.title} {peak.first_degC - peak.measured_degC:+.1f} K, "
             f"{two.model.title} "
-            f"{peak['second_degC'] - peak['measured_degC']:+.1f} K."
+            f"{peak.second_degC - peak.measured_degC:+.1f} K."
         )
-    return {"words": words, "thresholds": thresholds, "peak": peaks}
+    return Comparison(words=tuple(words), thresholds=tuple(thresholds), peak=tuple(peaks))
 
 
-def verdict(models: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+def verdict(models: Mapping[str, FittedModel]) -> NetworkVerdict:
     """Return which of two networks the data favour, from the evidence and the held-out scores.
 
     Args:
         models: The entries of `fit.json` by name, the network with fewer nodes first.
     """
     names = list(models)
-    titles = {name: model["title"] for name, model in models.items()}
+    titles = {name: model.title for name, model in models.items()}
     if len(names) != 2:
         fitted = " and ".join(titles.values())
-        return {
-            "order": "undecided",
-            "sentence": f"Only the {fitted} was calibrated: there is no comparison."
+        return NetworkVerdict(
+            order="undecided",
+            sentence=f"Only the {fitted} was calibrated: there is no comparison."
             if len(names) == 1
             else f"Calibrated: {fitted}. Two networks are compared at a time.",
-            "log_bayes_factor": None,
-        }
+            log_bayes_factor=None,
+        )
     small, large = names
-    factor = models[large]["evidence"]["log_evidence"] - models[small]["evidence"]["log_evidence"]
+    factor = number(models[large].evidence.log_evidence) - number(
+        models[small].evidence.log_evidence
+    )
     score = {name: _held_out_score(model) for name, model in models.items()}
     of_small, of_large = score[small], score[large]
     held = ""
@@ -118,15 +127,15 @@ def verdict(models: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         name, text = small, f"The data favour the {titles[small]}"
     else:
         name, text = "undecided", f"The data do not decide between {' and '.join(titles.values())}"
-    return {
-        "order": name,
-        "sentence": f"{text} (log Bayes factor of {large} to {small}: {factor:+.0f}).{held}",
-        "log_bayes_factor": factor,
-    }
+    return NetworkVerdict(
+        order=name,
+        sentence=f"{text} (log Bayes factor of {large} to {small}: {factor:+.0f}).{held}",
+        log_bayes_factor=factor,
+    )
 
 
-def _held_out_score(model: Mapping[str, Any]) -> float | None:
-    scores = [row["log_score"] for row in model["residuals"] if row["role"] == "holdout"]
+def _held_out_score(model: FittedModel) -> float | None:
+    scores = [number(row.log_score) for row in model.residuals if row.role == "holdout"]
     return float(np.mean(scores)) if scores else None
 
 

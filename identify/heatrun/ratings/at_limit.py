@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from ..results.derived import DerivedFigure
 from .figure import figure, refused
 from .machine import WARM, Machine
 from .tested import REACH, Tested
@@ -39,7 +39,9 @@ class Limit:
         return f"class {self.insulation} ({self.degC:.0f} °C)"
 
 
-def at_limit(drawn: Machine, seen: Tested, limit: Limit | None, heated: str) -> dict[str, Any]:
+def at_limit(
+    drawn: Machine, seen: Tested, limit: Limit | None, heated: str
+) -> dict[str, DerivedFigure]:
     """Return the figures at the limit by name.
 
     Args:
@@ -61,13 +63,13 @@ def at_limit(drawn: Machine, seen: Tested, limit: Limit | None, heated: str) -> 
             figures[names[name]] = refused(beyond)
             continue
         entry = figure(np.asarray(draws), "s", f"{seen.amperes:.0f} A, {starts[name]}, {text}")
-        if not np.isfinite(entry["value"]):
+        if not np.isfinite(entry.median):
             entry = refused(f"{seen.amperes:.0f} A does not reach {limit.degC:.0f} °C")
         figures[names[name]] = entry
     return figures
 
 
-def _continuous(drawn: Machine, seen: Tested, limit: Limit, text: str) -> dict[str, Any]:
+def _continuous(drawn: Machine, seen: Tested, limit: Limit, text: str) -> DerivedFigure:
     if not np.any(drawn.copper_slope):
         return refused(NO_CURRENT)
     beyond = seen.beyond_limit(limit.degC)
@@ -75,9 +77,9 @@ def _continuous(drawn: Machine, seen: Tested, limit: Limit, text: str) -> dict[s
         return refused(beyond)
     squared = np.asarray(drawn.limit_squared)
     entry = figure(np.sqrt(np.maximum(squared, 0.0)), "A", text)
-    if not entry["value"] <= REACH * seen.current_A:
+    if not entry.median <= REACH * seen.current_A:
         return refused(
-            f"{entry['value']:.0f} A is outside the tested range: the largest "
+            f"{entry.median:.0f} A is outside the tested range: the largest "
             f"current tested is {seen.current_A:.0f} A"
         )
     return entry

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +14,7 @@ from lptn import Drive, hold
 
 from ..inference.parameters import Priors
 from ..inference.problem import Structure
+from ..results.derived import DerivedFigure
 from .at_limit import NO_CLASS, NO_CURRENT, Limit
 from .duties import NUM_DRAWS, Duty, current_at_limit, parse_duty
 from .figure import figure, refused
@@ -50,7 +50,7 @@ class Rated:
     surroundings: str
 
 
-def duty_current(rated: Rated, text: str) -> dict[str, Any]:
+def duty_current(rated: Rated, text: str) -> DerivedFigure:
     """Return the current of a duty type at the limit; at rest it stands still without losses.
 
     Args:
@@ -92,7 +92,7 @@ def duty_current(rated: Rated, text: str) -> dict[str, Any]:
         f"{text}, {limit}, other losses {np.median(other):.0f} W under load, none at rest, "
         f"sink {seen.sink_degC:.0f} °C{rated.surroundings}",
     )
-    if not entry["value"] <= reach:
+    if not entry.median <= reach:
         return refused(
             f"beyond {reach:.0f} A, outside the tested range: the largest current "
             f"tested is {seen.current_A:.0f} A"

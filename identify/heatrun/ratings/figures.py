@@ -6,7 +6,6 @@ Each comes with an interval and the condition it holds under, or is refused with
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from lptn import time_constants
 
 from ..inference.posterior import Posterior
+from ..results.derived import DerivedFigure
 from .at_limit import LIMIT_DEGC, Limit, at_limit
 from .duty_currents import Rated, duty_current
 from .figure import bounded_rise, figure
@@ -21,7 +21,7 @@ from .machine import Machine, machines
 from .tested import tested
 
 
-def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Any]:
+def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, DerivedFigure]:
     """Return the derived figures by name, as they stand in `fit.json`.
 
     Args:
@@ -66,7 +66,7 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Any]:
 
 def _time_constants(
     drawn: Machine, times: np.ndarray, amperes: float, surroundings: str
-) -> dict[str, Any]:
+) -> dict[str, DerivedFigure]:
     """Return all time constants, of the nodes and of the network."""
     figures = {
         f"tau_{node}_s": figure(

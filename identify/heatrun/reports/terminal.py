@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from ..bench import Finding
 from ..bench.channels.column_mapping import mapping_text
 from ..io.printable import printable
 from ..io.quantities import printed_unit, quantity, rounded
+from ..results import DiscoveryResult, FitResult
 
 _MARK = {"error": "ERROR  ", "warning": "warning", "note": "note   "}
 
@@ -32,75 +32,73 @@ def findings_text(findings: Sequence[Finding]) -> str:
     )
 
 
-def result_text(result: Mapping[str, Any]) -> str:
+def result_text(result: FitResult) -> str:
     """Return the heart of a result: parameters with ranges, errors, verdict, findings."""
-    lines = [f"Motor: {result['motor']['name']}"]
-    for model in result["models"].values():
-        effects = "".join(f", {effect['id']}" for effect in model["effects"])
-        lines += ["", f"{model['title'].capitalize()}{effects}"]
-        for name, entry in model["parameters"].items():
-            low, high = entry["interval_95"]
+    lines = [f"Motor: {result.motor.name}"]
+    for model in result.models.values():
+        effects = "".join(f", {effect.id}" for effect in model.effects)
+        lines += ["", f"{model.title.capitalize()}{effects}"]
+        for name, entry in model.parameters.items():
+            low, high = entry.interval_95
             lines.append(
-                f"  {name:<7} {entry['value']:>11.5g} {printed_unit(entry['unit']):<4} "
-                f"95 % {low:.4g} … {high:.4g}   {entry['identifiability']}: {entry['why']}"
+                f"  {name:<7} {entry.value:>11.5g} {printed_unit(entry.unit):<4} "
+                f"95 % {low:.4g} … {high:.4g}   {entry.identifiability or ''}: {entry.why or ''}"
             )
-        for row in model["residuals"]:
+        for row in model.residuals:
             lines.append(
-                f"  {row['role']:<11} {row['test']}: RMSE {row['rmse_K']:.2f} K, max "
-                f"{row['max_K']:.1f} K, end {row['end_K']:+.2f} K, "
-                f"{100 * row['coverage_95']:.0f} % inside the 95 % band"
+                f"  {row.role:<11} {row.test}: RMSE {row.rmse_K:.2f} K, max "
+                f"{row.max_K:.1f} K, end {row.end_K:+.2f} K, "
+                f"{100 * row.coverage_95:.0f} % inside the 95 % band"
             )
-        lines.append(f"  {model['posterior']['verdict']}")
-    lines += ["", result["verdict"]["sentence"]]
-    if result["comparison"]:
-        lines += [f"  {sentence}" for sentence in result["comparison"]["words"]]
-    columns = mapping_text(result["tests"])
+        lines.append(f"  {model.posterior.verdict}")
+    lines += ["", result.verdict.sentence]
+    if result.comparison is not None:
+        lines += [f"  {sentence}" for sentence in result.comparison.words]
+    columns = mapping_text(result.tests)
     if columns:
         lines += ["", columns]
-    graver = [f for f in result["findings"] if f["severity"] != "note"]
+    graver = [f for f in result.findings if f.severity != "note"]
     if graver:
         lines += ["", "Findings"]
         lines += [
-            f"  {_MARK[f['severity']]} {f['where']}: {f['message']} {f['remedy']}".rstrip()
-            for f in graver
+            f"  {_MARK[f.severity]} {f.where}: {f.message} {f.remedy}".rstrip() for f in graver
         ]
     return "\n".join(printable(line) for text in lines for line in text.split("\n"))
 
 
-def discovery_text(result: Mapping[str, Any]) -> str:
+def discovery_text(result: DiscoveryResult) -> str:
     """Return what a discovery found, for the terminal."""
-    lines = [f"{result['verdict'].upper()}: {result['sentence']}", ""]
-    for effect in result["effects"]:
+    lines = [f"{result.verdict.upper()}: {result.sentence}", ""]
+    for effect in result.effects:
         figures = ", ".join(
-            f"{name} = {quantity(rounded(p['value']), p['unit'])} "
-            f"({rounded(p['interval_95'][0])} … {rounded(p['interval_95'][1])})"
-            for name, p in effect["parameters"].items()
+            f"{name} = {quantity(rounded(p.value), p.unit)} "
+            f"({rounded(p.interval_95[0])} … {rounded(p.interval_95[1])})"
+            for name, p in effect.parameters.items()
         )
-        lines.append(f"{effect['id']}: {figures}")
-        if effect["equivalents"]:
-            lines.append(f"  not distinguishable from {', '.join(effect['equivalents'])}")
-    for name, key in (("calibration", "calibration"), ("held out", "holdout")):
-        gap = result[key]
+        lines.append(f"{effect.id}: {figures}")
+        if effect.equivalents:
+            lines.append(f"  not distinguishable from {', '.join(effect.equivalents)}")
+    for name, gap in (("calibration", result.calibration), ("held out", result.holdout)):
         if gap is not None:
             lines.append(
-                f"{name}: {gap['rmse_before_K']:.2f} K RMSE before, {gap['rmse_after_K']:.2f} K "
-                f"after (noise {gap['noise_floor_K']:.2f} K); 95 % band holds "
-                f"{100 * gap['coverage_95_before']:.0f} % before, "
-                f"{100 * gap['coverage_95_after']:.0f} % after"
+                f"{name}: {gap.rmse_before_K:.2f} K RMSE before, {gap.rmse_after_K:.2f} K "
+                f"after (noise {gap.noise_floor_K:.2f} K); 95 % band holds "
+                f"{100 * gap.coverage_95_before:.0f} % before, "
+                f"{100 * gap.coverage_95_after:.0f} % after"
             )
-    if result["holdout"] is not None and result["holdout"]["took_part_in_selection"]:
-        lines.append(result["holdout"]["sentence"])
-    for span in result["where"][:6]:
-        unit = "K" if "missing_K" in span else "W"
-        low, high = span["interval_95"]
+    if result.holdout is not None and result.holdout.took_part_in_selection:
+        lines.append(result.holdout.sentence)
+    for span in result.where[:6]:
+        missing, unit = span.missing
+        low, high = span.interval_95
         lines.append(
-            f"{span['test']}, {span['from_s'] / 60:.0f} to {span['to_s'] / 60:.0f} min, "
-            f"{span['node']}: {span[f'missing_{unit}']:+.3g} {unit} ({low:+.3g} … {high:+.3g})"
+            f"{span.test}, {span.from_s / 60:.0f} to {span.to_s / 60:.0f} min, "
+            f"{span.node}: {missing:+.3g} {unit} ({low:+.3g} … {high:+.3g})"
         )
-    if result["next_test"] is not None:
-        test = result["next_test"]
+    test = result.next_test
+    if test is not None:
         lines.append(
-            f"To separate {' and '.join(test['separates'])}: {test['what']} (expected log Bayes "
-            f"factor {test['expected_log_bayes_factor']:.0f})"
+            f"To separate {' and '.join(test.separates)}: {test.what} (expected log Bayes "
+            f"factor {test.expected_log_bayes_factor:.0f})"
         )
     return "\n".join(printable(line) for line in lines)

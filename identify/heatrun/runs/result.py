@@ -1,11 +1,11 @@
-"""The result of a calibration as plain data: what stands in `fit.json`."""
+"""The result of a calibration: what stands in `fit.json`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 from lptn.effects import AbstractEffect
 
@@ -22,229 +22,249 @@ from ..inference.predict import Prediction
 from ..inference.sampling.importance import evaluate
 from ..motor import Motor
 from ..ratings.figures import derive
+from ..results.fit import FIT_FORMAT, FitResult, FittedMotor
+from ..results.model import (
+    Correlation,
+    EffectInModel,
+    Evidence,
+    FittedModel,
+    FittedNoise,
+    PosteriorQuality,
+)
+from ..results.parameter import FittedParameter, Identifiability
+from ..results.tested import DescribedTest
+from ..results.values import Interval, Role
 from ..version import __version__
 
-FORMAT = "heatrun-fit/1"
+IN_MAIN_TABLE = ("network", "resistance", "effect", "known")
+"""Roles of the parameters that a user asks for; the others are nuisances."""
 
 
 def describe_test(
-    record: Record, blocks: Blocks, motor: Motor, role: str, reduction_error_K: float
-) -> dict[str, Any]:
+    record: Record, blocks: Blocks, motor: Motor, role: Role, reduction_error_K: float
+) -> DescribedTest:
     """Return what is said of a test."""
     source = record.sources[0] if record.sources else None
 
-    def span(channel: str) -> list[float] | None:
+    def span(channel: str) -> Interval | None:
         if channel not in record or not np.any(np.isfinite(record[channel])):
             return None
-        return [float(np.nanmin(record[channel])), float(np.nanmax(record[channel]))]
+        return float(np.nanmin(record[channel])), float(np.nanmax(record[channel]))
 
-    return {
-        "name": record.name,
-        "role": role,
-        "path": "" if source is None else source.path,
-        "sha256": "" if source is None else source.sha256,
-        "reader": "" if source is None else source.reader,
-        "notes": [*record.notes, *blocks.notes],
-        "mapping": describe_mapping(record),
-        "duration_s": record.duration_s,
-        "num_samples": int(record.time_s.size),
-        "sample_s": blocks.sample_s,
-        "step_s": float(blocks.inputs.step),
-        "block_s": blocks.block_s,
-        "rounding_K": blocks.rounding_K,
-        "start_degC": blocks.start_degC,
-        "current_A": span("phase_current_A"),
-        "losses_W": span("losses_W"),
-        "speed_rpm": span("speed_rpm"),
-        "winding_degC": span("winding_degC"),
-        "sink_degC": span(f"{motor.sink}_degC"),
-        "reduction_error_K": reduction_error_K,
-    }
-
-
-def describe_finding(finding: Finding) -> dict[str, Any]:
-    """Return a finding as plain data."""
-    return {
-        "id": finding.id,
-        "severity": finding.severity,
-        "message": finding.message,
-        "where": finding.where,
-        "remedy": finding.remedy,
-        "test": finding.test,
-        "values": dict(finding.values),
-    }
+    return DescribedTest(
+        name=record.name,
+        role=role,
+        path="" if source is None else source.path,
+        sha256="" if source is None else source.sha256,
+        reader="" if source is None else source.reader,
+        notes=(*record.notes, *blocks.notes),
+        mapping=tuple(describe_mapping(record)),
+        duration_s=record.duration_s,
+        num_samples=int(record.time_s.size),
+        sample_s=blocks.sample_s,
+        step_s=float(blocks.inputs.step),
+        block_s=blocks.block_s,
+        rounding_K=blocks.rounding_K,
+        start_degC=blocks.start_degC,
+        current_A=span("phase_current_A"),
+        losses_W=span("losses_W"),
+        speed_rpm=span("speed_rpm"),
+        winding_degC=span("winding_degC"),
+        sink_degC=span(f"{motor.sink}_degC"),
+        reduction_error_K=reduction_error_K,
+    )
 
 
-def describe_effect(kind: type[AbstractEffect]) -> dict[str, Any]:
+def describe_effect(kind: type[AbstractEffect]) -> EffectInModel:
     """Return what is said of an effect in a model; its parameters stand with the others."""
     card = kind.card
-    names = [qualified(kind, name) for name in card.parameters]
-    return {"id": card.id, "law": card.law, "parameters": names}
+    names = tuple(qualified(kind, name) for name in card.parameters)
+    return EffectInModel(id=card.id, law=card.law, parameters=names)
 
 
 def describe_model(
     posterior: Posterior,
     predictions: Sequence[Prediction],
-    roles: Sequence[str],
+    roles: Sequence[Role],
     duties: Sequence[str] = (),
-) -> dict[str, Any]:
+) -> FittedModel:
     """Return the entry of one network."""
     fit = posterior.fit
-    slots = fit.slots
-    longer = forecast(fit)
-    draws = posterior.values()
-    main: dict[str, Any] = {}
-    nuisances: dict[str, Any] = {}
-    for position, slot in enumerate(slots):
-        entry = _free(posterior, slot, position, draws[slot.name].ravel(), longer)
-        is_main = slot.parameter.role in ("network", "resistance", "effect", "known")
-        (main if is_main else nuisances)[slot.name] = entry
-    for parameter in fit.problem.parameters.by_test[0].values():
-        if parameter.fixed is not None:
-            is_main = parameter.role in ("network", "resistance", "effect", "known")
-            (main if is_main else nuisances)[parameter.name] = _fixed(parameter)
-    matrix = np.corrcoef(np.stack([draws[s.name].ravel() for s in slots]))
-    size = fit.vector.size
-    at_fit = fit.noise
-    num_blocks = int(np.sum(fit.problem.is_observed))
-    prior = -0.5 * float(np.sum(fit.vector**2)) - 0.5 * size * float(np.log(2 * np.pi))
-    log_likelihood = fit.problem.temper * (float(evaluate(fit, fit.vector[None])[0]) - prior)
     model = fit.problem.model
-    return {
-        "title": model.title,
-        "nodes": list(model.form.nodes),
-        "effects": [describe_effect(kind) for kind in model.effects],
-        "result": fit.result.name,
-        "message": fit.result.value,
-        "stats": fit.stats,
-        "num_modes": len(fit.modes),
-        "parameters": main,
-        "nuisances": nuisances,
-        "correlation": {"names": [s.name for s in slots], "matrix": matrix},
-        "noise": {
-            "sd_K": float(at_fit.sd),
-            "time_s": float(at_fit.time),
-            "white_K": float(at_fit.white),
-            "kind": fit.problem.noise_kind,
-            "temper": fit.problem.temper,
-            "prior": {p.name: list(p.prior_interval_95()) for p in noise.NOISE},
-        },
-        "residuals": [
+    main, nuisances = _parameters(posterior)
+    return FittedModel(
+        title=model.title,
+        nodes=tuple(model.form.nodes),
+        effects=tuple(describe_effect(kind) for kind in model.effects),
+        result=fit.result.name,
+        message=fit.result.value,
+        stats=dict(fit.stats),
+        num_modes=len(fit.modes),
+        parameters=main,
+        nuisances=nuisances,
+        correlation=_correlation(posterior),
+        noise=FittedNoise(
+            sd_K=float(fit.noise.sd),
+            time_s=float(fit.noise.time),
+            white_K=float(fit.noise.white),
+            kind=fit.problem.noise_kind,
+            temper=fit.problem.temper,
+            prior={p.name: p.prior_interval_95() for p in noise.NOISE},
+        ),
+        residuals=tuple(
             residual_row(prediction, role)
             for prediction, role in zip(predictions, roles, strict=True)
-        ],
-        "posterior": {
-            "method": posterior.method,
-            "draws": int(posterior.flat.shape[0]),
-            "ess_min": posterior.weighted.effective_size
-            if posterior.convergence is None
-            else posterior.convergence.effective_size,
-            "autocorrelation_max": None
-            if posterior.convergence is None
-            else posterior.convergence.autocorrelation,
-            "rhat_max": None if posterior.convergence is None else posterior.convergence.rhat,
-            "pareto_k": posterior.weighted.pareto_k,
-            "verdict": posterior.sentence(),
-            "is_sound": posterior.is_sound,
-        },
-        "derived": derive(posterior, duties),
-        "evidence": {
-            "log_evidence": fit.log_evidence,
-            "aic": 2.0 * size - 2.0 * log_likelihood,
-            "bic": size * float(np.log(num_blocks)) - 2.0 * log_likelihood,
-            "num_parameters": size,
-            "num_blocks": num_blocks,
-        },
-    }
+        ),
+        posterior=_quality(posterior),
+        derived=derive(posterior, duties),
+        evidence=_evidence(posterior),
+    )
 
 
 def assemble(
     motor: Motor,
-    tests: Sequence[dict[str, Any]],
+    tests: Sequence[DescribedTest],
     findings: Sequence[Finding],
-    models: dict[str, dict[str, Any]],
+    models: dict[str, FittedModel],
     predictions: Mapping[str, Sequence[Prediction]],
     *,
     command: str,
     seed: int,
-) -> dict[str, Any]:
+) -> FitResult:
     """Return the whole of `fit.json`."""
-    roles = [test["role"] for test in tests]
+    roles: list[Role] = [test.role for test in tests]
     pair = tuple(models) if len(models) == 2 else None
-    return {
-        "format": FORMAT,
-        "heatrun_version": __version__,
-        "command": command,
-        "seed": seed,
-        "motor": {
-            "name": motor.name,
-            "phases": motor.phases,
-            "losses": motor.losses,
-            "sink": motor.sink,
-            "insulation_class": motor.insulation_class,
-            "phase_resistance_ohm": motor.phase_resistance_ohm,
-            "reference_temperature_degC": motor.reference_temperature_degC,
-            "resistance_coefficient_degC": motor.resistance_coefficient_degC,
-            "rated_speed_rpm": motor.rated_speed_rpm,
-            "path": motor.path,
-            "sha256": motor.sha256,
-        },
-        "tests": list(tests),
-        "findings": [describe_finding(finding) for finding in findings],
-        "verdict": verdict(models),
-        "models": models,
-        "comparison": None
+    return FitResult(
+        format=FIT_FORMAT,
+        heatrun_version=__version__,
+        command=command,
+        seed=seed,
+        motor=FittedMotor(
+            name=motor.name,
+            phases=motor.phases,
+            losses=motor.losses,
+            sink=motor.sink,
+            insulation_class=motor.insulation_class,
+            phase_resistance_ohm=motor.phase_resistance_ohm,
+            reference_temperature_degC=motor.reference_temperature_degC,
+            resistance_coefficient_degC=motor.resistance_coefficient_degC,
+            rated_speed_rpm=motor.rated_speed_rpm,
+            path=motor.path,
+            sha256=motor.sha256,
+        ),
+        tests=tuple(tests),
+        findings=tuple(findings),
+        verdict=verdict(models),
+        models=models,
+        comparison=None
         if pair is None
         else compare(predictions[pair[0]], predictions[pair[1]], roles),
-    }
+    )
+
+
+def _parameters(
+    posterior: Posterior,
+) -> tuple[dict[str, FittedParameter], dict[str, FittedParameter]]:
+    """Return the parameters that a user asks for and the nuisances, free ones first."""
+    fit = posterior.fit
+    longer = forecast(fit)
+    draws = posterior.values()
+    main: dict[str, FittedParameter] = {}
+    nuisances: dict[str, FittedParameter] = {}
+    for position, slot in enumerate(fit.slots):
+        entry = _free(posterior, slot, position, draws[slot.name].ravel(), longer)
+        (main if slot.parameter.role in IN_MAIN_TABLE else nuisances)[slot.name] = entry
+    for parameter in fit.problem.parameters.by_test[0].values():
+        if parameter.fixed is not None:
+            entry = _fixed(parameter, parameter.fixed)
+            (main if parameter.role in IN_MAIN_TABLE else nuisances)[parameter.name] = entry
+    return main, nuisances
+
+
+def _correlation(posterior: Posterior) -> Correlation:
+    draws = posterior.values()
+    names = tuple(slot.name for slot in posterior.fit.slots)
+    matrix = np.atleast_2d(np.corrcoef(np.stack([draws[name].ravel() for name in names])))
+    return Correlation(names=names, matrix=tuple(tuple(row) for row in matrix.tolist()))
+
+
+def _quality(posterior: Posterior) -> PosteriorQuality:
+    ensembles, weighted = posterior.convergence, posterior.weighted
+    return PosteriorQuality(
+        method=posterior.method,
+        draws=int(posterior.flat.shape[0]),
+        ess_min=weighted.effective_size if ensembles is None else ensembles.effective_size,
+        autocorrelation_max=None if ensembles is None else ensembles.autocorrelation,
+        rhat_max=None if ensembles is None else ensembles.rhat,
+        pareto_k=weighted.pareto_k,
+        verdict=posterior.sentence(),
+        is_sound=posterior.is_sound,
+    )
+
+
+def _evidence(posterior: Posterior) -> Evidence:
+    fit = posterior.fit
+    size = fit.vector.size
+    num_blocks = int(np.sum(fit.problem.is_observed))
+    prior = -0.5 * float(np.sum(fit.vector**2)) - 0.5 * size * float(np.log(2 * np.pi))
+    log_likelihood = fit.problem.temper * (float(evaluate(fit, fit.vector[None])[0]) - prior)
+    return Evidence(
+        log_evidence=fit.log_evidence,
+        aic=2.0 * size - 2.0 * log_likelihood,
+        bic=size * float(np.log(num_blocks)) - 2.0 * log_likelihood,
+        num_parameters=size,
+        num_blocks=num_blocks,
+    )
 
 
 def _free(
     posterior: Posterior, slot: Slot, position: int, draws: np.ndarray, longer: dict[str, float]
-) -> dict[str, Any]:
+) -> FittedParameter:
     parameter = slot.parameter
     value, sd = float(np.median(draws)), float(np.std(draws))
     laplace = posterior.fit.covariance[position, position]
     share = posterior.fit.covariance_type_a[position, position] / laplace
     sd_a = sd * float(np.sqrt(min(share, 1.0)))
-    entry = {
-        "value": value,
-        "unit": parameter.unit,
-        "sd": sd,
-        "sd_type_a": sd_a,
-        "sd_type_b": float(np.sqrt(max(sd**2 - sd_a**2, 0.0))),
-        "interval_95": [float(q) for q in np.quantile(draws, [0.025, 0.975])],
-        "relative_sd": sd / abs(value) if value != 0 else None,
-        "prior_95": list(parameter.prior_interval_95()),
-        "prior_basis": parameter.basis,
-        "meaning": parameter.meaning,
-        "fixed": False,
-    }
+    low, high = np.quantile(draws, [0.025, 0.975])
+    judgement: Identifiability | UnsetType = UNSET
+    why: str | UnsetType = UNSET
     if parameter.role in ("effect", "known"):
         is_clear = sd < 0.25 * abs(value - parameter.centre) if value != 0 else False
-        entry |= {
-            "identifiability": "identified" if is_clear else "weak",
-            "why": "belongs to an effect of the model.",
-        }
+        judgement = "identified" if is_clear else "weak"
+        why = "belongs to an effect of the model."
     if parameter.role in ("network", "resistance"):
         statement = state(posterior, parameter, sd / abs(value), longer)
-        entry |= {"identifiability": statement.verdict, "why": statement.why}
-    return entry
+        judgement, why = statement.verdict, statement.why
+    return FittedParameter(
+        value=value,
+        unit=parameter.unit,
+        sd=sd,
+        sd_type_a=sd_a,
+        sd_type_b=float(np.sqrt(max(sd**2 - sd_a**2, 0.0))),
+        interval_95=(float(low), float(high)),
+        relative_sd=sd / abs(value) if value != 0 else None,
+        prior_95=parameter.prior_interval_95(),
+        prior_basis=parameter.basis,
+        meaning=parameter.meaning,
+        fixed=False,
+        identifiability=judgement,
+        why=why,
+    )
 
 
-def _fixed(parameter: Parameter) -> dict[str, Any]:
-    return {
-        "value": parameter.fixed,
-        "unit": parameter.unit,
-        "sd": 0.0,
-        "sd_type_a": 0.0,
-        "sd_type_b": 0.0,
-        "interval_95": [parameter.fixed, parameter.fixed],
-        "relative_sd": 0.0,
-        "prior_95": [parameter.fixed, parameter.fixed],
-        "prior_basis": "fixed in the motor file",
-        "meaning": parameter.meaning,
-        "fixed": True,
-        "identifiability": "fixed",
-        "why": "fixed in the motor file",
-    }
+def _fixed(parameter: Parameter, value: float) -> FittedParameter:
+    return FittedParameter(
+        value=value,
+        unit=parameter.unit,
+        sd=0.0,
+        sd_type_a=0.0,
+        sd_type_b=0.0,
+        interval_95=(value, value),
+        relative_sd=0.0,
+        prior_95=(value, value),
+        prior_basis="fixed in the motor or the network file",
+        meaning=parameter.meaning,
+        fixed=True,
+        identifiability="fixed",
+        why="fixed in the motor or the network file",
+    )

@@ -8,22 +8,25 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 
 from ..bench.joined import read_test
-from ..bench.record import Record
+from ..bench.record import Finding, Record
 from ..errors import InputError
 from ..inference.draws import Draws
 from ..inference.predict import NUM_DRAWS, Prediction, predict
 from ..inference.virtual import reduce_driven, refuse_runaway, virtual_record
 from ..motor import Motor
 from ..motorfile import parse_motor
+from ..results import DiscoveryResult, FitResult, from_json
+from ..results.tested import DescribedTest
+from ..results.values import Role
 from . import netcdf
 from .model_text import ModelOfRun, read_model
-from .run_folder import MANIFEST, load_result, read_listed
+from .run_folder import MANIFEST, read_listed
 from .sources import SourceFile, refuse_changed, with_rate
 
 MOTOR = "motor.toml"
@@ -59,9 +62,9 @@ class RunTest:
     """
 
     name: str
-    role: Literal["calibration", "holdout"]
+    role: Role
     files: tuple[SourceFile, ...]
-    said: Mapping[str, Any]
+    said: DescribedTest
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +81,7 @@ class Run:
     """
 
     path: Path
-    result: Mapping[str, Any]
+    result: FitResult
     read: Read = Path.read_bytes
     is_finished: bool = True
 
@@ -98,38 +101,39 @@ class Run:
         return json.loads(self.read(self.path / MANIFEST))
 
     @cached_property
-    def discovery(self) -> Mapping[str, Any] | None:
+    def discovery(self) -> DiscoveryResult | None:
         """What `discovery.json` says; None if the run is a calibration."""
         if "discovery.json" not in self.manifest["files"]:
             return None
-        return json.loads(self.file("discovery.json"))
+        content = self.file("discovery.json")
+        return from_json(content, DiscoveryResult, "discovery.json", str(self.path))
 
     @cached_property
     def motor(self) -> Motor:
         """The machine, from the run's own copy of the motor file."""
-        said = self.result["motor"]
+        said = self.result.motor
         found = _whole(self, MOTOR, lambda: parse_motor(self.file(MOTOR), str(self.path / MOTOR)))
-        return replace(found, path=said["path"], sha256=said["sha256"])
+        return replace(found, path=said.path, sha256=said.sha256)
 
     @property
     def networks(self) -> tuple[str, ...]:
         """Names of the networks that were fitted, as in `--model`."""
-        return tuple(self.result["models"])
+        return tuple(self.result.models)
 
     @cached_property
     def tests(self) -> tuple[RunTest, ...]:
         """The tests, calibration first."""
-        entries = self.result["tests"]
+        entries = self.result.tests
         files = [SourceFile(str(e["path"]), str(e["sha256"])) for e in self.manifest["inputs"][1:]]
         return tuple(
-            RunTest(entry["name"], entry["role"], own, entry)
+            RunTest(entry.name, entry.role, own, entry)
             for entry, own in zip(entries, _files_of(entries, files), strict=True)
         )
 
     @property
-    def findings(self) -> Sequence[Mapping[str, Any]]:
+    def findings(self) -> Sequence[Finding]:
         """What was found about records and fits."""
-        return self.result["findings"]
+        return self.result.findings
 
     def source(self, test: RunTest) -> str:
         """Return a test as the command line names it: its files, with the rates they were given.
@@ -139,7 +143,7 @@ class Run:
         """
         for file in test.files:
             refuse_changed(file, self.path, "record")
-        command = str(self.result.get("command", ""))
+        command = self.result.command
         return "+".join(with_rate(file.path, command) for file in test.files)
 
     def choose(self, network: str | None = None) -> str:
@@ -187,13 +191,13 @@ class Run:
 
     def values(self, network: str | None = None) -> dict[str, float]:
         """Return medians of the posterior and fixed values by name [their units]."""
-        model = self.result["models"][self.choose(network)]
-        entries = {**model["parameters"], **model["nuisances"]}
-        return {name: float(entry["value"]) for name, entry in entries.items()}
+        model = self.result.models[self.choose(network)]
+        entries = {**model.parameters, **model.nuisances}
+        return {name: entry.value for name, entry in entries.items()}
 
     def courses(self) -> list[pd.DataFrame]:
         """Return the predicted courses of the tests, in their order, as they were written."""
-        numbers = range(1, len(self.result["tests"]) + 1)
+        numbers = range(1, len(self.result.tests) + 1)
         return [
             _whole(self, name, lambda name=name: _table(self.file(name)))
             for name in map(course_name, numbers)
@@ -263,15 +267,15 @@ class Run:
 
     def summary(self, network: str | None = None) -> pd.DataFrame:
         """Return the parameters of a network: value, 95 % interval, unit, identifiability."""
-        entries = self.result["models"][self.choose(network)]["parameters"]
+        entries = self.result.models[self.choose(network)].parameters
         return pd.DataFrame(
             {
-                "value": [e["value"] for e in entries.values()],
-                "low_95": [e["interval_95"][0] for e in entries.values()],
-                "high_95": [e["interval_95"][1] for e in entries.values()],
-                "unit": [e["unit"] for e in entries.values()],
-                "identifiability": [e["identifiability"] for e in entries.values()],
-                "why": [e["why"] for e in entries.values()],
+                "value": [e.value for e in entries.values()],
+                "low_95": [e.interval_95[0] for e in entries.values()],
+                "high_95": [e.interval_95[1] for e in entries.values()],
+                "unit": [e.unit for e in entries.values()],
+                "identifiability": [e.identifiability or "" for e in entries.values()],
+                "why": [e.why or "" for e in entries.values()],
             },
             index=pd.Index(entries, name="parameter"),
         )
@@ -285,7 +289,7 @@ class Run:
         return plot_courses(tests, self.courses(), name)
 
     def _repr_html_(self) -> str:
-        sentence = self.result["verdict"]["sentence"]
+        sentence = self.result.verdict.sentence
         return f"<p><b>{self.path.name}</b>: {sentence}</p>{self.summary().to_html()}"
 
 
@@ -303,21 +307,8 @@ def open_run(path: str | Path, read: Read = Path.read_bytes) -> Run:
         InputError: If the folder is no run, or a file is damaged or was changed.
     """
     folder = Path(path)
-    found = Run(folder, load_result(folder, read), read)
-    _whole(found, "fit.json", lambda: _require_shape(found.result))
-    return found
-
-
-def _require_shape(result: Mapping[str, Any]) -> None:
-    """Raise if a result has not the parts that every reader of a run relies on."""
-    if not result["models"] or not isinstance(result["tests"], list):
-        raise ValueError("no models or no tests")
-    for model in result["models"].values():
-        for entry in (*model["parameters"].values(), *model["nuisances"].values()):
-            float(entry["value"])
-    for test in result["tests"]:
-        _ = test["name"], test["role"], test["sha256"]
-    _ = result["motor"]["name"]
+    content = read_listed(folder, "fit.json", read)
+    return Run(folder, from_json(content, FitResult, "fit.json", str(folder)), read)
 
 
 def _whole(run: Run, name: str, make: Callable[[], T]) -> T:
@@ -335,7 +326,7 @@ def _whole(run: Run, name: str, make: Callable[[], T]) -> T:
 
 
 def _files_of(
-    entries: Sequence[Mapping[str, Any]], files: Sequence[SourceFile]
+    entries: Sequence[DescribedTest], files: Sequence[SourceFile]
 ) -> list[tuple[SourceFile, ...]]:
     """Return the files of each test: the manifest lists those of all tests in a row.
 
@@ -345,10 +336,10 @@ def _files_of(
     starts: list[int] = []
     at = 0
     for entry in entries:
-        if not entry["path"]:  # a record that was made in memory
+        if not entry.path:  # a record that was made in memory
             starts.append(at)
             continue
-        while (files[at].path, files[at].sha256) != (entry["path"], entry["sha256"]):
+        while (files[at].path, files[at].sha256) != (entry.path, entry.sha256):
             at += 1
         starts.append(at)
         at += 1

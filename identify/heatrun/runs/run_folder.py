@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 import platform
 import shutil
@@ -20,13 +19,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..errors import InputError
 from ..io.file_set import is_aside
 from ..io.folder_lock import FolderLock
 from ..io.undisturbed import undisturbed
 from ..io.whole_files import PARTIAL, drop_partials, writable, write_whole
+from ..results.json_text import to_json
 
 MANIFEST = "manifest.json"
 CHECKPOINTS = "checkpoints"
@@ -64,7 +62,7 @@ class RunFolder:
             InputError: If the destination is no run, cannot be written to, or another process
                 is writing it.
         """
-        digest = hashlib.sha256(dump(identity).encode()).hexdigest()
+        digest = hashlib.sha256(to_json(identity).encode()).hexdigest()
         partial = path.with_name(path.name + PARTIAL)
         with writable("the run folder", path.parent):
             lock = FolderLock.take(partial)
@@ -83,9 +81,9 @@ class RunFolder:
         """Folder of the sampler's checkpoints."""
         return self.partial / CHECKPOINTS
 
-    def write_json(self, name: str, content: Mapping[str, Any]) -> None:
-        """Write a JSON file, whole or not at all."""
-        write_whole(self.partial / name, (dump(content) + "\n").encode())
+    def write_json(self, name: str, content: Any) -> None:
+        """Write a JSON file, whole or not at all; content as `heatrun.results.to_json`."""
+        write_whole(self.partial / name, (to_json(content) + "\n").encode())
 
     def finish(self, manifest: Mapping[str, Any]) -> Path:
         """Write the manifest, give the folder its name and drop the checkpoints.
@@ -176,38 +174,6 @@ def environment() -> dict[str, Any]:
     }
 
 
-def dump(content: Any) -> str:
-    """Return JSON text; numbers that are not finite become null, arrays lists."""
-    return json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False)
-
-
-def load_result(path: Path, read: Callable[[Path], bytes] = Path.read_bytes) -> dict[str, Any]:
-    """Return `fit.json` of a run folder.
-
-    Args:
-        path: The run folder.
-        read: Reads a file.
-
-    Raises:
-        InputError: If the folder is no run, or the file is damaged or was changed.
-    """
-    try:
-        result = json.loads(read_listed(path, "fit.json", read))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            f"fit.json cannot be read: {error}.", where=str(path), remedy="Calibrate again."
-        ) from error
-    if not isinstance(result, dict) or result.get("format") != "heatrun-fit/1":
-        raise InputError(
-            "fit.json is of another format than heatrun-fit/1.",
-            where=str(path),
-            remedy="Calibrate again with this version.",
-        )
-    return result
-
-
 def read_listed(run: Path, name: str, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes:
     """Return a file of a run, which is what the manifest says.
 
@@ -247,23 +213,4 @@ def listed_anew(run: Path, written: Path) -> bytes:
     """Return the manifest of a run as it is once the files of a folder are in the run too."""
     manifest = json.loads((run / MANIFEST).read_bytes())
     files = dict(sorted({**manifest["files"], **listing(written)}.items()))
-    return (dump({**manifest, "files": files}) + "\n").encode()
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, str):
-        # bytes of a file name that are no UTF-8 are carried as halves of characters
-        return value.encode(errors="backslashreplace").decode()
-    if isinstance(value, Mapping):
-        return {_plain(str(key)): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.bool_):
-        return bool(value)
-    if isinstance(value, np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value
+    return (to_json({**manifest, "files": files}) + "\n").encode()

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
 from ..io.whole_files import write_whole
 from ..motor import Motor
+from ..results import FitResult, from_json, to_json
 from . import netcdf
 from .courses import band_table
 from .model_text import ModelOfRun, model_text
 from .motor_text import motor_text
 from .run import MOTOR, Run, course_name, draws_name, model_name
-from .run_folder import RunFolder, dump
+from .run_folder import RunFolder
 
 
 def write_run(
     folder: RunFolder,
     motor: Motor,
-    result: Mapping[str, Any],
+    result: FitResult,
     posteriors: Mapping[str, Posterior],
     predictions: Mapping[str, Sequence[Prediction]],
 ) -> Run:
@@ -47,8 +46,10 @@ def write_run(
         found = ModelOfRun(problem.model, problem.parameters, problem.noise_kind, problem.temper)
         write_whole(folder.partial / model_name(name), model_text(found))
         netcdf.write(posterior, folder.partial / draws_name(name))
-    for index in range(len(result["tests"])):
+    for index in range(len(result.tests)):
         table = band_table({name: rows[index] for name, rows in predictions.items()})
         text = table.to_csv(index=False)  # to all digits
         write_whole(folder.partial / course_name(index + 1), text.encode())
-    return Run(folder.partial, json.loads(dump(result)), is_finished=False)
+    # as it will be read, so that a sheet made now and one made later are the same
+    read_back = from_json(to_json(result).encode(), FitResult, "fit.json", str(folder.path))
+    return Run(folder.partial, read_back, is_finished=False)

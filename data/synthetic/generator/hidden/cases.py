@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..machine import Machine, random_motor
-from ..profile import REST, Profile, Segment
+from ..profile import REST, Profile, Segment, drive_cycle, duty
 from .causes import (
     FROM_A_MAP,
     HEAT,
@@ -26,11 +26,14 @@ UNKNOWN_IDS = (*UNKNOWN_HEAT, *UNKNOWN_SENSOR)
 CLEAN = "clean"
 """Stands for a machine in which nothing is hidden, as an empty tuple does."""
 
-KINDS = ("two_tests", "single_step")
+KINDS = ("two_tests", "single_step", "duty")
 """Kinds of cases."""
 
 LENGTH_S = 7200.0
 """Length of every test [s]."""
+
+DUTY_S = 5400.0
+"""Length of the tests of the kind `"duty"` [s]."""
 
 LEAST_K, MOST_K = 0.3, 1.5
 """Range of the visible misfit that hidden causes are given [K]."""
@@ -95,6 +98,7 @@ def make_case(
     target_K: float | None = None,
     kind: str = "two_tests",
     only_test: int | None = None,
+    amplitude: float | None = None,
 ) -> Case:
     """Return a case.
 
@@ -104,9 +108,11 @@ def make_case(
         resolution_K: Step of the winding channel [K]; 0.1 or 1 at random by default.
         target_K: Visible misfit [K]; drawn between `LEAST_K` and `MOST_K` by default. Several
             causes get this much each.
-        kind: `"two_tests"`, or `"single_step"`: one constant load, on which nothing can be named.
+        kind: `"two_tests"`; `"single_step"`: one constant load, on which nothing can be named; or
+            `"duty"`: one test of 90 minutes, and a drive cycle held out.
         only_test: Place of the one test that the causes act in, such as a fan that failed; all
             tests by default (events happen in the first).
+        amplitude: Amplitude of each cause [1], instead of a visible misfit.
 
     Returns:
         The case, the same for the same arguments.
@@ -128,7 +134,7 @@ def make_case(
     stream = int(rng.integers(2**31))
     amplitudes: dict[str, float] = {}
     for name in hidden:
-        alone = _amplitude(machine, loads, name, target, losses, stream, only_test)
+        alone = amplitude or _amplitude(machine, loads, name, target, losses, stream, only_test)
         amplitudes[name] = alone
     acting = [_acting(amplitudes, load, only_test) for load in loads]
     courses = [_course(machine, x, a, stream) for x, a in zip(loads, acting, strict=True)]
@@ -181,15 +187,20 @@ def _loads(
     machine: Machine, hidden: tuple[str, ...], kind: str, rng: np.random.Generator
 ) -> tuple[list[Load], list[str]]:
     """Return the loads of all tests, hot but not too hot for the machine as it is."""
+    length = LENGTH_S
     if kind == "single_step":
         profiles = [Profile((REST, Segment(LENGTH_S - 60.0, rng.uniform(0.5, 0.8), 0.7)))] * 2
+        roles = ["calibration", "holdout"]
+    elif kind == "duty":
+        length = DUTY_S
+        profiles = [duty(length), drive_cycle(length)]
         roles = ["calibration", "holdout"]
     else:
         profiles = [_staircase(rng), _cycle(rng), _staircase(rng)]
         roles = ["calibration", "calibration", "holdout"]
     loads = []
     for index, profile in enumerate(profiles):
-        time = HALF_S * np.arange(round(LENGTH_S / HALF_S) + 1)
+        time = HALF_S * np.arange(round(length / HALF_S) + 1)
         drift, phase = rng.uniform(-0.5, 0.5), rng.uniform(0.0, 6.28)
         room = rng.uniform(18.0, 26.0)
         ambient = room + drift * time / 3600.0 + 0.2 * np.sin(2 * np.pi * time / 1900.0 + phase)

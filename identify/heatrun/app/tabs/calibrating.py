@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from ...results import FitResult
 from ..jobs.running import JobQueue
 from ..words import calibration_html
 from .choices import Choices
 from .fitting import Fitting
 
 
-def calibrating(page: Choices, queue: JobQueue) -> Fitting:
+def calibrating(page: Choices, queue: JobQueue) -> Fitting[FitResult]:
     """Return the form and the results of `heatrun calibrate`."""
     return Fitting(
         page,
         queue,
         command="calibrate",
-        what="calibration",
+        read=lambda run: run.calibration,
         orders={"first and second order": "both", "second order": "second",
                 "first order": "first"},
         say=calibration_html,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Generic, TypeVar
 
 import panel as pn
 
@@ -17,10 +17,12 @@ from ..words import error_message, message
 from .choices import Choices
 from .run_view import run_name, run_view
 
+R = TypeVar("R")
+
 NONE = "(none yet)"
 
 
-class Fitting:
+class Fitting(Generic[R]):
     """A form that starts a command on the chosen tests, and the runs it has made.
 
     Attributes:
@@ -33,12 +35,12 @@ class Fitting:
         queue: JobQueue,
         *,
         command: str,
-        what: str,
+        read: Callable[[Run], R | None],
         orders: Mapping[str, str],
-        say: Callable[[Mapping[str, Any]], str],
+        say: Callable[[R], str],
         intro: str,
     ) -> None:
-        self._page, self._command, self._what, self._say = page, command, what, say
+        self._page, self._command, self._read, self._say = page, command, read, say
         self._runs: dict[str, Run] = {}
         self._state: tuple[Path, Stamp] | None = None
         self._holdout = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
@@ -70,7 +72,7 @@ class Fitting:
     def offer(self, runs: Sequence[Run]) -> None:
         """Bring the lists of runs and of held-out tests up to date."""
         self._holdout.options = self._page.tests
-        kept = [run for run in runs if getattr(run, self._what) is not None]
+        kept = [run for run in runs if self._read(run) is not None]
         self._runs = {run.path.name: run for run in kept}
         chosen = self._shown.value
         self._shown.options = [*self._runs] or [NONE]
@@ -118,5 +120,8 @@ class Fitting:
         if state == self._state:
             return
         self._state = state
-        shown = [] if run is None else [run_view(run, self._page.look, self._say, self._what)]
-        self._result[:] = shown
+        self._result[:] = [] if run is None else [self._view_of(run)]
+
+    def _view_of(self, run: Run) -> pn.Column:
+        what = "calibration" if self._command == "calibrate" else "discovery"
+        return run_view(run, self._page.look, self._read, self._say, what)

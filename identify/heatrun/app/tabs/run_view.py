@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import panel as pn
 
@@ -17,6 +17,8 @@ from ..reading import problem
 from ..runs import Run
 from ..words import error_message, message
 
+R = TypeVar("R")
+
 FIGURE_PX = 860
 
 MAX_FIGURE_BYTES = 20_000_000
@@ -25,16 +27,19 @@ PNG = b"\x89PNG\r\n\x1a\n"
 """First bytes of a PNG."""
 
 
-def run_view(run: Run, look: Look, say: Callable[[Mapping[str, Any]], str], what: str) -> pn.Column:
+def run_view(
+    run: Run, look: Look, read: Callable[[Run], R | None], say: Callable[[R], str], what: str
+) -> pn.Column:
     """Return a column with result, downloads and figures of a run.
 
     Args:
         run: The run folder.
         look: Colours.
+        read: Returns its result, None if it has none or it is damaged.
         say: Turns the result into HTML.
         what: `"calibration"` or `"discovery"`.
     """
-    result = getattr(run, what)
+    result = read(run)
     if result is None:
         words = message("warning", f"{run.path} holds no {what}, or it is damaged.")
         return pn.Column(pn.pane.HTML(words, stylesheets=[pane_css(look)]))

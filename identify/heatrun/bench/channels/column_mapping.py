@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
-from ..record import Record
+from ..record import ColumnReading, Record
 from .derive import formulas
 from .schema import CHANNEL
 
@@ -23,53 +24,61 @@ KEPT = 17
 """Letters of a name that a line of the terminal or the sheet has room for, and from its start."""
 
 
-def describe_mapping(record: Record) -> list[dict[str, str]]:
-    """Return how each channel of a record came about, as plain data.
+class Read(Protocol):
+    """A test of which it is known how its columns were read."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def mapping(self) -> Sequence[ColumnReading]:
+        """From `describe_mapping`; may be empty."""
+        ...
+
+
+@dataclass(frozen=True)
+class ReadColumns:
+    """How the columns of a test were read.
+
+    Attributes:
+        name: The test.
+        mapping: From `describe_mapping`.
+    """
+
+    name: str
+    mapping: list[ColumnReading]
+
+
+def describe_mapping(record: Record) -> list[ColumnReading]:
+    """Return how each channel of a record came about, derived ones too.
 
     Args:
         record: Any record; one that was made in memory has no columns.
 
     Returns:
-        By channel: `channel`, `column`, `unit`, `unit_from` (`"stated"`, `"name"`, `"assumed"` or
-        `"derived"`), `found_by` (who says that it is this channel, or the formula) and `file`.
+        By channel; `found_by` says who says that it is this channel, or holds the formula.
     """
     if not record.mapping:
         return []
-    rows = [
-        {
-            "channel": one.channel,
-            "column": one.column,
-            "unit": one.unit,
-            "unit_from": one.unit_from,
-            "found_by": one.found_by,
-            "file": one.file,
-        }
-        for one in record.mapping
-    ]
     read = {one.channel for one in record.mapping}
     derived = formulas(record.channels, read)
     if "time_s" not in read:
         derived = {"time_s": "sampling rate", **derived}
-    rows += [
-        {
-            "channel": name,
-            "column": "",
-            "unit": CHANNEL[name].unit,
-            "unit_from": "derived",
-            "found_by": formula,
-            "file": "",
-        }
+    more = [
+        ColumnReading(name, "", CHANNEL[name].unit, "derived", formula, "")
         for name, formula in derived.items()
     ]
-    return sorted(rows, key=lambda row: _position(row["channel"]))
+    return sorted([*record.mapping, *more], key=lambda row: _position(row.channel))
 
 
-def describe_columns(record: Record) -> dict[str, Any]:
-    """Return `name` and `mapping` of a record, as `mapping_text` takes them."""
-    return {"name": record.name, "mapping": describe_mapping(record)}
+def describe_columns(record: Record) -> ReadColumns:
+    """Return how the columns of a record were read, as `mapping_text` takes it."""
+    return ReadColumns(record.name, describe_mapping(record))
 
 
-def mapping_rows(mapping: Sequence[Mapping[str, str]]) -> list[list[str]]:
+def mapping_rows(mapping: Sequence[ColumnReading]) -> list[list[str]]:
     """Return the rows of a table under `HEAD`; names too long for it are cut.
 
     Args:
@@ -77,21 +86,21 @@ def mapping_rows(mapping: Sequence[Mapping[str, str]]) -> list[list[str]]:
     """
     return [
         [
-            row["channel"],
-            _cut(row["column"]) or "–",
-            row["unit"],
-            KNOWN_BY.get(row["unit_from"], row["unit_from"]),
-            _cut(row["found_by"]) if row["column"] else row["found_by"],
+            row.channel,
+            _cut(row.column) or "–",
+            row.unit,
+            KNOWN_BY[row.unit_from],
+            _cut(row.found_by) if row.column else row.found_by,
         ]
         for row in mapping
     ]
 
 
-def mapping_text(tests: Sequence[Mapping[str, Any]]) -> str:
+def mapping_text(tests: Sequence[Read]) -> str:
     """Return aligned tables of columns and channels; tests that were read alike share one.
 
     Args:
-        tests: Each with `name` and `mapping`, such as the tests of `fit.json`.
+        tests: Such as the tests of `fit.json`.
     """
     blocks = []
     for names, rows in grouped(tests):
@@ -107,7 +116,7 @@ def mapping_text(tests: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join(blocks)
 
 
-def grouped(tests: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[list[str]]]]:
+def grouped(tests: Sequence[Read]) -> list[tuple[str, list[list[str]]]]:
     """Return names of tests that were read alike, with the rows of their table.
 
     Args:
@@ -115,9 +124,9 @@ def grouped(tests: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[list[str
     """
     alike: dict[str, tuple[list[str], list[list[str]]]] = {}
     for test in tests:
-        rows = mapping_rows(test.get("mapping") or [])
+        rows = mapping_rows(test.mapping)
         if rows:
-            alike.setdefault(repr(rows), ([], rows))[0].append(str(test["name"]))
+            alike.setdefault(repr(rows), ([], rows))[0].append(test.name)
     return [(", ".join(names), rows) for names, rows in alike.values()]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...runs.result import describe_finding
 from .report import Report, Table
 from .report_name import DateOfTest
 
@@ -30,7 +29,7 @@ def report_content(report: Report, when: DateOfTest | None) -> dict[str, Any]:
             for r in report.rows
         ],
         "tables": [_table(table) for table in report.tables],
-        "findings": [describe_finding(finding) for finding in report.findings],
+        "findings": list(report.findings),
         "definitions": [{"name": name, "text": text} for name, text in report.definitions],
         "channels": list(report.channels),
         "sources": [

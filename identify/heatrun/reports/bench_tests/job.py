@@ -12,7 +12,8 @@ from ...errors import InputError
 from ...io.file_set import together
 from ...io.whole_files import writable, write_whole
 from ...motor import Motor
-from ...runs.run_folder import dump, load_result
+from ...results import to_json
+from ...runs.run import open_run
 from .build import build_report, check_use
 from .card import Kind
 from .content import report_content
@@ -92,7 +93,7 @@ def make_report(
     check_use(kind, run, reference is not None, tolerances, offset_s)
     other = None if reference is None else read_reference(reference, motor)
     if run is not None:
-        load_result(run)  # what is wrong with it is wrong for every test, and said once
+        open_run(run)  # what is wrong with it is wrong for every test, and said once
     with writable("the folder of the reports", out):
         out.mkdir(parents=True, exist_ok=True)
     found = tests_in(tests)
@@ -129,6 +130,6 @@ def _write(test: str, report: Report, when: DateOfTest | None, out: Path) -> Out
         content = {"report": f"{name}.pdf", "identity": identity, **content}
         write_pdf(report, content, files.aside / f"{name}.pdf")
         write_whole(files.aside / f"{name}.csv", csv_table(report).encode("utf-8-sig"))
-        write_whole(files.aside / f"{name}.json", (dump(content) + "\n").encode())
+        write_whole(files.aside / f"{name}.json", (to_json(content) + "\n").encode())
     pdf, table, text = (out / f"{name}{end}" for end in (".pdf", ".csv", ".json"))
     return Outcome(test, pdf, table, text, report, content)

@@ -52,4 +52,4 @@ def simulate_run(run: Path, record: Record, motor: Motor, *, seed: int = 0) -> S
     """
     opened = open_run(run)
     found = opened.predict(record, motor=motor, seed=seed)
-    return Simulated(found, not found.is_held_out, str(opened.result["motor"]["name"]))
+    return Simulated(found, not found.is_held_out, opened.result.motor.name)

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from msgspec import UNSET
+
 from ...io.quantities import printed_unit, quantity, rounded
+from ...results import DiscoveryResult
+from ...results.candidate import CandidateFate
+from ...results.found_effect import FoundEffect
+from ...results.gap import Gap, HeldOutGap, ParameterBeforeAfter, ValueWithInterval
+from ...results.missing import LocalisedMisfit, MissingSpan
+from ...results.values import number
 from ..sheet.typeset import typeset
 
 VERDICTS = {
@@ -29,7 +37,7 @@ LIMITS = (
 )
 
 
-def write_report(result: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
+def write_report(result: DiscoveryResult, figures: Sequence[Path], path: Path) -> Path:
     """Write the report as PDF.
 
     Args:
@@ -40,98 +48,101 @@ def write_report(result: Mapping[str, Any], figures: Sequence[Path], path: Path)
     return typeset("discovery.typ", report_content(result), figures, path)
 
 
-def report_content(result: Mapping[str, Any]) -> dict[str, Any]:
+def report_content(result: DiscoveryResult) -> dict[str, Any]:
     """Return the words of the report."""
-    test = result["next_test"]
-    left = result["adequacy"]["after"]
+    test = result.next_test
+    left = result.adequacy.after
     return {
-        "title": _clean(result["motor"]["name"]),
-        "version": f"heatrun {result['heatrun_version']}",
-        "verdict": VERDICTS[result["verdict"]],
-        "sentence": result["sentence"],
-        "effects": [_effect(effect) for effect in result["effects"]],
+        "title": _clean(result.motor.name),
+        "version": f"heatrun {result.heatrun_version}",
+        "verdict": VERDICTS[result.verdict],
+        "sentence": result.sentence,
+        "effects": [_effect(effect) for effect in result.effects],
         "gap": [
-            _gap(name, result[key])
-            for name, key in (("calibration tests", "calibration"), ("held-out tests", "holdout"))
-            if result[key] is not None
+            _gap(name, gap)
+            for name, gap in (
+                ("calibration tests", result.calibration), ("held-out tests", result.holdout)
+            )
+            if gap is not None
         ],
-        "parameters": [_parameter(n, p) for n, p in result["parameters"].items()],
+        "parameters": [_parameter(n, p) for n, p in result.parameters.items()],
         "next": [] if test is None else [
-            f"From {test['start']}: {test['what']}. Expected log Bayes factor between "
-            f"{' and '.join(test['separates'])}: {test['expected_log_bayes_factor']:.0f}."
+            f"From {test.start}: {test.what}. Expected log Bayes factor between "
+            f"{' and '.join(test.separates)}: {test.expected_log_bayes_factor:.0f}."
         ],
         "profile": [] if test is None else [
-            [f"{s['minutes']:.0f}", f"{s['current_A']:.0f}", f"{s['speed_rpm']:.0f}"]
-            for s in test["profile"]
+            [f"{s.minutes:.0f}", f"{s.current_A:.0f}", f"{s.speed_rpm:.0f}"]
+            for s in test.profile
         ],
-        "where_words": _where(result["localisation"]["before"]),
-        "spans": [_span(span) for span in result["where"]],
-        "candidates": [_candidate(row) for row in result["candidates"]],
+        "where_words": _where(result.localisation.before),
+        "spans": [_span(span) for span in result.where],
+        "candidates": [_candidate(row) for row in result.candidates],
         "rivals": [
-            [effect["id"], rival["id"], f"{rival['delta_log_evidence']:+.1f}",
-             f"{100 * max(rival['share_of_gap'], 0):.0f} %", rival["reason"]]
-            for effect in result["effects"]
-            for rival in effect["rivals"]
+            [effect.id, rival.id, f"{number(rival.delta_log_evidence):+.1f}",
+             f"{100 * max(number(rival.share_of_gap), 0):.0f} %", rival.reason]
+            for effect in result.effects
+            for rival in effect.rivals
         ],
         "left": (
-            f"Slow misfit {left['slow_misfit_K']:.2f} K, noise of a block mean "
-            f"{left['noise_K']:.2f} K, low-frequency excess {left['low_frequency_excess']:.1f} "
+            f"Slow misfit {left.slow_misfit_K:.2f} K, noise of a block mean "
+            f"{left.noise_K:.2f} K, low-frequency excess {left.low_frequency_excess:.1f} "
             f"(1 if only noise)."
         ),
-        "limits": [*LIMITS, *_selected(result["holdout"])],
+        "limits": [*LIMITS, *_selected(result.holdout)],
     }  # fmt: skip
 
 
-def _selected(holdout: Mapping[str, Any] | None) -> list[str]:
+def _selected(holdout: HeldOutGap | None) -> list[str]:
     """Return what must be said of held-out tests that decided about an effect."""
-    return [holdout["sentence"]] if holdout and holdout["took_part_in_selection"] else []
+    return [holdout.sentence] if holdout and holdout.took_part_in_selection else []
 
 
-def _effect(effect: Mapping[str, Any]) -> list[str]:
+def _effect(effect: FoundEffect) -> list[str]:
     numbers = "; ".join(
-        f"{name} = {quantity(rounded(p['value']), p['unit'])} "
-        f"({rounded(p['interval_95'][0])} … {rounded(p['interval_95'][1])})"
-        for name, p in effect["parameters"].items()
+        f"{name} = {quantity(rounded(p.value), p.unit)} "
+        f"({rounded(p.interval_95[0])} … {rounded(p.interval_95[1])})"
+        for name, p in effect.parameters.items()
     )
     return [
-        effect["id"],
-        effect["law"],
+        effect.id,
+        effect.law,
         numbers,
-        f"{effect['probability']:.2f}",
-        ", ".join(effect["equivalents"]) or "–",
+        f"{effect.probability:.2f}",
+        ", ".join(effect.equivalents) or "–",
     ]
 
 
-def _gap(name: str, gap: Mapping[str, float]) -> list[str]:
+def _gap(name: str, gap: Gap | HeldOutGap) -> list[str]:
     return [
         name,
-        f"{gap['rmse_before_K']:.2f}", f"{gap['rmse_after_K']:.2f}",
-        f"{gap['max_before_K']:.2f}", f"{gap['max_after_K']:.2f}",
-        f"{100 * gap['coverage_95_before']:.0f} %", f"{100 * gap['coverage_95_after']:.0f} %",
+        f"{gap.rmse_before_K:.2f}", f"{gap.rmse_after_K:.2f}",
+        f"{gap.max_before_K:.2f}", f"{gap.max_after_K:.2f}",
+        f"{100 * gap.coverage_95_before:.0f} %", f"{100 * gap.coverage_95_after:.0f} %",
     ]  # fmt: skip
 
 
-def _parameter(name: str, entry: Mapping[str, Any]) -> list[str]:
-    def interval(figure: Mapping[str, Any]) -> str:
-        return " … ".join(rounded(limit, 4) for limit in figure["interval_95"])
+def _parameter(name: str, entry: ParameterBeforeAfter) -> list[str]:
+    def interval(figure: ValueWithInterval) -> str:
+        return " … ".join(rounded(limit, 4) for limit in figure.interval_95)
 
-    before, after = entry["before"], entry["after"]
-    off = entry["wrong_by"]
+    before, after = entry.before, entry.after
+    off = entry.wrong_by
     return [
-        f"{name} [{printed_unit(entry['unit'])}]",
-        rounded(before["value"], 4), interval(before),
-        rounded(after["value"], 4), interval(after),
+        f"{name} [{printed_unit(entry.unit)}]",
+        rounded(before.value, 4), interval(before),
+        rounded(after.value, 4), interval(after),
         "–" if off is None else f"{100 * off:+.1f} %",
     ]  # fmt: skip
 
 
-def _where(where: Mapping[str, Any]) -> str:
-    if not where["nodes"]:
+def _where(where: LocalisedMisfit) -> str:
+    if not where.nodes:
         return "No heat is missing anywhere that the tests would show, and the reading is sound."
-    nodes = " and ".join(where["nodes"])
+    nodes = " and ".join(where.nodes)
     words = [f"The evidence puts what is missing at: {nodes}."]
-    for node, drivers in where["dependence"].items():
-        ranked = sorted(drivers.items(), key=lambda item: -abs(item[1]))
+    for node, drivers in where.dependence.items():
+        known = {name: value for name, value in drivers.items() if value is not None}
+        ranked = sorted(known.items(), key=lambda item: -abs(item[1]))
         told = ", ".join(f"{name.replace('_', ' ')} {value:+.2f}" for name, value in ranked)
         words.append(f"Correlation of what is missing at the {node} with {told}.")
     words.append(
@@ -140,28 +151,27 @@ def _where(where: Mapping[str, Any]) -> str:
     return " ".join(words)
 
 
-def _span(span: Mapping[str, Any]) -> list[str]:
-    unit = "K" if "missing_K" in span else "W"
-    low, high = span["interval_95"]
+def _span(span: MissingSpan) -> list[str]:
+    missing, unit = span.missing
+    low, high = span.interval_95
     return [
-        _clean(span["test"]),
-        f"{span['from_s'] / 60:.0f}",
-        f"{span['to_s'] / 60:.0f}",
-        span["node"],
-        f"{span[f'missing_{unit}']:+.3g} {unit}",
+        _clean(span.test),
+        f"{span.from_s / 60:.0f}",
+        f"{span.to_s / 60:.0f}",
+        span.node,
+        f"{missing:+.3g} {unit}",
         f"{low:+.3g} … {high:+.3g}",
     ]
 
 
-def _candidate(row: Mapping[str, Any]) -> list[str]:
-    name = row["id"] if not row.get("test") else f"{row['id']} in {_clean(row['test'])}"
-    evidence = row.get("delta_log_evidence", row.get("screening_log_bayes"))
+def _candidate(row: CandidateFate) -> list[str]:
+    name = f"{row.id} in {_clean(row.test)}" if row.test else row.id
     return [
         name,
-        row["status"],
-        f"{row['visible_K']:.2f}" if "visible_K" in row else "–",
-        "–" if evidence is None else f"{evidence:+.1f}",
-        row["reason"],
+        row.status,
+        "–" if row.visible_K is UNSET else f"{row.visible_K:.2f}",
+        "–" if row.log_evidence is None else f"{row.log_evidence:+.1f}",
+        row.reason,
     ]
 
 

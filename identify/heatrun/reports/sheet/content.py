@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
+from msgspec import UNSET
+
 from ...bench.channels.column_mapping import KNOWN_BY, assumption, grouped
+from ...bench.record import Finding
 from ...io.quantities import quantity, rounded
 from ...io.without_folders import command_without_folders, without_folders
+from ...results import FitResult
+from ...results.derived import DerivedFigure
+from ...results.fit import FittedMotor
+from ...results.model import FittedModel
+from ...results.parameter import FittedParameter
+from ...results.tested import DescribedTest
+from ...results.values import Interval, known
 from .digits import format_interval, format_value
 
 DEFINITIONS = (
@@ -28,68 +38,66 @@ LIMITS = (
 )
 
 
-def sheet_content(result: Mapping[str, Any]) -> dict[str, Any]:
+def sheet_content(result: FitResult) -> dict[str, Any]:
     """Return titles, tables and sentences of the sheet as plain text.
 
     Args:
         result: What stands in `fit.json`.
     """
-    motor = result["motor"]
-    paths = [str(each.get("path", "")) for each in (motor, *result["tests"])]
+    motor = result.motor
+    paths = [motor.path, *(test.path for test in result.tests)]
     return {
-        "title": _clean(str(motor["name"])),
-        "verdict": _clean(result["verdict"]["sentence"]),
+        "title": _clean(motor.name),
+        "verdict": _clean(result.verdict.sentence),
         "meta": [
-            ["heatrun", str(result["heatrun_version"])],
-            ["command", _clean(command_without_folders(str(result["command"])))],
-            ["seed", str(result["seed"])],
+            ["heatrun", result.heatrun_version],
+            ["command", _clean(command_without_folders(result.command))],
+            ["seed", str(result.seed)],
         ],
         "definitions": [[name, text] for name, text in DEFINITIONS] + _loss_definitions(motor),
-        "tests": [_test(test) for test in result["tests"]],
+        "tests": [_test(test) for test in result.tests],
         "columns": [
             {"tests": _clean(names), "rows": rows, "assumed": _assumed(rows)}
-            for names, rows in grouped(result["tests"])
+            for names, rows in grouped(result.tests)
         ],
-        "models": [_model(order, model) for order, model in result["models"].items()],
-        "comparison": [_clean(w) for w in (result["comparison"] or {"words": []})["words"]],
+        "models": [_model(order, model) for order, model in result.models.items()],
+        "comparison": [_clean(w) for w in (result.comparison.words if result.comparison else ())],
         "findings": [
-            [f["severity"], _clean(without_folders(_sentence(f), paths))]
-            for f in result["findings"]
+            [f.severity, _clean(without_folders(_sentence(f), paths))] for f in result.findings
         ],
         "limits": list(LIMITS),
     }
 
 
-def _sentence(finding: Mapping[str, Any]) -> str:
-    return f"{finding['where']}: {finding['message']} {finding['remedy']}".strip(": ")
+def _sentence(finding: Finding) -> str:
+    return f"{finding.where}: {finding.message} {finding.remedy}".strip(": ")
 
 
-def _loss_definitions(motor: Mapping[str, Any]) -> list[list[str]]:
-    if motor["losses"] == "balance":
+def _loss_definitions(motor: FittedMotor) -> list[list[str]]:
+    if motor.losses == "balance":
         pol = ["Pol", "other losses, Pd − Pjs, where Pd is measured: electrical in minus "
                       "mechanical out [W]"]  # fmt: skip
     else:
         pol = ["Pol", "other losses, taken from a map or a model; Pjs comes on top [W]"]
-    sink = {"ambient": "ambient temperature", "coolant": "coolant temperature"}[motor["sink"]]
+    sink = {"ambient": "ambient temperature", "coolant": "coolant temperature"}[motor.sink]
     return [pol, ["T0", f"temperature of the sink: the measured {sink} [degC]"]]
 
 
-def _test(test: Mapping[str, Any]) -> list[str]:
-    def span(key: str, digits: int = 0) -> str:
-        values = test.get(key)
-        if not values:
+def _test(test: DescribedTest) -> list[str]:
+    def span(values: Interval | None, digits: int = 0) -> str:
+        if values is None:
             return "not recorded"
         return f"{values[0]:.{digits}f} … {values[1]:.{digits}f}"
 
     return [
-        _clean(test["name"]),
-        test["role"],
-        f"{test['duration_s'] / 60:.1f} min, {test['num_samples']} samples",
-        span("current_A"),
-        span("speed_rpm"),
-        span("winding_degC", 1),
-        span("sink_degC", 1),
-        (test["sha256"] or "in memory")[:16],
+        _clean(test.name),
+        test.role,
+        f"{test.duration_s / 60:.1f} min, {test.num_samples} samples",
+        span(test.current_A),
+        span(test.speed_rpm),
+        span(test.winding_degC, 1),
+        span(test.sink_degC, 1),
+        (test.sha256 or "in memory")[:16],
     ]
 
 
@@ -99,49 +107,49 @@ def _assumed(rows: Sequence[Sequence[str]]) -> str:
     return assumption(channels) if channels else ""
 
 
-def _model(order: str, model: Mapping[str, Any]) -> dict[str, Any]:
-    noise = model["noise"]
+def _model(order: str, model: FittedModel) -> dict[str, Any]:
+    noise = model.noise
     return {
-        "order": f"{model['title'].capitalize()}{_with(model)}",
-        "message": f"{model['message']} {model['posterior']['verdict']}",
-        "parameters": [_parameter(n, p) for n, p in model["parameters"].items()],
-        "nuisances": [_parameter(_clean(n), p)[:5] for n, p in model["nuisances"].items()],
+        "order": f"{model.title.capitalize()}{_with(model)}",
+        "message": f"{model.message} {model.posterior.verdict}",
+        "parameters": [_parameter(n, p) for n, p in model.parameters.items()],
+        "nuisances": [_parameter(_clean(n), p)[:5] for n, p in model.nuisances.items()],
         "correlation": _correlation(model),
         "residuals": [
             [
-                _clean(row["test"]),
-                row["role"],
-                f"{row['rmse_K']:.2f}",
-                f"{row['mae_K']:.2f}",
-                f"{row['max_K']:.2f}",
-                f"{row['end_K']:+.2f}",
-                f"{100 * row['coverage_95']:.0f} %",
+                _clean(row.test),
+                row.role,
+                f"{row.rmse_K:.2f}",
+                f"{row.mae_K:.2f}",
+                f"{row.max_K:.2f}",
+                f"{row.end_K:+.2f}",
+                f"{100 * row.coverage_95:.0f} %",
             ]
-            for row in model["residuals"]
+            for row in model.residuals
         ],
-        "noise": f"Noise: slow part {noise['sd_K']:.3f} K over "
-        f"{noise['time_s']:.0f} s, white part {noise['white_K']:.3f} K in a 20 s mean."
-        if noise["kind"] == "correlated"
-        else f"Residuals count as white with {noise['white_K']:.2f} K and weigh "
-        f"1/{noise['temper']:.0f}, because the network misfits.",
-        "derived": [_derived(n, d) for n, d in model["derived"].items()],
+        "noise": f"Noise: slow part {noise.sd_K:.3f} K over "
+        f"{noise.time_s:.0f} s, white part {noise.white_K:.3f} K in a 20 s mean."
+        if noise.kind == "correlated"
+        else f"Residuals count as white with {noise.white_K:.2f} K and weigh "
+        f"1/{noise.temper:.0f}, because the network misfits.",
+        "derived": [_derived(n, d) for n, d in model.derived.items()],
     }
 
 
-def _parameter(name: str, entry: Mapping[str, Any]) -> list[str]:
-    sd = entry["sd"]
-    value, _ = format_value(entry["value"], sd)
-    expanded = format_value(entry["value"], None if sd is None else 2 * sd)[1]
-    parts = f"{_short(entry['sd_type_a'])} / {_short(entry['sd_type_b'])}"
+def _parameter(name: str, entry: FittedParameter) -> list[str]:
+    sd = entry.sd
+    value, _ = format_value(entry.value, sd)
+    expanded = format_value(entry.value, 2 * sd)[1]
+    parts = f"{_short(entry.sd_type_a)} / {_short(entry.sd_type_b)}"
     return [
         name,
-        entry["meaning"],
-        quantity(value, entry["unit"]),
-        "fixed" if entry["fixed"] else f"± {expanded}",
-        "–" if entry["fixed"] else format_interval(entry["interval_95"], sd),
+        entry.meaning,
+        quantity(value, entry.unit),
+        "fixed" if entry.fixed else f"± {expanded}",
+        "–" if entry.fixed else format_interval(entry.interval_95, sd),
         parts,
-        entry.get("identifiability", ""),
-        entry.get("why", ""),
+        entry.identifiability or "",
+        entry.why or "",
     ]
 
 
@@ -149,25 +157,30 @@ def _short(value: float | None) -> str:
     return "–" if not value else rounded(value, 2)
 
 
-def _correlation(model: Mapping[str, Any]) -> dict[str, Any]:
-    names = model["correlation"]["names"]
-    keep = [i for i, name in enumerate(names) if name in model["parameters"]]
-    matrix = model["correlation"]["matrix"]
+def _correlation(model: FittedModel) -> dict[str, Any]:
+    names = model.correlation.names
+    keep = [i for i, name in enumerate(names) if name in model.parameters]
+    matrix = model.correlation.matrix
     return {
         "names": [names[i] for i in keep],
-        "rows": [[f"{matrix[i][j]:+.2f}" for j in keep] for i in keep],
+        "rows": [[_signed(matrix[i][j]) for j in keep] for i in keep],
     }
 
 
-def _derived(name: str, entry: Mapping[str, Any]) -> list[str]:
-    if "refused" in entry:
-        return [name, "refused", entry["refused"], ""]
-    value, _ = format_value(entry["value"], entry["sd"])
+def _signed(value: float | None) -> str:
+    return "–" if value is None else f"{value:+.2f}"
+
+
+def _derived(name: str, entry: DerivedFigure) -> list[str]:
+    if entry.refused is not UNSET:
+        return [name, "refused", entry.refused, ""]
+    sd = known(entry.sd)
+    value, _ = format_value(known(entry.value), sd)
     return [
         name,
-        quantity(value, entry["unit"]),
-        entry["condition"],
-        format_interval(entry["interval_95"], entry["sd"]),
+        quantity(value, entry.unit or ""),
+        entry.condition or "",
+        format_interval(known(entry.interval_95), sd),
     ]
 
 
@@ -176,6 +189,6 @@ def _clean(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text)[:600]
 
 
-def _with(model: Mapping[str, Any]) -> str:
-    effects = [effect["id"] for effect in model["effects"]]
+def _with(model: FittedModel) -> str:
+    effects = [effect.id for effect in model.effects]
     return f" with {', '.join(effects)}" if effects else ""

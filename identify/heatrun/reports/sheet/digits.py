@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 
 def format_value(value: float | None, uncertainty: float | None) -> tuple[str, str]:
@@ -31,7 +32,7 @@ def format_value(value: float | None, uncertainty: float | None) -> tuple[str, s
     return f"{round(value, places):.0f}", f"{round(uncertainty, places):.0f}"
 
 
-def format_interval(interval: list[float | None] | None, uncertainty: float | None) -> str:
+def format_interval(interval: Sequence[float | None] | None, uncertainty: float | None) -> str:
     """Return an interval as text, to the digits of the uncertainty."""
     if interval is None:
         return "not determined"

@@ -7,8 +7,9 @@ from pathlib import Path
 from ...errors import InputError
 from ...io.file_set import together
 from ...io.whole_files import writable, write_whole
+from ...results import to_json
 from ...runs.run import Run, open_run
-from ...runs.run_folder import MANIFEST, dump, listed_anew
+from ...runs.run_folder import MANIFEST, listed_anew
 from .content import sheet_content
 from .figures import draw
 from .pdf import write_pdf
@@ -26,20 +27,20 @@ def write_sheet(run: Run, folder: Path) -> list[Path]:
         folder: Where they go.
     """
     result = run.result
-    names = [(test["name"], test["role"]) for test in result["tests"]]
+    names = [(test.name, test.role) for test in result.tests]
     tables = [(*each, table) for each, table in zip(names, run.courses(), strict=True)]
     main = run.choose()
-    free = [n for n, e in result["models"][main]["parameters"].items() if not e["fixed"]]
+    free = [n for n, e in result.models[main].parameters.items() if not e.fixed]
     values = run.draws(main).values()
     draws = {name: values[name] for name in free}
     units = {
-        name: entry["unit"]
-        for model in result["models"].values()
-        for name, entry in model["parameters"].items()
+        name: entry.unit
+        for model in result.models.values()
+        for name, entry in model.parameters.items()
     }
-    titles = {name: model["title"] for name, model in result["models"].items()}
+    titles = {name: model.title for name, model in result.models.items()}
     figures = draw(tables, draws, units, titles, folder / "figures")
-    write_whole(folder / "sheet.json", (dump(sheet_content(result)) + "\n").encode())
+    write_whole(folder / "sheet.json", (to_json(sheet_content(result)) + "\n").encode())
     return [
         write_pdf(result, figures, folder / "sheet.pdf"),
         write_xlsx(result, tables, folder / "sheet.xlsx"),

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
+from ...results import FitResult
 from .content import sheet_content
 from .typeset import typeset
 
 
-def write_pdf(result: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
+def write_pdf(result: FitResult, figures: Sequence[Path], path: Path) -> Path:
     """Write the sheet as PDF.
 
     Args:

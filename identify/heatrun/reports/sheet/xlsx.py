@@ -14,6 +14,8 @@ import xlsxwriter
 from ...bench.channels.column_mapping import HEAD, KNOWN_BY
 from ...io.moment import NO_DATE, stated_moment
 from ...io.whole_files import write_whole
+from ...results import FitResult
+from ...results.values import known
 from .content import sheet_content
 
 CONSTANTS = ("B", "Ro_rif", "To_rif", "Rs", "Ts", "phases", "Tamb_med")
@@ -22,7 +24,7 @@ FIRST_ROW = 12
 
 
 def write_xlsx(
-    result: Mapping[str, Any], tables: Sequence[tuple[str, str, pd.DataFrame]], path: Path
+    result: FitResult, tables: Sequence[tuple[str, str, pd.DataFrame]], path: Path
 ) -> Path:
     """Write the sheet as XLSX.
 
@@ -49,13 +51,12 @@ def write_xlsx(
         _rows(book, "Tests", bold,
               ["test", "role", "length", "current [A]", "speed [rpm]", "winding [degC]",
                "sink [degC]", "SHA-256"],
-              [[*row[:-1], test["sha256"]]
-               for row, test in zip(content["tests"], result["tests"], strict=True)])  # fmt: skip
+              [[*row[:-1], test.sha256]
+               for row, test in zip(content["tests"], result.tests, strict=True)])  # fmt: skip
         _rows(book, "Columns", bold, ["test", *HEAD, "file"],
-              [[test["name"], row["channel"], row["column"], row["unit"],
-                KNOWN_BY.get(row["unit_from"], row["unit_from"]), row["found_by"],
-                PurePath(row["file"]).name]
-               for test in result["tests"] for row in test.get("mapping") or ()])  # fmt: skip
+              [[test.name, row.channel, row.column, row.unit, KNOWN_BY[row.unit_from],
+                row.found_by, PurePath(row.file).name]
+               for test in result.tests for row in test.mapping])  # fmt: skip
         _residuals(book, bold, result)
         _derived(book, bold, result)
         _rows(book, "Findings", bold, ["severity", "finding"], content["findings"])
@@ -65,7 +66,7 @@ def write_xlsx(
     return path
 
 
-def _parameters(book: Any, bold: Any, result: Mapping, content: Mapping) -> None:
+def _parameters(book: Any, bold: Any, result: FitResult, content: Mapping) -> None:
     sheet = book.add_worksheet("Parameters")
     sheet.write_string(0, 0, content["title"], bold)
     sheet.write_string(1, 0, content["verdict"])
@@ -73,58 +74,59 @@ def _parameters(book: Any, bold: Any, result: Mapping, content: Mapping) -> None
             "95 % low", "95 % high", "type A", "type B", "identifiability", "reason"]  # fmt: skip
     sheet.write_row(3, 0, head, bold)
     row = 4
-    for order, model in result["models"].items():
-        for name, entry in {**model["parameters"], **model["nuisances"]}.items():
+    for order, model in result.models.items():
+        for name, entry in {**model.parameters, **model.nuisances}.items():
             sheet.write_string(row, 0, order)
             sheet.write_string(row, 1, name)
-            low, high = entry["interval_95"]
-            numbers = (entry["value"], entry["unit"], entry["sd"], 2 * entry["sd"], low, high,
-                       entry["sd_type_a"], entry["sd_type_b"])  # fmt: skip
+            low, high = entry.interval_95
+            numbers = (entry.value, entry.unit, entry.sd, 2 * entry.sd, low, high,
+                       entry.sd_type_a, entry.sd_type_b)  # fmt: skip
             for column, value in enumerate(numbers, start=2):
                 _write(sheet, row, column, value)
-            sheet.write_string(row, 10, entry.get("identifiability", ""))
-            sheet.write_string(row, 11, entry.get("why", ""))
+            sheet.write_string(row, 10, entry.identifiability or "")
+            sheet.write_string(row, 11, entry.why or "")
             row += 1
     sheet.set_column(0, 1, 18)
     sheet.set_column(2, 9, 14)
     sheet.set_column(10, 11, 40)
 
 
-def _correlation(book: Any, bold: Any, result: Mapping) -> None:
+def _correlation(book: Any, bold: Any, result: FitResult) -> None:
     sheet = book.add_worksheet("Correlation")
     row = 0
-    for model in result["models"].values():
-        names = model["correlation"]["names"]
-        sheet.write_string(row, 0, model["title"], bold)
+    for model in result.models.values():
+        names = model.correlation.names
+        sheet.write_string(row, 0, model.title, bold)
         for position, name in enumerate(names):
             sheet.write_string(row, position + 1, name, bold)
             sheet.write_string(row + position + 1, 0, name, bold)
-            for other, value in enumerate(model["correlation"]["matrix"][position]):
-                _write(sheet, row + position + 1, other + 1, float(value))
+            for other, value in enumerate(model.correlation.matrix[position]):
+                _write(sheet, row + position + 1, other + 1, value)
         row += len(names) + 2
 
 
-def _residuals(book: Any, bold: Any, result: Mapping) -> None:
+def _residuals(book: Any, bold: Any, result: FitResult) -> None:
     keys = ["test", "role", "rmse_K", "mae_K", "max_K", "end_K", "coverage_95", "log_score",
             "whiteness_p"]  # fmt: skip
     rows = [
-        [order, *(row[key] for key in keys)]
-        for order, model in result["models"].items()
-        for row in model["residuals"]
-    ]
+        [order, row.test, row.role, row.rmse_K, row.mae_K, row.max_K, row.end_K, row.coverage_95,
+         row.log_score, row.whiteness_p]
+        for order, model in result.models.items()
+        for row in model.residuals
+    ]  # fmt: skip
     _rows(book, "Residuals", bold, ["network", *keys], rows)
 
 
-def _derived(book: Any, bold: Any, result: Mapping) -> None:
+def _derived(book: Any, bold: Any, result: FitResult) -> None:
     """Write the derived figures and the ratings, those that are refused with the reason."""
     head = ["network", "figure", "value", "unit", "95 % low", "95 % high", "condition or refusal"]
     rows = []
-    for network, model in result["models"].items():
-        for name, entry in model["derived"].items():
-            low, high = entry.get("interval_95") or (None, None)
-            why = entry["refused"] if "refused" in entry else entry["condition"]
-            numbers = [entry.get("value"), entry.get("unit", ""), low, high]
-            rows.append([network, name, *numbers, why])
+    for network, model in result.models.items():
+        for name, entry in model.derived.items():
+            low, high = known(entry.interval_95) or (None, None)
+            why = known(entry.refused) or known(entry.condition) or ""
+            unit = known(entry.unit) or ""
+            rows.append([network, name, known(entry.value), unit, low, high, why])
     _rows(book, "Derived", bold, head, rows)
 
 
@@ -137,37 +139,37 @@ def _rows(book: Any, name: str, bold: Any, head: Sequence[str], rows: Sequence[S
     sheet.set_column(0, len(head) - 1, 22)
 
 
-def _worksheet(book: Any, bold: Any, result: Mapping, name: str, table: pd.DataFrame) -> None:
+def _worksheet(book: Any, bold: Any, result: FitResult, name: str, table: pd.DataFrame) -> None:
     """Write the worksheet of the published identification over the blocks of one test."""
     sheet = book.add_worksheet("Worksheet")
-    motor = result["motor"]
-    order = list(result["models"])[-1]
-    fitted = result["models"][order]["parameters"]
-    Rs0 = fitted["Rs0"]["value"] if "Rs0" in fitted else motor["phase_resistance_ohm"]
+    motor = result.motor
+    order = list(result.models)[-1]
+    fitted = result.models[order].parameters
+    Rs0 = fitted["Rs0"].value if "Rs0" in fitted else motor.phase_resistance_ohm
     sheet.write_string(0, 0, "Data for the estimate of the thermal parameters", bold)
     sheet.write_string(1, 0, f"Block means of {name}; Rs0 as identified.")
     constants = {
         "B3": ("Tamb med [degC]", float(table["sink_degC"].mean())),
         "B4": ("Ro rif [ohm]", 1.0),
         "B5": ("To rif [degC]", 20.0),
-        "B6": ("B [degC]", motor["resistance_coefficient_degC"]),
+        "B6": ("B [degC]", motor.resistance_coefficient_degC),
         "E4": ("Rs [ohm]", Rs0),
-        "E5": ("Ts [degC]", motor["reference_temperature_degC"]),
-        "E6": ("phases", motor["phases"]),
+        "E5": ("Ts [degC]", motor.reference_temperature_degC),
+        "E6": ("phases", motor.phases),
     }
     for cell, (label, value) in constants.items():
         column, row = ord(cell[0]) - ord("A"), int(cell[1:]) - 1
         sheet.write_string(row, column - 1, label, bold)
         _write(sheet, row, column, value)
     for number, (label, entry) in enumerate(fitted.items()):
-        sheet.write_string(2 + number, 10, f"{label} [{entry['unit']}]", bold)
-        _write(sheet, 2 + number, 11, entry["value"])
+        sheet.write_string(2 + number, 10, f"{label} [{entry.unit}]", bold)
+        _write(sheet, 2 + number, 11, entry.value)
     head = ["t [s]", "Tw [degC]", "Tw mod [degC]", "Req DC [ohm]", "P [W]", "Ieq DC [A]",
             "Veq DC [V]", "Is [A]", "Rs [ohm]", "Pjs [W]", "Pol [W]", "Ieq DC (Pjs) [A]",
             "Veq DC (Pjs) [V]"]  # fmt: skip
     sheet.write_row(FIRST_ROW - 2, 0, head, bold)
     model = table[f"{order}_winding_degC"].to_numpy()
-    B, To = motor["resistance_coefficient_degC"], 20.0
+    B, To = motor.resistance_coefficient_degC, 20.0
     columns = (table["time_s"], table["measured_degC"], table["losses_W"], table["phase_current_A"])
     for offset, (t, Tw, P, current) in enumerate(zip(*map(np.asarray, columns), strict=True)):
         row, line = FIRST_ROW - 1 + offset, FIRST_ROW + offset
@@ -176,8 +178,8 @@ def _worksheet(book: Any, bold: Any, result: Mapping, name: str, table: pd.DataF
         if not np.isfinite(Tw) or Rs0 is None:
             continue
         Req = (B + Tw) / (B + To)
-        Rs = Rs0 * (B + Tw) / (B + motor["reference_temperature_degC"])
-        Pjs = motor["phases"] * current**2 * Rs
+        Rs = Rs0 * (B + Tw) / (B + motor.reference_temperature_degC)
+        Pjs = motor.phases * current**2 * Rs
         formulas = [
             (3, f"=$B$4*($B$6+B{line})/($B$6+$B$5)", Req),
             (8, f"=$E$4*($B$6+B{line})/($B$6+$E$5)", Rs),

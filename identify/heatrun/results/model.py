@@ -1,0 +1,143 @@
+"""A fitted network, as it stands in `fit.json`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from .derived import Derived
+from .parameter import FittedParameter
+from .residuals import ResidualRow
+from .values import Count, Interval, NonNegative
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectInModel:
+    """An effect that a model has.
+
+    Attributes:
+        id: Its name in the catalogue.
+        law: Its law in words.
+        parameters: Names of its parameters among those of the model.
+    """
+
+    id: str
+    law: str
+    parameters: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Correlation:
+    """Correlation of the free parameters over the draws.
+
+    Attributes:
+        names: The parameters.
+        matrix: Their correlation [1]; null where a parameter does not vary.
+    """
+
+    names: tuple[str, ...]
+    matrix: tuple[tuple[float | None, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedNoise:
+    """The noise of the residuals.
+
+    Attributes:
+        sd_K: Standard deviation of its slow part [K].
+        time_s: Correlation time of the slow part [s].
+        white_K: Standard deviation of the white part in a 20 s mean [K].
+        kind: Whether the residuals count as correlated or as white.
+        temper: What the residuals are divided by because the network misfits [1].
+        prior: 95 % intervals of the priors by parameter of the noise.
+    """
+
+    sd_K: NonNegative
+    time_s: NonNegative
+    white_K: NonNegative
+    kind: Literal["correlated", "white"]
+    temper: NonNegative
+    prior: dict[str, Interval]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PosteriorQuality:
+    """How the posterior was drawn and whether it can be trusted.
+
+    Attributes:
+        method: How it was drawn.
+        draws: Number of draws.
+        ess_min: Smallest effective sample size.
+        autocorrelation_max: Longest autocorrelation time [steps]; null for importance sampling.
+        rhat_max: Largest R-hat [1]; null likewise.
+        pareto_k: Shape of the Pareto fit to the largest importance weights [1].
+        verdict: The judgement in words.
+        is_sound: Whether the draws can be trusted.
+    """
+
+    method: str
+    draws: Count
+    ess_min: float | None
+    autocorrelation_max: float | None
+    rhat_max: float | None
+    pareto_k: float | None
+    verdict: str
+    is_sound: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """Figures that networks are compared by.
+
+    Attributes:
+        log_evidence: Laplace approximation of the marginal likelihood [nat].
+        aic: Akaike's information criterion.
+        bic: Bayesian information criterion.
+        num_parameters: Free parameters, with those of the noise.
+        num_blocks: Block means that were fitted.
+    """
+
+    log_evidence: float | None
+    aic: float | None = None
+    bic: float | None = None
+    num_parameters: Count
+    num_blocks: Count
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedModel:
+    """A network as it was fitted.
+
+    Attributes:
+        title: Its name in words.
+        nodes: Its nodes.
+        effects: Effects that it has.
+        result: How the fit ended.
+        message: The same as a sentence.
+        stats: Figures of the search by name.
+        num_modes: Optima that share the posterior.
+        parameters: Network, resistance and effects by name.
+        nuisances: Instruments and starts by name.
+        correlation: Of the free parameters.
+        noise: Of the residuals.
+        residuals: Errors by test.
+        posterior: How it was drawn.
+        derived: Figures that follow from the parameters, by name with unit.
+        evidence: What the network is compared by.
+    """
+
+    title: str = ""
+    nodes: tuple[str, ...] = ()
+    effects: tuple[EffectInModel, ...] = ()
+    result: Literal["converged", "not_converged", "no_start"]
+    message: str
+    stats: dict[str, int | float | None]
+    num_modes: Count
+    parameters: dict[str, FittedParameter]
+    nuisances: dict[str, FittedParameter]
+    correlation: Correlation
+    noise: FittedNoise
+    residuals: tuple[ResidualRow, ...]
+    posterior: PosteriorQuality
+    derived: dict[str, Derived]
+    evidence: Evidence

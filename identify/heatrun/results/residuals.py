@@ -1,0 +1,34 @@
+"""Errors of a network on one test, as they stand in `fit.json`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .values import NonNegative, Probability, Role
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResidualRow:
+    """Error figures of one prediction, over the block means that were measured.
+
+    Attributes:
+        test: Name of the test.
+        role: Whether it was fitted or only predicted.
+        rmse_K: Root mean square error [K].
+        mae_K: Mean absolute error [K].
+        max_K: Maximum absolute error [K].
+        end_K: Mean error over the last blocks, measured minus predicted [K].
+        whiteness_p: Probability of such residuals if they were white [1], by Ljung and Box.
+        coverage_95: Share of the readings inside the 95 % band [1].
+        log_score: Mean log predictive density of a block [nat].
+    """
+
+    test: str
+    role: Role
+    rmse_K: NonNegative
+    mae_K: NonNegative
+    max_K: NonNegative
+    end_K: float
+    whiteness_p: Probability | None
+    coverage_95: Probability
+    log_score: float | None

@@ -1,0 +1,67 @@
+"""What `calibrate` says of a network that misses something: too small to see, large enough to err.
+
+The records come from the bench with hidden causes, which shares no code with the packages.
+"""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+import heatrun
+
+
+@pytest.fixture(scope="module")
+def calibrated(hidden_bench, tmp_path_factory):
+    """Calibrate a machine with a hidden cause of 0.12 K; return the run and its case."""
+
+    def calibrate(hidden, seed):
+        case = hidden_bench.make_case(hidden, seed, target_K=0.12, resolution_K=0.1)
+        folder = tmp_path_factory.mktemp("missing")
+        motor = folder / "motor.toml"
+        motor.write_text(
+            f'[motor]\nname = "study"\nlosses = "{case.losses}"\n'
+            f"rated_speed_rpm = {case.machine.rated_speed_rpm:.2f}\n[winding]\n"
+            f"phase_resistance_ohm = {case.machine.phase_resistance_ohm:.6g}\n",
+            encoding="utf-8",
+        )
+        paths = {}
+        for test, name in ((case.tests[0], "stairs"), (case.tests[2], "other")):
+            paths[name] = folder / f"{name}.csv"
+            table = pd.DataFrame(test.columns).iloc[::4]  # a logger with 2 s
+            table.to_csv(paths[name], index=False, float_format="%.6g")
+        run = heatrun.calibrate(
+            motor, paths["stairs"], holdout=paths["other"], model="second", method="quick",
+            out=folder / "run",
+        )  # fmt: skip
+        return run, case
+
+    return calibrate
+
+
+def of_kind(run, name):
+    return [finding for finding in run.result.findings if finding.id == name]
+
+
+def test_an_effect_too_small_to_see_is_told_with_what_it_would_move(calibrated):
+    run, case = calibrated(("external_loss",), 7)
+    model = run.result.models["second"]
+    # the error is small, and yet a parameter is off by more than its interval says
+    assert next(row for row in model.residuals if row.role == "calibration").rmse_K < 0.35
+    entry = model.parameters["Ceq_sr"]
+    assert not entry.interval_95[0] < case.machine.Ceq_sr < entry.interval_95[1]
+    (finding,) = of_kind(run, "missing_effect")
+    assert "external_loss" in finding.message
+    assert "--with external_loss" in finding.remedy
+    assert finding.values["familywise_p"] < 0.01
+    # and it says which way the truth lies
+    told = entry.value * (1.0 + finding.values["change_of_Ceq_sr"])
+    assert abs(told / case.machine.Ceq_sr - 1.0) < 0.5 * abs(
+        entry.value / case.machine.Ceq_sr - 1.0
+    )
+
+
+def test_of_a_machine_that_is_what_it_seems_nothing_is_told(calibrated):
+    run, _ = calibrated((), 8)
+    for name in ("missing_effect", "holdout_outside_band", "instrument_beyond_prior"):
+        assert not of_kind(run, name)
