@@ -19,15 +19,15 @@ from .discovery.missing import missing, missing_finding
 from .errors import InputError
 from .inference.batches import at_once
 from .inference.effect_needs import refuse_unusable
-from .inference.fit import fit
-from .inference.fit_checks import fit_findings
-from .inference.fit_result import Fit
+from .inference.fitting.fit import fit
+from .inference.fitting.fit_checks import fit_findings
+from .inference.fitting.fit_result import Fit
+from .inference.fitting.reduction_checks import check_reduction
 from .inference.model import Model
 from .inference.networks import NetworkForm
 from .inference.posterior import Posterior, sample
 from .inference.predict import Prediction, predict
 from .inference.problem import Problem
-from .inference.reduction_checks import check_reduction
 from .io.moment import moment
 from .motor import Motor
 from .results.fit import FitResult

@@ -23,8 +23,8 @@ from heatrun.bench.joined import read_test
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
 from heatrun.calibration import BenchTest, calibrate
-from heatrun.inference import fit as fit_module
-from heatrun.inference import restricted as restricted_module
+from heatrun.inference.fitting import fit as fit_module
+from heatrun.inference.fitting import restricted as restricted_module
 from heatrun.inference.posterior import sample
 from heatrun.inference.problem import log_posterior_batch
 from heatrun.inference.sampling import importance as proposal_module

@@ -15,7 +15,7 @@ from pathlib import Path
 from heatrun.bench.checks import check_record
 from heatrun.bench.joined import read_test
 from heatrun.bench.reduction import reduce
-from heatrun.inference.fit import fit
+from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
 from heatrun.inference.posterior import weighted_draws
 from heatrun.inference.predict import predict

@@ -16,8 +16,8 @@ import rivals
 from duty_record import around
 from rows import Row, duration, seconds
 
-from heatrun.inference.fit import fit
-from heatrun.inference.fit_result import Fit
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.fit_result import Fit
 from heatrun.inference.posterior import sample
 from heatrun.inference.problem import log_posterior, log_posterior_batch
 from heatrun.inference.sampling.importance import importance_sample

@@ -18,8 +18,8 @@ import numpy as np
 
 from heatrun.bench.joined import read_test
 from heatrun.bench.reduction import reduce
-from heatrun.inference.fit import fit
-from heatrun.inference.fit_result import Fit
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.fit_result import Fit
 from heatrun.inference.model import Model
 from heatrun.inference.noise import NOISE
 from heatrun.inference.problem import Problem, log_posterior

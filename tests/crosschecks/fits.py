@@ -17,7 +17,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import least_squares
 
 from heatrun.bench.blocks import Blocks
-from heatrun.inference.fit_result import Fit
+from heatrun.inference.fitting.fit_result import Fit
 
 SUBSTEPS = 4
 """Fourth-order steps in one step of the record; 2 s / 4 errs below 1e-8 K at 90 s."""

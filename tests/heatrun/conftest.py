@@ -10,7 +10,7 @@ import pytest
 
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.inference.fit import fit
+from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
 from heatrun.motor import Motor

@@ -8,11 +8,11 @@ import pytest
 
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.discovery.engine import Engine
 from heatrun.discovery.grow import look, refitted
-from heatrun.discovery.library import library
-from heatrun.discovery.refits import refit_with
-from heatrun.discovery.start import base_start
+from heatrun.discovery.judging.refits import refit_with
+from heatrun.discovery.screening.engine import Engine
+from heatrun.discovery.screening.library import library
+from heatrun.discovery.screening.start import base_start
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
 from heatrun.motor import Motor

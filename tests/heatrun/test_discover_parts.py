@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun.discovery.bootstrap import familywise_p
-from heatrun.discovery.engine import Engine
-from heatrun.discovery.folds import folds, left_out_errors, rmse
 from heatrun.discovery.grow import look
-from heatrun.discovery.library import library
-from heatrun.discovery.start import base_start
+from heatrun.discovery.judging.folds import folds, left_out_errors, rmse
+from heatrun.discovery.screening.bootstrap import familywise_p
+from heatrun.discovery.screening.engine import Engine
+from heatrun.discovery.screening.library import library
+from heatrun.discovery.screening.start import base_start
 from heatrun.errors import InputError
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.model import Model

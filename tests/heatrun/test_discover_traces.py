@@ -6,7 +6,7 @@ import pytest
 
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.discovery.acceptance import RELEVANT_K
+from heatrun.discovery.judging.acceptance import RELEVANT_K
 from heatrun.discovery.result import describe_trace
 from heatrun.discovery.run import discover
 from heatrun.motor import Motor

@@ -13,7 +13,7 @@ from heatrun import cli
 from heatrun.bench.checks import check_record
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.inference.fit import fit
+from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
 from heatrun.motor import Motor

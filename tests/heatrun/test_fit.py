@@ -9,8 +9,8 @@ import pytest
 
 from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
-from heatrun.inference.fit import fit
-from heatrun.inference.laplace import whiten_fit
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.laplace import whiten_fit
 from heatrun.inference.model import Model, parameters
 from heatrun.inference.problem import Problem, linearise, log_posterior, residuals
 from heatrun.motor import Motor, ParameterOverride

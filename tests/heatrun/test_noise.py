@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun.inference.adequacy import ljung_box, low_frequency_excess
+from heatrun.inference.fitting.adequacy import ljung_box, low_frequency_excess
+from heatrun.inference.fitting.restricted import restricted_log_likelihood
 from heatrun.inference.noise import Noise, draw, log_density, variance_of_mean, whiten
-from heatrun.inference.restricted import restricted_log_likelihood
 
 
 @pytest.fixture

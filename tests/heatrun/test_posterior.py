@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from heatrun.bench.reduction import reduce
-from heatrun.inference.adequacy import ljung_box
-from heatrun.inference.fit import fit
-from heatrun.inference.identifiability import forecast
+from heatrun.inference.fitting.adequacy import ljung_box
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.identifiability import forecast
 from heatrun.inference.model import Model
 from heatrun.inference.posterior import sample
 from heatrun.inference.predict import predict

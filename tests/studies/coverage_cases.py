@@ -26,14 +26,14 @@ import heatrun.runtime  # noqa: F401  (settings of JAX before its first use)
 from heatrun.bench.blocks import Blocks
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.inference.fit import fit
-from heatrun.inference.fit_result import Fit
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.fit_result import Fit
+from heatrun.inference.fitting.reduction_checks import between_samples
 from heatrun.inference.model import Model
 from heatrun.inference.noise import NOISE
 from heatrun.inference.posterior import Posterior, sample, weighted_draws
 from heatrun.inference.predict import predict
 from heatrun.inference.problem import Problem
-from heatrun.inference.reduction_checks import between_samples
 from heatrun.motor import Motor, ParameterOverride
 
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")

@@ -28,7 +28,7 @@ def ranks():
 
     from heatrun.bench.record import Record
     from heatrun.bench.reduction import reduce
-    from heatrun.inference.fit import fit
+    from heatrun.inference.fitting.fit import fit
     from heatrun.inference.model import Model
     from heatrun.inference.posterior import weighted_draws
     from heatrun.inference.problem import Problem

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from ..inference import noise as noise_module
-from ..inference.adequacy import misfit_excess
-from ..inference.fit_result import RESULT, Fit
-from ..inference.laplace import spread, whiten_fit
+from ..inference.fitting.adequacy import misfit_excess
+from ..inference.fitting.fit_result import RESULT, Fit
+from ..inference.fitting.laplace import spread, whiten_fit
+from ..inference.fitting.restricted import estimate_noise
 from ..inference.parameters import ParameterSet, collect
 from ..inference.problem import Problem
-from ..inference.restricted import estimate_noise
-from .engine import Engine
-from .known import known_effects_of
-from .library import Candidate
+from .screening.engine import Engine
+from .screening.known import known_effects_of
+from .screening.library import Candidate
 
 
 def extended_fit(
@@ -25,7 +25,7 @@ def extended_fit(
     """Return the joint fit of network, effects and noise as a fit that can be sampled.
 
     The noise is estimated on this very model, without a limit of its correlation time. Where the
-    model is not adequate it counts as white, as in `heatrun.inference.fit`, and the evidence of the
+    model is not adequate it counts as white, as in `inference.fitting.fit`, and the evidence of the
     readings is divided by the excess of slow residuals.
 
     Args:

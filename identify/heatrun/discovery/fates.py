@@ -7,11 +7,11 @@ from dataclasses import replace
 from msgspec import UNSET
 
 from ..results.candidate import CandidateFate, HeldOutErrors, Status
-from .acceptance import WORTH_A_REFIT, Rival
 from .grow import NUM_REFITTED, Round
-from .library import Candidate
+from .judging.acceptance import WORTH_A_REFIT, Rival
 from .run import Discovery
-from .screen import VISIBLE, VISIBLE_K, Score
+from .screening.library import Candidate
+from .screening.screen import VISIBLE, VISIBLE_K, Score
 
 
 def describe_candidates(found: Discovery) -> tuple[CandidateFate, ...]:

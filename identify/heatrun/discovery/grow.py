@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..inference.noise import Noise
-from .acceptance import WORTH_A_REFIT, Rival, gap, judged, least_gap
-from .bootstrap import familywise_p
-from .engine import Engine, Refit
-from .folds import folds, left_out_errors, rmse
-from .held_out import HeldOut
-from .library import Candidate
-from .refits import refit_with
-from .saturated import saturated_noise
-from .screen import Score, Screen, signatures
+from .judging.acceptance import WORTH_A_REFIT, Rival, gap, judged, least_gap
+from .judging.folds import folds, left_out_errors, rmse
+from .judging.held_out import HeldOut
+from .judging.refits import refit_with
+from .screening.bootstrap import familywise_p
+from .screening.engine import Engine, Refit
+from .screening.library import Candidate
+from .screening.saturated import saturated_noise
+from .screening.screen import Score, Screen, signatures
 
 MOST_EFFECTS = 3
 """Effects that are added at most."""

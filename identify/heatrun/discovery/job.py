@@ -10,8 +10,8 @@ from typing import Literal
 from lptn.effects import AbstractEffect
 
 from ..calibration import BenchTest, Calibration, manifest
+from ..inference.fitting.reduction_checks import check_reduction
 from ..inference.networks import NetworkForm
-from ..inference.reduction_checks import check_reduction
 from ..motor import Motor
 from ..reports.discovery.figures import draw_all
 from ..reports.discovery.report import write_report

@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ..inference.model import Model
-from .engine import Engine, Refit
-from .response import SENSOR, Response, respond
+from .screening.engine import Engine, Refit
+from .screening.response import SENSOR, Response, respond
 
 SPACING_S = 120.0
 """Time between knots [s]: about the fast time constant of a winding, under which no thermometer

@@ -14,13 +14,13 @@ import numpy as np
 
 from ..bench.record import Finding
 from ..inference.catalogue import all_effects
-from ..inference.fit_result import Fit
+from ..inference.fitting.fit_result import Fit
 from ..inference.problem import Problem
-from .bootstrap import familywise_p
-from .engine import Engine, Refit
 from .grow import look
-from .library import Candidate, library, without_resistance
-from .screen import Score
+from .screening.bootstrap import familywise_p
+from .screening.engine import Engine, Refit
+from .screening.library import Candidate, library, without_resistance
+from .screening.screen import Score
 
 CHANCE = 0.01
 """Share of clean records in which chance alone would raise the finding [1]."""

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..inference.problem import Problem
 from .duties import DUTIES, Stretch, imagined
-from .engine import Engine, Refit
-from .known import searched_effects_of
 from .rivals import Named
+from .screening.engine import Engine, Refit
+from .screening.known import searched_effects_of
 
 MARGIN_K = 20.0
 """An imagined test may be this much hotter than the records [K]."""

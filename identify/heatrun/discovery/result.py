@@ -41,12 +41,12 @@ from ..results.missing import Localisation, LocalisedMisfit, MissingCourse, Miss
 from ..results.values import Interval, Role
 from ..version import __version__
 from .fates import describe_candidates, test_name
-from .final_check import Adequacy
-from .library import Candidate
+from .judging.final_check import Adequacy
 from .localise import Span, Where
-from .response import SENSOR
 from .rivals import Named
 from .run import Discovery, Shown
+from .screening.library import Candidate
+from .screening.response import SENSOR
 from .traces import Trace
 
 SELECTED = (

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .acceptance import Rival, refusal
-from .engine import Engine, Refit
-from .folds import rmse
 from .grow import Growth
-from .library import Candidate
-from .refits import refit_with
-from .screen import Score
+from .judging.acceptance import Rival, refusal
+from .judging.folds import rmse
+from .judging.refits import refit_with
+from .screening.engine import Engine, Refit
+from .screening.library import Candidate
+from .screening.screen import Score
 
 TIE_NATS = 3.0
 """Log Bayes factor below which two effects are tied [nat], times the excess of the best model."""

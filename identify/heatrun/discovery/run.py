@@ -16,24 +16,24 @@ from ..bench.blocks import Blocks
 from ..errors import InputError
 from ..inference.catalogue import all_effects
 from ..inference.effect_needs import refuse_unusable
-from ..inference.fit_result import Fit
+from ..inference.fitting.fit_result import Fit
 from ..inference.model import Model
 from ..inference.networks import NetworkForm
 from ..inference.posterior import Posterior, sample, weighted_draws
 from ..inference.predict import Prediction, predict
 from ..inference.problem import Problem
 from ..motor import Motor
-from .acceptance import gap
-from .engine import Engine, Refit
 from .extended import extended_fit
-from .final_check import Adequacy, adequacy
 from .grow import Growth, grow
-from .held_out import HeldOut
-from .library import Library, library, without_resistance
+from .judging.acceptance import gap
+from .judging.final_check import Adequacy, adequacy
+from .judging.held_out import HeldOut
 from .localise import Where, localise
 from .proposed_test import NextTest, next_test
 from .rivals import Named, settle
-from .start import base_start
+from .screening.engine import Engine, Refit
+from .screening.library import Library, library, without_resistance
+from .screening.start import base_start
 from .traces import Trace, find_traces
 from .verdict import Verdict, verdict
 

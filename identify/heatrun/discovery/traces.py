@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .acceptance import Rival
 from .grow import Growth
-from .library import Candidate
+from .judging.acceptance import Rival
 from .rivals import TIE_NATS, TIE_SHARE
+from .screening.library import Candidate
 
 STRONG = 10.0
 """Log evidence above which an effect is there without doubt [nat], however small it is."""

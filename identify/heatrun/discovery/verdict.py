@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from .final_check import Adequacy
 from .grow import FAMILYWISE, Growth, Round
+from .judging.final_check import Adequacy
 from .rivals import Named
 from .traces import Trace
 

@@ -10,7 +10,7 @@ from ..results.comparison import Comparison, NetworkVerdict, Peak, Threshold
 from ..results.model import FittedModel
 from ..results.residuals import ResidualRow
 from ..results.values import Role, number
-from .adequacy import ljung_box
+from .fitting.adequacy import ljung_box
 from .predict import Prediction
 
 LIMITS_K = (1.0, 2.0, 5.0)

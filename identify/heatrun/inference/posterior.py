@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from .batches import at_once
 from .draws import Draws
-from .fit_result import Fit
+from .fitting.fit_result import Fit
 from .sampling.convergence import Convergence, judge
 from .sampling.importance import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted, importance_sample
 

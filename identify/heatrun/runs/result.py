@@ -15,7 +15,7 @@ from ..bench.record import Finding, Record
 from ..inference import noise
 from ..inference.comparison import compare, residual_row, verdict
 from ..inference.effect_parameters import qualified
-from ..inference.identifiability import forecast, state
+from ..inference.fitting.identifiability import forecast, state
 from ..inference.parameters import Parameter, Slot
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction

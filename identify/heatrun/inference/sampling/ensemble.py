@@ -9,7 +9,7 @@ from pathlib import Path
 import emcee
 import numpy as np
 
-from ..fit_result import Fit
+from ..fitting.fit_result import Fit
 from .checkpoint import Checkpoint, state_of
 from .importance import Weighted, evaluate
 

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from scipy.special import logsumexp
 
 from ..batches import in_batches
-from ..fit_result import Fit
+from ..fitting.fit_result import Fit
 from ..problem import log_posterior_batch
 from .diagnostics import pareto_shape
 from .proposal import Drawn, Proposal

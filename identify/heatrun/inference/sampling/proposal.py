@@ -24,7 +24,8 @@ from jaxtyping import Array, Float, Int
 from scipy.stats import multivariate_t
 
 from ..batches import in_batches
-from ..fit_result import Fit
+from ..fitting.fit_result import Fit
+from ..fitting.restricted import conditional
 from ..kernels import (
     DEGREES_OF_FREEDOM,
     NUM_KERNELS,
@@ -34,7 +35,6 @@ from ..kernels import (
     student,
 )
 from ..problem import NUM_NOISE, Data, Problem, linearise
-from ..restricted import conditional
 
 NUM_FIRST = 2048
 """Draws of the noise from which the kernels are made."""

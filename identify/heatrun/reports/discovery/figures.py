@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ...bench.blocks import Blocks
 from ...discovery.localise import Where
-from ...discovery.response import SENSOR
+from ...discovery.screening.response import SENSOR
 from ...inference.predict import Prediction
 from ..sheet.figures import plain, save
 

@@ -13,13 +13,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..bench.blocks import Blocks
-from ..inference.problem import Problem
-from ..inference.starts import start_draws
+from ...bench.blocks import Blocks
+from ...inference.problem import Problem
+from ...inference.starts import start_draws
+from ..screening.engine import Engine, Refit
+from ..screening.known import searched_effects_of
 from .acceptance import Rival
-from .engine import Engine, Refit
 from .folds import rmse
-from .known import searched_effects_of
 
 WORSE_K, WORSE_SHARE, WORSE_NOISE = 0.05, 0.10, 0.5
 """An error that grows by less than this counts as the same: in kelvin, in parts of itself and of

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import chi2
 
-from ..bench.blocks import Blocks
+from ...bench.blocks import Blocks
 
 WINDOWS_S = (300.0, 600.0, 1200.0)
 """Windows over which whitened residuals are averaged [s]: ten minutes, halved and doubled."""

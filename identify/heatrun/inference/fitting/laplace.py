@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from . import noise as noise_module
-from .problem import NUM_NOISE, Problem
+from .. import noise as noise_module
+from ..problem import NUM_NOISE, Problem
 from .restricted import noise_precision
 
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..bench.record import Finding
-from .posterior import Posterior
-from .predict import Prediction
+from ...bench.record import Finding
+from ..posterior import Posterior
+from ..predict import Prediction
 
 LEAST_COVERAGE = 0.85
 """Share of held-out readings inside the 95 % band below which the model counts as off [1]."""

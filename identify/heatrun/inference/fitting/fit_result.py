@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from ..bench.record import Finding
-from .noise import Noise
-from .parameters import Slot
-from .problem import NUM_NOISE, Problem
+from ...bench.record import Finding
+from ..noise import Noise
+from ..parameters import Slot
+from ..problem import NUM_NOISE, Problem
 
 
 class RESULT(enum.Enum):

@@ -17,14 +17,14 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..bench.record import Finding
-from ..errors import InputError
+from ...bench.record import Finding
+from ...errors import InputError
+from ..batches import at_once
+from ..noise import Noise
+from ..problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
 from .adequacy import misfit_excess
-from .batches import at_once
 from .fit_result import RESULT, Fit, failed
 from .laplace import Spread, spread, whiten_fit
-from .noise import Noise
-from .problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
 from .restricted import estimate_noise
 
 NUM_STARTS = 16

@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 
-from ..inference.noise import Noise
+from ...inference.noise import Noise
 from .engine import Engine, Refit
 
 NUM_STARTS = 6
@@ -15,7 +15,7 @@ SPREAD = 0.7
 """Spread of the starts in prior standard deviations: a factor of 8 to either side in C and R."""
 
 ROUGH_K = 1.0
-"""White level of the first search [K]; see `heatrun.inference.fit.ROUGH_K`."""
+"""White level of the first search [K]; see `heatrun.inference.fitting.fit.ROUGH_K`."""
 
 
 def base_start(engine: Engine, *, seed: int = 0) -> Refit:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inference.adequacy import low_frequency_excess
-from ..inference.noise import variance_of_mean
-from .engine import Engine, Refit
-from .saturated import plain_noise
+from ...inference.fitting.adequacy import low_frequency_excess
+from ...inference.noise import variance_of_mean
+from ..screening.engine import Engine, Refit
+from ..screening.saturated import plain_noise
 
 WINDOW_S = 600.0
 """Window over which what is slow is looked at [s]."""

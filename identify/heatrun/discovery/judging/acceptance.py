@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..io.quantities import quantity as printed
-from ..io.quantities import rounded
-from .engine import Engine, Refit
-from .library import Candidate
-from .screen import VISIBLE_K, Score
+from ...io.quantities import quantity as printed
+from ...io.quantities import rounded
+from ..screening.engine import Engine, Refit
+from ..screening.library import Candidate
+from ..screening.screen import VISIBLE_K, Score
 
 WORTH_A_REFIT = 3.0
 """Log Bayes factor of the screening from which on a candidate is refitted [nat]."""

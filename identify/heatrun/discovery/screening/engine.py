@@ -19,12 +19,12 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import least_squares
 
-from ..bench.blocks import Blocks, Observation
-from ..inference import noise as noise_module
-from ..inference.model import Model
-from ..inference.noise import Noise
-from ..inference.parameters import Slot
-from ..inference.problem import WORST_RESIDUAL, Problem
+from ...bench.blocks import Blocks, Observation
+from ...inference import noise as noise_module
+from ...inference.model import Model
+from ...inference.noise import Noise
+from ...inference.parameters import Slot
+from ...inference.problem import WORST_RESIDUAL, Problem
 
 LANES = 24
 """Directions of one call: parameters of the network, of a few tests, and of three effects."""

@@ -12,12 +12,12 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 
-from ..bench import Finding, Record
-from ..bench.blocks import SLOW_LOGGER_S, Blocks
-from ..bench.reduction import reduce
-from ..motor import Motor
+from ...bench import Finding, Record
+from ...bench.blocks import SLOW_LOGGER_S, Blocks
+from ...bench.reduction import reduce
+from ...motor import Motor
+from ..problem import Problem, predict_batch
 from .fit_result import Fit
-from .problem import Problem, predict_batch
 
 COARSE_K = 0.05
 """Error of the reduction to steps from which on it is worth a warning [K]."""

@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import minimize
 
-from . import noise as noise_module
-from .noise import NOISE
-from .problem import NUM_NOISE, Data, Problem
+from .. import noise as noise_module
+from ..noise import NOISE
+from ..problem import NUM_NOISE, Data, Problem
 
 STARTS_S = (8.0, 40.0, 200.0)
 """Correlation times that the search starts from [s]; the likelihood may have two maxima."""

@@ -9,11 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..bench.blocks import Blocks
+from ...bench.blocks import Blocks
+from ..parameters import Parameter
+from ..posterior import Posterior
+from ..problem import information
 from .fit_result import Fit
-from .parameters import Parameter
-from .posterior import Posterior
-from .problem import information
 
 Verdict = Literal["identified", "weak", "not identifiable", "fixed"]
 

@@ -1,0 +1,1 @@
+"""What an effect must show before it is believed."""

@@ -1,0 +1,1 @@
+"""All effects in one compiled model, scored in one pass."""

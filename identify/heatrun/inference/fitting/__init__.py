@@ -1,0 +1,1 @@
+"""The fit, its spread, and what it shows of the model."""
