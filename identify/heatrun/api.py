@@ -18,7 +18,7 @@ from .bench.checks import check_record
 from .bench.joined import read_test
 from .calibration import BenchTest, load_tests
 from .inference.catalogue import all_effects, known_effects
-from .inference.networks import NetworkForm, network_named, networks_of
+from .inference.networks import NetworkForm, network_named, networks_of, pair_of
 from .jobs import calibrate_into, discover_into
 from .motor import Motor
 from .motorfile import load_motor
@@ -84,7 +84,7 @@ def calibrate(
     tests: Files,
     *,
     holdout: Files = (),
-    model: str | NetworkForm = "both",
+    model: str | NetworkForm | Sequence[NetworkForm] = "both",
     effects: Sequence[str] = (),
     method: Method = "emcee",
     seed: int = 0,
@@ -96,7 +96,8 @@ def calibrate(
         motor: Motor file, or the machine.
         tests: Bench files that are fitted.
         holdout: Bench files that are predicted only.
-        model: `"first"`, `"second"`, `"both"`, or a TOML file with a network.
+        model: `"first"`, `"second"`, `"both"`, a TOML file with a network, several of these with
+            commas between, or networks themselves.
         effects: Ids of known effects, such as `"speed_cooling"`.
         method: `"emcee"`, or `"quick"`: importance sampling where its guard holds.
         seed: Random seed.
@@ -115,7 +116,9 @@ def calibrate(
     """
     machine = _motor(motor)
     read = load_tests(machine, _paths(tests), _paths(holdout))
-    networks = (model,) if isinstance(model, NetworkForm) else networks_of(model)
+    if isinstance(model, str):
+        model = networks_of(model)
+    networks = (model,) if isinstance(model, NetworkForm) else tuple(model)
     with _folder(out) as (folder, is_kept):
         _, path = calibrate_into(
             folder, machine, read, networks, effects=known_effects(machine, ",".join(effects)),
@@ -125,17 +128,24 @@ def calibrate(
 
 
 def compare(
-    motor: str | Path | Motor, tests: Files, *, holdout: Files = (), **settings: Any
+    motor: str | Path | Motor,
+    tests: Files,
+    *,
+    holdout: Files = (),
+    model: str = "both",
+    **settings: Any,
 ) -> pd.DataFrame:
-    """Return RMSE, maximum error, coverage and evidence of the first and the second order.
+    """Return RMSE, maximum error, coverage and evidence of two networks on the same tests.
 
     Args:
         motor: As `calibrate`.
         tests: As `calibrate`.
         holdout: As `calibrate`.
+        model: The two networks, such as `"both"` or `"second,four.toml"`; a single one is compared
+            with the second order.
         **settings: `effects`, `method` and `seed` of `calibrate`.
     """
-    run = calibrate(motor, tests, holdout=holdout, model="both", **settings)
+    run = calibrate(motor, tests, holdout=holdout, model=pair_of(model), **settings)
     rows = [
         {"network": name, **asdict(row), "log_evidence": model.evidence.log_evidence}
         for name, model in run.result.models.items()

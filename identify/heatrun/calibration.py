@@ -18,6 +18,7 @@ from .bench.reduction import reduce
 from .discovery.missing import missing, missing_finding
 from .errors import InputError
 from .inference.batches import at_once
+from .inference.effect_needs import refuse_unusable
 from .inference.fit import fit
 from .inference.fit_checks import fit_findings
 from .inference.fit_result import Fit
@@ -146,6 +147,8 @@ def calibrate(
         raise InputError(
             f"two networks have one name: {', '.join(names)}.", remedy="Rename one in its file."
         )
+    for model in models:
+        refuse_unusable(model, [test.blocks for test in tests])
     shares = dict.fromkeys(names, 0.0)
 
     def one(model: Model) -> _Outcome:

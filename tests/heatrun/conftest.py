@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,6 +14,9 @@ from heatrun.inference.fit import fit
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
 from heatrun.motor import Motor
+
+# what several files of tests write stands beside them as a plain script
+sys.path.insert(0, str(Path(__file__).parent))
 
 NAMES = {
     "t": "time_s",

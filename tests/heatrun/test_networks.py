@@ -65,7 +65,7 @@ def test_a_network_has_a_parameter_for_every_part():
 
 def test_a_model_with_effects_and_fixed_values_reads_back_to_the_same_value(blocks):
     motor = Motor(
-        "m", phase_resistance_ohm=0.0062,
+        "m", phase_resistance_ohm=0.0062, sink="coolant",
         parameters={"Ceq_tooth": ParameterOverride(fixed=900.0),
                     "speed_cooling.g": ParameterOverride(value=0.4, sd=0.1)},
     )  # fmt: skip
@@ -116,7 +116,7 @@ def test_a_wrong_network_says_what_was_expected(old, new, said):
     if said == "Did you mean":
         text = text.replace("Ceq_rotor", "Ceq_roter")
     with pytest.raises(InputError, match=said):
-        Model.of(read_network(text.encode(), "four.toml"), Motor("m"))
+        Model.of(read_network(text.encode(), "four.toml"), Motor("m", sink="coolant"))
 
 
 def test_networks_by_name_and_file(tmp_path):

@@ -330,7 +330,7 @@ def test_without_a_class_the_limit_is_refused_and_the_rest_stands(draws):
         assert "no insulation class" in found[name].refused
     check(found["steady_rise_K"], ByHand.of("balance", draws).steady_rise())
     cool = derive(posterior("second", motor(), draws, tests=[blocks(hottest=100.0)]))
-    assert "highest temperature measured is 100 degC" in cool["time_to_limit_cold_s"].refused
+    assert "highest temperature measured is 100 °C" in cool["time_to_limit_cold_s"].refused
     for name, entry in found.items():
         assert len(_derived(name, entry)) == 4  # the sheet prints whatever comes
 

@@ -32,27 +32,7 @@ fixed = 0.02
 [parameters."speed_cooling.m"]
 fixed = 0.8
 """
-FOUR = """[network]
-name = "four"
-nodes = ["winding", "tooth", "yoke", "rotor"]
-links = [["winding", "tooth"], ["tooth", "yoke"], ["tooth", "rotor"], ["yoke", "ambient"]]
-losses = { copper = "winding", iron = ["tooth", "yoke"], mechanical = "rotor" }
-sensors = { winding_degC = "winding", stator_degC = "yoke" }
-[parameters.Ceq_tooth]
-value = 3000.0
-relative_sd = 0.1
-[parameters.Ceq_rotor]
-fixed = 4000.0
-[parameters.Req_tooth_yoke]
-fixed = 0.01
-[parameters.Req_tooth_rotor]
-fixed = 0.02
-[parameters.share_yoke]
-value = 0.33
-sd = 0.05
-[parameters.share_rotor]
-fixed = 0.33
-"""
+FOUR = Path(__file__).with_name("four.toml").read_text("utf-8")
 LAG_S = 12.0
 
 

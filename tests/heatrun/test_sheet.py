@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import openpyxl
 import pytest
+from msgspec import UNSET
 from pypdf import PdfReader
 
 from heatrun.bench.record import ColumnReading
@@ -61,6 +62,21 @@ def test_the_sheet_says_how_columns_were_read(folder, found):
     assert (row.channel, row.unit, row.unit_from) == ("time_s", "s", "assumed")
     cells = list(openpyxl.load_workbook(folder / "sheet.xlsx")["Columns"].values)
     assert cells[1][1:5] == ("time_s", HOSTILE.replace("\x1b", "_x001B_"), "s", "ASSUMED")
+
+
+def test_the_workbook_holds_the_derived_figures(folder, found):
+    head, *rows = openpyxl.load_workbook(folder / "sheet.xlsx")["Derived"].values
+    assert head[:4] == ("network", "figure", "value", "unit")
+    by_name = {(row[0], row[1]): row for row in rows}
+    for network, model in found.result.models.items():
+        for name, entry in model.derived.items():
+            row = by_name.pop((network, name))
+            if entry.refused is not UNSET:
+                assert (row[2], row[6]) == (None, entry.refused)
+            else:
+                assert (row[2], row[3]) == (pytest.approx(entry.value), entry.unit)
+                assert row[4:6] == pytest.approx(entry.interval_95)
+    assert not by_name
 
 
 def test_names_are_no_formulas_in_the_workbook(folder):

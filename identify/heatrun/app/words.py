@@ -8,6 +8,7 @@ from typing import Any
 
 from ..bench import Finding
 from ..errors import InputError
+from ..io.quantities import printed_unit, rounded
 from ..reports.terminal import ranked
 from ..results import DiscoveryResult, FitResult
 from ..results.missing import MissingSpan
@@ -41,7 +42,10 @@ def findings_html(findings: Sequence[Finding]) -> str:
     if not findings:
         return message("note", "No findings: the records are ready to be fitted.")
     return "".join(
-        message(f.severity, f"{f'[{f.test}] ' if f.test else ''}{f.sentence()} ({f.id})")
+        message(
+            f.severity,
+            f"{'' if f.where.startswith(f.test) else f'[{f.test}] '}{f.sentence()} ({f.id})",
+        )
         for f in ranked(findings)
     )
 
@@ -55,7 +59,7 @@ def calibration_html(result: FitResult) -> str:
             table(
                 ("parameter", "value", "95 % interval", "unit", "identifiable from these tests"),
                 (
-                    (name, entry.value, _range(entry.interval_95), entry.unit,
+                    (name, entry.value, _range(entry.interval_95), printed_unit(entry.unit),
                      f"{entry.identifiability or ''}: {entry.why or ''}")
                     for name, entry in model.parameters.items()
                 ),
@@ -87,7 +91,7 @@ def discovery_html(result: DiscoveryResult) -> str:
             table(
                 ("parameter", "value", "95 % interval", "unit"),
                 (
-                    (name, p.value, _range(p.interval_95), p.unit)
+                    (name, p.value, _range(p.interval_95), printed_unit(p.unit))
                     for name, p in effect.parameters.items()
                 ),
             )
@@ -121,10 +125,10 @@ def _missing(span: MissingSpan) -> str:
 
 
 def _range(interval: Sequence[float]) -> str:
-    return f"{interval[0]:.4g} … {interval[1]:.4g}"
+    return f"{rounded(interval[0], 4)} … {rounded(interval[1], 4)}"
 
 
 def _cell(value: Any) -> str:
     if isinstance(value, float | int) and not isinstance(value, bool):
-        return f'<td class="number">{value:.4g}</td>'
+        return f'<td class="number">{rounded(value, 4)}</td>'
     return f"<td>{escape(str(value))}</td>"

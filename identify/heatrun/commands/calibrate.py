@@ -28,7 +28,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "--model",
         default="both",
         metavar="first|second|both|FILE.toml",
-        help="network: one or both built-in ones, or your own from a TOML file",
+        help="network: one or both built-in ones, or your own from a TOML file; several with "
+        "commas between, such as second,mine.toml (default: both)",
     )
     words.add_with(parser)
     parser.add_argument(
@@ -36,7 +37,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="S2-MIN|S3-PCT",
-        help="current of a duty type at the insulation limit, such as S2-30 or S3-40",
+        help="current of a duty type at the insulation limit, such as S2-30 (30 min) or S3-40 (40 "
+        "%% of 10 min); may be given several times",
     )
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
@@ -74,6 +76,7 @@ def calibrate_into_folder(
     """
     from ..calibration import default_folder
     from ..inference.catalogue import known_effects
+    from ..inference.networks import BUILT_IN
     from ..jobs import calibrate_into
     from ..ratings.duties import parse_duty
     from ..reports.terminal import result_text
@@ -82,7 +85,8 @@ def calibrate_into_folder(
     tests = load(motor, calibration, holdout, as_json=options.json)
     if tests is None:
         return NOT_ALLOWED
-    name = "both" if len(networks) == 2 else networks[0].name
+    names = [network.name for network in networks]
+    name = "both" if names == list(BUILT_IN) else "-".join(names)
     for duty in getattr(options, "rating", ()):
         parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
     with bar() as progress:
@@ -106,5 +110,5 @@ def calibrate_into_folder(
         print(f"\nRun folder:      {printable(str(written))}")
         for name in ("sheet.pdf", "sheet.xlsx", f"posterior_{networks[-1].name}.nc", "figures"):
             if (written / name).exists():
-                print(f"  {name:<14} {written / name}")
+                print(f"  {name:<20} {written / name}")
     return DONE

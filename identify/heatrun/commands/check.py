@@ -14,6 +14,12 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser("check", help="findings about the records, before any fit")
     words.add_inputs(parser)
+    parser.add_argument(
+        "--model",
+        metavar="first|second|FILE.toml",
+        help="also check that the tests have what this network needs (default: records alone)",
+    )
+    words.add_with(parser)
     words.add_json(parser)
     return parser
 
@@ -28,11 +34,13 @@ def run(options: argparse.Namespace) -> int:
     )
     from ..bench.checks import check_record
     from ..bench.joined import read_test
+    from ..inference.model_check import check_model
     from ..motorfile import load_motor
     from ..reports.terminal import findings_text
     from ..results import to_json
 
     motor = load_motor(options.motor)
+    records = []
     findings: list[Finding] = []
     tests: list[ReadColumns] = []
     for path in options.tests:
@@ -44,6 +52,9 @@ def run(options: argparse.Namespace) -> int:
                 say(f"  {note}")
         tests.append(describe_columns(record))
         findings += check_record(record, motor)
+        records.append(record)
+    if all(finding.severity != "error" for finding in findings):
+        findings += check_model(options.model, options.effects_known, motor, records)
     has_error = any(finding.severity == "error" for finding in findings)
     if options.json:
         print(to_json({"findings": findings, "tests": tests}))

@@ -14,9 +14,19 @@ from .loading import load
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
-    parser = commands.add_parser("compare", help="first against second order on the same records")
+    parser = commands.add_parser(
+        "compare",
+        help="first against second order, or two networks of your own, on the same records",
+    )
     words.add_inputs(parser)
     words.add_holdout(parser)
+    parser.add_argument(
+        "--model",
+        default="both",
+        metavar="both|FILE.toml|A,B",
+        help="the two networks; a single one is compared with the second order (default: both, "
+        "the first and the second order)",
+    )
     words.add_with(parser)
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: none is written)")
@@ -25,24 +35,24 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fit both orders; a run folder is written only where one is named."""
+    """Fit both networks; a run folder is written only where one is named."""
     from ..calibration import calibrate
     from ..inference.catalogue import known_effects
-    from ..inference.networks import networks_of
+    from ..inference.networks import pair_of
     from ..motorfile import load_motor
     from ..results import to_json
 
+    pair = pair_of(options.model)
     motor = load_motor(options.motor)
     if options.out is not None:
-        return calibrate_into_folder(
-            options, motor, options.tests, options.holdout, networks_of("both")
-        )
+        return calibrate_into_folder(options, motor, options.tests, options.holdout, pair)
     tests = load(motor, options.tests, options.holdout, as_json=options.json)
     if tests is None:
         return NOT_ALLOWED
     found = calibrate(
         motor,
         tests,
+        networks=pair,
         effects=known_effects(motor, options.effects_known),
         method="quick" if options.quick else "emcee",
         seed=options.seed,

@@ -23,7 +23,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "--model",
         default="second",
         metavar="first|second|FILE.toml",
-        help="base network: a built-in one, or your own from a TOML file",
+        help="base network: a built-in one, or your own from a TOML file (default: second)",
     )
     words.add_with(parser)
     parser.add_argument(

@@ -15,7 +15,7 @@ from .exit_codes import DONE
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser("export", help="a run for MATLAB, Simulink and Octave")
-    parser.add_argument("run", type=Path, metavar="RUN")
+    parser.add_argument("run", type=Path, metavar="RUN", help="run folder")
     parser.add_argument(
         "--to",
         choices=("mat",),

@@ -24,7 +24,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--type", dest="kind", choices=TYPES, required=True, help="test type of the bench"
     )
-    words.add_inputs(parser)
+    words.add_inputs(parser, "bench files, or folders of them")
     parser.add_argument(
         "--run",
         type=Path,

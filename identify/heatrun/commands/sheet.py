@@ -14,7 +14,7 @@ from .exit_codes import DONE
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser("sheet", help="regenerate the parameter sheet of a run")
-    parser.add_argument("run", type=Path, metavar="RUN")
+    parser.add_argument("run", type=Path, metavar="RUN", help="run folder")
     words.add_out(parser, "folder for the sheet (default: the run itself)")
     words.add_json(parser)
     return parser

@@ -14,15 +14,22 @@ from .exit_codes import DONE
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser("simulate", help="simulate a virtual prototype along tests")
-    parser.add_argument("motor", type=Path, metavar="MOTOR.toml")
+    parser.add_argument("motor", type=Path, metavar="MOTOR.toml", help="the motor file")
     parser.add_argument(
         "source", metavar="RUN_OR_PARAMETERS", help="run folder, or a TOML file of parameters"
     )
-    parser.add_argument("tests", nargs="+", type=Path, metavar="TEST")
+    parser.add_argument(
+        "tests",
+        nargs="+",
+        type=Path,
+        metavar="TEST",
+        help="bench files whose current, losses and sink drive the model",
+    )
     parser.add_argument(
         "--model",
         metavar="first|second|FILE.toml",
-        help="network of the parameters, or one of the run's (default: the run's last one)",
+        help="network of the parameters, or one of the run's (default: the run's last one; "
+        "second for a file of parameters)",
     )
     words.add_seed(parser)
     words.add_out(parser, "folder for the CSV files (default: here)")

@@ -27,7 +27,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         metavar="DIR",
         help="folder of tests and motor files (default: here); nothing else can be opened",
     )
-    parser.add_argument("--port", type=int, default=5006, help="0 takes a free one")
+    parser.add_argument("--port", type=int, default=5006, help="default: 5006; 0 takes a free one")
     parser.add_argument(
         "--address",
         default="127.0.0.1",
@@ -41,10 +41,18 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     parser.add_argument("--no-browser", action="store_true", help="open no window")
     parser.add_argument(
-        "--max-file-MB", type=int, default=1000, metavar="MB", help="largest file that is opened"
+        "--max-file-MB",
+        type=int,
+        default=1000,
+        metavar="MB",
+        help="largest file that is opened (default: 1000)",
     )
     parser.add_argument(
-        "--max-upload-MB", type=int, default=200, metavar="MB", help="sum of all uploads"
+        "--max-upload-MB",
+        type=int,
+        default=200,
+        metavar="MB",
+        help="sum of all uploads (default: 200)",
     )
     words.add_out(parser, "folder of the runs (default: results/runs)")
     parser.set_defaults(handles_interrupt=True)

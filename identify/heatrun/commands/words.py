@@ -12,15 +12,15 @@ LONGEST_SEED = 40
 """Digits, leading zeros included."""
 
 
-def add_inputs(parser: argparse.ArgumentParser) -> None:
-    """Add the motor file and the tests."""
+def add_inputs(parser: argparse.ArgumentParser, tests: str = "bench files") -> None:
+    """Add the motor file and the tests, described by `tests`."""
     parser.add_argument("motor", type=Path, metavar="MOTOR.toml", help="the motor file")
     parser.add_argument(
         "tests",
         nargs="+",
         type=Path,
         metavar="TEST",
-        help="bench files; TEMPERATURES+DRIVE@10Hz joins two loggers",
+        help=f"{tests}; TEMPERATURES+DRIVE@10Hz joins two loggers",
     )
 
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..io.quantities import quantity as printed
+from ..io.quantities import rounded
 from .engine import Engine, Refit
 from .library import Candidate
 from .screen import VISIBLE_K, Score
@@ -133,8 +135,8 @@ def refusal(
         low, high = min(quantity.low, quantity.null), max(quantity.high, quantity.null)
         if not low - slack <= value <= high + slack:
             return (
-                f"{name} = {value:.3g} {quantity.unit} is outside of what is physical "
-                f"({low:g} to {high:g})"
+                f"{name} = {printed(rounded(value), quantity.unit)} is not physical "
+                f"(expected {low:g} to {high:g})"
             )
     # The profile of the amplitude, not its standard deviation: where capacity and time constant of
     # a body go together, neither has a small one, and yet without the body the fit is far worse.

@@ -77,7 +77,7 @@ def _fate(found: Discovery, score: Score) -> tuple[Status, str, Rival | None]:
     if not score.is_visible:
         return (
             "not identifiable",
-            f"at its typical size a refit would leave {score.visible_K:.3f} K of it, "
+            f"at its typical size these tests would show {score.visible_K:.3f} K of it, "
             f"{score.visibility:.1f} standard deviations (needed {VISIBLE_K:g} K and {VISIBLE:g})",
             None,
         )

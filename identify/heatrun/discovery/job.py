@@ -124,9 +124,10 @@ def _as_calibration(
     accepted = tuple(each.rival.candidate.id for each in found.named)
     verdict = result.verdict
     if accepted:
+        words = posterior.fit.problem.model.words
         sentence = (
-            f"The {posterior.fit.problem.model.words} with {' and '.join(accepted)}, which was "
-            f"found missing ({found.verdict.word}): {found.verdict.sentence}"
+            f"{words[0].upper()}{words[1:]} with {' and '.join(accepted)}, as the discovery left "
+            f"it. {found.verdict.sentence}"
         )
         verdict = replace(verdict, sentence=sentence)
     result = replace(result, verdict=verdict, effects=accepted)

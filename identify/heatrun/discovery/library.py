@@ -9,16 +9,9 @@ from lptn import Network
 from lptn.effects import AbstractEffect, applies
 
 from ..bench.blocks import Blocks
+from ..inference.effect_needs import lacking, unplaced
 from ..inference.effect_parameters import EVENT
 from ..motor import Motor
-
-CHANNELS = {
-    "speed": "speed_rpm",
-    "speed_rad": "speed_rpm",
-    "coolant": "coolant_degC",
-    "fan": "fan",
-}
-"""Channel of the record behind each optional input."""
 
 
 @dataclass(frozen=True)
@@ -73,14 +66,15 @@ def library(
     usable: list[type[AbstractEffect]] = []
     unavailable: dict[str, str] = {}
     for kind in kinds:
-        missing = [need for need in kind.card.needs if any(_lacks(test, need) for test in tests)]
+        missing = dict.fromkeys(channel for test in tests for channel in lacking(kind, test))
         if missing:
-            channels = ", ".join(dict.fromkeys(CHANNELS.get(need, need) for need in missing))
-            unavailable[kind.card.id] = f"needs the channel {channels} in every test"
+            unavailable[kind.card.id] = f"needs the channel {', '.join(missing)} in every test"
         elif not kind.fits(network):
             unavailable[kind.card.id] = "splits a network of one node, and this one has more"
         elif not applies(kind, network):
             unavailable[kind.card.id] = "acts on a link that this network does not have"
+        elif unplaced([kind], network):
+            unavailable[kind.card.id] = "adds a node that this network already has"
         else:
             usable.append(kind)
     candidates: list[Candidate] = []
@@ -98,8 +92,3 @@ def without_resistance(kinds: Sequence[type[AbstractEffect]], motor: Motor) -> d
         return {}
     reason = "needs [winding] phase_resistance_ohm in the motor file"
     return {kind.card.id: reason for kind in kinds if kind.rebuilds}
-
-
-def _lacks(test: Blocks, need: str) -> bool:
-    name = "speed" if need == "speed_rad" else need
-    return getattr(test.inputs, name, 0.0) is None

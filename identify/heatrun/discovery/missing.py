@@ -17,7 +17,7 @@ from ..inference.catalogue import all_effects
 from ..inference.fit_result import Fit
 from ..inference.problem import Problem
 from .bootstrap import familywise_p
-from .engine import Engine
+from .engine import Engine, Refit
 from .grow import look
 from .library import Candidate, library, without_resistance
 from .screen import Score
@@ -103,7 +103,7 @@ def missing(fit: Fit, *, seed: int = 0) -> Missing | None:
     screen, noise_scores = look(engine, present, found.candidates)
     scores = screen.scores()
     p = familywise_p(engine, screen, noise_scores, scores[0].log_bayes, seed)
-    return Missing(p, scores[0].log_bayes, _suspects(engine, fit, scores))
+    return Missing(p, scores[0].log_bayes, _suspects(engine, fit, screen.present, scores))
 
 
 def missing_finding(fit: Fit, found: Missing) -> Finding | None:
@@ -114,8 +114,8 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
     first = named[0]
     moves = {name: move for name, move in first.moves.items() if abs(move[1]) > MOVED}
     message = (
-        f"the {fit.problem.model.words} misses something that the tests show (p = {found.p:.2g}: "
-        f"so many clean records would look like it). Most like it: "
+        f"the {fit.problem.model.words} is incomplete: its residuals show an effect that it lacks "
+        f"(p = {found.p:.2g}, the share of clean records that would look so). Most likely: "
         f"{', '.join(s.words for s in named)}. {_moved(first, moves)}"
     )
     with_effects = ",".join([kind.card.id for kind in fit.problem.model.effects]
@@ -150,7 +150,9 @@ def _moved(first: Suspect, moves: Mapping[str, tuple[float, float]]) -> str:
     )
 
 
-def _suspects(engine: Engine, fit: Fit, scores: Sequence[Score]) -> tuple[Suspect, ...]:
+def _suspects(
+    engine: Engine, fit: Fit, present: Refit, scores: Sequence[Score]
+) -> tuple[Suspect, ...]:
     log_bayes = np.array([score.log_bayes for score in scores])
     weight = np.exp(log_bayes - log_bayes.max())
     share = weight / weight.sum()
@@ -160,23 +162,31 @@ def _suspects(engine: Engine, fit: Fit, scores: Sequence[Score]) -> tuple[Suspec
             candidate=scores[i].candidate,
             test=_test_name(engine, scores[i].candidate),
             probability=float(share[i]),
-            moves=_moves(engine, fit, scores[i]),
+            moves=_moves(engine, fit, present, scores[i]),
         )
         for i in order
     )
 
 
-def _moves(engine: Engine, fit: Fit, score: Score) -> dict[str, tuple[float, float]]:
+def _moves(
+    engine: Engine, fit: Fit, present: Refit, score: Score
+) -> dict[str, tuple[float, float]]:
+    """Return where the network's parameters would be with an effect, against the fit.
+
+    The screening has a fit of its own, under a noise that has not swallowed the misfit.
+    """
     places = {slot.name: place for place, slot in enumerate(fit.slots)}
     result = {}
-    for shift, slot in zip(score.shift, (engine.slots[i] for i in engine.base), strict=True):
+    for shift, position in zip(score.shift, present.free, strict=True):
+        slot = engine.slots[position]
         if slot.parameter.role != "network":
             continue
         parameter, place = slot.parameter, places[slot.name]
         sd = float(np.sqrt(fit.covariance[place, place]))
         before = float(parameter.value(np.float64(fit.z[place])))
-        after = float(parameter.value(np.float64(fit.z[place] + shift)))
-        result[slot.name] = (after / before - 1.0, float(shift) / sd)
+        there = float(present.z[position] + shift)
+        after = float(parameter.value(np.float64(there)))
+        result[slot.name] = (after / before - 1.0, (there - float(fit.z[place])) / sd)
     return result
 
 

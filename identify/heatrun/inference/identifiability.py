@@ -59,7 +59,8 @@ def state(
     """
     if parameter.fixed is not None:
         return Statement(
-            "fixed", f"fixed in the motor file at {parameter.fixed:g} {parameter.unit}"
+            "fixed",
+            f"fixed in the motor or the network file at {parameter.fixed:g} {parameter.unit}",
         )
     position = posterior.fit.problem.parameters.index(parameter.name)
     contraction = float(np.std(posterior.flat[:, position]))

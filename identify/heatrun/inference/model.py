@@ -18,6 +18,7 @@ from ..bench.blocks import SLOW_LOGGER_S, Blocks, Observation
 from ..errors import InputError
 from ..motor import Motor
 from .catalogue import effects_named
+from .effect_needs import refuse_unusable
 from .effect_parameters import effect_names, effect_parameters, qualified
 from .networks import BUILT_IN, NetworkForm, network_named
 from .networks.form import STATOR
@@ -81,8 +82,17 @@ class Model:
                 effects come first.
             motor: The machine.
             effects: Effects beyond it, in order.
+
+        Raises:
+            InputError: If there is no such network, or its sink is not the motor's.
         """
         form = network_named(network)
+        if form.sink == "coolant" != motor.sink:
+            raise InputError(
+                "the sink of the network is the coolant, that of the motor file is not.",
+                where=form.title,
+                remedy='Write sink = "coolant" into [motor], or another sink into the network.',
+            )
         own = effects_named(form.effects, form.name)
         return cls(
             form=form,
@@ -199,8 +209,10 @@ def parameters(
         searched: Effects of the model that may be absent, as `effect_parameters`.
 
     Raises:
-        InputError: If the phase resistance is needed and not given, or an override is wrong.
+        InputError: If the phase resistance is needed and not given, an override is wrong, or an
+            effect lacks its channel or its place.
     """
+    refuse_unusable(model, tests, searched)
     check_names((*override_names(model.form), *effect_names(model.effects)), motor)
     shared = [*model.form.parameters, *_resistance(model, motor), *INSTRUMENTS]
     if "torque_offset" in motor.parameters:

@@ -145,7 +145,7 @@ def refuse_runaway(found: Prediction, where: str) -> None:
         else "The losses are too large for these resistances."
     )
     raise InputError(
-        f"the model passes {MELTING_DEGC:.0f} degC, where copper melts, after about {first:.0f} s "
+        f"the model passes {MELTING_DEGC:.0f} °C, where copper melts, after about {first:.0f} s "
         f"of this test. {reason}",
         where=where,
         remedy="Is the run of this motor? Check the units of current (rms), losses (W) and "

@@ -36,7 +36,7 @@ class Limit:
 
     def __str__(self) -> str:
         """Return the limit as it stands in conditions."""
-        return f"class {self.insulation} ({self.degC:.0f} degC)"
+        return f"class {self.insulation} ({self.degC:.0f} °C)"
 
 
 def at_limit(
@@ -64,7 +64,7 @@ def at_limit(
             continue
         entry = figure(np.asarray(draws), "s", f"{seen.amperes:.0f} A, {starts[name]}, {text}")
         if not np.isfinite(entry.median):
-            entry = refused(f"{seen.amperes:.0f} A does not reach {limit.degC:.0f} degC")
+            entry = refused(f"{seen.amperes:.0f} A does not reach {limit.degC:.0f} °C")
         figures[names[name]] = entry
     return figures
 

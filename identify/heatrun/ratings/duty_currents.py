@@ -90,7 +90,7 @@ def duty_current(rated: Rated, text: str) -> DerivedFigure:
         current,
         "A",
         f"{text}, {limit}, other losses {np.median(other):.0f} W under load, none at rest, "
-        f"sink {seen.sink_degC:.0f} degC{rated.surroundings}",
+        f"sink {seen.sink_degC:.0f} °C{rated.surroundings}",
     )
     if not entry.median <= reach:
         return refused(

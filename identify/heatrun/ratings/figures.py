@@ -52,7 +52,7 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     )
     figures = _time_constants(drawn, times, seen.amperes, surroundings)
     heated = (
-        f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} degC{surroundings}"
+        f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C{surroundings}"
     )
     figures["steady_rise_K"] = bounded_rise(
         np.asarray(drawn.rise), f"{seen.amperes:.0f} A rms, {heated}", seen

@@ -52,8 +52,8 @@ class Tested:
         if limit <= self.winding_degC + REACH_K:
             return None
         return (
-            f"the limit of {limit:.0f} degC is outside the tested range: the highest "
-            f"temperature measured is {self.winding_degC:.0f} degC"
+            f"the limit of {limit:.0f} °C is outside the tested range: the highest "
+            f"temperature measured is {self.winding_degC:.0f} °C"
         )
 
     def surroundings(self, effects: Sequence[type[AbstractEffect]], *, follows_time: bool) -> str:
@@ -68,7 +68,7 @@ class Tested:
         if "speed" in needs and self.loaded.speed_rad is not None:
             parts.append(f"{float(self.loaded.speed_rad) * 30.0 / np.pi:.0f} rpm")
         if "coolant" in needs and self.loaded.coolant is not None:
-            parts.append(f"coolant {float(self.loaded.coolant):.0f} degC")
+            parts.append(f"coolant {float(self.loaded.coolant):.0f} °C")
         if "fan" in needs and self.loaded.fan is not None:
             parts.append(f"fan or flow {100.0 * float(self.loaded.fan):.0f} % of rated")
         if follows_time:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from ..bench import Finding
 from ..bench.channels.column_mapping import mapping_text
 from ..io.printable import printable
+from ..io.quantities import printed_unit, quantity, rounded
 from ..results import DiscoveryResult, FitResult
 
 _MARK = {"error": "ERROR  ", "warning": "warning", "note": "note   "}
@@ -24,7 +25,8 @@ def findings_text(findings: Sequence[Finding]) -> str:
         return "No findings: the records are as a fit wants them."
     return "\n".join(
         printable(
-            f"{_MARK[f.severity]}  {f'[{f.test}] ' if f.test else ''}{f.sentence()}  ({f.id})"
+            f"{_MARK[f.severity]}  {'' if f.where.startswith(f.test) else f'[{f.test}] '}"
+            f"{f.sentence()}  ({f.id})"
         )
         for f in ranked(findings)
     )
@@ -39,7 +41,7 @@ def result_text(result: FitResult) -> str:
         for name, entry in model.parameters.items():
             low, high = entry.interval_95
             lines.append(
-                f"  {name:<7} {entry.value:>11.5g} {entry.unit:<4} "
+                f"  {name:<7} {entry.value:>11.5g} {printed_unit(entry.unit):<4} "
                 f"95 % {low:.4g} … {high:.4g}   {entry.identifiability or ''}: {entry.why or ''}"
             )
         for row in model.residuals:
@@ -69,7 +71,8 @@ def discovery_text(result: DiscoveryResult) -> str:
     lines = [f"{result.verdict.upper()}: {result.sentence}", ""]
     for effect in result.effects:
         figures = ", ".join(
-            f"{name} = {p.value:.3g} {p.unit} ({p.interval_95[0]:.3g} … {p.interval_95[1]:.3g})"
+            f"{name} = {quantity(rounded(p.value), p.unit)} "
+            f"({rounded(p.interval_95[0])} … {rounded(p.interval_95[1])})"
             for name, p in effect.parameters.items()
         )
         lines.append(f"{effect.id}: {figures}")

@@ -262,9 +262,9 @@ def _fixed(parameter: Parameter, value: float) -> FittedParameter:
         interval_95=(value, value),
         relative_sd=0.0,
         prior_95=(value, value),
-        prior_basis="fixed in the motor file",
+        prior_basis="fixed in the motor or the network file",
         meaning=parameter.meaning,
         fixed=True,
         identifiability="fixed",
-        why="fixed in the motor file",
+        why="fixed in the motor or the network file",
     )

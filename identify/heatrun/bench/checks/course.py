@@ -152,7 +152,7 @@ def ambient_moving(record: Record, motor: Motor) -> tuple[Finding, ...]:
             f"{slope:+.2f} K/h. The fit follows the measured course; where the sensor does not "
             "show what the machine feels, Req_sr is biased.",
             place(record, channel, float(time_s[0]), float(time_s[-1])),
-            ""
+            "Measure the coolant where it enters the machine."
             if motor.sink == "coolant"
             else "Shield the sensor from the warm air of the machine.",
             values={"travel_K": travel, "slope_K_per_h": slope, "drift_K": drift},

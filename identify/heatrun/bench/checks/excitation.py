@@ -103,8 +103,9 @@ def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
             "warning" if is_short else "note",
             f"Expected at least two slow time constants; the {(to_s - from_s) / 60.0:.0f} min of "
             f"test are {constants:.2g} time constants of about {fit.tau_s:.0f} s. The standard "
-            f"uncertainties of Ceq_sr and Req_sr will be {at_least}{now[0]:.0%} and {now[1]:.0%}; "
-            f"after 2 h about {later[0]:.1%} and {later[1]:.1%}.",
+            f"uncertainties of Ceq_sr and Req_sr will be {at_least}{100.0 * now[0]:.0f} % and "
+            f"{100.0 * now[1]:.0f} %; "
+            f"after 2 h about {100.0 * later[0]:.1f} % and {100.0 * later[1]:.1f} %.",
             place(record, "winding_degC", from_s, to_s),
             "Extend the load until the temperature settles, and record the cool-down.",
             values={

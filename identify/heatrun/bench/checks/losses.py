@@ -87,9 +87,9 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "losses_below_copper",
             "error" if is_most else "warning",
-            f"Expected losses above the copper loss; in {np.mean(below):.0%} of the time under "
-            f"current they are {1.0 / typical:.0%} of it. Every thermal resistance and capacity "
-            "would be biased.",
+            f"Expected losses above the copper loss; in {100.0 * np.mean(below):.0f} % of the time "
+            f"under current they are {100.0 / typical:.0f} % of it. Every thermal resistance and "
+            "capacity would be biased.",
             place(record, "losses_W", from_s, to_s),
             "Check whether phase_current_A is an amplitude (factor 2 in the copper loss), whether "
             "phase_resistance_ohm was measured between terminals (factor 2 in star, 2/3 in delta), "
@@ -125,9 +125,9 @@ def current_amplitude(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "current_amplitude",
             "warning" if is_impossible or turns else "note",
-            f"Expected rms values; read as rms, the copper loss is {typical:.0%} of the losses; "
-            f"read as amplitudes, {typical / AMPLITUDE_SQUARED:.0%}. A wrong reading doubles the "
-            "copper loss.",
+            f"Expected rms values; read as rms, the copper loss is {100.0 * typical:.0f} % of the "
+            f"losses; read as amplitudes, {100.0 * typical / AMPLITUDE_SQUARED:.0f} %. A wrong "
+            "reading doubles the copper loss.",
             place(record, "phase_current_A", float(time_s[0]), float(time_s[-1])),
             "If the column holds amplitudes, say so in [columns]: "
             'phase_current_A = "COLUMN [A_peak]".',

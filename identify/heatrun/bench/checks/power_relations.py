@@ -158,8 +158,8 @@ def _lossless(
     if share >= least:
         return []
     sentence = (
-        f"Expected losses above {least:.1%} of the shaft's power of "
-        f"{float(np.median(shaft[loaded])):.3g} W; they are {share:.2%} of it."
+        f"Expected losses above {100.0 * least:.1f} % of the shaft's power of "
+        f"{float(np.median(shaft[loaded])):.3g} W; they are {100.0 * share:.2f} % of it."
     )
     values = {"losses_over_shaft": share}
     return [Conflict("too_efficient", sentence, ("losses_W", *rods), False, values)]
@@ -185,7 +185,9 @@ def _behind_dc(
     share = float(np.median((1.0 - (shaft + losses) / np.maximum(electrical, 1e-300))[loaded]))
     if share <= (USUAL_BEHIND_DC if is_strict else LOST_BEHIND_DC):
         return []
-    sentence = f"Shaft power and losses_W account for {1.0 - share:.0%} of the DC power only."
+    sentence = (
+        f"Shaft power and losses_W account for {100.0 * (1.0 - share):.0f} % of the DC power only."
+    )
     values = {"share_to_inverter": share}
     return [Conflict("lost_behind_dc", sentence, ("losses_W", *channels), True, values)]
 

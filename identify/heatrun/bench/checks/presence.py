@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...motor import Motor
-from ..record import Finding, Record
+from ..record import Finding, Record, Severity
 from .samples import is_measured, median_step, needed_channels, place, runs, samples
 
 MIN_SAMPLES = 20
@@ -20,6 +20,17 @@ that a motor winding does: its shortest time constant is tens of seconds."""
 MAX_MISSING_SHARE = 0.1
 """Share of missing samples above which even isolated ones are an error [1]: the logger failed."""
 
+MEANING: dict[Severity, str] = {
+    "error": "The fit cannot bridge them.",
+    "warning": "The block averages leave them out; the fit is hardly affected.",
+    "note": "The fit does not need this channel.",
+}
+REMEDY: dict[Severity, str] = {
+    "error": "Export the channel again, or cut the test to the part that has it.",
+    "warning": "Nothing need be done; look at the logger if they grow more.",
+    "note": "Export the channel again if a report is to show it.",
+}
+
 
 def missing_channel(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report each channel that a fit needs and the record does not have, or has at another
@@ -29,10 +40,14 @@ def missing_channel(record: Record, motor: Motor) -> tuple[Finding, ...]:
     for channel in needed_channels(motor):
         if channel not in record:
             have = ", ".join(record.channels) or "none"
-            message = f"Channel `{channel}` is needed; the record has {have}."
+            message = f"Channel `{channel}` is needed for a fit; the record has {have}."
+            if record.unused:
+                message += f" Columns not used: {', '.join(record.unused)}."
         elif np.shape(record[channel]) != np.shape(record.channels.get("time_s", record[channel])):
             size = np.shape(record[channel])
-            message = f"`{channel}` has shape {size}, expected that of `time_s`."
+            message = (
+                f"`{channel}` has shape {size}, expected that of `time_s`: no fit is possible."
+            )
         else:
             continue
         remedy = f'Name its column in the motor file: [columns] {channel} = "column [unit]".'
@@ -43,6 +58,8 @@ def missing_channel(record: Record, motor: Motor) -> tuple[Finding, ...]:
 
 def too_few_samples(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report a record with fewer usable samples than unknowns can be drawn from."""
+    if any(channel not in record for channel in needed_channels(motor)):
+        return ()  # `missing_channel` says why there are none
     usable = samples(record, *needed_channels(motor)[1:])[0].size
     if usable >= MIN_SAMPLES:
         return ()
@@ -79,6 +96,7 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
         duration_s = longest * step_s
         share = float(lengths.sum() / len(column))
         is_isolated = longest < ISOLATED_SAMPLES or duration_s < ISOLATED_S
+        severity: Severity
         if channel not in needed:
             severity = "note"
         elif is_isolated and share <= MAX_MISSING_SHARE:
@@ -96,13 +114,10 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 "nan_block",
                 severity,
                 f"Expected a number in every sample; {int(lengths.sum())} are missing "
-                f"({share:.1%}) in {lengths.size} stretches, the longest of {longest} samples "
-                f"({duration_s:.3g} s)."
-                + (" The fit cannot bridge them." if severity == "error" else ""),
+                f"({100.0 * share:.1f} %) in {lengths.size} stretches, the longest of {longest} "
+                f"samples ({duration_s:.3g} s). {MEANING[severity]}",
                 where,
-                "None is needed: the block averages leave isolated samples out."
-                if severity == "warning"
-                else "Export the channel again, or cut the test to the part that has it.",
+                REMEDY[severity],
                 values={
                     "num_missing": float(lengths.sum()),
                     "share": share,

@@ -84,7 +84,10 @@ def truncation(record: Record, motor: Motor) -> tuple[Finding, ...]:
             ),
         )
     if TELLING_MARGIN < share <= 0.5 + TELLING_MARGIN:
-        message = f"Rounded, not truncated: the winding starts {offset:+.2f} K above the sink."
+        message = (
+            f"Rounded, not truncated: the winding starts {offset:+.2f} K above the sink. The "
+            "readings are not biased by it."
+        )
         return (
             Finding("truncation", "note", message, where, values=values | {"is_suspected": 0.0}),
         )

@@ -84,8 +84,8 @@ def time_duplicate(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "time_duplicate",
             "error" if is_coarse else "warning",
-            f"Expected increasing time; {same.size} samples ({share:.1%}) repeat the time stamp "
-            f"before them, the first is sample {int(same[0]) + 1}."
+            f"Expected increasing time; {same.size} samples ({100.0 * share:.1f} %) repeat the "
+            f"time stamp before them, the first is sample {int(same[0]) + 1}."
             + (
                 " The time stamps are coarser than the sampling."
                 if is_coarse
@@ -119,7 +119,8 @@ def time_gap(record: Record, motor: Motor) -> tuple[Finding, ...]:
             "time_gap",
             "error" if is_error else "warning",
             f"Expected a sample every {usual:.3g} s; in {gaps.size} gaps {missing_s:.1f} s are "
-            f"missing ({share:.1%} of the test), the longest gap is {steps[longest]:.1f} s. "
+            f"missing ({100.0 * share:.1f} % of the test), the longest "
+            f"gap is {steps[longest]:.1f} s. "
             "The load in a gap is not known, and is interpolated.",
             place(record, "time_s", float(time_s[longest]), float(time_s[longest + 1])),
             "Split the test at the gap." if is_error else "Check the logger and its storage.",
@@ -149,8 +150,8 @@ def time_jitter(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "time_jitter",
             "note",
-            f"Expected an even sampling interval; it varies by {spread:.0%} (standard deviation) "
-            f"about {usual:.3g} s. The fit uses the time stamps as they are.",
+            f"Expected an even sampling interval; it varies by {100.0 * spread:.0f} % (standard "
+            f"deviation) about {usual:.3g} s. The fit uses the time stamps as they are.",
             place(record, "time_s", float(time_s[0]), float(time_s[-1])),
             values={"relative_spread": spread, "step_s": usual},
         ),

@@ -64,7 +64,8 @@ def _unit_finding(
     return Finding(
         "units_temperature",
         severity,
-        f"Expected °C; {typical:.1f} looks like {unit}, which would be {as_celsius:.1f} °C.",
+        f"Expected °C; {typical:.1f} looks like {unit}, which would be {as_celsius:.1f} °C. Read "
+        "in the wrong unit, temperature rises and copper loss would be wrong.",
         place(record, channel, from_s),
         f'Declare the unit in the motor file: [columns] {channel} = "{column} [{symbol}]".',
         values={"value": typical, "as_degC": as_celsius},
@@ -79,7 +80,8 @@ def _scaled_finding(
         "units_temperature",
         severity,
         f"Expected °C; the winding starts at {typical:.0f} °C. In units of 1/{scale:.0f} °C it "
-        f"would start at {degC:.1f} °C, the temperature of the sink.",
+        f"would start at {degC:.1f} °C, the temperature of the sink. Read in the wrong unit, every "
+        "parameter would be wrong.",
         place(record, "winding_degC", from_s),
         f"Divide the column by {scale:.0f} before it is read.",
         values={"value": typical, "as_degC": degC, "factor": 1.0 / scale},
@@ -184,7 +186,8 @@ def ambient_implausible(record: Record, motor: Motor) -> tuple[Finding, ...]:
             Finding(
                 "ambient_implausible",
                 "warning" if lowest <= typical <= highest else "error",
-                f"Expected {low:.0f} to {high:.0f} °C; the median is {typical:.1f} °C.",
+                f"Expected {low:.0f} to {high:.0f} °C; the median is {typical:.1f} °C. The "
+                "fit counts every temperature rise from it.",
                 place(record, channel, float(time_s[0]), float(time_s[-1])),
                 "Check the sensor, its unit, and which column is mapped.",
                 values={"median_degC": typical},
@@ -198,7 +201,8 @@ def ambient_implausible(record: Record, motor: Motor) -> tuple[Finding, ...]:
             Finding(
                 "ambient_implausible",
                 "error",
-                f"Expected the winding above {channel} under load; it is {-below:.1f} K below.",
+                f"Expected the winding above {channel} under load; it is {-below:.1f} K below. "
+                "Heat would flow from the sink into the loaded winding.",
                 place(record, channel, float(time_s[loaded][0]), float(time_s[loaded][-1])),
                 "Check whether the two columns are exchanged.",
                 values={"winding_above_sink_K": below},

@@ -6,7 +6,7 @@ from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
-from ...errors import InputError
+from ...errors import InputError, UsageError
 from .form import NetworkForm
 from .text import read_network
 
@@ -25,9 +25,33 @@ def networks_of(words: str) -> tuple[NetworkForm, ...]:
 
     Raises:
         InputError: As `network_named`.
+        UsageError: If no network is named.
     """
     names = BUILT_IN if words == "both" else [word for word in words.split(",") if word.strip()]
+    if not names:
+        raise UsageError("--model names no network: write first, second, both or FILE.toml")
     return tuple(network_named(name.strip()) for name in names)
+
+
+def pair_of(words: str) -> tuple[NetworkForm, NetworkForm]:
+    """Return the two networks that are compared, the one with fewer nodes first.
+
+    Args:
+        words: As `networks_of`; a single network is set against the second order, and the second
+            order against the first.
+
+    Raises:
+        InputError: As `network_named`.
+        UsageError: If more than two networks are named.
+    """
+    named = networks_of(words)
+    if len(named) == 1:
+        other = "first" if named[0].name == "second" else "second"
+        named = (*named, network_named(other))
+    if len(named) != 2:
+        raise UsageError(f"two networks are compared at a time, and --model names {len(named)}")
+    one, two = sorted(named, key=lambda form: len(form.nodes))
+    return one, two
 
 
 def network_named(name: str | NetworkForm) -> NetworkForm:

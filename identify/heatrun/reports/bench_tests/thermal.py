@@ -9,6 +9,7 @@ import numpy as np
 
 from ...bench.checks.samples import samples
 from ...bench.record import Finding, Record
+from ...io.quantities import rounded
 from ...motor import Motor
 from .analysis.equilibrium import CRITERION, Equilibrium
 from .analysis.integrate import integrate
@@ -172,7 +173,7 @@ def _run_rows(simulated: Simulated) -> list[Row]:
         low, high = (float(side[-1]) for side in found.flows_95[link])
         rows.append(
             Row(f"{symbol}_end_W", f"{symbol}, {words}, at the end", float(flow[-1]), "W",
-                f"95 %: {low:.0f} … {high:.0f} W; mean {float(np.mean(flow)):.0f} W")
+                f"95 %: {rounded(low)} … {rounded(high)} W; mean {float(np.mean(flow)):.0f} W")
         )  # fmt: skip
     return rows
 

@@ -69,7 +69,9 @@ def gap(predictions: Sequence[tuple[Prediction, Prediction]], roles: Sequence[st
         axis.axhline(0.0, color="0.5", lw=0.6)
         axis.set_ylabel("measured −\nmodel [K]")
         axis.set_title(f"{plain(after.test.name)} ({role})", loc="left", fontsize=9)
-        axis.legend(fontsize=7, frameon=False, ncols=3)
+        axis.legend(
+            fontsize=7, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.98)
+        )
         _trim(axis)
     axes[-1].set_xlabel("time [min]")
     return figure

@@ -8,6 +8,7 @@ from typing import Any
 
 from msgspec import UNSET
 
+from ...io.quantities import printed_unit, quantity, rounded
 from ...results import DiscoveryResult
 from ...results.candidate import CandidateFate
 from ...results.found_effect import FoundEffect
@@ -98,7 +99,8 @@ def _selected(holdout: HeldOutGap | None) -> list[str]:
 
 def _effect(effect: FoundEffect) -> list[str]:
     numbers = "; ".join(
-        f"{name} = {p.value:.3g} {p.unit} ({p.interval_95[0]:.3g} … {p.interval_95[1]:.3g})"
+        f"{name} = {quantity(rounded(p.value), p.unit)} "
+        f"({rounded(p.interval_95[0])} … {rounded(p.interval_95[1])})"
         for name, p in effect.parameters.items()
     )
     return [
@@ -121,14 +123,14 @@ def _gap(name: str, gap: Gap | HeldOutGap) -> list[str]:
 
 def _parameter(name: str, entry: ParameterBeforeAfter) -> list[str]:
     def interval(figure: ValueWithInterval) -> str:
-        return " … ".join(f"{limit:.4g}" for limit in figure.interval_95)
+        return " … ".join(rounded(limit, 4) for limit in figure.interval_95)
 
     before, after = entry.before, entry.after
     off = entry.wrong_by
     return [
-        f"{name} [{entry.unit}]",
-        f"{before.value:.4g}", interval(before),
-        f"{after.value:.4g}", interval(after),
+        f"{name} [{printed_unit(entry.unit)}]",
+        rounded(before.value, 4), interval(before),
+        rounded(after.value, 4), interval(after),
         "–" if off is None else f"{100 * off:+.1f} %",
     ]  # fmt: skip
 

@@ -9,6 +9,7 @@ from msgspec import UNSET
 
 from ...bench.channels.column_mapping import KNOWN_BY, assumption, grouped
 from ...bench.record import Finding
+from ...io.quantities import quantity, rounded
 from ...io.without_folders import command_without_folders, without_folders
 from ...results import FitResult
 from ...results.derived import DerivedFigure
@@ -143,7 +144,7 @@ def _parameter(name: str, entry: FittedParameter) -> list[str]:
     return [
         name,
         entry.meaning,
-        f"{value} {entry.unit}",
+        quantity(value, entry.unit),
         "fixed" if entry.fixed else f"± {expanded}",
         "–" if entry.fixed else format_interval(entry.interval_95, sd),
         parts,
@@ -153,7 +154,7 @@ def _parameter(name: str, entry: FittedParameter) -> list[str]:
 
 
 def _short(value: float | None) -> str:
-    return "–" if not value else f"{value:.2g}"
+    return "–" if not value else rounded(value, 2)
 
 
 def _correlation(model: FittedModel) -> dict[str, Any]:
@@ -177,7 +178,7 @@ def _derived(name: str, entry: DerivedFigure) -> list[str]:
     value, _ = format_value(known(entry.value), sd)
     return [
         name,
-        f"{value} {entry.unit or ''}",
+        quantity(value, entry.unit or ""),
         entry.condition or "",
         format_interval(known(entry.interval_95), sd),
     ]

@@ -10,7 +10,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
+from ...io.quantities import printed_unit
 from ...io.whole_files import whole
 
 COLOURS = {"first": "#D55E00", "second": "#0072B2", "measured": "#222222"}
@@ -79,7 +81,13 @@ def course(name: str, role: str, table: pd.DataFrame, titles: Mapping[str, str])
     top.plot(minutes, table["sink_degC"], color="0.55", lw=0.8, label="sink T0")
     top.set_ylabel("temperature [°C]")
     top.set_title(f"{plain(name)} ({role})", loc="left", fontsize=10)
-    top.legend(fontsize=7, frameon=False, ncols=2)
+    figure.legend(
+        *top.get_legend_handles_labels(),
+        fontsize=6.5,
+        frameon=False,
+        ncols=3,
+        loc="outside lower center",
+    )
     middle.axhline(0.0, color="0.6", lw=0.6)
     middle.set_ylabel("measured −\nmodel [K]")
     _load(bottom, minutes, table)
@@ -103,7 +111,8 @@ def errors(tables: Sequence[tuple[str, str, pd.DataFrame]], titles: Mapping[str,
                           fontsize=7, va="center")  # fmt: skip
         axis.set_ylabel("|error| [K]")
         axis.set_title(f"{plain(name)} ({role})", loc="left", fontsize=9)
-    axes[0].legend(fontsize=7, frameon=False)
+    axes[0].legend(fontsize=7, frameon=False, ncols=2, loc="lower right",
+                   bbox_to_anchor=(1.0, 1.0))  # fmt: skip
     axes[-1].set_xlabel("time [min]")
     _finish(list(axes))
     return figure
@@ -121,7 +130,8 @@ def pairs(draws: Mapping[str, np.ndarray], units: Mapping[str, str]) -> Figure:
     """Return marginal and pairwise densities of the parameters."""
     names = list(draws)
     size = len(names)
-    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    side = max(5.6, 1.0 * size)
+    figure = Figure(figsize=(side, side), layout="constrained")
     grid = figure.subplots(size, size, squeeze=False)
     for row, lower in enumerate(names):
         for column, left in enumerate(names):
@@ -133,12 +143,21 @@ def pairs(draws: Mapping[str, np.ndarray], units: Mapping[str, str]) -> Figure:
                 axis.set_yticks([])
             else:
                 axis.hist2d(draws[left], draws[lower], bins=25, cmap="Blues", rasterized=True)
-            axis.tick_params(labelsize=6)
+                axis.yaxis.set_major_locator(MaxNLocator(3))
+            axis.xaxis.set_major_locator(MaxNLocator(3))
+            # a row and a column share their scale: it is written once
+            axis.tick_params(labelsize=6, labelbottom=row == size - 1, labelleft=column == 0)
+            axis.tick_params(axis="x", labelrotation=45)
             if row == size - 1:
-                axis.set_xlabel(f"{left} [{units[left]}]", fontsize=7)
+                axis.set_xlabel(_label(left, units), fontsize=6)
             if column == 0 and row > 0:
-                axis.set_ylabel(f"{lower} [{units[lower]}]", fontsize=7)
+                axis.set_ylabel(_label(lower, units), fontsize=6)
     return figure
+
+
+def _label(name: str, units: Mapping[str, str]) -> str:
+    unit = printed_unit(units[name])
+    return f"{name}\n[{unit}]" if unit else name
 
 
 def _load(axis: Axes, minutes: pd.Series, table: pd.DataFrame) -> None:

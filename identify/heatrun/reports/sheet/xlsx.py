@@ -15,6 +15,7 @@ from ...bench.channels.column_mapping import HEAD, KNOWN_BY
 from ...io.moment import NO_DATE, stated_moment
 from ...io.whole_files import write_whole
 from ...results import FitResult
+from ...results.values import known
 from .content import sheet_content
 
 CONSTANTS = ("B", "Ro_rif", "To_rif", "Rs", "Ts", "phases", "Tamb_med")
@@ -57,6 +58,7 @@ def write_xlsx(
                 row.found_by, PurePath(row.file).name]
                for test in result.tests for row in test.mapping])  # fmt: skip
         _residuals(book, bold, result)
+        _derived(book, bold, result)
         _rows(book, "Findings", bold, ["severity", "finding"], content["findings"])
         name, _, table = tables[0]
         _worksheet(book, bold, result, name, table)
@@ -68,7 +70,7 @@ def _parameters(book: Any, bold: Any, result: FitResult, content: Mapping) -> No
     sheet = book.add_worksheet("Parameters")
     sheet.write_string(0, 0, content["title"], bold)
     sheet.write_string(1, 0, content["verdict"])
-    head = ["order", "parameter", "value", "unit", "standard uncertainty", "expanded (k = 2)",
+    head = ["network", "parameter", "value", "unit", "standard uncertainty", "expanded (k = 2)",
             "95 % low", "95 % high", "type A", "type B", "identifiability", "reason"]  # fmt: skip
     sheet.write_row(3, 0, head, bold)
     row = 4
@@ -92,9 +94,9 @@ def _parameters(book: Any, bold: Any, result: FitResult, content: Mapping) -> No
 def _correlation(book: Any, bold: Any, result: FitResult) -> None:
     sheet = book.add_worksheet("Correlation")
     row = 0
-    for order, model in result.models.items():
+    for model in result.models.values():
         names = model.correlation.names
-        sheet.write_string(row, 0, f"{order} order", bold)
+        sheet.write_string(row, 0, model.title, bold)
         for position, name in enumerate(names):
             sheet.write_string(row, position + 1, name, bold)
             sheet.write_string(row + position + 1, 0, name, bold)
@@ -112,7 +114,20 @@ def _residuals(book: Any, bold: Any, result: FitResult) -> None:
         for order, model in result.models.items()
         for row in model.residuals
     ]  # fmt: skip
-    _rows(book, "Residuals", bold, ["order", *keys], rows)
+    _rows(book, "Residuals", bold, ["network", *keys], rows)
+
+
+def _derived(book: Any, bold: Any, result: FitResult) -> None:
+    """Write the derived figures and the ratings, those that are refused with the reason."""
+    head = ["network", "figure", "value", "unit", "95 % low", "95 % high", "condition or refusal"]
+    rows = []
+    for network, model in result.models.items():
+        for name, entry in model.derived.items():
+            low, high = known(entry.interval_95) or (None, None)
+            why = known(entry.refused) or known(entry.condition) or ""
+            unit = known(entry.unit) or ""
+            rows.append([network, name, known(entry.value), unit, low, high, why])
+    _rows(book, "Derived", bold, head, rows)
 
 
 def _rows(book: Any, name: str, bold: Any, head: Sequence[str], rows: Sequence[Sequence]) -> None:

@@ -1,0 +1,92 @@
+"""What effects need: channels of the records, and a place in the network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from lptn import Network
+from lptn.effects import AbstractEffect, NodeEffect, build_all
+
+from ..bench.blocks import Blocks
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from .model import Model
+
+CHANNELS = {
+    "speed": "speed_rpm",
+    "speed_rad": "speed_rpm",
+    "coolant": "coolant_degC",
+    "fan": "fan",
+}
+"""Channel of the record behind each optional input."""
+
+
+def lacking(kind: type[AbstractEffect], test: Blocks) -> tuple[str, ...]:
+    """Return the channels that an effect needs and a test does not have."""
+    needs = [need for need in kind.card.needs if _is_absent(test, need)]
+    return tuple(dict.fromkeys(CHANNELS.get(need, need) for need in needs))
+
+
+def refuse_lacking(kinds: Sequence[type[AbstractEffect]], tests: Sequence[Blocks]) -> None:
+    """Refuse effects whose channels a test does not have.
+
+    Args:
+        kinds: The effects.
+        tests: The reduced records that a model with them is to explain or to predict.
+
+    Raises:
+        InputError: With the effect, the channel and the test.
+    """
+    for kind in kinds:
+        for test in tests:
+            missing = lacking(kind, test)
+            if missing:
+                raise InputError(
+                    f"the effect {kind.card.id} needs the channel {', '.join(missing)}, which "
+                    "this test does not have.",
+                    where=test.name,
+                    remedy="Map the channel in [columns], leave the test out, or drop the effect.",
+                )
+
+
+def refuse_unusable(
+    model: Model, tests: Sequence[Blocks], searched: Sequence[type[AbstractEffect]] = ()
+) -> None:
+    """Refuse effects of a model that its network has no place for, or its tests no channel.
+
+    Args:
+        model: Network with effects.
+        tests: The reduced records that it is to explain or to predict.
+        searched: Effects of the model that a search has looked at already.
+
+    Raises:
+        InputError: As `refuse_lacking`, or with the links of the network.
+    """
+    kinds = [kind for kind in model.effects if kind not in searched]
+    refuse_lacking(kinds, tests)
+    reason = unplaced(kinds, model.topology())
+    if reason:
+        raise InputError(
+            reason,
+            where=model.title,
+            remedy="Drop the effect, or choose another network with --model.",
+        )
+
+
+def unplaced(kinds: Sequence[type[AbstractEffect]], network: Network) -> str:
+    """Return why a network has no place for effects, empty if it has one for all of them."""
+    wanted = [(kind, dict.fromkeys(kind.card.parameters, 1.0)) for kind in kinds]
+    try:
+        for effect in build_all(wanted, network):
+            if isinstance(effect, NodeEffect):
+                network = effect.extend(network)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+def _is_absent(test: Blocks, need: str) -> bool:
+    name = "speed" if need == "speed_rad" else need
+    return getattr(test.inputs, name, 0.0) is None

@@ -1,0 +1,37 @@
+"""Quantities as they are printed for people: number and unit."""
+
+from __future__ import annotations
+
+PRINTED = {"1": "", "degC": "°C", "ohm": "Ω", "N m": "N·m"}
+"""Units that are printed otherwise than they are written in files and code."""
+
+
+def printed_unit(unit: str) -> str:
+    """Return a unit as it is printed; empty for a pure number.
+
+    Example:
+        >>> printed_unit("ohm"), printed_unit("K/W"), printed_unit("1")
+        ('Ω', 'K/W', '')
+    """
+    return PRINTED.get(unit, unit)
+
+
+def quantity(number: str, unit: str) -> str:
+    """Return a number with its unit behind it, if it has one.
+
+    Example:
+        >>> quantity("0.62", "1"), quantity("22.8", "degC")
+        ('0.62', '22.8 °C')
+    """
+    return f"{number} {printed_unit(unit)}".rstrip()
+
+
+def rounded(value: float, digits: int = 3) -> str:
+    """Return a number to so many significant digits, without an exponent where it is readable.
+
+    Example:
+        >>> rounded(4711.0), rounded(0.01593, 4), rounded(10481.3, 4), rounded(2.4e-7)
+        ('4710', '0.01593', '10480', '2.4e-07')
+    """
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e7 else text
