@@ -12,8 +12,11 @@ LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import s
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
 
+# One thread for the linear algebra of NumPy, as the commands have it, before pytest loads it.
+test test-slow: export OPENBLAS_NUM_THREADS = 1
+
 test: $(VENV)/ready
-	$(BIN)/pytest -n auto --dist loadfile -m "not slow and not notebook"
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not notebook"
 
 test-slow: $(VENV)/ready
 	$(BIN)/pytest -m "slow or notebook"

@@ -14,19 +14,37 @@ from types import ModuleType
 import pytest
 
 COMPILATIONS = "JAX_COMPILATION_CACHE_DIR"
+ONE_THREAD = "OPENBLAS_NUM_THREADS"
+LONGEST = (
+    "test_discover_command.py", "test_discover.py", "test_run_everywhere.py", "test_posterior.py",
+    "test_same_bytes.py", "test_attacks_load.py", "test_view_browser.py", "test_edges.py",
+    "test_nuts.py", "test_mixed_rates.py", "test_attacks_files.py", "test_fit.py",
+    "test_ratings_figures.py", "test_corpus.py", "test_coverage_small.py", "test_ratios.py",
+    "test_export_run.py", "test_attacks_address.py", "test_attacks_browser.py",
+)  # fmt: skip
+"""Files that take half a minute or more, longest first."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Let all processes of this run of the tests share their compilations, with no other run.
 
-    Half of the processor time of the tests was compiling the same functions in each of them.
+    Half of the processor time of the tests was compiling the same functions in each of them. And
+    keep the linear algebra of NumPy and SciPy on one thread in each, as the commands do: threads
+    that wait for one another take up to nine times the processor time where there are other users.
     """
+    os.environ.setdefault(ONE_THREAD, "1")
     if COMPILATIONS in os.environ:  # a worker's, or the user's
         return
     folder = tempfile.mkdtemp(prefix="heatrun-tests-")
     os.environ[COMPILATIONS] = folder
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
     config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the files that take longest first, so that no core waits for the other at the end."""
+    places = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path.name, len(places)))
 
 
 @pytest.fixture(scope="session")

@@ -34,12 +34,14 @@ os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 class Served:
     """A running `heatrun view`."""
 
-    def __init__(self, folder: Path, *options: str) -> None:
+    def __init__(
+        self, folder: Path, *options: str, program: tuple[str, str] = ("-m", "heatrun.cli")
+    ) -> None:
         self.folder, self.out = folder, folder.parent / "runs"
         self.log = folder.parent / f"{folder.name}.log"
         with self.log.open("w") as file:
             self.process = subprocess.Popen(
-                [sys.executable, "-c", END_WITH_THE_TESTS, "-m", "heatrun.cli", "view", str(folder),
+                [sys.executable, "-c", END_WITH_THE_TESTS, *program, "view", str(folder),
                  "--no-browser", "--port", "0", "--out", str(self.out), *options],
                 stdout=file, stderr=file, env=dict(os.environ),
             )  # fmt: skip
@@ -121,11 +123,13 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., Served]]:
     """Start servers with options, each of a folder of its own, ended after the test."""
     started: list[Served] = []
 
-    def start(*options: str, fill: Callable[[Path], object] | None = None) -> Served:
+    def start(
+        *options: str, fill: Callable[[Path], object] | None = None, **program: tuple[str, str]
+    ) -> Served:
         folder = _fill(tmp_path / f"bench{len(started)}")
         if fill is not None:
             fill(folder)
-        started.append(Served(folder, *options))
+        started.append(Served(folder, *options, **program))
         return started[-1]
 
     try:

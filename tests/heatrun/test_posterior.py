@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -56,25 +57,36 @@ def test_weighted_draws_agree_with_the_ensemble(blocks, motor):
     assert np.all(gap < 5 * np.hypot(by_weights, by_steps)), gap / np.hypot(by_weights, by_steps)
 
 
-def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble(fitted, monkeypatch):
+@pytest.fixture
+def short_chunks(monkeypatch):
+    """A checkpoint every 50 steps instead of 250: what is kept and read back is the same."""
+    monkeypatch.setattr("heatrun.inference.posterior.CHUNK", 50)
+
+
+def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble(
+    fitted, monkeypatch, short_chunks
+):
     monkeypatch.setattr("heatrun.inference.sampling.importance.PARETO_LIMIT", -1.0)
-    assert sample(fitted, method="quick", seed=1, most_steps=500).method == "emcee"
+    assert sample(fitted, method="quick", seed=1, most_steps=100).method == "emcee"
 
 
-def test_a_killed_sampling_goes_on_to_the_same_posterior(fitted, tmp_path):
-    whole = sample(fitted, seed=7, folder=tmp_path / "whole", most_steps=1000)
-    sample(fitted, seed=7, folder=tmp_path / "cut", most_steps=1000)
-    for chunk in (tmp_path / "cut").glob("ensemble_*/chunk_00001.npz"):
+def test_a_killed_sampling_goes_on_to_the_same_posterior(fitted, tmp_path, short_chunks):
+    whole = sample(fitted, seed=7, folder=tmp_path / "whole", most_steps=200)
+    shutil.copytree(tmp_path / "whole", tmp_path / "cut")
+    killed = sorted((tmp_path / "cut").glob("ensemble_*/chunk_00001.npz"))
+    assert killed
+    for chunk in killed:
         chunk.unlink()  # as if killed after the first chunk
-    again = sample(fitted, seed=7, folder=tmp_path / "cut", most_steps=1000)
+    again = sample(fitted, seed=7, folder=tmp_path / "cut", most_steps=200)
     np.testing.assert_array_equal(again.vectors, whole.vectors)
 
 
-def test_a_checkpoint_of_something_else_is_not_taken_up(fitted, tmp_path):
-    sample(fitted, seed=7, folder=tmp_path, most_steps=500)
-    other = sample(fitted, seed=8, folder=tmp_path, most_steps=500)
-    alone = sample(fitted, seed=8, most_steps=500)
+def test_a_checkpoint_of_something_else_is_not_taken_up(fitted, tmp_path, short_chunks):
+    first = sample(fitted, seed=7, folder=tmp_path, most_steps=100)
+    other = sample(fitted, seed=8, folder=tmp_path, most_steps=100)
+    alone = sample(fitted, seed=8, most_steps=100)
     np.testing.assert_array_equal(other.vectors, alone.vectors)
+    assert not np.array_equal(other.vectors, first.vectors)
 
 
 def test_bands_cover_a_held_out_test(posterior, bench, generator, motor):
