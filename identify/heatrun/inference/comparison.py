@@ -112,15 +112,7 @@ def verdict(models: Mapping[str, FittedModel]) -> NetworkVerdict:
     factor = number(models[large].evidence.log_evidence) - number(
         models[small].evidence.log_evidence
     )
-    score = {name: _held_out_score(model) for name, model in models.items()}
-    of_small, of_large = score[small], score[large]
-    held = ""
-    if of_small is not None and of_large is not None:
-        better = large if of_large > of_small else small
-        held = (
-            f" The {titles[better]} predicts the held-out tests better (mean log score per block: "
-            f"{titles[large]} {of_large:.2f}, {titles[small]} {of_small:.2f})."
-        )
+    held = _held_out(models[small], models[large])
     if factor > DECISIVE:
         name, text = large, f"The data favour the {titles[large]}"
     elif factor < -DECISIVE:
@@ -134,9 +126,26 @@ def verdict(models: Mapping[str, FittedModel]) -> NetworkVerdict:
     )
 
 
-def _held_out_score(model: FittedModel) -> float | None:
-    scores = [number(row.log_score) for row in model.residuals if row.role == "holdout"]
-    return float(np.mean(scores)) if scores else None
+def _held_out(small: FittedModel, large: FittedModel) -> str:
+    """Return which network predicts the held-out tests better, by error and by log score."""
+    pair = small, large
+    rows = [[row for row in model.residuals if row.role == "holdout"] for model in pair]
+    if not all(rows):
+        return ""
+    errors = [float(np.sqrt(np.mean([row.rmse_K**2 for row in of]))) for of in rows]
+    scores = [float(np.mean([number(row.log_score) for row in of])) for of in rows]
+    closer = pair[int(np.argmin(errors))]
+    likelier = pair[int(np.argmax(scores))]
+    by_error = f"RMSE: {large.title} {errors[1]:.2f} K, {small.title} {errors[0]:.2f} K"
+    by_score = (
+        f"mean log score per block: {large.title} {scores[1]:.2f}, {small.title} {scores[0]:.2f}"
+    )
+    if closer is likelier:
+        return f" The {closer.title} predicts the held-out tests better ({by_error}; {by_score})."
+    return (
+        f" On the held-out tests the {closer.title} errs less ({by_error}), and the "
+        f"{likelier.title} states its error better ({by_score})."
+    )
 
 
 def _until(until: float | None) -> str:
