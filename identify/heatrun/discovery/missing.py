@@ -28,6 +28,10 @@ CHANCE = 0.01
 NAMED = 0.1
 """Effects of less than this probability are not named [1]."""
 
+ON_A_RESISTANCE = ("surface", "cooling", "winding path", "event")
+"""Families of effects that add to a resistance of the network or scale it: with such an effect the
+resistance means something else."""
+
 MOVED = 1.0
 """A parameter is told to move if it does by more than this many of its standard deviations [1]."""
 
@@ -145,8 +149,14 @@ def _moved(first: Suspect, moves: Mapping[str, tuple[float, float]]) -> str:
         f"{name} {100.0 * abs(change):.2g} % {'higher' if change > 0 else 'lower'}"
         for name, (change, _) in moves.items()
     )
+    scaled = (
+        " A resistance that the effect acts on is told where the effect vanishes."
+        if first.candidate.kind.card.family in ON_A_RESISTANCE
+        else ""
+    )
     return (
-        f"With {first.candidate.id} in the model: {told}. The 95 % intervals do not allow for this."
+        f"With {first.candidate.id} in the model: {told}.{scaled} The 95 % intervals do not allow "
+        "for this."
     )
 
 
