@@ -13,10 +13,10 @@ import pytest
 HERE = Path(__file__).parent
 HEAVY = {
     "jit(_solve)": 1,  # the search: all starts, under white and under settled noise, share it
-    "jit(_objective)": 1,
+    "jit(_objective)": 3,  # of the fit; of the screening, with and without room for the catalogue
     "jit(log_posterior_batch)": 1,
     "jit(linearise)": 1,
-    "jit(whiten)": 1,  # residual with Jacobian
+    "jit(whiten)": 2,  # residual with Jacobian; a prediction with its spread
     "jit(information)": 1,  # the record imagined longer
     "jit(_place)": 1,
     "jit(predict_batch)": 2,  # the steps of the record, and finer ones
@@ -39,7 +39,7 @@ def test_a_calibration_compiles_each_function_once(counts):
     assert not grown, f"compiled more often than {HEAVY}: {grown}"
     assert found["jit(_solve)"] == 1  # else the names have changed and nothing is watched
     # the rest are single operations of about 15 ms each
-    assert sum(found.values()) <= 80, found
+    assert sum(found.values()) <= 90, found  # 80 with the screening
 
 
 def test_a_second_record_of_the_same_shape_compiles_nothing(counts):
@@ -52,8 +52,8 @@ def test_a_fit_takes_no_more_searches_and_steps_than_it_needs(record, counts):
     # 16 starts, one or two rounds of noise and least squares, a last look from distinct optima
     assert found["calls"]["search"] <= 21, found["calls"]
     assert found["steps"] <= 40, found["steps"]  # 24 and 20 of 120
-    # three starts of about 25 evaluations in each round
-    assert found["calls"]["noise"] <= 200, found["calls"]
+    # three starts of about 25 evaluations in each round, and in both of the screening
+    assert found["calls"]["noise"] <= 320, found["calls"]
 
 
 def test_the_likelihood_is_called_for_the_draws_alone(counts):

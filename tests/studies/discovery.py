@@ -2,7 +2,7 @@
 
 Every case goes through `heatrun discover`, from CSV files and a motor file to the run folder.
 Writes rows, gates, the table per effect and the confusion figure under `results/discovery/`. Seeds
-below 50000 were used to set thresholds; reports use seeds from 90000 on, once (50000 and 60000 were
+below 50000 were used to set thresholds; reports use seeds from 100000 on, once (50000, 60000 and 90000 were
 reported before; of 80000 one case was looked at and changed the code).
 """
 
@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from discovery_gates import claims, gates, hidden_effects, is_right
 
-REPORTING_SEED = 90_000
+REPORTING_SEED = 100_000
 
 
 def main() -> None:
