@@ -2,8 +2,8 @@
 
 Every case goes through `heatrun discover`, from CSV files and a motor file to the run folder.
 Writes rows, gates, the table per effect and the confusion figure under `results/discovery/`. Seeds
-below 50000 were used to set thresholds; reports use seeds from 100000 on, once (50000, 60000 and 90000 were
-reported before; of 80000 one case was looked at and changed the code).
+below 50000 were used to set thresholds; reports use seeds from 100000 on, once (50000, 60000 and
+90000 were reported before; of 80000 one case was looked at and changed the code).
 """
 
 from __future__ import annotations
