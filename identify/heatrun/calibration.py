@@ -18,7 +18,6 @@ from .bench.reduction import reduce
 from .discovery.missing import missing, missing_finding
 from .errors import InputError
 from .inference.batches import at_once
-from .inference.effect_needs import refuse_unusable
 from .inference.fitting.fit import fit
 from .inference.fitting.fit_checks import fit_findings
 from .inference.fitting.fit_result import Fit
@@ -148,7 +147,7 @@ def calibrate(
             f"two networks have one name: {', '.join(names)}.", remedy="Rename one in its file."
         )
     for model in models:
-        refuse_unusable(model, [test.blocks for test in tests])
+        model.refuse_unusable([test.blocks for test in tests])
     shares = dict.fromkeys(names, 0.0)
 
     def one(model: Model) -> _Outcome:

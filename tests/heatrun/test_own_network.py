@@ -13,7 +13,6 @@ from heatrun import cli
 from heatrun.discovery.screening.library import library
 from heatrun.errors import InputError, UsageError
 from heatrun.inference.catalogue import effects_named
-from heatrun.inference.effect_needs import refuse_unusable
 from heatrun.inference.model import Model
 from heatrun.inference.networks import network_named, pair_of
 from lptn import EFFECTS
@@ -131,7 +130,7 @@ def test_an_effect_that_would_add_a_node_again_is_not_searched(folder, blocks, m
     assert "housing_node" in {kind.card.id for kind in found.kinds}
     twice = Model.of(str(folder / "four.toml"), motor, effects_named(["rotor_node"]))
     with pytest.raises(InputError, match="already has a node 'rotor'"):
-        refuse_unusable(twice, [blocks])
+        twice.refuse_unusable([blocks])
 
 
 def test_which_two_networks_are_compared(folder):

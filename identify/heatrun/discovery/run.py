@@ -15,7 +15,6 @@ from lptn.effects import AbstractEffect
 from ..bench.blocks import Blocks
 from ..errors import InputError
 from ..inference.catalogue import all_effects
-from ..inference.effect_needs import refuse_unusable
 from ..inference.fitting.fit_result import Fit
 from ..inference.model import Model
 from ..inference.networks import NetworkForm
@@ -122,7 +121,7 @@ def discover(
     """
     watch = _Watch()
     bare = Model.of(order, motor, known)
-    refuse_unusable(bare, [*tests, *held_out])
+    bare.refuse_unusable([*tests, *held_out])
     searched = [k for k in (kinds or all_effects()) if k not in bare.effects]
     blocked = without_resistance(searched, motor)
     found = library(

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from lptn import Network
 from lptn.effects import AbstractEffect, NodeEffect, build_all
 
 from ..bench.blocks import Blocks
 from ..errors import InputError
-
-if TYPE_CHECKING:
-    from .model import Model
 
 CHANNELS = {
     "speed": "speed_rpm",
@@ -51,26 +47,22 @@ def refuse_lacking(kinds: Sequence[type[AbstractEffect]], tests: Sequence[Blocks
                 )
 
 
-def refuse_unusable(
-    model: Model, tests: Sequence[Blocks], searched: Sequence[type[AbstractEffect]] = ()
-) -> None:
-    """Refuse effects of a model that its network has no place for, or its tests no channel.
+def refuse_unplaced(kinds: Sequence[type[AbstractEffect]], network: Network, title: str) -> None:
+    """Refuse effects that a network has no place for.
 
     Args:
-        model: Network with effects.
-        tests: The reduced records that it is to explain or to predict.
-        searched: Effects of the model that a search has looked at already.
+        kinds: The effects.
+        network: The network.
+        title: The network in a sentence.
 
     Raises:
-        InputError: As `refuse_lacking`, or with the links of the network.
+        InputError: With the links of the network.
     """
-    kinds = [kind for kind in model.effects if kind not in searched]
-    refuse_lacking(kinds, tests)
-    reason = unplaced(kinds, model.topology())
+    reason = unplaced(kinds, network)
     if reason:
         raise InputError(
             reason,
-            where=model.title,
+            where=title,
             remedy="Drop the effect, or choose another network with --model.",
         )
 

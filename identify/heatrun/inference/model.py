@@ -18,7 +18,7 @@ from ..bench.blocks import SLOW_LOGGER_S, Blocks, Observation
 from ..errors import InputError
 from ..motor import Motor
 from .catalogue import effects_named
-from .effect_needs import refuse_unusable
+from .effect_needs import refuse_lacking, refuse_unplaced
 from .effect_parameters import effect_names, effect_parameters, qualified
 from .networks import BUILT_IN, NetworkForm, network_named
 from .networks.form import STATOR
@@ -127,6 +127,22 @@ class Model:
         """Return the network with all parameters 1: for questions that need no values."""
         return self.network({p.name: jnp.asarray(1.0) for p in self.form.parameters})
 
+    def refuse_unusable(
+        self, tests: Sequence[Blocks], searched: Sequence[type[AbstractEffect]] = ()
+    ) -> None:
+        """Refuse effects that the network has no place for, or the tests no channel.
+
+        Args:
+            tests: The reduced records that the model is to explain or to predict.
+            searched: Effects of the model that a search has looked at already.
+
+        Raises:
+            InputError: With the effect, and the channel and the test or the links of the network.
+        """
+        kinds = [kind for kind in self.effects if kind not in searched]
+        refuse_lacking(kinds, tests)
+        refuse_unplaced(kinds, self.topology(), self.title)
+
     @property
     def needs_resistance(self) -> bool:
         """Whether the phase resistance enters: not in one node under a measured balance."""
@@ -212,7 +228,7 @@ def parameters(
         InputError: If the phase resistance is needed and not given, an override is wrong, or an
             effect lacks its channel or its place.
     """
-    refuse_unusable(model, tests, searched)
+    model.refuse_unusable(tests, searched)
     check_names((*override_names(model.form), *effect_names(model.effects)), motor)
     shared = [*model.form.parameters, *_resistance(model, motor), *INSTRUMENTS]
     if "torque_offset" in motor.parameters:
