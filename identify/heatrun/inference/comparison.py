@@ -136,15 +136,15 @@ def _held_out(small: FittedModel, large: FittedModel) -> str:
     scores = [float(np.mean([number(row.log_score) for row in of])) for of in rows]
     closer = pair[int(np.argmin(errors))]
     likelier = pair[int(np.argmax(scores))]
-    by_error = f"RMSE: {large.title} {errors[1]:.2f} K, {small.title} {errors[0]:.2f} K"
+    by_error = f"RMSE ({large.title} {errors[1]:.2f} K, {small.title} {errors[0]:.2f} K)"
     by_score = (
-        f"mean log score per block: {large.title} {scores[1]:.2f}, {small.title} {scores[0]:.2f}"
+        f"mean log score per block ({large.title} {scores[1]:.2f}, {small.title} {scores[0]:.2f})"
     )
     if closer is likelier:
-        return f" The {closer.title} predicts the held-out tests better ({by_error}; {by_score})."
+        return f" The {closer.title} predicts the held-out tests better: {by_error}, {by_score}."
     return (
-        f" On the held-out tests the {closer.title} errs less ({by_error}), and the "
-        f"{likelier.title} states its error better ({by_score})."
+        f" On the held-out tests the {closer.title} has the lower {by_error}; the "
+        f"{likelier.title} has the better {by_score}."
     )
 
 
