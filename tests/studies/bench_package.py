@@ -7,6 +7,7 @@ import importlib.util
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 NAME = "synthetic_bench"
 
@@ -28,3 +29,14 @@ def hidden_bench() -> ModuleType:
     """Return the package of the bench with hidden causes, a part of it."""
     bench()
     return importlib.import_module(f"{NAME}.hidden")
+
+
+def write_motor(case: Any, folder: Path) -> None:
+    """Write the motor file of a case of the bench with hidden causes as `motor.toml`."""
+    machine = case.machine
+    (folder / "motor.toml").write_text(
+        f'[motor]\nname = "study"\nlosses = "{case.losses}"\n'
+        f"rated_speed_rpm = {machine.rated_speed_rpm:.2f}\n[winding]\n"
+        f"phase_resistance_ohm = {machine.phase_resistance_ohm:.6g}\n",
+        encoding="utf-8",
+    )

@@ -19,7 +19,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
-from bench_package import hidden_bench
+from bench_package import hidden_bench, write_motor
 
 SHOWN = (
     "natural_convection", "speed_cooling", "fan_cooling", "cooling_step", "coolant_sink",
@@ -114,13 +114,7 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
 
 def write_bench(case: Any, folder: Path, order: str) -> list[str]:
     """Write motor file and records of a case; return the arguments of the command."""
-    machine = case.machine
-    (folder / "motor.toml").write_text(
-        f'[motor]\nname = "study"\nlosses = "{case.losses}"\n'
-        f"rated_speed_rpm = {machine.rated_speed_rpm:.2f}\n[winding]\n"
-        f"phase_resistance_ohm = {machine.phase_resistance_ohm:.6g}\n",
-        encoding="utf-8",
-    )
+    write_motor(case, folder)
     by_role: dict[str, list[str]] = {"calibration": [], "holdout": []}
     for test in case.tests:
         path = folder / f"{test.name}.csv"

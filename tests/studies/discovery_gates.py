@@ -111,6 +111,13 @@ def _is_worse(row: dict[str, Any]) -> bool:
     return after > before + max(WORSE_K, WORSE_SHARE * before, 0.5 * row["noise_K"])
 
 
+def limits_95(count: int, num: int) -> tuple[float, float]:
+    """Return the 95 % limits of a share after Clopper and Pearson [1]."""
+    low = float(beta.ppf(0.025, count, num - count + 1)) if count else 0.0
+    high = float(beta.ppf(0.975, count + 1, num - count)) if count < num else 1.0
+    return low, high
+
+
 def _share(what: str, wanted: str, rule: str, values: Iterable[Any]) -> dict[str, Any]:
     """Return a gate on a share, with its Clopper-Pearson limits."""
     listed = [bool(value) for value in values]
@@ -118,8 +125,7 @@ def _share(what: str, wanted: str, rule: str, values: Iterable[Any]) -> dict[str
     limit = float(rule.split()[1]) / 100.0
     rate = count / num if num else None
     holds = None if rate is None else rate <= limit if rule.startswith("≤") else rate >= limit
-    low = float(beta.ppf(0.025, count, num - count + 1)) if count else 0.0
-    high = float(beta.ppf(0.975, count + 1, num - count)) if count < num else 1.0
+    low, high = limits_95(count, num)
     is_proven = high <= limit if rule.startswith("≤") else low >= limit
     return {
         "what": what,

@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from discovery_gates import limits_95
 from misfit_cases import KINDS, OF_AN_INSTRUMENT, PARAMETERS, REDEFINES, jobs, run
 
 REPORTING_SEED = 200_000
@@ -150,8 +150,7 @@ def _gate(what: str, most: float, cases: Sequence[bool]) -> str:
     if not cases:
         return f"| {what} | ≤ {100 * most:.0f} % | – | – | – |"
     count, num = sum(cases), len(cases)
-    low = beta.ppf(0.025, count, num - count + 1) if count else 0.0
-    high = beta.ppf(0.975, count + 1, num - count) if count < num else 1.0
+    low, high = limits_95(count, num)
     mark = "met" if high <= most else "met, too few cases to show it"
     mark = mark if count <= most * num else "**missed**"
     return (

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from bench_package import hidden_bench
+from bench_package import hidden_bench, write_motor
 
 PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 
@@ -84,12 +84,7 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
 def write_bench(case: Any, folder: Path, kind: str) -> list[str]:
     """Write motor file and records of a case; return the arguments of the command."""
     machine = case.machine
-    (folder / "motor.toml").write_text(
-        f'[motor]\nname = "study"\nlosses = "{case.losses}"\n'
-        f"rated_speed_rpm = {machine.rated_speed_rpm:.2f}\n[winding]\n"
-        f"phase_resistance_ohm = {machine.phase_resistance_ohm:.6g}\n",
-        encoding="utf-8",
-    )
+    write_motor(case, folder)
     paths = []
     for test in case.tests:
         table = pd.DataFrame(test.columns).iloc[::2]  # a logger at 1 Hz

@@ -10,7 +10,6 @@ from ..results.candidate import CandidateFate, HeldOutErrors, Status
 from .grow import NUM_REFITTED, Round
 from .judging.acceptance import WORTH_A_REFIT, Rival
 from .run import Discovery
-from .screening.library import Candidate
 from .screening.screen import VISIBLE, VISIBLE_K, Score
 
 
@@ -24,7 +23,7 @@ def describe_candidates(found: Discovery) -> tuple[CandidateFate, ...]:
         row = CandidateFate(
             id=score.candidate.id,
             family=card.family,
-            test=test_name(found, score.candidate),
+            test=score.candidate.test_name(found.engine.tests),
             status=status,
             reason=reason,
             visibility=score.visibility,
@@ -93,8 +92,3 @@ def _fate(found: Discovery, score: Score) -> tuple[Status, str, Rival | None]:
 def _overtaken(round_: Round) -> str:
     assert round_.accepted is not None
     return f"{round_.accepted.candidate.id} explains the residuals better"
-
-
-def test_name(found: Discovery, candidate: Candidate) -> str | None:
-    """Return the test that an event happens in, None for all other effects."""
-    return None if candidate.test is None else found.engine.tests[candidate.test].name

@@ -8,18 +8,18 @@ is scored in one pass around the fit. Nothing is refitted, which takes seconds.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..bench.record import Finding
 from ..inference.catalogue import all_effects
 from ..inference.fitting.fit_result import Fit
-from ..inference.problem import Problem
 from .grow import look
 from .screening.bootstrap import familywise_p
 from .screening.engine import Engine, Refit
-from .screening.library import Candidate, library, without_resistance
+from .screening.extension import extended_engine
+from .screening.library import Candidate
 from .screening.screen import Score
 
 CHANCE = 0.01
@@ -88,16 +88,9 @@ def missing(fit: Fit, *, seed: int = 0) -> Missing | None:
         seed: Of the records that are drawn for comparison.
     """
     problem = fit.problem
-    model, tests = problem.model, problem.tests
-    searched = [kind for kind in all_effects() if kind not in model.effects]
-    blocked = without_resistance(searched, problem.motor)
-    found = library(
-        [kind for kind in searched if kind.card.id not in blocked], model.topology(), tests
-    )
+    found, engine = extended_engine(problem.model, problem.motor, problem.tests, all_effects())
     if not found.candidates:
         return None
-    extended = replace(model, effects=(*model.effects, *found.kinds))
-    engine = Engine(Problem.of(extended, problem.motor, tests, searched=found.kinds))
     z = np.zeros(len(engine.slots))
     for slot, score in zip(fit.slots, fit.z, strict=True):
         place = engine.find(slot.parameter.name, slot.test)
@@ -170,7 +163,7 @@ def _suspects(
     return tuple(
         Suspect(
             candidate=scores[i].candidate,
-            test=_test_name(engine, scores[i].candidate),
+            test=scores[i].candidate.test_name(engine.tests),
             probability=float(share[i]),
             moves=_moves(engine, fit, present, scores[i]),
         )
@@ -198,7 +191,3 @@ def _moves(
         after = float(parameter.value(np.float64(there)))
         result[slot.name] = (after / before - 1.0, (there - float(fit.z[place])) / sd)
     return result
-
-
-def _test_name(engine: Engine, candidate: Candidate) -> str | None:
-    return None if candidate.test is None else engine.tests[candidate.test].name

@@ -40,7 +40,7 @@ from ..results.gap import (
 from ..results.missing import Localisation, LocalisedMisfit, MissingCourse, MissingSpan
 from ..results.values import Interval, Role
 from ..version import __version__
-from .fates import describe_candidates, test_name
+from .fates import describe_candidates
 from .judging.final_check import Adequacy
 from .localise import Span, Where
 from .rivals import Named
@@ -155,7 +155,7 @@ def _effect(found: Discovery, shown: Shown, named: Named) -> FoundEffect:
         id=rival.candidate.id,
         family=kind.card.family,
         law=kind.card.law,
-        test=test_name(found, rival.candidate),
+        test=rival.candidate.test_name(found.engine.tests),
         probability=named.probability,
         equivalents=tuple(candidate.id for candidate in named.equivalents),
         parameters={
@@ -186,7 +186,8 @@ def _effect(found: Discovery, shown: Shown, named: Named) -> FoundEffect:
 
 def _slot_name(found: Discovery, candidate: Candidate, name: str) -> str:
     full = qualified(candidate.kind, name)
-    return full if candidate.test is None else f"{full}[{test_name(found, candidate)}]"
+    test = candidate.test_name(found.engine.tests)
+    return full if test is None else f"{full}[{test}]"
 
 
 def _span(span: Span) -> MissingSpan:

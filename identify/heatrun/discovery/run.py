@@ -20,7 +20,6 @@ from ..inference.model import Model
 from ..inference.networks import NetworkForm
 from ..inference.posterior import Posterior, sample, weighted_draws
 from ..inference.predict import Prediction, predict
-from ..inference.problem import Problem
 from ..motor import Motor
 from .extended import extended_fit
 from .grow import Growth, grow
@@ -31,7 +30,8 @@ from .localise import Where, localise
 from .proposed_test import NextTest, next_test
 from .rivals import Named, settle
 from .screening.engine import Engine, Refit
-from .screening.library import Library, library, without_resistance
+from .screening.extension import extended_engine
+from .screening.library import Library
 from .screening.start import base_start
 from .traces import Trace, find_traces
 from .verdict import Verdict, verdict
@@ -122,17 +122,7 @@ def discover(
     watch = _Watch()
     bare = Model.of(order, motor, known)
     bare.refuse_unusable([*tests, *held_out])
-    searched = [k for k in (kinds or all_effects()) if k not in bare.effects]
-    blocked = without_resistance(searched, motor)
-    found = library(
-        [kind for kind in searched if kind.card.id not in blocked],
-        bare.topology(),
-        [*tests, *held_out],
-        num_events=len(tests),
-    )
-    found = replace(found, unavailable={**found.unavailable, **blocked})
-    extended = replace(bare, effects=(*bare.effects, *found.kinds))
-    engine = Engine(Problem.of(extended, motor, tests, searched=found.kinds))
+    found, engine = extended_engine(bare, motor, tests, kinds or all_effects(), held_out)
     say(f"{bare.title}: fitting the network alone")
     start = base_start(engine, seed=seed)
     if not np.all(np.isfinite(start.residual)) or start.chi2 > 1e9:

@@ -31,6 +31,10 @@ class Candidate:
         """Id of the effect."""
         return self.kind.card.id
 
+    def test_name(self, tests: Sequence[Blocks]) -> str | None:
+        """Return the test that an event happens in, None for all other effects."""
+        return None if self.test is None else tests[self.test].name
+
 
 @dataclass(frozen=True)
 class Library:
