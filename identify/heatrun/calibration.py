@@ -15,12 +15,12 @@ from .bench.blocks import Blocks
 from .bench.checks import check_record
 from .bench.joined import read_test
 from .bench.reduction import reduce
+from .discovery.averaging import averaged
 from .discovery.missing import missing, missing_finding
 from .errors import InputError
 from .inference.batches import at_once
 from .inference.fitting.fit import fit
 from .inference.fitting.fit_checks import fit_findings
-from .inference.fitting.fit_result import Fit
 from .inference.fitting.reduction_checks import check_reduction
 from .inference.model import Model
 from .inference.networks import NetworkForm
@@ -163,12 +163,19 @@ def calibrate(
         checkpoints = None if folder is None else folder.checkpoints / model.name
         posterior = sample(found, method=method, seed=seed, folder=checkpoints, progress=report)
         shares[model.name] = 1.0
+        seen = [*found.findings, *_sampling_findings(posterior)]
+        is_last = model.name == names[-1]  # a network that another one extends is known to miss it
+        if is_last:
+            say(f"{model.title}: looking for effects that it misses")
+            screened = missing(found, seed=seed)
+            if screened is not None:
+                posterior = averaged(posterior, screened.alternatives, seed=seed)
+                finding = missing_finding(found, screened)
+                seen += [] if finding is None else [finding]
         predicted = [predict(posterior, test.blocks, seed=seed) for test in tests]
         described = describe_model(posterior, predicted, roles, duties)
-        seen = [*found.findings, *_sampling_findings(posterior)]
-        if model.name == names[-1]:  # a network that another one extends is known to miss it
-            say(f"{model.title}: looking for effects that it misses")
-            seen += [*_missing(found, seed), *fit_findings(posterior, predicted)]
+        if is_last:
+            seen += fit_findings(posterior, predicted)
         return _Outcome(posterior, predicted, described, seen)
 
     outcomes = dict(zip(names, at_once(one, models), strict=True))
@@ -194,13 +201,6 @@ class _Outcome:
     predictions: list[Prediction]
     described: FittedModel
     findings: list[Finding]
-
-
-def _missing(found: Fit, seed: int) -> list[Finding]:
-    """Return what is said of effects that a fit misses."""
-    screened = missing(found, seed=seed)
-    finding = None if screened is None else missing_finding(found, screened)
-    return [] if finding is None else [finding]
 
 
 def identity(motor: Motor, tests: Sequence[BenchTest], **settings: Any) -> dict[str, Any]:

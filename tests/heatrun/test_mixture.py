@@ -14,6 +14,10 @@ ERRORS = 5.0
 """Standard errors of a mean that chance leaves in one case of two million."""
 
 
+CENTRE, SD = np.array([0.5, -1.0, 0.0, -0.5]), np.array([0.2, 0.8, 1.0, 0.9])
+"""Of a normal law of the scores of a noise."""
+
+
 @pytest.fixture
 def rng():
     return np.random.default_rng(4)
@@ -27,19 +31,19 @@ def mean_is_one(log_ratio):
 
 @pytest.fixture
 def kernels(rng):
-    noise_z = rng.standard_normal((500, 3)) * [0.2, 0.8, 1.0] + [0.5, -1.0, 0.0]
+    noise_z = rng.standard_normal((500, 4)) * SD + CENTRE
     return Kernels.over(noise_z, np.full(500, 1.0 / 500), rng)
 
 
 def test_kernels_draw_from_their_density(kernels, rng):
     drawn = kernels.draw(20_000, rng)
-    target = multivariate_normal([0.5, -1.0, 0.0], np.diag([0.2, 0.8, 1.0]) ** 2)
+    target = multivariate_normal(CENTRE, np.diag(SD) ** 2)
     assert mean_is_one(target.logpdf(drawn) - kernels.log_density(drawn))
 
 
 def test_kernels_reach_the_tails_of_the_prior(kernels):
     """Where the tests say nothing of a noise, weights against the prior stay bounded."""
-    far = np.array([[-4.0, 4.0, 4.0]])
+    far = np.array([[-4.0, 4.0, 4.0, -4.0]])
     assert norm.logpdf(far).sum() - kernels.log_density(far)[0] < np.log(10.0) + 1e-9
 
 

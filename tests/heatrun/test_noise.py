@@ -15,7 +15,7 @@ def observation(blocks):
     return blocks.observation()
 
 
-NOISE = Noise(jnp.asarray(0.3), jnp.asarray(45.0), jnp.asarray(0.1))
+NOISE = Noise(*map(jnp.asarray, (0.3, 45.0, 0.1, 0.004)))
 
 
 def covariance(observation, noise):
@@ -31,7 +31,8 @@ def covariance(observation, noise):
     of_readings = float(noise.sd) ** 2 * np.exp(-lag / float(noise.time))
     slow = averaging @ of_readings @ averaging.T
     white = float(noise.white) ** 2 * 20.0 / length + np.asarray(observation.rounding_variance)
-    return (slow + np.diag(white))[np.ix_(seen, seen)]
+    heat = np.asarray(observation.heat) * float(noise.heat)
+    return (slow + np.diag(white) + heat @ heat.T)[np.ix_(seen, seen)]
 
 
 def log_normal(values, covariance):
@@ -46,7 +47,7 @@ def sampled(observation, counts, **changes):
     num = 30
     cut = {
         name: getattr(observation, name)[:num]
-        for name in ("measured", "is_observed", "weight", "position", "rounding_variance")
+        for name in ("measured", "is_observed", "weight", "position", "rounding_variance", "heat")
     }
     count = jnp.asarray(np.resize(counts, num), dtype=float)
     return type(observation)(**{**vars(observation), **cut, "count": count, **changes})
@@ -55,12 +56,28 @@ def sampled(observation, counts, **changes):
 @pytest.mark.parametrize("counts", [[1], [2], [10], [50], [1, 5, 20, 3]])
 @pytest.mark.parametrize("time", [1.0, 20.0, 45.0, 2000.0])
 def test_density_is_that_of_the_dense_covariance(observation, counts, time):
-    noise = Noise(NOISE.sd, jnp.asarray(time), NOISE.white)
+    noise = Noise(NOISE.sd, jnp.asarray(time), NOISE.white, NOISE.heat)
     mask = jnp.ones(30, dtype=bool).at[20:24].set(False)
     gapped = sampled(observation, counts, is_observed=mask)
     residual = jnp.asarray(np.random.default_rng(0).normal(size=mask.size))
     exact = log_normal(np.asarray(residual)[np.asarray(mask)], covariance(gapped, noise))
     assert float(log_density(residual, noise, gapped)) == pytest.approx(exact, rel=1e-10)
+
+
+@pytest.mark.parametrize("num", [1, 3, 16])
+def test_density_with_heat_is_that_of_the_dense_covariance(observation, num):
+    rng = np.random.default_rng(num)
+    seen = jnp.asarray(rng.uniform(size=30) < 0.9)
+    heat = jnp.asarray(100.0 * rng.standard_normal((30, num)))
+    heated = sampled(observation, [5], is_observed=seen, heat=heat)
+    residual = jnp.asarray(rng.normal(size=30))
+    dense = covariance(heated, NOISE)
+    exact = log_normal(np.asarray(residual)[np.asarray(seen)], dense)
+    assert float(log_density(residual, NOISE, heated)) == pytest.approx(exact, rel=1e-9)
+    # a linear map that makes the covariance the unit matrix
+    columns = whiten(jnp.eye(30), NOISE, heated)[0]
+    kept = np.asarray(columns)[np.ix_(seen, seen)]
+    np.testing.assert_allclose(kept @ dense @ kept.T, np.eye(kept.shape[0]), atol=1e-9)
 
 
 @pytest.mark.parametrize("num", [1, 3, 30])
@@ -81,7 +98,8 @@ def test_columns_are_whitened_alike(observation):
 
 @pytest.mark.parametrize("counts", [[1], [3], [40]])
 def test_drawn_noise_has_the_stated_covariance(observation, counts):
-    observation = sampled(observation, counts)
+    heat = jnp.asarray(50.0 * np.random.default_rng(3).standard_normal((30, 4)))
+    observation = sampled(observation, counts, heat=heat)
     errors = np.asarray(draw(jax.random.key(0), NOISE, observation, (4000,)))
     exact = covariance(observation, NOISE)
     sample = np.cov(errors.T)

@@ -76,6 +76,7 @@ def calibration_html(result: FitResult) -> str:
             )
         )  # fmt: skip
         parts.append(f"<p class='faded'>{escape(model.posterior.verdict)}</p>")
+        parts.append(f"<p class='faded'>{escape(model.about_missing())}</p>")
     if result.comparison is not None:
         parts += [f"<p>{escape(sentence)}</p>" for sentence in result.comparison.words]
     return "".join(parts)

@@ -77,12 +77,16 @@ class Blocks:
         """Length of the grid [s]."""
         return float(self.inputs.step) * self.inputs.num_time
 
-    def observation(self) -> Observation:
+    def observation(self, heat: Float[np.ndarray, "block column"] | None = None) -> Observation:
         """Return the arrays that the numerics need.
 
         A reading rounded to a step q errs by q^2/12; what does not average out of a block,
         because the temperature moves slowly, is left to the slow part of the noise.
+
+        Args:
+            heat: As `Observation.heat`; no columns by default.
         """
+        heat = np.zeros((self.measured.size, 0)) if heat is None else heat
         return Observation(
             inputs=self.inputs,
             measured=jnp.asarray(np.nan_to_num(self.measured)),
@@ -92,6 +96,7 @@ class Blocks:
             count=jnp.asarray(self.count, dtype=float),
             rounding_variance=jnp.asarray(self.rounding_K**2 / 12.0 / np.maximum(self.count, 1.0)),
             block_s=jnp.asarray(self.block_s, dtype=float),
+            heat=jnp.asarray(heat),
         )
 
 
@@ -107,6 +112,8 @@ class Observation(eqx.Module):
         count: As `Blocks.count`.
         rounding_variance: Variance of each block's mean from rounding [K^2], shape (block,).
         block_s: Length of a block [s].
+        heat: What unmodelled heat with the standard deviation of the mean loss does to the block
+            means [K], as columns whose outer product is its covariance, shape (block, column).
     """
 
     inputs: Inputs
@@ -117,3 +124,4 @@ class Observation(eqx.Module):
     count: Float[Array, " block"]
     rounding_variance: Float[Array, " block"]
     block_s: Float[Array, ""]
+    heat: Float[Array, "block column"]

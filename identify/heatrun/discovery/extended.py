@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..inference import noise as noise_module
-from ..inference.fitting.adequacy import misfit_excess
+from ..inference.discrepancy import with_heat
 from ..inference.fitting.fit_result import RESULT, Fit
-from ..inference.fitting.laplace import spread, whiten_fit
+from ..inference.fitting.laplace import spread
 from ..inference.fitting.restricted import estimate_noise
+from ..inference.noise import from_scores
 from ..inference.parameters import ParameterSet, collect
 from ..inference.problem import Problem
 from .screening.engine import Engine
@@ -19,37 +19,26 @@ from .screening.known import known_effects_of
 from .screening.library import Candidate
 
 
-def extended_fit(
-    engine: Engine, z: np.ndarray, accepted: Sequence[Candidate], *, is_adequate: bool
-) -> Fit:
+def extended_fit(engine: Engine, z: np.ndarray, accepted: Sequence[Candidate]) -> Fit:
     """Return the joint fit of network, effects and noise as a fit that can be sampled.
 
-    The noise is estimated on this very model, without a limit of its correlation time. Where the
-    model is not adequate it counts as white, as in `inference.fitting.fit`, and the evidence of the
-    readings is divided by the excess of slow residuals.
+    Noise and unmodelled heat are estimated on this very model, without a limit of the noise's
+    correlation time, as in `inference.fitting.fit`: what the model does not explain widens the
+    posterior.
 
     Args:
         engine: The extended model with all effects.
         z: Scores of all its slots to start from.
         accepted: The effects that are in the model; all others are at their null.
-        is_adequate: Whether the model leaves only noise.
     """
     full = engine.problem
     known = known_effects_of(full)
     model = replace(full.model, effects=(*known, *(candidate.kind for candidate in accepted)))
     parameters = _parameters(full.parameters, accepted)
-    kind = "correlated" if is_adequate else "white"
-    problem = Problem(model, full.motor, full.tests, parameters, noise_kind=kind)
+    problem = Problem(model, full.motor, full.tests, parameters)
     order = [_slot(engine, slot.parameter.name, slot.test) for slot in parameters.slots]
-    z, noise_z = _settle(engine, problem, z, order)
+    problem, z, noise_z = _settle(engine, problem, z, order)
     residual, jacobian = engine.linearise(z, order)
-    if not is_adequate:
-        seen = whiten_fit(problem, noise_z, residual, jacobian).residuals
-        level = float(noise_module.from_scores(np.asarray(noise_z), 0.0).total())
-        excess, _ = misfit_excess(problem.tests, seen, level)
-        problem = replace(problem, temper=max(1.0, excess))
-        z, noise_z = _settle(engine, problem, z, order)
-        residual, jacobian = engine.linearise(z, order)
     width = spread(problem, z[order], noise_z, residual, jacobian)
     return Fit(
         problem=problem,
@@ -67,16 +56,17 @@ def extended_fit(
 
 def _settle(
     engine: Engine, problem: Problem, z: np.ndarray, order: Sequence[int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return scores of parameters and noise after two rounds of both."""
+) -> tuple[Problem, np.ndarray, np.ndarray]:
+    """Return problem, scores of parameters and noise after two rounds of both."""
     slots = list(order)
     residual, jacobian = engine.linearise(z, slots)
     for _ in range(2):
+        problem = with_heat(problem, z[slots])
+        assert problem.heat is not None
         noise_z = estimate_noise(problem, z[slots], residual, jacobian)
-        noise = problem.noise(noise_z)
-        found = engine.refit(z, slots, noise, problem.temper)
+        found = engine.with_heat(problem.heat).refit(z, slots, from_scores(noise_z))
         z, residual, jacobian = found.z, found.residual, found.jacobian
-    return z, estimate_noise(problem, z[slots], residual, jacobian)
+    return problem, z, estimate_noise(problem, z[slots], residual, jacobian)
 
 
 def _parameters(full: ParameterSet, accepted: Sequence[Candidate]) -> ParameterSet:

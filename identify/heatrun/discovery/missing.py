@@ -2,12 +2,13 @@
 
 A fit alone cannot say: its noise swallows the misfit, and what is left looks like noise. So the
 noise is estimated with room for the catalogue, as a search for effects does it, and every effect
-is scored in one pass around the fit. Nothing is refitted, which takes seconds.
+is scored in one pass around the fit. Those that the tests speak for are then refitted with the
+network (`alternatives`), so that the posterior can be averaged over them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,12 +16,11 @@ import numpy as np
 from ..bench.record import Finding
 from ..inference.catalogue import all_effects
 from ..inference.fitting.fit_result import Fit
+from ..inference.plausible_effects import PlausibleEffect
+from .alternatives import Alternative, alternatives
 from .grow import look
 from .screening.bootstrap import familywise_p
-from .screening.engine import Engine, Refit
 from .screening.extension import extended_engine
-from .screening.library import Candidate
-from .screening.screen import Score
 
 CHANCE = 0.01
 """Share of clean records in which chance alone would raise the finding [1]."""
@@ -28,36 +28,8 @@ CHANCE = 0.01
 NAMED = 0.1
 """Effects of less than this probability are not named [1]."""
 
-ON_A_RESISTANCE = ("surface", "cooling", "winding path", "event")
-"""Families of effects that add to a resistance of the network or scale it: with such an effect the
-resistance means something else."""
-
 MOVED = 1.0
 """A parameter is told to move if it does by more than this many of its standard deviations [1]."""
-
-
-@dataclass(frozen=True)
-class Suspect:
-    """An effect that the tests point to.
-
-    Attributes:
-        candidate: The effect.
-        test: Name of the test that it happens in; None if it acts in all of them.
-        probability: That it is the one that is missing, if one of the catalogue is [1].
-        moves: By parameter of the network: relative change with the effect in the model [1], and
-            the same in standard deviations of the posterior [1].
-    """
-
-    candidate: Candidate
-    test: str | None
-    probability: float
-    moves: Mapping[str, tuple[float, float]]
-
-    @property
-    def words(self) -> str:
-        """The effect with its probability, as printed."""
-        place = "" if self.test is None else f" in {self.test}"
-        return f"{self.candidate.id}{place} ({100.0 * self.probability:.0f} %)"
 
 
 @dataclass(frozen=True)
@@ -67,17 +39,18 @@ class Missing:
     Attributes:
         p: Share of clean records whose best effect scores as high [1].
         log_bayes: Log Bayes factor of the best effect [nat].
-        suspects: Effects by probability, the most probable first.
+        alternatives: Models with one effect that the tests leave possible, the most probable
+            first.
     """
 
     p: float
     log_bayes: float
-    suspects: tuple[Suspect, ...]
+    alternatives: tuple[Alternative, ...]
 
     @property
     def is_seen(self) -> bool:
         """Whether the tests show that something is missing."""
-        return self.p < CHANCE and self.log_bayes > 0.0
+        return self.p < CHANCE and len(self.alternatives) > 0
 
 
 def missing(fit: Fit, *, seed: int = 0) -> Missing | None:
@@ -96,27 +69,32 @@ def missing(fit: Fit, *, seed: int = 0) -> Missing | None:
         place = engine.find(slot.parameter.name, slot.test)
         assert place is not None
         z[place] = score
+    assert [engine.slots[place].name for place in engine.base] == [s.name for s in fit.slots]
+    assert problem.heat is not None
+    heated = engine.with_heat(problem.heat)
+    engine = engine.with_heat(tuple(np.zeros_like(columns) for columns in problem.heat))
     present = engine.refit(z, engine.base, fit.noise)
     screen, noise_scores = look(engine, present, found.candidates)
     scores = screen.scores()
     p = familywise_p(engine, screen, noise_scores, scores[0].log_bayes, seed)
-    return Missing(p, scores[0].log_bayes, _suspects(engine, fit, screen.present, scores))
+    others = alternatives(fit, heated, screen.present, scores, len(found.candidates))
+    return Missing(p, scores[0].log_bayes, others)
 
 
 def missing_finding(fit: Fit, found: Missing) -> Finding | None:
     """Return the finding that a network misses an effect; None if the tests do not show it."""
     if not found.is_seen:
         return None
-    named = [s for s in found.suspects if s.probability >= NAMED] or [*found.suspects[:1]]
-    first = named[0]
-    moves = {name: move for name, move in first.moves.items() if abs(move[1]) > MOVED}
+    first = found.alternatives[0]
+    named = [a for a in found.alternatives if a.effect.probability >= NAMED] or [first]
+    moves = _moves(fit, first)
     message = (
         f"the {fit.problem.model.words} is incomplete: its residuals show an effect that it lacks "
         f"(p = {found.p:.2g}, the share of clean records that would look so). Most likely: "
-        f"{', '.join(s.words for s in named)}. {_moved(first, moves)}"
+        f"{', '.join(_words(each.effect) for each in named)}. {_moved(first, moves)}"
     )
     with_effects = ",".join([kind.card.id for kind in fit.problem.model.effects]
-                            + [first.candidate.id])  # fmt: skip
+                            + [first.effect.id])  # fmt: skip
     return Finding(
         id="missing_effect",
         severity="warning",
@@ -127,67 +105,46 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
         values={
             "familywise_p": found.p,
             "log_bayes_factor": found.log_bayes,
-            **{f"change_of_{name}": change for name, (change, _) in first.moves.items()},
+            **{f"change_of_{name}": change for name, (change, _) in moves.items()},
         },
     )
 
 
-def _moved(first: Suspect, moves: Mapping[str, tuple[float, float]]) -> str:
-    if not moves:
-        return (
-            f"With {first.candidate.id} in the model, no parameter of the network would move by "
-            "more than its standard deviation."
-        )
+def _words(effect: PlausibleEffect) -> str:
+    """Return an effect with its probability, as printed."""
+    place = "" if effect.test is None else f" in {effect.test}"
+    return f"{effect.id}{place} ({100.0 * effect.probability:.0f} %)"
+
+
+def _moves(fit: Fit, first: Alternative) -> dict[str, tuple[float, float]]:
+    """Return where an effect puts the network's parameters, against the network alone.
+
+    Returns:
+        By name: relative change [1], and the same in standard deviations of the fit [1].
+    """
+    moved = first.mean()
+    result = {}
+    for place, slot in enumerate(fit.slots):
+        parameter = slot.parameter
+        if parameter.role == "network":
+            before, after = (float(parameter.value(np.float64(z[place]))) for z in (fit.z, moved))
+            sd = float(np.sqrt(fit.covariance[place, place]))
+            result[slot.name] = (after / before - 1.0, float(moved[place] - fit.z[place]) / sd)
+    return result
+
+
+def _moved(first: Alternative, moves: Mapping[str, tuple[float, float]]) -> str:
     told = ", ".join(
         f"{name} {100.0 * abs(change):.2g} % {'higher' if change > 0 else 'lower'}"
-        for name, (change, _) in moves.items()
+        for name, (change, in_sds) in moves.items()
+        if abs(in_sds) > MOVED
     )
-    scaled = (
-        " A resistance that the effect acts on is told where the effect vanishes."
-        if first.candidate.kind.card.family in ON_A_RESISTANCE
-        else ""
-    )
-    return (
-        f"With {first.candidate.id} in the model: {told}.{scaled} The 95 % intervals do not allow "
-        "for this."
-    )
-
-
-def _suspects(
-    engine: Engine, fit: Fit, present: Refit, scores: Sequence[Score]
-) -> tuple[Suspect, ...]:
-    log_bayes = np.array([score.log_bayes for score in scores])
-    weight = np.exp(log_bayes - log_bayes.max())
-    share = weight / weight.sum()
-    order = np.argsort(-share)
-    return tuple(
-        Suspect(
-            candidate=scores[i].candidate,
-            test=scores[i].candidate.test_name(engine.tests),
-            probability=float(share[i]),
-            moves=_moves(engine, fit, present, scores[i]),
+    if not told:
+        return (
+            f"With {first.effect.id} in the model, no parameter of the network would move by more "
+            "than its standard deviation."
         )
-        for i in order
+    return (
+        f"With {first.effect.id} in the model, against the network alone: {told}. The 95 % "
+        "intervals allow for it."
     )
-
-
-def _moves(
-    engine: Engine, fit: Fit, present: Refit, score: Score
-) -> dict[str, tuple[float, float]]:
-    """Return where the network's parameters would be with an effect, against the fit.
-
-    The screening has a fit of its own, under a noise that has not swallowed the misfit.
-    """
-    places = {slot.name: place for place, slot in enumerate(fit.slots)}
-    result = {}
-    for shift, position in zip(score.shift, present.free, strict=True):
-        slot = engine.slots[position]
-        if slot.parameter.role != "network":
-            continue
-        parameter, place = slot.parameter, places[slot.name]
-        sd = float(np.sqrt(fit.covariance[place, place]))
-        before = float(parameter.value(np.float64(fit.z[place])))
-        there = float(present.z[position] + shift)
-        after = float(parameter.value(np.float64(there)))
-        result[slot.name] = (after / before - 1.0, (there - float(fit.z[place])) / sd)
-    return result

@@ -152,10 +152,10 @@ def discover(
     said = verdict(growth, named, before, after, traces)
     after_test = next_test(engine, final, named) if said.word in ("ambiguous",) else None
     watch.lap("next test")
-    base_fit = extended_fit(engine, growth.base.z, (), is_adequate=before.is_adequate)
+    base_fit = extended_fit(engine, growth.base.z, ())
     last_fit = base_fit
     if named:
-        last_fit = extended_fit(engine, final.z, accepted, is_adequate=after.is_adequate)
+        last_fit = extended_fit(engine, final.z, accepted)
     watch.lap("fits")
     return Discovery(
         engine=engine,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +12,7 @@ from . import noise as noise_module
 from .model import Model
 from .noise import Noise
 from .parameters import ParameterSet
+from .plausible_effects import PlausibleEffects
 
 NUM_NOISE = len(noise_module.NOISE)
 
@@ -26,24 +26,20 @@ class Draws:
         motor: The machine.
         parameters: What stands in which place of a vector, with priors and fixed values.
         vectors: Scores of parameters and noise, shape (draw, all).
-        noise_kind: Whether the noise has a slow part, or counts as white.
+        plausible: Effects behind the draws; None where all are of the model alone.
     """
 
     model: Model
     motor: Motor
     parameters: ParameterSet
     vectors: Float[np.ndarray, "draw all"]
-    noise_kind: Literal["correlated", "white"] = "correlated"
-
-    @property
-    def slow_noise(self) -> float:
-        """1 if the noise has a slow part, 0 if it counts as white."""
-        return 1.0 if self.noise_kind == "correlated" else 0.0
+    plausible: PlausibleEffects | None = None
 
     def thin(self, num: int, seed: int = 0) -> Draws:
         """Return `num` of the draws, picked evenly at random without repetition."""
         picked = np.random.default_rng(seed).permutation(self.vectors.shape[0])[:num]
-        return Draws(self.model, self.motor, self.parameters, self.vectors[picked], self.noise_kind)
+        plausible = None if self.plausible is None else self.plausible.pick(picked)
+        return replace(self, vectors=self.vectors[picked], plausible=plausible)
 
     def values(self) -> dict[str, np.ndarray]:
         """Return the draws of the free parameters by slot name [their units], shape (draw,)."""
@@ -70,4 +66,4 @@ class Draws:
 
     def noise(self) -> Noise:
         """Return the noise of each draw, shape (draw,) each."""
-        return noise_module.from_scores(self.vectors[:, -NUM_NOISE:].T, self.slow_noise)
+        return noise_module.from_scores(self.vectors[:, -NUM_NOISE:].T)

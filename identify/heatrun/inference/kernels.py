@@ -18,8 +18,8 @@ DEGREES_OF_FREEDOM = 5.0
 
 NUM_KERNELS = 256
 BANDWIDTH = 0.6
-"""Width of a kernel in standard deviations [1]: Silverman's rule, 0.45 for 256 points in 3
-dimensions, and a third more, because too thin a tail costs more than a broad middle."""
+"""Width of a kernel in standard deviations [1]: Silverman's rule, 0.48 for 256 points in 4
+dimensions, and a quarter more, because too thin a tail costs more than a broad middle."""
 
 GUARDING = 0.1
 """Share of the noises drawn from the prior [1], which no tail of their posterior outreaches."""
@@ -29,14 +29,14 @@ class Kernels(eqx.Module):
     """A density of the noise's scores as a sum of equal Student t kernels.
 
     Attributes:
-        centres: Shape (kernel, 3).
+        centres: Shape (kernel, noise).
         factor: Lower Cholesky factor of the kernels' shape.
         whiten: Its inverse.
     """
 
-    centres: Float[Array, "kernel 3"]
-    factor: Float[Array, "3 3"]
-    whiten: Float[Array, "3 3"]
+    centres: Float[Array, "kernel noise"]
+    factor: Float[Array, "noise noise"]
+    whiten: Float[Array, "noise noise"]
 
     @classmethod
     def at(cls, centres: np.ndarray, factor: np.ndarray) -> Kernels:
@@ -52,7 +52,7 @@ class Kernels(eqx.Module):
         return cls.at(noise_z[picked], BANDWIDTH * np.linalg.cholesky(shape))
 
     def draw(self, num: int, rng: np.random.Generator) -> np.ndarray:
-        """Return draws, shape (num, 3)."""
+        """Return draws, shape (num, noise)."""
         which = rng.integers(len(self.centres), size=num)
         gap = student(num, NUM_NOISE, rng) @ np.asarray(self.factor).T
         noise_z = np.asarray(self.centres)[which] + gap
@@ -60,7 +60,7 @@ class Kernels(eqx.Module):
         noise_z[is_prior] = rng.standard_normal((int(np.sum(is_prior)), NUM_NOISE))
         return noise_z
 
-    def log_density(self, noise_z: Float[Array, "*draw 3"]) -> Float[Array, "*draw"]:
+    def log_density(self, noise_z: Float[Array, "*draw noise"]) -> Float[Array, "*draw"]:
         """Return the log density [nat]."""
         gap = (noise_z @ self.whiten.T)[..., None, :] - self.centres @ self.whiten.T
         parts = log_student(jnp.sum(gap**2, axis=-1), NUM_NOISE)
@@ -69,7 +69,7 @@ class Kernels(eqx.Module):
         return jnp.logaddexp(np.log1p(-GUARDING) + near, np.log(GUARDING) + log_prior(noise_z))
 
 
-def log_prior(noise_z: Float[Any, "*draw 3"]) -> Float[Any, "*draw"]:
+def log_prior(noise_z: Float[Any, "*draw noise"]) -> Float[Any, "*draw"]:
     """Return the log density of the prior of the noise's scores [nat]."""
     return -0.5 * (noise_z**2).sum(axis=-1) - 0.5 * NUM_NOISE * np.log(2.0 * np.pi)
 

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from .batches import at_once
 from .draws import Draws
 from .fitting.fit_result import Fit
+from .plausible_effects import PlausibleEffects
 from .sampling.convergence import Convergence, judge
 from .sampling.importance import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted, importance_sample
 
@@ -47,6 +48,8 @@ class Posterior:
         method: How they were drawn.
         weighted: The importance samples that came first.
         convergence: Verdict on the ensembles; None for importance sampling.
+        plausible: Effects behind the draws, where these are averaged over models with one; None
+            where all draws are of the network alone.
     """
 
     fit: Fit
@@ -55,6 +58,7 @@ class Posterior:
     method: Method
     weighted: Weighted
     convergence: Convergence | None
+    plausible: PlausibleEffects | None = None
 
     @property
     def flat(self) -> Float[np.ndarray, "draw all"]:
@@ -82,9 +86,7 @@ class Posterior:
     def draws(self) -> Draws:
         """The draws with what gives them a meaning: enough to predict any test."""
         problem = self.fit.problem
-        return Draws(
-            problem.model, problem.motor, problem.parameters, self.flat, problem.noise_kind
-        )
+        return Draws(problem.model, problem.motor, problem.parameters, self.flat, self.plausible)
 
     def thin(self, num: int, seed: int = 0) -> Float[np.ndarray, "draw all"]:
         """Return `num` of the draws, picked evenly at random without repetition."""

@@ -14,10 +14,12 @@ from scipy.stats import norm
 
 from ..bench.blocks import Blocks, Observation
 from . import noise as noise_module
+from .discrepancy import heat_columns
 from .draws import Draws
 from .effect_parameters import null_values
 from .model import Model, parameters
 from .noise import Noise
+from .plausible_effects import PlausibleEffects
 from .posterior import Posterior
 from .starts import start_draws
 
@@ -47,6 +49,7 @@ class Prediction:
         draws: The readings themselves, without noise [degC], shape (draw, block).
         values: The parameters behind them by name [their units], shape (draw,).
         noise: The noise of each draw.
+        heat: What unmodelled heat does to the test, as `Observation.heat`.
     """
 
     model: Model
@@ -63,6 +66,7 @@ class Prediction:
     draws: Float[np.ndarray, "draw block"]
     values: Mapping[str, np.ndarray]
     noise: Noise
+    heat: Float[np.ndarray, "block column"]
 
     @property
     def residual(self) -> np.ndarray:
@@ -105,7 +109,9 @@ class Prediction:
         spread = (self.draws - self.median).T / np.sqrt(self.draws.shape[0])
         joined = jnp.asarray(np.nan_to_num(np.column_stack([self.residual, spread])))
         noise = jax.tree.map(lambda draws: jnp.median(jnp.asarray(draws)), self.noise)
-        rows = np.asarray(noise_module.whiten(joined, noise, self.test.observation())[0])[seen]
+        rows = np.asarray(noise_module.whiten(joined, noise, self.test.observation(self.heat))[0])[
+            seen
+        ]
         error, spread = rows[:, 0], rows[:, 1:]
         if not self.is_held_out:
             return error
@@ -142,9 +148,16 @@ def predict(
         fitted_as = owned[0] if owned else fitted_as
         source = source.draws
     drawn = of_test(source, test, fitted_as=fitted_as, num_draws=num_draws, seed=seed)
-    observation = test.observation()
+    middle = {name: float(np.median(draws)) for name, draws in drawn.values.items()}
+    heat = heat_columns(source.model, middle, test)
+    observation = test.observation(heat)
     course = jax.tree.map(np.asarray, _means(source.model, drawn.values, observation))
-    readings = course["reading"]
+    readings, nodes = course["reading"], course["nodes"]
+    if drawn.plausible is not None:
+        added = drawn.plausible.added(source.model, source.motor, test, fitted_as)
+        readings = readings + added
+        measured = source.model.form.measured_node
+        nodes = {**nodes, measured: nodes[measured] + added}
     keys = jax.random.split(jax.random.key(seed), readings.shape[0])
     noisy = readings + np.asarray(_errors(drawn.noise, keys, observation))
     return Prediction(
@@ -155,13 +168,14 @@ def predict(
         parameters=_limits(readings),
         total=_limits(noisy),
         sd=np.std(noisy, axis=0),
-        nodes={n: np.median(v, axis=0) for n, v in course["nodes"].items()},
-        nodes_95={n: _limits(v)["95"] for n, v in course["nodes"].items()},
+        nodes={n: np.median(v, axis=0) for n, v in nodes.items()},
+        nodes_95={n: _limits(v)["95"] for n, v in nodes.items()},
         flows={n: np.median(v, axis=0) for n, v in course["flows"].items()},
         flows_95={n: _limits(v)["95"] for n, v in course["flows"].items()},
         draws=readings,
         values=drawn.values,
         noise=drawn.noise,
+        heat=heat,
     )
 
 
@@ -172,10 +186,12 @@ class OfTest:
     Attributes:
         values: Draws by parameter name [their units], shape (draw,).
         noise: Of each draw.
+        plausible: Effects behind the draws, None if all are of the model alone.
     """
 
     values: dict[str, np.ndarray]
     noise: Noise
+    plausible: PlausibleEffects | None = None
 
 
 def of_test(
@@ -212,7 +228,7 @@ def of_test(
     noise = picked.noise()
     if fitted_as is None:
         values |= start_draws(draws.model, test, dict(known), values, noise, rng)
-    return OfTest(values, noise)
+    return OfTest(values, noise, picked.plausible)
 
 
 @partial(jax.jit, static_argnames="model")

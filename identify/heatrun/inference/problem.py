@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Literal
 
 import equinox as eqx
 import jax
@@ -53,15 +52,10 @@ class Data(eqx.Module):
     Attributes:
         priors: Centres, standard deviations, fixed values.
         tests: The reduced records.
-        slow_noise: 1 if the noise has a slow part, 0 if it counts as white.
-        temper: Factor that the evidence of the readings is divided by [1]: 1, or the inflation
-            that a misfit of the network calls for.
     """
 
     priors: Priors
     tests: tuple[Observation, ...]
-    slow_noise: Float[Array, ""]
-    temper: Float[Array, ""]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,16 +67,14 @@ class Problem:
         motor: What the motor file says.
         tests: The reduced records.
         parameters: The model's parameters over these tests.
-        noise_kind: Whether the noise has a slow part, or counts as white.
-        temper: As `Data.temper`.
+        heat: What unmodelled heat does to each test, as `Observation.heat`; None leaves it out.
     """
 
     model: Model
     motor: Motor
     tests: tuple[Blocks, ...]
     parameters: ParameterSet
-    noise_kind: Literal["correlated", "white"] = "correlated"
-    temper: float = 1.0
+    heat: tuple[Float[np.ndarray, "block column"], ...] | None = None
 
     @classmethod
     def of(
@@ -118,11 +110,10 @@ class Problem:
     @cached_property
     def data(self) -> Data:
         """The numbers."""
+        heat = self.heat or (None,) * len(self.tests)
         return Data(
             priors=self.parameters.priors(),
-            tests=tuple(test.observation() for test in self.tests),
-            slow_noise=jnp.asarray(self.noise_kind == "correlated", dtype=float),
-            temper=jnp.asarray(self.temper, dtype=float),
+            tests=tuple(t.observation(h) for t, h in zip(self.tests, heat, strict=True)),
         )
 
     @property
@@ -134,11 +125,6 @@ class Problem:
     def label(self) -> str:
         """Names of the tests, for messages."""
         return ", ".join(test.name for test in self.tests)
-
-    def noise(self, noise_z: Float[np.ndarray, "3 ..."]) -> Noise:
-        """Return the noise for its scores."""
-        slow = 1.0 if self.noise_kind == "correlated" else 0.0
-        return noise_module.from_scores(np.asarray(noise_z), slow)
 
     def split(self, stacked: np.ndarray) -> list[np.ndarray]:
         """Split rows over all blocks into one array per test."""
@@ -174,7 +160,7 @@ def whitened(
 ) -> Float[Array, " residual"]:
     """Return whitened residuals of all tests, followed by the scores (the prior)."""
     parts = [
-        noise_module.whiten(residual, noise, test)[0] / jnp.sqrt(data.temper)
+        noise_module.whiten(residual, noise, test)[0]
         for residual, test in zip(residuals(structure, data, z), data.tests, strict=True)
     ]
     return jnp.concatenate([*parts, z])
@@ -197,9 +183,10 @@ def log_posterior(
     """Return log likelihood plus log prior of the scores of parameters and noise [nat]."""
     z, noise_z = vector[: structure.num_parameters], vector[structure.num_parameters :]
     prior = -0.5 * jnp.sum(vector**2) - 0.5 * vector.size * jnp.log(2 * jnp.pi)
-    noise = noise_module.from_scores(noise_z, data.slow_noise)
-    total = log_likelihood(structure, data, z, noise) / data.temper + prior
-    return jnp.where(jnp.isfinite(total), total, -jnp.inf)
+    noise = noise_module.from_scores(noise_z)
+    total = log_likelihood(structure, data, z, noise) + prior
+    is_allowed = jnp.all(noise_z <= jnp.asarray(noise_module.LARGEST_SCORES))
+    return jnp.where(is_allowed & jnp.isfinite(total), total, -jnp.inf)
 
 
 @partial(jax.jit, static_argnames="structure")

@@ -8,7 +8,10 @@ from typing import Literal
 from .derived import Derived
 from .parameter import FittedParameter
 from .residuals import ResidualRow
-from .values import Count, Interval, NonNegative
+from .values import Count, Interval, NonNegative, Probability
+
+TOLD = 0.01
+"""Probability from which on an effect that may be missing is told [1]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +27,25 @@ class EffectInModel:
     id: str
     law: str
     parameters: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MaybeMissing:
+    """An effect that the network may miss; the posterior is averaged over these.
+
+    Attributes:
+        id: Its name in the catalogue.
+        test: The test that it happens in; null if it acts in all.
+        probability: That it, and no other, is missing [1].
+        with_effect: Parameters of network and effect by name at the amplitude that counts as 1.
+        without: Parameters of the network alone that it is told from.
+    """
+
+    id: str
+    test: str | None = None
+    probability: Probability
+    with_effect: dict[str, float]
+    without: dict[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,16 +69,19 @@ class FittedNoise:
         sd_K: Standard deviation of its slow part [K].
         time_s: Correlation time of the slow part [s].
         white_K: Standard deviation of the white part in a 20 s mean [K].
-        kind: Whether the residuals count as correlated or as white.
-        temper: What the residuals are divided by because the network misfits [1].
+        unmodelled_heat: Standard deviation of the heat that the network misses over the mean loss
+            [1].
+        kind: Correlated; earlier versions could count residuals as white.
+        temper: 1; earlier versions could divide the evidence of the residuals by more.
         prior: 95 % intervals of the priors by parameter of the noise.
     """
 
     sd_K: NonNegative
     time_s: NonNegative
     white_K: NonNegative
-    kind: Literal["correlated", "white"]
-    temper: NonNegative
+    unmodelled_heat: NonNegative = 0.0
+    kind: Literal["correlated", "white"] = "correlated"
+    temper: NonNegative = 1.0
     prior: dict[str, Interval]
 
 
@@ -123,7 +148,9 @@ class FittedModel:
         residuals: Errors by test.
         posterior: How it was drawn.
         derived: Figures that follow from the parameters, by name with unit.
-        evidence: What the network is compared by.
+        evidence: What the network is compared by, without the effects that it may miss.
+        maybe_missing: Effects that it may miss, the most probable first; the draws are averaged
+            over them.
     """
 
     title: str = ""
@@ -141,3 +168,21 @@ class FittedModel:
     posterior: PosteriorQuality
     derived: dict[str, Derived]
     evidence: Evidence
+    maybe_missing: tuple[MaybeMissing, ...] = ()
+
+    def about_missing(self) -> str:
+        """Return a sentence on the effects that the draws are averaged over, empty without any."""
+        told = [row for row in self.maybe_missing if row.probability >= TOLD]
+        if not told:
+            return ""
+        none = 1.0 - sum(row.probability for row in self.maybe_missing)
+        parts = ", ".join(
+            f"{row.id}{'' if row.test is None else f' in {row.test}'} "
+            f"{100.0 * row.probability:.0f} %"
+            for row in told
+        )
+        return (
+            f"Averaged over effects that the {self.title} may miss: {parts}; none of the catalogue "
+            f"{100.0 * none:.0f} %. A resistance that such an effect scales stands for its mean "
+            "over the tests."
+        )

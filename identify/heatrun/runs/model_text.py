@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from ..inference.catalogue import effects_named
 from ..inference.model import Model
@@ -23,14 +23,10 @@ class ModelOfRun:
     Attributes:
         model: Network with effects and nuisances.
         parameters: Parameters with priors, fixed values and tests.
-        noise_kind: Whether the noise has a slow part, or counts as white.
-        temper: Factor that the evidence of the readings was divided by [1].
     """
 
     model: Model
     parameters: ParameterSet
-    noise_kind: Literal["correlated", "white"]
-    temper: float
 
 
 def model_text(found: ModelOfRun) -> bytes:
@@ -58,7 +54,6 @@ def model_text(found: ModelOfRun) -> bytes:
             "reference_temperature_degC": float(model.reference_temperature),
             "coefficient_degC": float(model.coefficient),
         },
-        "noise": {"kind": found.noise_kind, "temper": float(found.temper)},
         "fitted": {"parameters": [_entry(each) for each in distinct], "tests": tests},
     }
     return tomli_w.dumps(content).encode()
@@ -79,7 +74,7 @@ def read_model(data: bytes, where: str, files: Sequence[Path] = ()) -> ModelOfRu
     if content["format"] != FORMAT:
         raise ValueError(f"format {content['format']!r}, expected {FORMAT}")
     form = network_of(content, where)
-    losses, noise, fitted = content["losses"], content["noise"], content["fitted"]
+    losses, fitted = content["losses"], content["fitted"]
     model = Model(
         form=form,
         kind=losses["kind"],
@@ -94,7 +89,7 @@ def read_model(data: bytes, where: str, files: Sequence[Path] = ()) -> ModelOfRu
         for test in fitted["tests"]
     ]
     names = [test["name"] for test in fitted["tests"]]
-    return ModelOfRun(model, collect(names, by_test), noise["kind"], noise["temper"])
+    return ModelOfRun(model, collect(names, by_test))
 
 
 def _entry(parameter: Parameter) -> Mapping[str, Any]:

@@ -12,11 +12,19 @@ import numpy as np
 from jaxtyping import Float
 
 from ..inference.noise import NOISE
-from ..inference.parameters import ParameterSet
+from ..inference.parameters import Parameter, ParameterSet
+from ..inference.plausible_effects import PlausibleEffect, PlausibleEffects
 from ..inference.posterior import Posterior
 from ..inference.sampling.diagnostics import load_arviz
 from ..io.moment import stated_moment
 from ..io.whole_files import write_whole
+
+ABSENT = -12.0
+"""Score of unmodelled heat in a run that was made before there was any: nothing of the loss."""
+
+
+EFFECT, SIZE = "maybe_missing", "maybe_missing_size"
+"""Names of the effect behind each draw and of its size."""
 
 
 def groups(posterior: Posterior) -> Any:
@@ -25,7 +33,8 @@ def groups(posterior: Posterior) -> Any:
     Group `posterior` holds every free parameter and those of the noise in their units (attribute
     `units`), those that each test has for itself with a dimension `test`, those that only some
     tests have with a dimension `test_of_NAME` over these; `sample_stats` the log density;
-    `observed_data` the block means by test.
+    `observed_data` the block means by test. Where the draws are averaged over effects that the
+    network may miss, `sample_stats` says which is behind each draw (-1: none) and its size.
     """
     arviz = load_arviz()
     tests = posterior.fit.problem.tests
@@ -35,7 +44,7 @@ def groups(posterior: Posterior) -> Any:
     dims |= {name: [f"{name}_block"] for name in observed}
     content = {
         "posterior": variables,
-        "sample_stats": {"lp": posterior.log_density},
+        "sample_stats": {"lp": posterior.log_density, **_plausible(posterior)},
         "observed_data": observed,
     }
     with warnings.catch_warnings():
@@ -99,8 +108,37 @@ def vectors(tree: Any, parameters: ParameterSet) -> Float[np.ndarray, "chain dra
             held = [s.name for s in parameters.slots if s.parameter.name == slot.parameter.name]
             values = values[..., held.index(slot.name)]
         columns.append(slot.parameter.score(values))
-    columns += [p.score(np.asarray(group[p.name], dtype=float)) for p in NOISE]
+    columns += [_noise_scores(group, parameter) for parameter in NOISE]
     return np.stack(columns, axis=-1)
+
+
+def plausible(tree: Any, effects: tuple[PlausibleEffect, ...]) -> PlausibleEffects | None:
+    """Return the effects behind the draws of a run, None where there are none.
+
+    Args:
+        tree: From `read`.
+        effects: As they stand in the result.
+    """
+    group = tree["sample_stats"]
+    if not effects or EFFECT not in group:
+        return None
+    which = np.asarray(group[EFFECT]).reshape(-1).astype(int)
+    return PlausibleEffects(effects, which, np.asarray(group[SIZE], dtype=float).reshape(-1))
+
+
+def _plausible(posterior: Posterior) -> dict[str, np.ndarray]:
+    if posterior.plausible is None:
+        return {}
+    shape = posterior.log_density.shape
+    behind = posterior.plausible
+    return {EFFECT: behind.which.reshape(shape), SIZE: behind.size.reshape(shape)}
+
+
+def _noise_scores(group: Any, parameter: Parameter) -> np.ndarray:
+    """Return the scores of a parameter of the noise; runs of old have no unmodelled heat."""
+    if parameter.name in group:
+        return parameter.score(np.asarray(group[parameter.name], dtype=float))
+    return np.full(np.shape(group[NOISE[0].name]), ABSENT)
 
 
 def summary(posterior: Posterior) -> Any:

@@ -29,6 +29,7 @@ from ..results.model import (
     Evidence,
     FittedModel,
     FittedNoise,
+    MaybeMissing,
     PosteriorQuality,
 )
 from ..results.parameter import FittedParameter, Identifiability
@@ -107,8 +108,7 @@ def describe_model(
             sd_K=float(fit.noise.sd),
             time_s=float(fit.noise.time),
             white_K=float(fit.noise.white),
-            kind=fit.problem.noise_kind,
-            temper=fit.problem.temper,
+            unmodelled_heat=float(fit.noise.heat),
             prior={p.name: p.prior_interval_95() for p in noise.NOISE},
         ),
         residuals=tuple(
@@ -118,6 +118,7 @@ def describe_model(
         posterior=_quality(posterior),
         derived=derive(posterior, duties),
         evidence=_evidence(posterior),
+        maybe_missing=_maybe_missing(posterior),
     )
 
 
@@ -202,12 +203,26 @@ def _quality(posterior: Posterior) -> PosteriorQuality:
     )
 
 
+def _maybe_missing(posterior: Posterior) -> tuple[MaybeMissing, ...]:
+    effects = () if posterior.plausible is None else posterior.plausible.effects
+    return tuple(
+        MaybeMissing(
+            id=each.id,
+            test=each.test,
+            probability=each.probability,
+            with_effect=dict(each.with_effect),
+            without=dict(each.without),
+        )
+        for each in effects
+    )
+
+
 def _evidence(posterior: Posterior) -> Evidence:
     fit = posterior.fit
     size = fit.vector.size
     num_blocks = int(np.sum(fit.problem.is_observed))
     prior = -0.5 * float(np.sum(fit.vector**2)) - 0.5 * size * float(np.log(2 * np.pi))
-    log_likelihood = fit.problem.temper * (float(evaluate(fit, fit.vector[None])[0]) - prior)
+    log_likelihood = float(evaluate(fit, fit.vector[None])[0]) - prior
     return Evidence(
         log_evidence=fit.log_evidence,
         aic=2.0 * size - 2.0 * log_likelihood,
@@ -222,9 +237,10 @@ def _free(
 ) -> FittedParameter:
     parameter = slot.parameter
     value, sd = float(np.median(draws)), float(np.std(draws))
-    laplace = posterior.fit.covariance[position, position]
-    share = posterior.fit.covariance_type_a[position, position] / laplace
-    sd_a = sd * float(np.sqrt(min(share, 1.0)))
+    # of the network alone: what effects that it may miss add is type B
+    scale = parameter.sd * (abs(value) if parameter.transform == "log" else 1.0)
+    type_a = posterior.fit.covariance_type_a[position, position]
+    sd_a = min(sd, scale * float(np.sqrt(type_a)))
     low, high = np.quantile(draws, [0.025, 0.975])
     judgement: Identifiability | UnsetType = UNSET
     why: str | UnsetType = UNSET

@@ -16,7 +16,9 @@ import pandas as pd
 from ..bench.joined import read_test
 from ..bench.record import Finding, Record
 from ..errors import InputError
+from ..inference.catalogue import effects_named
 from ..inference.draws import Draws
+from ..inference.plausible_effects import PlausibleEffect
 from ..inference.predict import NUM_DRAWS, Prediction, predict
 from ..inference.virtual import reduce_driven, refuse_runaway, virtual_record
 from ..motor import Motor
@@ -187,7 +189,19 @@ class Run:
         name = draws_name(self.choose(network))
         vectors = _whole(self, name, lambda: netcdf.vectors(tree, found.parameters))
         flat = vectors.reshape(-1, vectors.shape[-1])
-        return Draws(found.model, self.motor, found.parameters, flat, found.noise_kind)
+        effects = self._maybe_missing(self.choose(network))
+        behind = _whole(self, name, lambda: netcdf.plausible(tree, effects))
+        return Draws(found.model, self.motor, found.parameters, flat, behind)
+
+    def _maybe_missing(self, network: str) -> tuple[PlausibleEffect, ...]:
+        """Return the effects that the draws of a network are averaged over."""
+        rows = self.result.models[network].maybe_missing
+        ids = dict.fromkeys(row.id for row in rows)  # an event may be there once for each test
+        kinds = dict(zip(ids, effects_named([*ids], str(self.path)), strict=True))
+        return tuple(
+            PlausibleEffect(kinds[row.id], row.test, row.probability, row.with_effect, row.without)
+            for row in rows
+        )
 
     def values(self, network: str | None = None) -> dict[str, float]:
         """Return medians of the posterior and fixed values by name [their units]."""

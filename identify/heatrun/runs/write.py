@@ -43,7 +43,7 @@ def write_run(
     write_whole(folder.partial / MOTOR, motor_text(motor))
     for name, posterior in posteriors.items():
         problem = posterior.fit.problem
-        found = ModelOfRun(problem.model, problem.parameters, problem.noise_kind, problem.temper)
+        found = ModelOfRun(problem.model, problem.parameters)
         write_whole(folder.partial / model_name(name), model_text(found))
         netcdf.write(posterior, folder.partial / draws_name(name))
     for index in range(len(result.tests)):

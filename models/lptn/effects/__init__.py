@@ -14,6 +14,7 @@ from .base import (
     applies,
     build,
     build_all,
+    placed_link,
     power,
     require,
 )
@@ -87,6 +88,7 @@ __all__ = [
     "applies",
     "build",
     "build_all",
+    "placed_link",
     "power",
     "require",
 ]

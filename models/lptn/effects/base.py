@@ -272,11 +272,24 @@ def build(
             f"{list(network.links)}."
         )
     places = _places(kind)
-    if "link" in places and places["link"] not in network.links:
-        places["link"] = next(link for link in network.links if network.boundary in link)
+    if "link" in places:
+        places["link"] = placed_link(kind, network)
     if "node" in places and places["node"] not in network.nodes:
         places["node"] = network.copper_node
     return kind(**{name: jnp.asarray(values[name]) for name in kind.card.parameters}, **places)
+
+
+def placed_link(kind: type[AbstractEffect], network: Network) -> Link | None:
+    """Return the link that an effect acts on in a network that it applies to, None if on none.
+
+    Args:
+        kind: The effect.
+        network: Where it is to act.
+    """
+    link = _places(kind).get("link")
+    if link is None or link in network.links:
+        return link
+    return next(each for each in network.links if network.boundary in each)
 
 
 def build_all(

@@ -9,6 +9,7 @@ every test, every candidate, and every combination.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -77,6 +78,17 @@ class Engine:
         self._is_observed = problem.is_observed
         self.kinds = {kind.card.id: kind for kind in problem.model.effects}
 
+    def with_heat(self, heat: tuple[Float[np.ndarray, "block column"], ...]) -> Engine:
+        """Return the engine with unmodelled heat in its covariance, compiled as it is.
+
+        Args:
+            heat: As `Problem.heat`.
+        """
+        heated = copy(self)
+        heated.problem = replace(self.problem, heat=heat)
+        heated.observations = list(heated.problem.data.tests)
+        return heated
+
     @property
     def is_observed(self) -> np.ndarray:
         """Which blocks hold a reading, all tests in a row."""
@@ -139,7 +151,6 @@ class Engine:
         z: np.ndarray,
         free: Sequence[int],
         noise: Noise,
-        temper: float = 1.0,
         most: int = MAX_EVALUATIONS,
     ) -> Refit:
         """Fit some slots by least squares on whitened residuals, the others held.
@@ -148,10 +159,8 @@ class Engine:
             z: Scores to start from.
             free: Slots that are fitted.
             noise: The noise.
-            temper: Factor that the evidence of the readings is divided by [1].
             most: Evaluations at most.
         """
-        weight = 1.0 / np.sqrt(temper)
         order = list(free)
         latest: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
@@ -165,10 +174,10 @@ class Engine:
             return latest[key]
 
         def rows(x: np.ndarray) -> np.ndarray:
-            return np.concatenate([weight * self.whiten(noise, evaluate(x)[0]), x])
+            return np.concatenate([self.whiten(noise, evaluate(x)[0]), x])
 
         def slopes(x: np.ndarray) -> np.ndarray:
-            return np.concatenate([weight * self.whiten(noise, evaluate(x)[1]), np.eye(x.size)])
+            return np.concatenate([self.whiten(noise, evaluate(x)[1]), np.eye(x.size)])
 
         low, high = self.bounds(order)
         start = np.clip(z[order], low + 1e-9, high - 1e-9)
@@ -183,7 +192,7 @@ class Engine:
             max_nfev=most,
         )
         residual, jacobian = evaluate(solution.x)
-        columns = weight * self.whiten(noise, jacobian)
+        columns = self.whiten(noise, jacobian)
         precision = columns.T @ columns + np.eye(len(order))
         after = z.copy()
         after[order] = solution.x

@@ -24,19 +24,22 @@ NUM_DIRECTIONS = 12
 LONGEST_S = 60.0
 """Correlation over longer than this is no noise while causes are sought [s]."""
 
+UNLIMITED_S = 2000.0
+"""Correlation time that no noise reaches [s]."""
+
 ROOM = 3.0
 """Prior standard deviation along each direction, in units of a typical effect [1]."""
 
 
 def saturated_noise(
-    engine: Engine, screen: Screen, *, longest_s: float | None = LONGEST_S
+    engine: Engine, screen: Screen, *, longest_s: float = LONGEST_S
 ) -> tuple[Noise, Float[np.ndarray, " 3"]]:
     """Return the noise with the library's directions integrated out, and its scores.
 
     Args:
         engine: The extended model.
         screen: The library against the present model.
-        longest_s: As `LONGEST_S`; None for no limit.
+        longest_s: As `LONGEST_S`.
     """
     present = screen.present
     projected = screen.projected()
@@ -49,14 +52,13 @@ def saturated_noise(
 
 def plain_noise(engine: Engine, present: Refit) -> Noise:
     """Return the noise with only the present model's parameters integrated out, uncapped."""
-    return _noise(engine, present, np.zeros((present.residual.size, 0)), None)[0]
+    return _noise(engine, present, np.zeros((present.residual.size, 0)), UNLIMITED_S)[0]
 
 
 def _noise(
-    engine: Engine, present: Refit, directions: np.ndarray, longest_s: float | None
+    engine: Engine, present: Refit, directions: np.ndarray, longest_s: float
 ) -> tuple[Noise, np.ndarray]:
-    padding = np.zeros((present.residual.size, _spare(present.jacobian, directions)))
-    columns = np.concatenate([present.jacobian, directions, padding], axis=1)
+    columns = padded(np.concatenate([present.jacobian, directions], axis=1))
     z = np.concatenate(
         [present.z[list(present.free)], np.zeros(columns.shape[1] - len(present.free))]
     )
@@ -64,6 +66,6 @@ def _noise(
     return noise_module.from_scores(jnp.asarray(scores)), scores
 
 
-def _spare(jacobian: np.ndarray, directions: np.ndarray) -> int:
-    """Return how many empty columns bring the width to a multiple of 40, for one compilation."""
-    return -(jacobian.shape[1] + directions.shape[1]) % 40
+def padded(columns: Float[np.ndarray, "block column"]) -> Float[np.ndarray, "block more"]:
+    """Return columns with empty ones up to a multiple of 40, for one compilation."""
+    return np.pad(columns, ((0, 0), (0, -columns.shape[1] % 40)))

@@ -44,4 +44,4 @@ def base_start(engine: Engine, *, seed: int = 0) -> Refit:
 
 def white(level: float) -> Noise:
     """Return white noise of a level [K]."""
-    return Noise(jnp.asarray(0.0), jnp.asarray(40.0), jnp.asarray(level))
+    return Noise(*(jnp.asarray(number) for number in (0.0, 40.0, level, 0.0)))

@@ -7,17 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import chi2
 
-from ...bench.blocks import Blocks
-
 WINDOWS_S = (300.0, 600.0, 1200.0)
 """Windows over which whitened residuals are averaged [s]: ten minutes, halved and doubled."""
-
-LUMPING = 0.01
-LUMPING_S = 600.0
-"""Where a misfit is seen at all, the network counts as good to no better than this share of the
-rise [1], over this long [s]: two lumps stand for a body with a temperature field, and the best
-published fits of such networks to one winding sensor err by about 1 K. A fit that comes closer
-on one load step has spent its parameters on the misfit."""
 
 FLAG = 2.2
 """Excess from which on a model counts as inadequate: it flagged 8 of 8 unknown causes and 2 of 32
@@ -57,25 +48,6 @@ def low_frequency_excess(
         worst = max(worst, excess)
         is_flagged = is_flagged or excess > limit
     return worst, is_flagged
-
-
-def misfit_excess(
-    tests: Sequence[Blocks], innovations: Sequence[np.ndarray], level: float
-) -> tuple[float, bool]:
-    """Return by how much slow residuals exceed noise, and whether that counts as a misfit.
-
-    Args:
-        tests: Give lengths of blocks and rises.
-        innovations: Whitened residuals by test, observed blocks only [1].
-        level: Standard deviation of the residuals [K].
-    """
-    lengths = [test.block_s for test in tests]
-    excess, is_flagged = low_frequency_excess(innovations, lengths)
-    if is_flagged:
-        rise = max(float(np.nanmax(t.measured) - np.nanmin(t.measured)) for t in tests)
-        lumped = (LUMPING * rise / level) ** 2 * LUMPING_S / max(lengths)
-        excess = max(excess, lumped)
-    return excess, is_flagged
 
 
 def ljung_box(innovations: np.ndarray, num_lags: int = 10) -> float:

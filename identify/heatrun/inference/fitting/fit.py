@@ -1,9 +1,9 @@
 """Gradient least squares on whitened residuals, from many starts, with the noise estimated.
 
 The fit goes round in three steps: least squares with white residuals from many starts finds the
-basin; the noise is estimated on the residuals with the parameters integrated out (restricted
-maximum likelihood, with the priors as they are); least squares on residuals whitened by that
-noise gives the parameters and their covariance.
+basin; noise and unmodelled heat are estimated on the residuals with the parameters integrated out
+(restricted maximum likelihood, with the priors as they are); least squares on residuals whitened by
+both gives the parameters and their covariance.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from jaxtyping import Array, Float
 from ...bench.record import Finding
 from ...errors import InputError
 from ..batches import at_once
-from ..noise import Noise
+from ..discrepancy import NUM_COLUMNS, with_heat
+from ..noise import NOISE, Noise, from_scores
 from ..problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
-from .adequacy import misfit_excess
+from .adequacy import low_frequency_excess
 from .fit_result import RESULT, Fit, failed
 from .laplace import Spread, spread, whiten_fit
 from .restricted import estimate_noise
@@ -48,17 +49,15 @@ HOPELESS = 1e10
 NUM_ROUNDS = 6
 """Most rounds of noise and least squares; clean records need two."""
 
-JUNK_FACTOR = 1.2
-"""Whitened fits that are this much worse in plain RMSE than the white fit are not accepted: the
-noise has swallowed the misfit of the network (clean records stay under 1.05). Then the noise
-counts as white, and its evidence is divided by the excess of slow residuals."""
-
 ROUGH_K = 1.0
 """White level of the first search [K]. Block means of a misfit are not independent; taken as such
 they would outweigh every prior and drive the start temperatures to the impossible."""
 
-LONGEST_NOISE = 0.2
-"""Residuals correlated over more than this share of the test are a misfit, not noise [1]."""
+LONGEST_NOISE_S = 150.0
+"""Residuals correlated over more than this are a misfit, not noise [s]."""
+
+MUCH_HEAT = 2.0
+"""Prior standard deviations from which on the unmodelled heat is a finding [1]."""
 
 RIVAL = 8.0
 """Optima within this of the best (half the sum of squares) hold a visible share of the posterior
@@ -89,13 +88,13 @@ def fit(
     Raises:
         InputError: If no start leads anywhere, with `throw`.
     """
-    white = replace(problem, noise_kind="white")
+    problem = replace(problem, heat=_no_heat(problem))
     starts = _starts(problem, num_starts, seed)
-    z, cost, steps = _search(white, _white(ROUGH_K), starts)
+    z, cost, steps = _search(problem, _white(ROUGH_K), starts)
     if np.any(np.isfinite(cost)):
         implied = _implied_level(problem, z[int(np.argmin(cost))])
         if implied >= ROUGH_K:
-            z, cost, steps = _search(white, _white(1.5 * implied), starts)
+            z, cost, steps = _search(problem, _white(1.5 * implied), starts)
     if not np.any(np.isfinite(cost)):
         if throw:
             raise InputError(RESULT.no_start.value, where=problem.label)
@@ -104,19 +103,9 @@ def fit(
     is_same = cost - cost[best] < SAME_OPTIMUM * max(1.0, 1e-3 * cost[best])
     rmse_white = _rmse(problem, _linearise(problem, z[best])[0])
 
-    state = _settle(problem, z[best])
-    log_evidence = _spread(problem, state).log_evidence
-    findings = []
-    if _is_junk(problem, state, rmse_white):
-        problem = white
-        state = _settle(problem, z[best])
-    level = float(problem.noise(state.noise_z).total())
-    excess, is_flagged = misfit_excess(problem.tests, _innovations(problem, state), level)
-    if is_flagged:
-        problem = replace(problem, temper=excess)
-        state = _settle(problem, state.z)
-        findings.append(_misfit(problem, state, excess))
-    state, modes = _explore(problem, state, z)
+    problem, state = _settle(problem, z[best])
+    problem, state, modes = _explore(problem, state, z)
+    findings = [*_misfit(problem, state)]
     if not state.is_converged:
         findings.append(_not_converged(problem))
     if len(modes) > 1:
@@ -131,7 +120,7 @@ def fit(
         covariance_type_a=final.type_a,
         residual=problem.split(state.residual),
         jacobian=problem.split(state.jacobian),
-        log_evidence=log_evidence,
+        log_evidence=final.log_evidence,
         result=RESULT.converged if state.is_converged else RESULT.not_converged,
         modes=modes,
         findings=tuple(findings),
@@ -140,7 +129,7 @@ def fit(
             "num_at_best": int(np.sum(is_same)),
             "num_steps": int(steps[best]),
             "rmse_white_K": rmse_white,
-            "low_frequency_excess": excess,
+            "low_frequency_excess": _excess(problem, state)[0],
         },
     )
 
@@ -160,7 +149,7 @@ def _white(level: float) -> Noise:
     """Return white noise of a level [K]."""
     # with a dtype: a plain Python number is another type to the compiler, which would then
     # compile the search once for this noise and once for an estimated one
-    return Noise(*(jnp.asarray(number, dtype=float) for number in (0.0, 1.0, level)))
+    return Noise(*(jnp.asarray(number, dtype=float) for number in (0.0, 1.0, level, 0.0)))
 
 
 def _implied_level(problem: Problem, z: np.ndarray) -> float:
@@ -171,7 +160,8 @@ def _implied_level(problem: Problem, z: np.ndarray) -> float:
         part[t.is_observed] / rmse
         for part, t in zip(problem.split(residual), problem.tests, strict=True)
     ]
-    return rmse * float(np.sqrt(max(misfit_excess(problem.tests, parts, rmse)[0], 1.0)))
+    lengths = [test.block_s for test in problem.tests]
+    return rmse * float(np.sqrt(max(low_frequency_excess(parts, lengths)[0], 1.0)))
 
 
 def _starts(problem: Problem, num_starts: int, seed: int) -> np.ndarray:
@@ -222,41 +212,44 @@ def _linearise(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return np.asarray(residual), np.asarray(jacobian)
 
 
-def _settle(problem: Problem, z: np.ndarray) -> _State:
-    """Alternate noise and least squares until the scores no longer move."""
+def _no_heat(problem: Problem) -> tuple[np.ndarray, ...]:
+    """Return columns of no heat, as wide as those of heat: one compilation serves both."""
+    return tuple(np.zeros((test.measured.size, NUM_COLUMNS)) for test in problem.tests)
+
+
+def _settle(problem: Problem, z: np.ndarray) -> tuple[Problem, _State]:
+    """Alternate noise and least squares until the scores no longer move.
+
+    The responses to unmodelled heat are taken anew at each round's network.
+    """
     residual, jacobian = _linearise(problem, z)
     noise_z, shift = np.zeros(NUM_NOISE), np.inf
     for _ in range(NUM_ROUNDS):
+        problem = with_heat(problem, z)
         noise_z = estimate_noise(problem, z, residual, jacobian)
-        noise = problem.noise(noise_z)
-        after, _, _ = _search(problem, noise, z[None])
+        after, _, _ = _search(problem, from_scores(noise_z), z[None])
         shift = float(np.max(np.abs(after[0] - z)))
         z = after[0]
         residual, jacobian = _linearise(problem, z)
         if shift < SETTLED:
             break
-    return _State(z, noise_z, residual, jacobian, shift < 10 * SETTLED)
+    return problem, _State(z, noise_z, residual, jacobian, shift < 10 * SETTLED)
 
 
-def _is_junk(problem: Problem, state: _State, rmse_white: float) -> bool:
-    """Whether the noise has swallowed the misfit of the network."""
-    time = float(problem.noise(state.noise_z).time)
-    longest = LONGEST_NOISE * max(test.duration_s for test in problem.tests)
-    return _rmse(problem, state.residual) > JUNK_FACTOR * rmse_white + 1e-3 or time > longest
-
-
-def _explore(problem: Problem, state: _State, optima: np.ndarray) -> tuple[_State, np.ndarray]:
-    """Search again from the optima under the final noise; return the state and distinct optima.
+def _explore(
+    problem: Problem, state: _State, optima: np.ndarray
+) -> tuple[Problem, _State, np.ndarray]:
+    """Search again from the optima under the final noise; return what is best and all optima.
 
     Optima that are within `RIVAL` of the best share the posterior and must be sampled too.
     """
     starts = _distinct([state.z, *optima[np.all(np.isfinite(optima), axis=1)]])
-    z, cost, _ = _search(problem, problem.noise(state.noise_z), np.stack(starts))
+    z, cost, _ = _search(problem, from_scores(state.noise_z), np.stack(starts))
     best = int(np.argmin(cost))
     if cost[best] < cost[0] - SAME_OPTIMUM:
-        state = _settle(problem, z[best])
+        problem, state = _settle(problem, z[best])
     rivals = [z[index] for index in np.argsort(cost) if cost[index] < cost[best] + RIVAL]
-    return state, np.stack(_distinct([state.z, *rivals]))
+    return problem, state, np.stack(_distinct([state.z, *rivals]))
 
 
 def _distinct(optima: list[np.ndarray]) -> list[np.ndarray]:
@@ -280,18 +273,48 @@ def _rmse(problem: Problem, stacked: np.ndarray) -> float:
     return float(np.sqrt(np.mean(stacked[problem.is_observed] ** 2)))
 
 
-def _misfit(problem: Problem, state: _State, excess: float) -> Finding:
-    rmse = _rmse(problem, state.residual)
-    return Finding(
-        id="misfit",
-        severity="warning",
-        message=f"slow residuals of the {problem.model.words} exceed the noise (RMSE {rmse:.2f} K; "
-        f"over minutes {excess:.1f} times the variance of noise alone): the model is incomplete. "
-        f"The 95 % intervals are widened by a factor of {np.sqrt(excess):.1f}.",
-        where=problem.label,
-        remedy="Search for the missing effect with `heatrun discover`.",
-        values={"rmse_K": rmse, "low_frequency_excess": excess},
+def _excess(problem: Problem, state: _State) -> tuple[float, bool]:
+    """Return the low-frequency excess of the innovations, and whether it is flagged."""
+    return low_frequency_excess(
+        _innovations(problem, state), [test.block_s for test in problem.tests]
     )
+
+
+def _misfit(problem: Problem, state: _State) -> list[Finding]:
+    """Return what the noise and the unmodelled heat say of the network."""
+    noise = from_scores(state.noise_z)
+    rmse = _rmse(problem, state.residual)
+    excess, is_flagged = _excess(problem, state)
+    heat, usual = float(noise.heat), NOISE[3].prior_interval_95()[1]
+    reasons = []
+    if state.noise_z[3] > MUCH_HEAT:
+        reasons.append(
+            f"it leaves heat of {100.0 * heat:.2g} % of the loss unexplained (up to "
+            f"{100.0 * usual:.2g} % is usual)"
+        )
+    if float(noise.time) > LONGEST_NOISE_S:
+        reasons.append(f"its residuals are correlated over more than {LONGEST_NOISE_S:.0f} s")
+    if is_flagged:
+        reasons.append(f"its slow residuals have {excess:.1f} times the variance of noise")
+    if not reasons:
+        return []
+    return [
+        Finding(
+            id="misfit",
+            severity="warning",
+            message=f"the {problem.model.words} is incomplete: {'; '.join(reasons)} (RMSE "
+            f"{rmse:.2f} K). The 95 % intervals allow for slow heat of this size, not for every "
+            "cause.",
+            where=problem.label,
+            remedy="Search for the missing effect with `heatrun discover`.",
+            values={
+                "rmse_K": rmse,
+                "low_frequency_excess": excess,
+                "unmodelled_heat": heat,
+                "noise_time_s": float(noise.time),
+            },
+        )
+    ]
 
 
 def _ambiguous(problem: Problem, num_modes: int) -> Finding:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...bench.record import Finding
-from ..noise import Noise
+from ..noise import Noise, from_scores
 from ..parameters import Slot
 from ..problem import NUM_NOISE, Problem
 
@@ -36,7 +36,7 @@ class Fit:
     Attributes:
         problem: What was fitted.
         z: Scores of the parameters, shape (parameter,).
-        noise_z: Scores of the noise, shape (3,).
+        noise_z: Scores of the noise, shape (noise,).
         covariance: Of the scores of parameters and noise, shape (all, all).
         covariance_type_a: What the scatter of the readings contributes to that of the
             parameters, shape (parameter, parameter); the rest comes from priors (type B).
@@ -52,7 +52,7 @@ class Fit:
 
     problem: Problem
     z: Float[np.ndarray, " parameter"]
-    noise_z: Float[np.ndarray, " 3"]
+    noise_z: Float[np.ndarray, " noise"]
     covariance: Float[np.ndarray, "all all"]
     covariance_type_a: Float[np.ndarray, "parameter parameter"]
     residual: list[np.ndarray]
@@ -71,7 +71,7 @@ class Fit:
     @property
     def noise(self) -> Noise:
         """The noise at the fit."""
-        return self.problem.noise(self.noise_z)
+        return from_scores(self.noise_z)
 
     @property
     def slots(self) -> tuple[Slot, ...]:

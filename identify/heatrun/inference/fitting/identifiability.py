@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...bench.blocks import Blocks
+from ..discrepancy import with_heat
 from ..parameters import Parameter
 from ..posterior import Posterior
 from ..problem import information
@@ -93,7 +94,7 @@ def forecast(fit: Fit) -> dict[str, float]:
         return {}
     tests = list(problem.tests)
     tests[longest] = _extended(test, LONGER_S)
-    imagined = replace(problem, tests=tuple(tests))
+    imagined = with_heat(replace(problem, tests=tuple(tests)), fit.z)
     precision = information(imagined.structure, imagined.data, jnp.asarray(fit.z), fit.noise)
     sd = np.sqrt(np.diag(np.linalg.inv(np.asarray(precision))))
     return {

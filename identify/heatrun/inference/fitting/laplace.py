@@ -54,7 +54,7 @@ def spread(
     """
     white = whiten_fit(problem, noise_z, residual, jacobian)
     columns = white.jacobian
-    precision = columns.T @ columns / problem.temper + np.eye(problem.num_parameters)
+    precision = columns.T @ columns + np.eye(problem.num_parameters)
     covariance = np.linalg.inv(precision)
 
     # what comes of the readings, and what of the priors: the two add up to the covariance
@@ -88,7 +88,7 @@ def whiten_fit(
     problem: Problem, noise_z: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
 ) -> Whitened:
     """Return residuals and their derivative whitened by the noise; arguments as `spread`."""
-    noise = problem.noise(noise_z)
+    noise = noise_module.from_scores(np.asarray(noise_z))
     # side by side, so that one compilation serves all who need either
     joined = problem.split(np.column_stack([residual, jacobian]))
     rows, half_log_det = [], 0.0
@@ -108,7 +108,7 @@ def _log_posterior(problem: Problem, z: np.ndarray, noise_z: np.ndarray, white: 
     density -= 0.5 * values.size * float(np.log(2 * np.pi))
     vector = np.concatenate([z, noise_z])
     prior = -0.5 * float(vector @ vector) - 0.5 * vector.size * float(np.log(2 * np.pi))
-    return density / problem.temper + prior
+    return density + prior
 
 
 def _positive_inverse(matrix: np.ndarray) -> np.ndarray:

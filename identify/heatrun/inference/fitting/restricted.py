@@ -16,19 +16,19 @@ from jaxtyping import Array, Float
 from scipy.optimize import minimize
 
 from .. import noise as noise_module
-from ..noise import NOISE
+from ..noise import LARGEST, LARGEST_SCORES, NOISE
 from ..problem import NUM_NOISE, Data, Problem
 
 STARTS_S = (8.0, 40.0, 200.0)
 """Correlation times that the search starts from [s]; the likelihood may have two maxima."""
 
 SCORE_LIMIT = 4.0
-"""The noise is sought within this many prior standard deviations [1]."""
+"""The noise is sought from this many prior standard deviations below its centre on [1]."""
 
 
 def restricted_log_likelihood(
     data: Data,
-    noise_z: Float[Array, " 3"],
+    noise_z: Float[Array, " noise"],
     z: Float[Array, " parameter"],
     residual: Float[Array, " block"],
     jacobian: Float[Array, "block parameter"],
@@ -65,13 +65,13 @@ class Conditional(NamedTuple):
 
 def conditional(
     data: Data,
-    noise_z: Float[Array, " 3"],
+    noise_z: Float[Array, " noise"],
     z: Float[Array, " parameter"],
     residual: Float[Array, " block"],
     jacobian: Float[Array, "block parameter"],
 ) -> Conditional:
     """Return what the linear model says; arguments as `restricted_log_likelihood`."""
-    noise = noise_module.from_scores(noise_z, data.slow_noise)
+    noise = noise_module.from_scores(noise_z)
     joined = jnp.concatenate([residual[:, None], jacobian], axis=1)
     ends = np.cumsum([test.measured.size for test in data.tests])[:-1]
     rows, log_sd = [], jnp.zeros(())
@@ -79,7 +79,7 @@ def conditional(
         whitened, half_log_det = noise_module.whiten(part, noise, test)
         rows.append(whitened)
         log_sd = log_sd + half_log_det
-    stacked = jnp.concatenate(rows) / jnp.sqrt(data.temper)
+    stacked = jnp.concatenate(rows)
     r, J = stacked[:, 0], stacked[:, 1:]
     precision = J.T @ J + jnp.eye(J.shape[1])
     gradient = J.T @ r + z  # of half the sum of squares, prior included
@@ -87,7 +87,7 @@ def conditional(
     half = jax.scipy.linalg.solve_triangular(factor, gradient, lower=True)
     squares = jnp.sum(r**2) + jnp.sum(z**2) - jnp.sum(half**2)
     log_det = jnp.sum(jnp.log(jnp.diag(factor)))
-    log_density = -0.5 * squares - log_sd / data.temper - log_det - 0.5 * jnp.sum(noise_z**2)
+    log_density = -0.5 * squares - log_sd - log_det - 0.5 * jnp.sum(noise_z**2)
     step = jax.scipy.linalg.solve_triangular(factor.T, half, lower=False)
     return Conditional(log_density, z - step, factor)
 
@@ -98,7 +98,8 @@ def estimate_noise(
     residual: np.ndarray,
     jacobian: np.ndarray,
     *,
-    longest_s: float | None = None,
+    longest_s: float = LARGEST[1],
+    start: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return the scores of the noise at the maximum of the restricted likelihood.
 
@@ -107,25 +108,21 @@ def estimate_noise(
         z: As `restricted_log_likelihood`.
         residual: As `restricted_log_likelihood`.
         jacobian: As `restricted_log_likelihood`.
-        longest_s: Longest correlation time that counts as noise [s]; None for no limit.
+        longest_s: Longest correlation time that counts as noise [s].
+        start: Scores to search from; several by default, for the likelihood may have two maxima.
     """
     fixed = problem.data, jnp.asarray(z), jnp.asarray(residual), jnp.asarray(jacobian)
-    limits = [(-SCORE_LIMIT, SCORE_LIMIT)] * NUM_NOISE
-    if longest_s is not None:
-        limits[1] = (-SCORE_LIMIT, float(NOISE[1].score(longest_s)))
+    limits = [(-SCORE_LIMIT, high) for high in LARGEST_SCORES]
+    limits[1] = (-SCORE_LIMIT, float(NOISE[1].score(longest_s)))
     spread = float(np.std(residual)) + 1e-6
     found = []
-    for time in STARTS_S:
-        start = [
-            float(NOISE[0].score(spread)),
-            float(NOISE[1].score(time)),
-            float(NOISE[2].score(spread)),
-        ]
-        start = np.clip(start, *np.transpose(limits))
+    level, white = float(NOISE[0].score(spread)), float(NOISE[2].score(spread))
+    starts = [[level, float(NOISE[1].score(time)), white, 0.0] for time in STARTS_S]
+    for each in starts if start is None else [start]:
         found.append(
             minimize(
                 lambda v: tuple(map(np.asarray, _objective(jnp.asarray(v), *fixed))),
-                start,
+                np.clip(each, *np.transpose(limits)),
                 jac=True,
                 method="L-BFGS-B",
                 bounds=limits,
@@ -133,6 +130,21 @@ def estimate_noise(
         )
     best = min(found, key=lambda solution: solution.fun)
     return np.asarray(best.x).reshape(NUM_NOISE)
+
+
+def log_evidence(
+    problem: Problem,
+    noise_z: np.ndarray,
+    z: np.ndarray,
+    residual: np.ndarray,
+    jacobian: np.ndarray,
+) -> float:
+    """Return the log evidence of a model at a noise, up to what all models share [nat].
+
+    Arguments as `restricted_log_likelihood`.
+    """
+    rest = map(jnp.asarray, (z, residual, jacobian))
+    return -float(_objective(jnp.asarray(noise_z), problem.data, *rest)[0])
 
 
 @jax.jit
@@ -148,9 +160,9 @@ def noise_precision(
     residual: np.ndarray,
     jacobian: np.ndarray,
 ) -> np.ndarray:
-    """Return minus the Hessian of `restricted_log_likelihood` in the noise, shape (3, 3).
+    """Return minus the Hessian of `restricted_log_likelihood` in the noise, shape (noise, noise).
 
-    By central differences of the gradient: three scores of order one are worth no compilation.
+    By central differences of the gradient: four scores of order one are worth no compilation.
     """
     fixed = problem.data, jnp.asarray(z), jnp.asarray(residual), jnp.asarray(jacobian)
     width = 1e-4  # error ~ width^2 times the third derivative, both of order one

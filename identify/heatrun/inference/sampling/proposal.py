@@ -34,6 +34,7 @@ from ..kernels import (
     log_student,
     student,
 )
+from ..noise import LARGEST_SCORES
 from ..problem import NUM_NOISE, Data, Problem, linearise
 
 NUM_FIRST = 2048
@@ -166,7 +167,8 @@ class Proposal:
         )
         z = np.zeros((NUM_FIRST, self.problem.num_parameters))
         log_weight = self._seen(np.concatenate([z, noise_z], axis=1)).restricted - drawn_from
-        log_weight = np.where(np.isfinite(log_weight), log_weight, -np.inf)
+        is_allowed = np.all(noise_z <= LARGEST_SCORES, axis=1) & np.isfinite(log_weight)
+        log_weight = np.where(is_allowed, log_weight, -np.inf)
         weights = np.exp(log_weight - np.max(log_weight))
         return replace(self, kernels=Kernels.over(noise_z, weights / np.sum(weights), rng))
 
@@ -227,7 +229,7 @@ def _place(
     kernels: Kernels,
     optima: Optima,
     branches: Branches,
-    noise_z: Float[Array, "draw 3"],
+    noise_z: Float[Array, "draw noise"],
     branch: Int[Array, " draw"],
     z: Float[Array, "draw parameter"],
 ):

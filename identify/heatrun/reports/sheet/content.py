@@ -111,7 +111,7 @@ def _model(order: str, model: FittedModel) -> dict[str, Any]:
     noise = model.noise
     return {
         "order": f"{model.title.capitalize()}{_with(model)}",
-        "message": f"{model.message} {model.posterior.verdict}",
+        "message": f"{model.message} {model.posterior.verdict} {model.about_missing()}".rstrip(),
         "parameters": [_parameter(n, p) for n, p in model.parameters.items()],
         "nuisances": [_parameter(_clean(n), p)[:5] for n, p in model.nuisances.items()],
         "correlation": _correlation(model),
@@ -128,10 +128,8 @@ def _model(order: str, model: FittedModel) -> dict[str, Any]:
             for row in model.residuals
         ],
         "noise": f"Noise: slow part {noise.sd_K:.3f} K over "
-        f"{noise.time_s:.0f} s, white part {noise.white_K:.3f} K in a 20 s mean."
-        if noise.kind == "correlated"
-        else f"Residuals count as white with {noise.white_K:.2f} K and weigh "
-        f"1/{noise.temper:.0f}, because the network misfits.",
+        f"{noise.time_s:.0f} s, white part {noise.white_K:.3f} K in a 20 s mean. Heat that the "
+        f"network misses: {100.0 * noise.unmodelled_heat:.2g} % of the mean loss (sd).",
         "derived": [_derived(n, d) for n, d in model.derived.items()],
     }
 

@@ -1,0 +1,78 @@
+"""The posterior of a network, averaged over the effects that it may miss."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..inference.noise import LARGEST_SCORES, NOISE
+from ..inference.plausible_effects import NONE, PlausibleEffects
+from ..inference.posterior import Posterior
+from .alternatives import Alternative
+
+MOST_TRIES = 50
+"""Times that a draw whose amplitude has the wrong sign is drawn again."""
+
+
+def averaged(posterior: Posterior, found: Sequence[Alternative], *, seed: int = 0) -> Posterior:
+    """Return the posterior with its share of draws from each alternative.
+
+    Args:
+        posterior: Of the network alone.
+        found: Models with one effect, with their probabilities.
+        seed: Random seed.
+    """
+    rng = np.random.default_rng([seed, 29])
+    shape = posterior.vectors.shape
+    vectors = posterior.flat.copy()
+    density = posterior.log_density.reshape(-1).copy()
+    probability = np.array([each.effect.probability for each in found])
+    which = np.full(vectors.shape[0], NONE)
+    size = np.zeros(vectors.shape[0])
+    if probability.size:
+        kinds = [NONE, *range(probability.size)]
+        share = np.append(max(0.0, 1.0 - probability.sum()), probability)
+        which = rng.choice(kinds, size=vectors.shape[0], p=share / share.sum())
+    num_noise = len(NOISE)
+    factor = np.linalg.cholesky(posterior.fit.covariance[-num_noise:, -num_noise:])
+    for index, alternative in enumerate(found):
+        rows = np.flatnonzero(which == index)
+        z, size[rows] = _drawn(alternative, rows.size, rng)
+        noise_z = alternative.noise_z + rng.standard_normal((rows.size, num_noise)) @ factor.T
+        noise_z = np.minimum(noise_z, LARGEST_SCORES)
+        vectors[rows] = np.concatenate([z, noise_z], axis=1)
+        density[rows] = np.nan  # of another model
+    effects = PlausibleEffects(tuple(each.effect for each in found), which, size)
+    return replace(
+        posterior,
+        vectors=vectors.reshape(shape),
+        log_density=density.reshape(posterior.log_density.shape),
+        plausible=effects,
+    )
+
+
+def _drawn(
+    alternative: Alternative, num: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return scores of the fit's parameters, and the sizes of the effect."""
+    share = np.array([part.share for part in alternative.parts])
+    which = rng.choice(share.size, size=num, p=share / share.sum())
+    z = np.zeros((num, alternative.shift.size))
+    size = np.zeros(num)
+    strong = alternative.strong
+    for index, part in enumerate(alternative.parts):
+        rows = np.flatnonzero(which == index)
+        factor = np.linalg.cholesky(part.covariance)
+        drawn = part.mean + rng.standard_normal((rows.size, part.mean.size)) @ factor.T
+        for _ in range(MOST_TRIES if alternative.has_one_sign else 0):
+            wrong = np.flatnonzero(np.any(drawn[:, strong] < 0.0, axis=1))
+            if not wrong.size:
+                break
+            drawn[wrong] = part.mean + rng.standard_normal((wrong.size, part.mean.size)) @ factor.T
+        if alternative.has_one_sign:
+            drawn[:, strong] = np.maximum(drawn[:, strong], 0.0)
+        size[rows] = alternative.sizes(drawn)
+        z[rows] = alternative.centred(drawn)
+    return z, size

@@ -1,0 +1,125 @@
+"""Effects that a network may miss, one in each draw: what they add to the readings of a test.
+
+The draws of the network's parameters are those of several models: the network alone, and the
+network with one effect of the catalogue. In a draw of the latter the parameters are where that
+effect puts them, and a prediction needs its share: the difference that the effect makes at the
+most probable parameters, scaled with its amplitude in the draw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from lptn.effects import AbstractEffect
+
+from ..bench.blocks import Blocks, Observation
+from ..motor import Motor
+from .effect_needs import lacking
+from .model import Model, parameters
+
+NONE = -1
+"""Index of a draw of the network alone."""
+
+
+@dataclass(frozen=True)
+class PlausibleEffect:
+    """An effect that the network may miss.
+
+    Attributes:
+        kind: The effect.
+        test: Name of the test that it happens in; None if it acts in all of them.
+        probability: That it, and no other, is missing [1].
+        with_effect: Parameters of network and effect that all tests share, by name [their units].
+        without: Those of the network alone that it is told from. A resistance that the effect acts
+            on stands there for its mean over the tests, as in the draws.
+    """
+
+    kind: type[AbstractEffect]
+    test: str | None
+    probability: float
+    with_effect: Mapping[str, float]
+    without: Mapping[str, float]
+
+    @property
+    def id(self) -> str:
+        """Id of the effect."""
+        return self.kind.card.id
+
+
+@dataclass(frozen=True, eq=False)
+class PlausibleEffects:
+    """The effects behind some draws.
+
+    Attributes:
+        effects: By probability, the most probable first.
+        which: Index of the effect of each draw, `NONE` without one, shape (draw,).
+        size: Amplitude of the effect over that of `with_effect` [1], shape (draw,).
+    """
+
+    effects: tuple[PlausibleEffect, ...]
+    which: Int[np.ndarray, " draw"]
+    size: Float[np.ndarray, " draw"]
+
+    @property
+    def probability_of_none(self) -> float:
+        """That the network misses none of them [1]."""
+        return 1.0 - sum(effect.probability for effect in self.effects)
+
+    def pick(self, rows: Int[np.ndarray, " row"]) -> PlausibleEffects:
+        """Return those of some draws."""
+        return replace(self, which=self.which[rows], size=self.size[rows])
+
+    def added(
+        self, model: Model, motor: Motor, test: Blocks, fitted_as: str | None
+    ) -> Float[np.ndarray, "draw block"]:
+        """Return what the effects add to the block means of a test [K].
+
+        An event of one test adds nothing to another, nor does an effect whose channel is lacking.
+
+        Args:
+            model: The network alone.
+            motor: The machine.
+            test: A reduced record.
+            fitted_as: Name of the fitted test that it is, None if it was not fitted.
+        """
+        acts = [
+            each.test in (None, fitted_as) and not lacking(each.kind, test) for each in self.effects
+        ]
+        shift = np.zeros((len(self.effects) + 1, test.measured.size))  # the last one is `NONE`
+        used = [i for i in np.unique(self.which) if i != NONE and acts[i]]
+        if used:
+            shift[used] = _differences(model, motor, test, [self.effects[i] for i in used])
+        return self.size[:, None] * shift[self.which]
+
+
+def _differences(
+    model: Model, motor: Motor, test: Blocks, effects: Sequence[PlausibleEffect]
+) -> Float[np.ndarray, "effect block"]:
+    """Return the block means with each effect less those without it [K]."""
+    kinds = tuple(dict.fromkeys(effect.kind for effect in effects))
+    extended = replace(model, effects=(*model.effects, *kinds))
+    known = parameters(extended, motor, [test], searched=kinds).by_test[0]
+    rows = []
+    for effect in effects:
+        for values in (effect.with_effect, effect.without):
+            rows.append({
+                name: values.get(name, p.centre if p.fixed is None else p.fixed)
+                for name, p in known.items()
+            })  # fmt: skip
+    stacked = {name: jnp.asarray([row[name] for row in rows]) for name in rows[0]}
+    means = np.asarray(_block_means(extended, stacked, test.observation()))
+    return means[0::2] - means[1::2]
+
+
+@partial(jax.jit, static_argnames="model")
+def _block_means(
+    model: Model, values: dict[str, Float[Array, " row"]], test: Observation
+) -> Float[Array, "row block"]:
+    return jax.lax.map(lambda row: model.block_means(row, test), values)
