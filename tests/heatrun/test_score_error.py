@@ -22,7 +22,7 @@ def autoregression(phi: float, num: int, seed: int) -> np.ndarray:
     """A stationary series of unit variance, after a run-in of 2000 values."""
     rng = np.random.default_rng(seed)
     shocks = np.sqrt(1.0 - phi**2) * rng.standard_normal(num + 2000)
-    return lfilter([1.0], [1.0, -phi], shocks)[2000:]
+    return np.asarray(lfilter([1.0], [1.0, -phi], shocks))[2000:]
 
 
 def true_error(phi: float, num: int) -> float:
