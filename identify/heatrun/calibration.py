@@ -12,7 +12,7 @@ from lptn.effects import AbstractEffect
 
 from .bench import Finding, Record
 from .bench.blocks import Blocks
-from .bench.checks import check_record
+from .bench.checks import check_record, current_scale_unchecked
 from .bench.joined import read_test
 from .bench.reduction import reduce
 from .discovery.averaging import averaged
@@ -138,6 +138,7 @@ def calibrate(
     """
     fitted = [test.blocks for test in tests if test.role == "calibration"]
     findings = [finding for test in tests for finding in test.findings]
+    findings += current_scale_unchecked(motor, [test.record for test in tests])
 
     roles: list[Role] = [test.role for test in tests]
     models = [Model.of(network, motor, effects) for network in networks]

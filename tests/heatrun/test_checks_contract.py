@@ -119,6 +119,15 @@ def clipped(record: Record, channel: str, limit: float) -> Record:
 TIME = CLEAN.time_s
 JITTER = TIME + 0.03 * np.random.default_rng(1).uniform(-1.0, 1.0, TIME.size)
 NO_BALANCE = replace(MOTOR, losses="map")
+HEATED = (TIME > 600.0) & (TIME < 900.0)  # at standstill under 100 A, copper loss alone
+LOCKED = changed(
+    CLEAN,
+    speed_rpm=np.where(HEATED, 0.0, CLEAN["speed_rpm"]),
+    phase_current_A=np.where(HEATED, 100.0, CLEAN["phase_current_A"]),
+    losses_W=np.where(
+        HEATED, 3.0 * 0.0062 * (234.5 + CLEAN["winding_degC"]) / 259.5 * 100.0**2, CLEAN["losses_W"]
+    ),
+)
 
 # id: record with the fault, motor, severity, value that says where or how much, its bounds
 FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
@@ -184,6 +193,10 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "current_amplitude": (
         changed(CLEAN, phase_current_A=CLEAN["phase_current_A"] * np.sqrt(2.0)),
         MOTOR, "warning", "copper_share_halved", (0.5, 1.0),
+    ),
+    "standstill_losses": (
+        edited(LOCKED, "losses_W", 600.0, 900.0, lambda P: 1.06 * P),
+        MOTOR, "warning", "ratio", (1.055, 1.065),
     ),
     "no_heating": (
         changed(CLEAN, winding_degC=CLEAN["ambient_degC"]), MOTOR, "error", "rise_K", (0, 1)
@@ -253,6 +266,7 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         "losses_below_copper",
         edited(CLEAN, "losses_W", 20.0, 140.0, lambda P: 0.5 * P), MOTOR, "warning",
     ),
+    "standstill that agrees": ("standstill_losses", LOCKED, MOTOR, "note"),
     "Fahrenheit": (
         "units_temperature",
         changed(

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from heatrun.inference.comparison import verdict
+from heatrun.inference.score_error import ScoreDifference
 from heatrun.results import FitResult, from_json
 
 STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
@@ -39,3 +40,21 @@ def test_a_better_score_with_a_larger_error_is_not_said_to_be_better(models):
     assert "predicts the held-out tests better" not in said
     assert "the second order has the lower RMSE (second order 4.00 K, first order 8.40 K)" in said
     assert "the first order has the better mean log score" in said
+
+
+def test_within_two_standard_errors_of_the_score_nothing_is_said_to_be_better(models):
+    rows = with_held_out(models, ((0.40, -0.9), (0.38, -0.8)))
+    unsure = verdict(rows, ScoreDifference(0.1, 0.08))
+    assert "predicts the held-out tests better is not decided" in unsure.sentence
+    assert "difference +0.1, standard error 0.08" in unsure.sentence
+    assert unsure.log_score_difference_se == 0.08
+    sure = verdict(rows, ScoreDifference(0.1, 0.04)).sentence
+    assert "The second order predicts the held-out tests better" in sure
+    assert "difference +0.1, standard error 0.04" in sure
+
+
+def test_a_difference_of_the_score_that_is_not_decided_outweighs_none_of_the_errors(models):
+    rows = with_held_out(models, ((8.4, -3.9), (4.0, -6.0)))
+    said = verdict(rows, ScoreDifference(-2.1, 1.5)).sentence
+    assert "not decided" in said
+    assert "has the better mean log score" not in said

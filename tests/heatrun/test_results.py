@@ -76,6 +76,8 @@ def test_a_fresh_calibration_holds_to_the_schema_and_reads_back(duty, blocks, mo
     again = from_json(text.encode(), FitResult, "fit.json", "run")
     assert to_json(again) == text
     assert again.models["second"].parameters["Ceq_w"] == made.models["second"].parameters["Ceq_w"]
+    said = [finding.id for finding in made.findings]
+    assert said.count("current_scale_unchecked") == 1  # the duty never stands still under current
 
 
 def test_what_a_later_version_adds_is_passed_over(stored):

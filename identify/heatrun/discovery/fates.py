@@ -70,7 +70,7 @@ def _fate(found: Discovery, score: Score) -> tuple[Status, str, Rival | None]:
                     rival,
                 )
     if candidate.id in found.dropped:
-        return "rejected", "was accepted, and is not needed beside the effects found later", rival
+        return "rejected", f"was accepted at first; {found.dropped[candidate.id]}", rival
     if rival is not None:
         return "rejected", rival.reason or _overtaken(seen[-1][0]), rival
     if not score.is_visible:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..inference.noise import Noise
 from .judging.acceptance import WORTH_A_REFIT, Rival, gap, judged, least_gap
+from .judging.effect_values import amplitude_sd, named_values
 from .judging.folds import folds, left_out_errors, rmse
 from .judging.held_out import HeldOut
 from .judging.refits import refit_with
@@ -156,7 +157,7 @@ def refitted(engine: Engine, anchor: Refit, present: Refit, score: Score) -> Riv
     refit = refit_with(engine, present, score)
     masks = folds(engine, candidate.test)
     before, after = (rmse(left_out_errors(engine, which, masks)) for which in (present, refit))
-    values, sd = engine.named_values(refit, own)
+    values, sd = named_values(engine, refit, own)
     return judged(
         Rival(
             candidate=candidate,
@@ -171,6 +172,7 @@ def refitted(engine: Engine, anchor: Refit, present: Refit, score: Score) -> Riv
             least_K=least_gap(present, gap(engine, anchor, present)),
             values=values,
             sd=sd,
+            amplitude_sd=amplitude_sd(engine, refit, own),
         )
     )
 

@@ -9,6 +9,7 @@ from typing import Literal
 
 from lptn.effects import AbstractEffect
 
+from ..bench.checks import current_scale_unchecked
 from ..calibration import BenchTest, Calibration, manifest
 from ..inference.fitting.reduction_checks import check_reduction
 from ..inference.networks import NetworkForm
@@ -113,6 +114,7 @@ def _as_calibration(
     roles: list[Role] = [test.role for test in tests]
     rows = []
     findings = [finding for test in tests for finding in test.findings]
+    findings += current_scale_unchecked(motor, [test.record for test in tests])
     for test in tests:
         error, more = check_reduction(posterior.fit, test.record, test.blocks, motor)
         rows.append(describe_test(test.record, test.blocks, motor, test.role, error))

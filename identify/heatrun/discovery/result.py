@@ -48,6 +48,7 @@ from .run import Discovery, Shown
 from .screening.library import Candidate
 from .screening.response import SENSOR
 from .traces import Trace
+from .verdict import sampled_apart
 
 SELECTED = (
     "The held-out tests took part in the selection of effects: none was added that predicts one of "
@@ -77,6 +78,8 @@ def assemble(
     pairs = list(zip(shown.predictions, roles, strict=True))
     fitted = [p for p, role in pairs if role != "holdout"]
     held_out = [p for p, role in pairs if role == "holdout"]
+    calibration = _gap(fitted, after.noise_K)
+    apart = sampled_apart(after, calibration.rmse_after_K)
     return DiscoveryResult(
         format=DISCOVERY_FORMAT,
         heatrun_version=__version__,
@@ -84,7 +87,7 @@ def assemble(
         seed=seed,
         motor=MotorName(name=found.engine.problem.motor.name),
         verdict=found.verdict.word,
-        sentence=found.verdict.sentence,
+        sentence=f"{found.verdict.sentence}{apart}",
         effects=tuple(_effect(found, shown, each) for each in found.named),
         dropped=tuple(found.dropped),
         traces=tuple(describe_trace(trace) for trace in found.traces),
@@ -95,7 +98,7 @@ def assemble(
         ),
         candidates=describe_candidates(found),
         adequacy=AdequacyBeforeAfter(before=_adequacy(found.before), after=_adequacy(after)),
-        calibration=_gap(fitted, after.noise_K),
+        calibration=calibration,
         holdout=_held_out(found, _gap(held_out, after.noise_K)) if held_out else None,
         tests=tuple(
             ErrorsBeforeAfter(
@@ -150,7 +153,6 @@ def _effect(found: Discovery, shown: Shown, named: Named) -> FoundEffect:
     kind = rival.candidate.kind
     draws = shown.posteriors[1].values()
     names = {name: _slot_name(found, rival.candidate, name) for name in kind.card.parameters}
-    round_ = next(r for r in found.growth.rounds if r.accepted is rival)
     return FoundEffect(
         id=rival.candidate.id,
         family=kind.card.family,
@@ -168,7 +170,7 @@ def _effect(found: Discovery, shown: Shown, named: Named) -> FoundEffect:
             if slot in draws
         },
         evidence=EffectEvidence(
-            delta_log_evidence=named.delta_log_evidence, familywise_p=round_.familywise_p
+            delta_log_evidence=named.delta_log_evidence, familywise_p=named.familywise_p
         ),
         left_out=LeftOut(rmse_before_K=rival.left_out_without_K, rmse_after_K=rival.left_out_K),
         rivals=tuple(
@@ -228,6 +230,7 @@ def _adequacy(found: Adequacy) -> LeftByModel:
         low_frequency_excess=found.excess,
         correlation_s=found.correlation_s,
         slow_misfit_K=found.misfit_K,
+        rmse_K=found.rmse_K,
         noise_K=found.noise_K,
     )
 

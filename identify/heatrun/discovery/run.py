@@ -28,7 +28,7 @@ from .judging.final_check import Adequacy, adequacy
 from .judging.held_out import HeldOut
 from .localise import Where, localise
 from .proposed_test import NextTest, next_test
-from .rivals import Named, settle
+from .rivals import Named, confirmed, settle, without
 from .screening.engine import Engine, Refit
 from .screening.extension import extended_engine
 from .screening.library import Library
@@ -49,7 +49,7 @@ class Discovery:
         growth: How the model grew.
         final: Fit of the final model under the saturated noise.
         named: The effects in it, with their rivals.
-        dropped: Ids of effects that were accepted and failed the backward check.
+        dropped: Effects that were accepted and did not stand in the final model: reason by id.
         before: Adequacy of the base model.
         after: Adequacy of the final model.
         where_before: What the base model misses.
@@ -66,7 +66,7 @@ class Discovery:
     growth: Growth
     final: Refit
     named: list[Named]
-    dropped: list[str]
+    dropped: dict[str, str]
     before: Adequacy
     after: Adequacy
     where_before: Where
@@ -137,12 +137,25 @@ def discover(
     watch.lap("search")
     before = adequacy(engine, growth.base)
     say("holding what was found against its rivals")
-    final, named, dropped = settle(engine, growth, adequacy(engine, growth.final).excess)
-    after = adequacy(engine, final, gap(engine, growth.anchor, final))
+    excess = adequacy(engine, growth.final).excess
+    final, named, dropped = settle(engine, growth, excess, gate)
     watch.lap("rivals")
+    base_fit = extended_fit(engine, growth.base.z, ())
+    while True:
+        after = adequacy(engine, final, gap(engine, growth.anchor, final))
+        accepted = [each.rival.candidate for each in named]
+        last_fit = base_fit
+        if named:
+            last_fit = extended_fit(engine, final.z, accepted)
+        named, gone = confirmed(named, last_fit)
+        if not gone:
+            break
+        dropped += gone
+        for rival in gone:
+            final = without(engine, final, rival)
+    watch.lap("fits")
     say("locating what is missing")
     where_before = localise(engine, growth.base, bare)
-    accepted = [each.rival.candidate for each in named]
     where_after = where_before
     if named:
         model = replace(bare, effects=(*bare.effects, *(c.kind for c in accepted)))
@@ -152,18 +165,13 @@ def discover(
     said = verdict(growth, named, before, after, traces)
     after_test = next_test(engine, final, named) if said.word in ("ambiguous",) else None
     watch.lap("next test")
-    base_fit = extended_fit(engine, growth.base.z, ())
-    last_fit = base_fit
-    if named:
-        last_fit = extended_fit(engine, final.z, accepted)
-    watch.lap("fits")
     return Discovery(
         engine=engine,
         library=found,
         growth=growth,
         final=final,
         named=named,
-        dropped=[rival.candidate.id for rival in dropped],
+        dropped={rival.candidate.id: rival.reason for rival in dropped},
         before=before,
         after=after,
         where_before=where_before,

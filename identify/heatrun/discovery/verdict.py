@@ -22,6 +22,11 @@ HALF = 0.7
 """Share of the slow misfit, in kelvin, from which on an effect closes half of it in squares [1]."""
 
 
+APART_SHARE, APART_K = 1.5, 0.1
+"""The sampled model is told to be off if its error is so many times that of the search's fit [1],
+and this much above it [K]: tempered, a posterior may leave the fit that the verdict rests on."""
+
+
 @dataclass(frozen=True)
 class Verdict:
     """What is concluded.
@@ -61,8 +66,8 @@ def verdict(
         names = " and ".join(n.rival.candidate.id for n in named)
         return Verdict(
             "unexplained",
-            f"Something is missing that is not in the catalogue: {names} helps, but "
-            f"{after.misfit_K:.2f} K of slow misfit are left, so no cause is claimed.",
+            f"Something is missing that is not in the catalogue: {names} helps, but {after.words} "
+            "is left, so no cause is claimed.",
         )
     first = growth.rounds[0]
     if not before.is_adequate:
@@ -75,8 +80,8 @@ def verdict(
         )
         return Verdict(
             "unexplained",
-            f"The network leaves {before.misfit_K:.2f} K of slow misfit that no effect of the "
-            f"catalogue accounts for{several}.",
+            f"The network leaves {before.words} that no effect of the catalogue accounts "
+            f"for{several}.",
         )
     heat = [s for s in first.scores if s.candidate.kind.card.family != "sensor"]
     visible = sum(s.is_visible for s in heat) / max(1, len(heat))
@@ -88,6 +93,22 @@ def verdict(
         )
     return Verdict(
         "adequate", f"Nothing is missing that these tests would show{_beside(first, traces)}."
+    )
+
+
+def sampled_apart(left: Adequacy, rmse_K: float) -> str:
+    """Return what is to be said where the sampled model errs far more than the fit, else nothing.
+
+    Args:
+        left: What the fit leaves that the verdict rests on.
+        rmse_K: Error of the sampled model on the same tests [K].
+    """
+    if rmse_K <= max(APART_SHARE * left.rmse_K, left.rmse_K + APART_K):
+        return ""
+    return (
+        f" The sampled model has an RMSE of {rmse_K:.2f} K on the same tests, against "
+        f"{left.rmse_K:.2f} K of the fit that this verdict rests on: its parameters and intervals "
+        "are not reliable."
     )
 
 

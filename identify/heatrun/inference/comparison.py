@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from msgspec import UNSET
 
 from ..results.comparison import Comparison, NetworkVerdict, Peak, Threshold
 from ..results.model import FittedModel
@@ -12,6 +13,7 @@ from ..results.residuals import ResidualRow
 from ..results.values import Role, number
 from .fitting.adequacy import ljung_box
 from .predict import Prediction
+from .score_error import ScoreDifference, block_scores, standard_error
 
 LIMITS_K = (1.0, 2.0, 5.0)
 """Errors that an engineer asks about [K]."""
@@ -33,6 +35,7 @@ def residual_row(prediction: Prediction, role: Role) -> ResidualRow:
         whiteness_p=ljung_box(prediction.innovations()),
         coverage_95=prediction.coverage_95(),
         log_score=prediction.log_score(),
+        log_score_se=standard_error(block_scores(prediction)),
     )
 
 
@@ -91,11 +94,14 @@ def compare(
     return Comparison(words=tuple(words), thresholds=tuple(thresholds), peak=tuple(peaks))
 
 
-def verdict(models: Mapping[str, FittedModel]) -> NetworkVerdict:
+def verdict(
+    models: Mapping[str, FittedModel], scores: ScoreDifference | None = None
+) -> NetworkVerdict:
     """Return which of two networks the data favour, from the evidence and the held-out scores.
 
     Args:
         models: The entries of `fit.json` by name, the network with fewer nodes first.
+        scores: Difference of their held-out scores; None where its standard error is not known.
     """
     names = list(models)
     titles = {name: model.title for name, model in models.items()}
@@ -112,7 +118,7 @@ def verdict(models: Mapping[str, FittedModel]) -> NetworkVerdict:
     factor = number(models[large].evidence.log_evidence) - number(
         models[small].evidence.log_evidence
     )
-    held = _held_out(models[small], models[large])
+    held = _held_out(models[small], models[large], scores)
     if factor > DECISIVE:
         name, text = large, f"The data favour the {titles[large]}"
     elif factor < -DECISIVE:
@@ -123,10 +129,12 @@ def verdict(models: Mapping[str, FittedModel]) -> NetworkVerdict:
         order=name,
         sentence=f"{text} (log Bayes factor of {large} to {small}: {factor:+.0f}).{held}",
         log_bayes_factor=factor,
+        log_score_difference=UNSET if scores is None else scores.difference,
+        log_score_difference_se=UNSET if scores is None else scores.standard_error,
     )
 
 
-def _held_out(small: FittedModel, large: FittedModel) -> str:
+def _held_out(small: FittedModel, large: FittedModel, scored: ScoreDifference | None) -> str:
     """Return which network predicts the held-out tests better, by error and by log score."""
     pair = small, large
     rows = [[row for row in model.residuals if row.role == "holdout"] for model in pair]
@@ -137,9 +145,20 @@ def _held_out(small: FittedModel, large: FittedModel) -> str:
     closer = pair[int(np.argmin(errors))]
     likelier = pair[int(np.argmax(scores))]
     by_error = f"RMSE ({large.title} {errors[1]:.2f} K, {small.title} {errors[0]:.2f} K)"
-    by_score = (
-        f"mean log score per block ({large.title} {scores[1]:.2f}, {small.title} {scores[0]:.2f})"
+    sure = (
+        ""
+        if scored is None
+        else f"; difference {scored.difference:+.2g}, standard error {scored.standard_error:.2g}"
     )
+    by_score = (
+        f"mean log score per block ({large.title} {scores[1]:.2f}, {small.title} "
+        f"{scores[0]:.2f}{sure})"
+    )
+    if scored is not None and not scored.is_decided:
+        return (
+            " Which network predicts the held-out tests better is not decided, the difference of "
+            f"the log scores being within two standard errors: {by_error}, {by_score}."
+        )
     if closer is likelier:
         return f" The {closer.title} predicts the held-out tests better: {by_error}, {by_score}."
     return (

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from msgspec import UNSET, UnsetType
+
 from .values import NonNegative
 
 
@@ -16,11 +18,17 @@ class NetworkVerdict:
         sentence: The verdict in words.
         log_bayes_factor: Of the network with more nodes to the other one [nat]; null if there are
             not two.
+        log_score_difference: Mean log score per block of the network with more nodes less that of
+            the other one, over the held-out tests [nat]; unset where there is none.
+        log_score_difference_se: Its standard error, which allows for neighbouring blocks that err
+            alike [nat]; unset likewise.
     """
 
     order: str
     sentence: str
     log_bayes_factor: float | None
+    log_score_difference: float | UnsetType = UNSET
+    log_score_difference_se: NonNegative | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

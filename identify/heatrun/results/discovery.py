@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from msgspec import Meta
+from msgspec import UNSET, Meta, UnsetType
 
 from .candidate import CandidateFate
 from .found_effect import FoundEffect, Trace
@@ -40,6 +40,8 @@ class LeftByModel:
         correlation_s: Correlation time of the residuals [s].
         slow_misfit_K: Root mean square of what is slow, less what noise would leave [K].
         noise_K: Standard deviation of the noise of a block mean [K].
+        rmse_K: Root mean square of all residuals of the same fit, slow and fast [K]; unset in
+            files of earlier versions.
     """
 
     is_adequate: bool
@@ -47,6 +49,7 @@ class LeftByModel:
     correlation_s: NonNegative
     slow_misfit_K: NonNegative
     noise_K: NonNegative
+    rmse_K: NonNegative | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from msgspec import UNSET, UnsetType
+
 from .values import NonNegative, Probability, Role
 
 
@@ -21,6 +23,8 @@ class ResidualRow:
         whiteness_p: Probability of such residuals if they were white [1], by Ljung and Box.
         coverage_95: Share of the readings inside the 95 % band [1].
         log_score: Mean log predictive density of a block [nat].
+        log_score_se: Its standard error, which allows for neighbouring blocks that err alike
+            [nat]; null for less than ten blocks, unset in files of earlier versions.
     """
 
     test: str
@@ -32,3 +36,4 @@ class ResidualRow:
     whiteness_p: Probability | None
     coverage_95: Probability
     log_score: float | None
+    log_score_se: NonNegative | UnsetType | None = UNSET

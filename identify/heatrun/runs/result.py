@@ -20,6 +20,7 @@ from ..inference.parameters import Parameter, Slot
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
 from ..inference.sampling.importance import evaluate
+from ..inference.score_error import score_difference
 from ..motor import Motor
 from ..ratings.figures import derive
 from ..results.fit import FIT_FORMAT, FitResult, FittedMotor
@@ -155,7 +156,12 @@ def assemble(
         ),
         tests=tuple(tests),
         findings=tuple(findings),
-        verdict=verdict(models),
+        verdict=verdict(
+            models,
+            None
+            if pair is None
+            else score_difference(predictions[pair[0]], predictions[pair[1]], roles),
+        ),
         models=models,
         comparison=None
         if pair is None

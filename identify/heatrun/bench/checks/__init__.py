@@ -19,6 +19,7 @@ from .losses import current_amplitude, losses_below_copper, losses_negative
 from .presence import missing_channel, nan_block, too_few_samples
 from .resolution import resolution, truncation
 from .sensor import sensor_detached, temperature_jump
+from .standstill import current_scale_unchecked, standstill_losses
 from .stillness import saturation, sensor_stuck
 from .suspicion import referred, unit_suspected
 from .time_axis import sampling, time_backwards, time_duplicate, time_gap, time_jitter
@@ -48,6 +49,7 @@ CHECKS: tuple[Check, ...] = (
     losses_negative,
     losses_below_copper,
     current_amplitude,
+    standstill_losses,
     no_heating,
     start_not_in_equilibrium,
     ambient_moving,
@@ -80,4 +82,4 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
     )
 
 
-__all__ = ["CHECKS", "Check", "check_record"]
+__all__ = ["CHECKS", "Check", "check_record", "current_scale_unchecked"]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ...inference.effect_parameters import amplitudes
 from ...io.quantities import quantity as printed
 from ...io.quantities import rounded
 from ..screening.engine import Engine, Refit
@@ -31,6 +33,9 @@ SEPARATED = 3.0
 """Standard deviations that an amplitude must lie from its null [1], by the profile of its
 likelihood."""
 
+NORMAL_95 = 1.96
+"""Half of a 95 % interval in standard deviations [1]."""
+
 
 @dataclass(frozen=True)
 class Rival:
@@ -52,6 +57,8 @@ class Rival:
         is_physical: Whether its parameters are physical and its amplitude significant.
         reason: Why it is rejected; empty if it is not.
         held_out_K: Errors on each held-out test without and with it, where that was looked at [K].
+        amplitude_sd: Standard deviations that its amplitudes are judged by, as
+            `effect_values.amplitude_sd` [their units]; those of `sd` where it names none.
     """
 
     candidate: Candidate
@@ -69,6 +76,7 @@ class Rival:
     is_physical: bool = True
     reason: str = ""
     held_out_K: tuple[tuple[float, float], ...] = ()
+    amplitude_sd: Mapping[str, float] = field(default_factory=dict)
 
 
 def gap(engine: Engine, before: Refit, after: Refit) -> float:
@@ -90,7 +98,9 @@ def least_gap(present: Refit, closed_K: float) -> float:
 
 def judged(rival: Rival) -> Rival:
     """Return the rival with the reason why it is rejected, if it is."""
-    unsound = refusal(rival.candidate, rival.values, rival.sd, rival.drop)
+    unsound = refusal(
+        rival.candidate, rival.values, rival.sd, rival.drop, amplitude_sd=rival.amplitude_sd
+    )
     return replace(rival, is_physical=not unsound, reason=_reason(rival, unsound))
 
 
@@ -115,7 +125,12 @@ def _reason(rival: Rival, unsound: str) -> str:
 
 
 def refusal(
-    candidate: Candidate, values: dict[str, float], sd: dict[str, float], drop: float
+    candidate: Candidate,
+    values: Mapping[str, float],
+    sd: Mapping[str, float],
+    drop: float,
+    *,
+    amplitude_sd: Mapping[str, float] | None = None,
 ) -> str:
     """Return why an effect cannot be what was found, empty if it can.
 
@@ -124,6 +139,7 @@ def refusal(
         values: Its parameters [their units].
         sd: Their standard deviations [their units].
         drop: By how much the effect lowers the sum of squares of residuals and scores [1].
+        amplitude_sd: As in `Rival`.
     """
     card = candidate.kind.card
     for name, quantity in card.parameters.items():
@@ -142,4 +158,30 @@ def refusal(
     # a body go together, neither has a small one, and yet without the body the fit is far worse.
     if drop < SEPARATED**2:
         return "its amplitude is not significantly different from zero"
-    return ""
+    return holds_null(candidate, values, {**sd, **(amplitude_sd or {})})
+
+
+def holds_null(
+    candidate: Candidate, values: Mapping[str, float], amplitude_sd: Mapping[str, float]
+) -> str:
+    """Return why an effect may as well be absent, empty if it may not.
+
+    A better fit does not show that: a refit may have moved all else and left the effect where it
+    vanishes.
+
+    Args:
+        candidate: The effect.
+        values: Its parameters [their units].
+        amplitude_sd: Standard deviations of its amplitudes [their units].
+    """
+    told = []
+    for name in amplitudes(candidate.kind):
+        quantity = candidate.kind.card.parameters[name]
+        assert quantity.null is not None
+        half = NORMAL_95 * amplitude_sd[name]
+        if abs(values[name] - quantity.null) > half:
+            return ""
+        low, high = (printed(rounded(values[name] + side * half), quantity.unit)
+                     for side in (-1.0, 1.0))  # fmt: skip
+        told.append(f"{name} from {low} to {high} holds {quantity.null:g}")
+    return f"its 95 % interval holds no effect at all ({', '.join(told)})"

@@ -10,9 +10,13 @@ from ...inference.fitting.adequacy import low_frequency_excess
 from ...inference.noise import variance_of_mean
 from ..screening.engine import Engine, Refit
 from ..screening.saturated import plain_noise
+from .folds import rmse
 
 WINDOW_S = 600.0
 """Window over which what is slow is looked at [s]."""
+
+FEWEST_WINDOWS = 3
+"""Windows that a test has at least [1]: in one shorter than half an hour they are shorter too."""
 
 LONGEST_S = 75.0
 """Correlation time of the residuals from which on they count as a misfit [s]."""
@@ -38,6 +42,8 @@ class Adequacy:
         is_excessive: Whether that is above its limit.
         correlation_s: Correlation time of the residuals, without a limit [s].
         misfit_K: Root mean square of what is slow, less what noise would leave [K].
+        rmse_K: Root mean square of all residuals of the same fit, slow and fast [K].
+        window_s: Length of the means that count as slow [s].
         noise_K: Standard deviation of the noise of a block mean [K].
         closed_K: Gap that the effects in the model have closed [K].
     """
@@ -46,8 +52,18 @@ class Adequacy:
     is_excessive: bool
     correlation_s: float
     misfit_K: float
+    rmse_K: float
+    window_s: float
     noise_K: float
     closed_K: float = 0.0
+
+    @property
+    def words(self) -> str:
+        """The misfit beside the whole error, as printed."""
+        return (
+            f"a slow misfit of {self.misfit_K:.2f} K (means over {self.window_s / 60.0:.0f} min, "
+            f"less what noise leaves in them) in an RMSE of {self.rmse_K:.2f} K"
+        )
 
     @property
     def is_relevant(self) -> bool:
@@ -71,13 +87,16 @@ def adequacy(engine: Engine, refit: Refit, closed_K: float = 0.0) -> Adequacy:
     """
     noise = refit.noise
     innovations, lengths, slow, expected = [], [], [], []
+    longest_s = 0.0
     whitened = engine.problem.split(engine.whiten(noise, refit.residual))
     raw = engine.problem.split(refit.residual)
     for values, residual, test in zip(whitened, raw, engine.tests, strict=True):
         seen = test.is_observed
         innovations.append(values[seen])
         lengths.append(test.block_s)
-        size = max(2, round(WINDOW_S / test.block_s))
+        window_s = min(WINDOW_S, test.duration_s / FEWEST_WINDOWS)
+        size = max(2, round(window_s / test.block_s))
+        longest_s = max(longest_s, size * test.block_s)
         num = int(seen.sum()) // size
         if num:
             slow.append(residual[seen][: num * size].reshape(num, size).mean(axis=1))
@@ -91,6 +110,8 @@ def adequacy(engine: Engine, refit: Refit, closed_K: float = 0.0) -> Adequacy:
         is_excessive=is_excessive,
         correlation_s=float(plain.time) if is_slow else 0.0,
         misfit_K=float(np.sqrt(max(misfit, 0.0))),
+        rmse_K=rmse(refit.residual[engine.is_observed]),
+        window_s=longest_s,
         noise_K=float(noise.total()),
         closed_K=closed_K,
     )

@@ -8,7 +8,7 @@ every test, every candidate, and every combination.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,7 +24,6 @@ from ...bench.blocks import Blocks, Observation
 from ...inference import noise as noise_module
 from ...inference.model import Model
 from ...inference.noise import Noise
-from ...inference.parameters import Slot
 from ...inference.problem import WORST_RESIDUAL, Problem
 
 LANES = 24
@@ -206,27 +205,6 @@ class Engine:
             noise=noise,
         )
 
-    def named_values(
-        self, refit: Refit, own: Iterable[int]
-    ) -> tuple[dict[str, float], dict[str, float]]:
-        """Return values and standard deviations of an effect's parameters by name [their units].
-
-        Args:
-            refit: The fit.
-            own: Slots of the effect.
-        """
-        columns = self.whiten(refit.noise, refit.jacobian)
-        covariance = np.linalg.inv(columns.T @ columns + np.eye(len(refit.free)))
-        values, sd = {}, {}
-        for slot in own:
-            parameter = self.slots[slot].parameter
-            name = parameter.name.split(".", 1)[1]
-            place = refit.free.index(slot)
-            values[name] = _slot_value(self.slots[slot], refit.z[slot])
-            scale = values[name] if parameter.transform == "log" else 1.0
-            sd[name] = parameter.sd * scale * float(np.sqrt(covariance[place, place]))
-        return values, sd
-
     def bounds(self, order: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Return bounds of scores: amplitudes that cannot change sign stay on their side."""
         low, high = np.full(len(order), -8.0), np.full(len(order), 8.0)
@@ -268,11 +246,6 @@ class Engine:
                 gains[position] = parameter.sd
             values[parameter.name] = value
         return values, gains
-
-
-def _slot_value(slot: Slot, z: float) -> float:
-    """Return the value of a slot [its unit] for a score."""
-    return float(slot.parameter.value(np.asarray(z)))
 
 
 @partial(jax.jit, static_argnames="model")

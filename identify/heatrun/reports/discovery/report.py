@@ -84,9 +84,10 @@ def report_content(result: DiscoveryResult) -> dict[str, Any]:
             for rival in effect.rivals
         ],
         "left": (
-            f"Slow misfit {left.slow_misfit_K:.2f} K, noise of a block mean "
-            f"{left.noise_K:.2f} K, low-frequency excess {left.low_frequency_excess:.1f} "
-            f"(1 if only noise)."
+            f"Slow misfit {left.slow_misfit_K:.2f} K"
+            f"{'' if left.rmse_K is UNSET else f' in an RMSE of {left.rmse_K:.2f} K'}, noise of a "
+            f"block mean {left.noise_K:.2f} K, low-frequency excess "
+            f"{left.low_frequency_excess:.1f} (1 if only noise)."
         ),
         "limits": [*LIMITS, *_selected(result.holdout)],
     }  # fmt: skip

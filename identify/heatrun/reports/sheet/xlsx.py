@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xlsxwriter
+from msgspec import UNSET
 
 from ...bench.channels.column_mapping import HEAD, KNOWN_BY
 from ...io.moment import NO_DATE, stated_moment
@@ -107,10 +108,11 @@ def _correlation(book: Any, bold: Any, result: FitResult) -> None:
 
 def _residuals(book: Any, bold: Any, result: FitResult) -> None:
     keys = ["test", "role", "rmse_K", "mae_K", "max_K", "end_K", "coverage_95", "log_score",
-            "whiteness_p"]  # fmt: skip
+            "log_score_se", "whiteness_p"]  # fmt: skip
     rows = [
         [order, row.test, row.role, row.rmse_K, row.mae_K, row.max_K, row.end_K, row.coverage_95,
-         row.log_score, row.whiteness_p]
+         row.log_score, None if row.log_score_se is UNSET else row.log_score_se,
+         row.whiteness_p]
         for order, model in result.models.items()
         for row in model.residuals
     ]  # fmt: skip
