@@ -166,6 +166,6 @@ def weighted_draws(fit: Fit, *, seed: int = 0) -> Posterior:
 
 
 def _of_weighted(fit: Fit, weighted: Weighted, seed: int) -> Posterior:
-    vectors = weighted.resample(NUM_KEPT, np.random.default_rng([seed, 1]))
-    density = np.full((1, NUM_KEPT), np.nan)
-    return Posterior(fit, vectors[None], density, "importance", weighted, None)
+    picked = weighted.pick(NUM_KEPT, np.random.default_rng([seed, 1]))[None]
+    vectors, density = weighted.vectors[picked], weighted.log_density[picked]
+    return Posterior(fit, vectors, density, "importance", weighted, None)
