@@ -73,6 +73,10 @@ class PosteriorQuality:
         pareto_k: Shape of the Pareto fit to the largest importance weights [1].
         verdict: The judgement in words.
         is_sound: Whether the draws can be trusted.
+        ess_tail_min: Smallest effective sample size of the share of draws in a tail of 5 %; null
+            for importance sampling.
+        agreement_p: Probability of differences between the ensembles and their halves as large as
+            they are, in means and tails, had all been drawn from one law [1]; null likewise.
     """
 
     method: str
@@ -83,6 +87,8 @@ class PosteriorQuality:
     pareto_k: float | None
     verdict: str
     is_sound: bool
+    ess_tail_min: float | None = None
+    agreement_p: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
