@@ -37,7 +37,8 @@ def groups(posterior: Posterior) -> Any:
     ]
     columns = [*posterior.values().values(), *noise]
     variables, dims, coords = _variables(posterior, columns, names)
-    priors = _variables(posterior, np.moveaxis(found.prior.astype(np.float32), -1, 0), names)[0]
+    of_priors = list(np.moveaxis(found.prior.astype(np.float32), -1, 0))
+    priors = _variables(posterior, of_priors, names)[0]
     observed = {f"winding_{index}": test.measured for index, test in enumerate(tests)}
     dims |= {name: [f"{name}_block"] for name in observed} | {"winding": ["window"]}
     content = {

@@ -44,8 +44,9 @@ def autocorrelation_times(
         variance = float(np.mean(moved**2, dtype=float))
         if variance <= 0.0:
             continue
-        wave = fft.rfft((moved / np.sqrt(variance)).astype(np.float32), length, axis=1)
-        power = np.sum(wave.real**2 + wave.imag**2, axis=0, dtype=float)
+        scaled = (moved / np.sqrt(variance)).astype(np.float32)
+        wave = np.asarray(fft.rfft(scaled, length, axis=1))
+        power = np.sum(np.abs(wave) ** 2, axis=0, dtype=float)
         covariance = fft.irfft(power, length)[:num_lags] / (num_steps - lag)
         sums = 2.0 * np.cumsum(covariance) / covariance[0] - 1.0
         is_enough = lag >= WINDOW * sums
