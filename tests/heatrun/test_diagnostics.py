@@ -1,53 +1,18 @@
-"""R-hat and Pareto k as ArviZ gives them, against textbook formulas, SciPy and known laws."""
+"""Pareto k and smoothed weights as ArviZ gives them, against SciPy and known laws."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import genpareto
+from scipy.special import logsumexp
+from scipy.stats import genpareto, norm
 
-from heatrun.inference.sampling.convergence import RHAT_LIMIT, judge
-from heatrun.inference.sampling.diagnostics import pareto_shape, split_rhat
-
-NUM_STEPS, NUM_WALKERS = 400, 64
-
-
-def autoregressive(
-    rng: np.random.Generator, num_steps: int = NUM_STEPS, coefficient: float = 0.8
-) -> np.ndarray:
-    """Two ensembles of walkers in three parameters that remember, shape (2, step, walker, 3)."""
-    chains = np.empty((2, num_steps, NUM_WALKERS, 3))
-    chains[:, 0] = rng.standard_normal(chains[:, 0].shape)
-    for step in range(1, num_steps):
-        news = rng.standard_normal(chains[:, step].shape)
-        chains[:, step] = coefficient * chains[:, step - 1] + np.sqrt(1 - coefficient**2) * news
-    return chains
+from heatrun.inference.sampling.diagnostics import pareto_smoothed
+from heatrun.inference.sampling.importance import importance_sample
 
 
-@pytest.mark.parametrize("shift", [0.0, 0.1, 1.0])
-def test_rhat_is_that_of_the_textbook_over_ensembles_and_their_halves(shift):
-    chains = autoregressive(np.random.default_rng(1))
-    chains[1, :, :, 2] += shift  # the second ensemble disagrees in the last parameter
-    halves = [half for each in chains for half in (each[: NUM_STEPS // 2], each[NUM_STEPS // 2 :])]
-    within = np.mean([half.var(axis=(0, 1), ddof=1) for half in halves], axis=0)
-    means = np.var([half.mean(axis=(0, 1)) for half in halves], axis=0, ddof=1)
-    draws = NUM_STEPS // 2 * NUM_WALKERS
-    textbook = np.sqrt((draws - 1) / draws + means / within)
-    found = split_rhat(chains.reshape(2, -1, 3))
-    np.testing.assert_allclose(found, textbook, rtol=1e-12)
-    # the formula by hand that this replaces had 1 in place of (n-1)/n
-    np.testing.assert_allclose(found, np.sqrt(1.0 + means / within), atol=1.0 / draws)
-    assert judge(chains).rhat == found.max()
-    assert (found.max() > RHAT_LIMIT) == (shift == 1.0)
-
-
-def test_the_effective_sample_size_of_an_ensemble_follows_its_autocorrelation():
-    """Of an autoregression, tau = (1 + a) / (1 - a) is known: 9 steps at a = 0.8."""
-    num_steps = 4000  # the means of shorter walks are subtracted with what they remember
-    found = judge(autoregressive(np.random.default_rng(2), num_steps))
-    # 2 x 64 walks of 444 autocorrelation times: less than 1 % of error, and 2 % for the means
-    assert found.autocorrelation == pytest.approx(9.0, rel=0.04)
-    assert found.effective_size == pytest.approx(2 * num_steps * NUM_WALKERS / 9.0, rel=0.04)
+def pareto_shape(log_weight: np.ndarray) -> float:
+    return pareto_smoothed(log_weight).pareto_k
 
 
 @pytest.mark.parametrize("shape", [0.2, 0.5, 0.9, 1.4])
@@ -79,3 +44,47 @@ def test_weights_without_a_tail_are_never_sound():
     rng = np.random.default_rng(5)
     with_zeros = np.where(rng.random(4096) < 0.01, -np.inf, rng.standard_normal(4096))
     assert 0.0 < pareto_shape(with_zeros) < 0.5  # lognormal weights
+
+
+def test_smoothed_weights_are_quantiles_of_a_pareto_law_above_the_body():
+    rng = np.random.default_rng(6)
+    log_weight = np.log(genpareto.rvs(0.6, size=4096, random_state=rng)) + 3.0
+    found = pareto_smoothed(log_weight)
+    order = np.argsort(log_weight)
+    num_tail = int(np.ceil(3 * np.sqrt(4096)))
+    body, tail = order[:-num_tail], order[-num_tail:]
+    assert logsumexp(found.log_weight) == pytest.approx(0.0, abs=1e-12)
+    # up to one factor the body is as it was, and the order is that of the raw weights
+    shift = found.log_weight[body] - log_weight[body]
+    np.testing.assert_allclose(shift, shift[0], atol=1e-10)
+    assert np.all(np.diff(found.log_weight[order]) >= 0.0)
+    excess = np.exp(found.log_weight[tail]) - np.exp(found.log_weight[body[-1]])
+    places = (np.arange(num_tail) + 0.5) / num_tail
+    law = genpareto.ppf(places, found.pareto_k)
+    scale = excess[num_tail // 2] / law[num_tail // 2]
+    # the largest may be cut to the largest raw weight
+    np.testing.assert_allclose(excess[:-3], scale * law[:-3], rtol=1e-6)
+
+
+def test_smoothed_weights_err_less_than_raw_ones():
+    """The second moment of a normal law from draws of half its variance: k = 0.5 at the edge."""
+    truth, raw, smoothed = 1.0, [], []
+    for seed in range(300):
+        x = np.sqrt(0.5) * np.random.default_rng(seed).standard_normal(1000)
+        log_weight = norm.logpdf(x) - norm.logpdf(x, scale=np.sqrt(0.5))
+        weight = np.exp(log_weight - logsumexp(log_weight))
+        raw.append(weight @ x**2)
+        smoothed.append(np.exp(pareto_smoothed(log_weight).log_weight) @ x**2)
+    by_raw, by_smoothed = (np.sqrt(np.mean((np.array(e) - truth) ** 2)) for e in (raw, smoothed))
+    assert by_smoothed < 0.9 * by_raw
+
+
+def test_importance_samples_carry_smoothed_weights_and_evidence_of_raw_ones(fitted):
+    found = importance_sample(fitted, num_draws=1024, seed=2)
+    log_weight = found.log_density - found.proposal.log_density(found.vectors)
+    smoothed = pareto_smoothed(log_weight)
+    assert found.pareto_k == pytest.approx(smoothed.pareto_k, abs=1e-6)
+    np.testing.assert_allclose(found.weights, np.exp(smoothed.log_weight), rtol=1e-6)
+    raw = np.exp(log_weight - logsumexp(log_weight))
+    assert np.max(np.abs(found.weights / raw - 1.0)) > 0.01
+    assert found.log_evidence == pytest.approx(logsumexp(log_weight) - np.log(log_weight.size))

@@ -47,7 +47,7 @@ LEAST_PROBABILITY = 1e-3
 """Effects of less than this are dropped [1]."""
 
 OF_A_RESISTANCE = ("surface", "cooling", "winding path")
-"""Families of effects that scale a resistance, which then has no one value."""
+"""Families of effects that scale a resistance or lie beside it, which then has no one value."""
 
 SAME_AS_AN_INSTRUMENT = ("loss_gain", "sensor_gain", "copper_coefficient", "winding_resistance")
 """Effects whose amplitude has a prior among the parameters of every network already, or that of a
@@ -244,7 +244,10 @@ def _scaled_resistance(engine: Engine, refitted: _Refitted) -> int | None:
     if kind.card.family not in OF_A_RESISTANCE:
         return None
     model = engine.problem.model
-    link = placed_link(kind, model.topology())
+    network = model.topology()
+    link = placed_link(kind, network)
+    if link is None:  # the surface of the machine
+        link = next(ends for ends in network.links if network.boundary in ends)
     names = [parameter.name for ends, parameter in model.form.resistance if ends == link]
     for place, slot in enumerate(refitted.base):
         if engine.slots[slot].parameter.name in names:

@@ -50,6 +50,7 @@ def averaged(posterior: Posterior, found: Sequence[Alternative], *, seed: int = 
         vectors=vectors.reshape(shape),
         log_density=density.reshape(posterior.log_density.shape),
         plausible=effects,
+        alone=posterior,
     )
 
 

@@ -50,6 +50,7 @@ class Posterior:
         convergence: Verdict on the ensembles; None for importance sampling.
         plausible: Effects behind the draws, where these are averaged over models with one; None
             where all draws are of the network alone.
+        alone: The posterior before it was averaged; None where it was not.
     """
 
     fit: Fit
@@ -59,6 +60,7 @@ class Posterior:
     weighted: Weighted
     convergence: Convergence | None
     plausible: PlausibleEffects | None = None
+    alone: Posterior | None = None
 
     @property
     def flat(self) -> Float[np.ndarray, "draw all"]:
@@ -168,6 +170,6 @@ def weighted_draws(fit: Fit, *, seed: int = 0) -> Posterior:
 
 
 def _of_weighted(fit: Fit, weighted: Weighted, seed: int) -> Posterior:
-    vectors = weighted.resample(NUM_KEPT, np.random.default_rng([seed, 1]))
-    density = np.full((1, NUM_KEPT), np.nan)
-    return Posterior(fit, vectors[None], density, "importance", weighted, None)
+    picked = weighted.pick(NUM_KEPT, np.random.default_rng([seed, 1]))[None]
+    vectors, density = weighted.vectors[picked], weighted.log_density[picked]
+    return Posterior(fit, vectors, density, "importance", weighted, None)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from msgspec import UNSET, UnsetType
+
 from .derived import Derived
 from .parameter import FittedParameter
 from .residuals import ResidualRow
@@ -98,6 +100,10 @@ class PosteriorQuality:
         pareto_k: Shape of the Pareto fit to the largest importance weights [1].
         verdict: The judgement in words.
         is_sound: Whether the draws can be trusted.
+        ess_tail_min: Smallest effective sample size of the share of draws in a tail of 5 %; unset
+            for importance sampling.
+        agreement_p: Probability of differences between the ensembles and their halves as large as
+            they are, in means and tails, had all been drawn from one law [1]; unset likewise.
     """
 
     method: str
@@ -108,6 +114,8 @@ class PosteriorQuality:
     pareto_k: float | None
     verdict: str
     is_sound: bool
+    ess_tail_min: float | UnsetType = UNSET
+    agreement_p: float | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,6 +18,7 @@ from ..inference.posterior import Posterior
 from ..inference.sampling.diagnostics import load_arviz
 from ..io.moment import stated_moment
 from ..io.whole_files import write_whole
+from .densities import DEPENDENCE, LEFT_OUT, PRIOR, densities
 
 ABSENT = -12.0
 """Score of unmodelled heat in a run that was made before there was any: nothing of the loss."""
@@ -33,27 +34,40 @@ def groups(posterior: Posterior) -> Any:
     Group `posterior` holds every free parameter and those of the noise in their units (attribute
     `units`), those that each test has for itself with a dimension `test`, those that only some
     tests have with a dimension `test_of_NAME` over these; `sample_stats` the log density;
-    `observed_data` the block means by test. Where the draws are averaged over effects that the
-    network may miss, `sample_stats` says which is behind each draw (-1: none) and its size.
+    `observed_data` the block means by test; `log_prior` and `log_likelihood` what `densities` says.
+    Where the draws are averaged over effects that the network may miss, `sample_stats` says which
+    is behind each draw (-1: none) and its size.
     """
     arviz = load_arviz()
     tests = posterior.fit.problem.tests
     names = [test.name for test in tests]
-    variables, dims, coords = _variables(posterior, names)
+    found = densities(posterior)
+    noise = [
+        np.asarray(p.value(posterior.vectors[..., i - len(NOISE)])) for i, p in enumerate(NOISE)
+    ]
+    columns = [*posterior.values().values(), *noise]
+    variables, dims, coords = _variables(posterior, columns, names)
+    of_priors = list(np.moveaxis(found.prior.astype(np.float32), -1, 0))
+    priors = _variables(posterior, of_priors, names)[0]
     observed = {f"winding_{index}": test.measured for index, test in enumerate(tests)}
-    dims |= {name: [f"{name}_block"] for name in observed}
+    dims |= {name: [f"{name}_block"] for name in observed} | {"winding": ["window"]}
     content = {
         "posterior": variables,
         "sample_stats": {"lp": posterior.log_density, **_plausible(posterior)},
         "observed_data": observed,
+        "log_prior": priors,
+        "log_likelihood": {"winding": found.winding, "dependence": found.dependence},
     }
+    coords["window"] = list(found.windows)
     with warnings.catch_warnings():
         # 0.23 warns when draws of a parameter outnumber its chains, which is always so here
         warnings.simplefilter("ignore")
         if _is_tree(arviz):
             data = arviz.from_dict(content, coords=coords, dims=dims)
         else:
+            priors = {"log_prior": content.pop("log_prior")}  # unknown to this function of 0.23
             data = arviz.from_dict(**content, coords=coords, dims=dims)
+            data.add_groups(priors, coords=coords, dims=dims)
     _label(data, posterior)
     return data
 
@@ -204,27 +218,26 @@ def _is_tree(arviz: Any) -> bool:
 
 
 def _variables(
-    posterior: Posterior, tests: Sequence[str]
+    posterior: Posterior, columns: Sequence[np.ndarray], tests: Sequence[str]
 ) -> tuple[dict[str, np.ndarray], dict[str, list[str]], dict[str, list[str]]]:
-    """Return draws, dimensions and coordinates by name."""
-    values = posterior.values()
+    """Return columns, one for each slot and each of the noise, with dimensions and coordinates."""
+    slots = posterior.fit.slots
+    values = dict(zip((s.name for s in slots), columns[: len(slots)], strict=True))
     variables: dict[str, np.ndarray] = {}
     dims: dict[str, list[str]] = {}
     coords = {"test": list(tests)}
-    for slot in posterior.fit.slots:
+    for slot in slots:
         name = slot.parameter.name
         if slot.test is None:
             variables[name] = values[slot.name]
         elif name not in variables:
-            same = [s for s in posterior.fit.slots if s.parameter.name == name]
+            same = [s for s in slots if s.parameter.name == name]
             variables[name] = np.stack([values[s.name] for s in same], axis=-1)
             # an event, or the timing of a slow logger, belongs to some of the tests alone
             held = [tests[s.test] for s in same if s.test is not None]
             dims[name] = ["test" if held == list(tests) else f"test_of_{name}"]
             coords[dims[name][0]] = held
-    noise = posterior.vectors[..., -len(NOISE) :]
-    for index, parameter in enumerate(NOISE):
-        variables[parameter.name] = np.asarray(parameter.value(noise[..., index]))
+    variables |= dict(zip((p.name for p in NOISE), columns[len(slots) :], strict=True))
     return variables, dims, coords
 
 
@@ -237,8 +250,11 @@ def _label(data: Any, posterior: Posterior) -> None:
         group[name].attrs["long_name"] = parameter.meaning
     group.attrs["method"] = posterior.method
     group.attrs["verdict"] = posterior.sentence()
+    data["log_prior"].attrs["meaning"] = PRIOR
+    data["log_likelihood"]["winding"].attrs["meaning"] = LEFT_OUT
+    data["log_likelihood"]["dependence"].attrs["meaning"] = DEPENDENCE
     stated = stated_moment()
-    for name in ("posterior", "sample_stats", "observed_data"):
+    for name in ("posterior", "sample_stats", "observed_data", "log_prior", "log_likelihood"):
         attributes = data[name].attrs
         attributes.pop("created_at", None)
         if stated is not None:

@@ -206,6 +206,8 @@ def _quality(posterior: Posterior) -> PosteriorQuality:
         pareto_k=weighted.pareto_k,
         verdict=posterior.sentence(),
         is_sound=posterior.is_sound,
+        ess_tail_min=UNSET if ensembles is None else ensembles.tail_size,
+        agreement_p=UNSET if ensembles is None else ensembles.agreement,
     )
 
 

@@ -1,27 +1,45 @@
-"""Is an ensemble long enough? Autocorrelation, effective sample size and R-hat of affine ensembles.
+"""Is an ensemble long enough? Effective sample sizes, R-hat and agreement of affine ensembles.
 
-The walkers of one ensemble move with each other, so none of them is a chain, and a split R-hat
-over walkers says little. Here two ensembles run apart: each is one chain of ensemble means, and
-their disagreement in units of what their autocorrelation allows is the verdict.
+The walkers of one ensemble move with each other, so none of them is a chain. Here two ensembles
+run apart. How long their walkers remember says how far the means of their halves may lie apart;
+how far they do lie apart says whether that is true. An R-hat alone does not: with 800 effective
+draws it is 1.003 where all is well and 1.01 where the two ensembles differ by a quarter of a
+standard deviation, five times the error that is claimed. The same holds for the shares of draws
+in the two tails, of which the 95 % intervals are made.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.stats import chi2
 
-from .diagnostics import split_rhat
+from .autocorrelation import autocorrelation_times
 
 ESS_WANTED = 800.0
 """Effective sample size (ESS); the error of a mean is then 4 % of a standard deviation."""
 
+TAIL_WANTED = 400.0
+"""Effective sample size of the tails; a 95 % interval then holds 95 ± 1.5 % (Vehtari et al.)."""
+
+TAILS = (0.05, 0.95)
+"""Probabilities of the quantiles beyond which a draw lies in a tail (Vehtari et al.)."""
+
+FOR_QUANTILES = 16_000
+"""Draws of which those quantiles are taken: where exactly a tail begins does not matter."""
+
 TIMES_WANTED = 25.0
 """Length of each ensemble in autocorrelation times; two ensembles make the customary 50."""
 
-RHAT_LIMIT = 1.02
-"""Largest R-hat between the two ensembles and their halves."""
+RHAT_LIMIT = 1.01
+"""Largest R-hat between the two ensembles and their halves (Vehtari et al.)."""
+
+AGREEMENT_WANTED = 0.01
+"""Least probability of differences as large, were the ensembles one: one look in a hundred goes on
+for nothing."""
 
 
 @dataclass(frozen=True)
@@ -31,59 +49,114 @@ class Convergence:
     Attributes:
         num_steps: Steps of each ensemble after burn-in.
         autocorrelation: Longest integrated autocorrelation time [steps].
-        effective_size: Smallest effective sample size (ESS).
-        rhat: Largest R-hat [1].
+        effective_size: Smallest effective sample size (ESS) of a mean.
+        tail_size: Smallest effective sample size of a share of draws in a tail.
+        rhat: Largest R-hat of means and tails [1].
+        agreement: Probability that means or tails of the ensembles and their halves differ by as
+            many of their Monte Carlo errors as they do, had all been drawn from one law [1].
     """
 
     num_steps: int
     autocorrelation: float
     effective_size: float
+    tail_size: float
     rhat: float
+    agreement: float
 
     @property
     def is_enough(self) -> bool:
-        """Whether all three criteria hold."""
+        """Whether all five criteria hold."""
         return (
             self.effective_size >= ESS_WANTED
+            and self.tail_size >= TAIL_WANTED
             and self.num_steps >= TIMES_WANTED * self.autocorrelation
             and self.rhat <= RHAT_LIMIT
+            and self.agreement >= AGREEMENT_WANTED
         )
 
     def sentence(self) -> str:
         """Return the verdict in words."""
         figures = (
-            f"ESS {self.effective_size:.0f}, R-hat {self.rhat:.3f}, {self.num_steps} steps of "
-            f"autocorrelation time {self.autocorrelation:.0f}"
+            f"ESS {self.effective_size:.0f}, in the tails {self.tail_size:.0f}, R-hat "
+            f"{self.rhat:.3f}, {self.num_steps} steps of autocorrelation time "
+            f"{self.autocorrelation:.0f}"
         )
         if self.is_enough:
             return f"MCMC converged ({figures})."
+        apart = ""
+        if self.agreement < AGREEMENT_WANTED:
+            apart = "; the ensembles differ by more than their Monte Carlo errors explain"
         return (
-            f"MCMC has not converged ({figures}; required: effective sample size (ESS) "
-            f"{ESS_WANTED:.0f}, R-hat {RHAT_LIMIT}, {TIMES_WANTED:.0f} autocorrelation times): the "
-            "intervals are indicative."
+            f"MCMC has not converged ({figures}{apart}; required: effective sample size (ESS) "
+            f"{ESS_WANTED:.0f}, in the tails {TAIL_WANTED:.0f}, R-hat {RHAT_LIMIT}, "
+            f"{TIMES_WANTED:.0f} autocorrelation times, agreement): the intervals are indicative."
         )
 
 
+class _Seen(NamedTuple):
+    """What is seen of some quantities.
+
+    Attributes:
+        times: Integrated autocorrelation times [steps].
+        spread: Variance of the means of the halves over that of the draws [1].
+    """
+
+    times: Float[np.ndarray, " quantity"]
+    spread: Float[np.ndarray, " quantity"]
+
+
 def judge(chains: Float[np.ndarray, "ensemble step walker parameter"]) -> Convergence:
-    """Judge ensembles that ran apart.
+    """Judge ensembles that ran apart. Takes 0.1 s for 256,000 draws of 13 parameters.
 
     Args:
-        chains: Positions after burn-in.
+        chains: Positions after burn-in, two steps or more.
 
-    Reference: J. Goodman, J. Weare, Ensemble samplers with affine invariance, Communications in
-        Applied Mathematics and Computational Science 5 (2010) 65-80, section 5.
+    Reference: A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Buerkner, Rank-normalization,
+        folding, and localization: an improved R-hat, Bayesian Analysis 16 (2021) 667-718;
+        C. C. Margossian et al., Nested R-hat: assessing the convergence of Markov chain Monte
+        Carlo when running many short chains, Bayesian Analysis (2024): ensembles as superchains.
     """
-    from emcee.autocorr import integrated_time  # as in `posterior`: only who samples needs it
-
-    _, num_steps, num_walkers, _ = chains.shape
-    with np.errstate(invalid="ignore"):  # a walker that never moved: 0/0, taken for all its steps
-        times = np.mean([integrated_time(chain, quiet=True, tol=0) for chain in chains], axis=0)
-    times = np.maximum(np.where(np.isfinite(times), times, num_steps), 1.0)
-    draws = chains.shape[0] * num_steps * num_walkers / times
+    num_ensembles, num_steps, num_walkers, num_parameters = chains.shape
+    walks = _scaled(chains)
+    every = max(1, walks[0].size // FOR_QUANTILES)
+    ends = np.quantile(walks.reshape(num_parameters, -1)[:, ::every], TAILS, axis=1)
+    low, high = ends.astype(np.float32)[..., None, None, None]
+    means = _see(walks)
+    tails = [_see((walks <= low).astype(np.float32)), _see((walks >= high).astype(np.float32))]
+    times, spread = (np.concatenate(parts) for parts in zip(means, *tails, strict=True))
+    half = num_steps // 2 * num_walkers
+    freedom = 2 * num_ensembles - 1
+    probability = float(np.min(chi2.sf(freedom * spread * half / times, freedom)))
+    draws = num_ensembles * num_steps * num_walkers
     return Convergence(
         num_steps=num_steps,
-        autocorrelation=float(np.max(times)),
-        effective_size=float(np.min(draws)),
-        # a chain is an ensemble: all its walkers, step by step
-        rhat=float(np.max(split_rhat(chains.reshape(chains.shape[0], -1, chains.shape[-1])))),
+        autocorrelation=float(np.max(means.times)),
+        effective_size=float(draws / np.max(means.times)),
+        tail_size=float(draws / np.max(times[num_parameters:])),
+        rhat=float(np.sqrt((half - 1) / half + np.max(spread))),
+        # the smallest of so many (Bonferroni)
+        agreement=min(1.0, probability * times.size),
     )
+
+
+def _scaled(
+    chains: Float[np.ndarray, "ensemble step walker parameter"],
+) -> Float[np.ndarray, "parameter ensemble walker step"]:
+    """Return the walks centred and scaled in single precision, the steps of each in a row.
+
+    Together that makes a look five times faster.
+    """
+    mean, sd = chains.mean(axis=(0, 1, 2)), chains[:, ::8].std(axis=(0, 1, 2))
+    scaled = ((chains - mean) / np.where(sd > 0.0, sd, 1.0)).astype(np.float32)
+    return np.ascontiguousarray(scaled.transpose(3, 0, 2, 1))
+
+
+def _see(walks: Float[np.ndarray, "quantity ensemble walker step"]) -> _Seen:
+    """Return what is seen of quantities of the walkers; without any spread, halves are apart."""
+    half = walks.shape[-1] // 2
+    halves = walks[..., :half], walks[..., -half:]
+    means = np.concatenate([part.mean(axis=(2, 3), dtype=float) for part in halves], axis=1)
+    within = np.mean([part.var(axis=(2, 3)) for part in halves], axis=(0, 2))
+    is_moving = within > 0.0
+    spread = np.var(means, axis=1, ddof=1) / np.where(is_moving, within, 1.0)
+    return _Seen(autocorrelation_times(walks), np.where(is_moving, spread, np.inf))

@@ -1,8 +1,8 @@
 """Draws from around the optima of a fit, and their importance weights under the posterior.
 
-The quick posterior: draws from `mixture.Proposal`, weighted by the true density, with a Pareto fit
-to the largest weights as the guard. It is also where the ensemble sampler starts, so that hardly
-any burn-in is needed.
+The quick posterior: draws from `proposal.Proposal`, weighted by the true density, the largest
+weights smoothed by a Pareto law whose shape is the guard. It is also where the ensemble sampler
+starts, so that hardly any burn-in is needed.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.special import logsumexp
 
 from ..batches import in_batches
 from ..fitting.fit_result import Fit
 from ..problem import log_posterior_batch
-from .diagnostics import pareto_shape
+from .diagnostics import pareto_smoothed
 from .proposal import Drawn, Proposal
 
 NUM_ADAPTATIONS = 3
@@ -46,9 +46,10 @@ class Weighted:
     Attributes:
         vectors: Scores of parameters and noise, shape (draw, all).
         log_density: Unnormalised log posterior, shape (draw,).
-        weights: Normalised importance weights, shape (draw,).
+        weights: Normalised importance weights, their tail Pareto-smoothed, shape (draw,).
         pareto_k: Shape of the Pareto fit to the largest weights [1].
-        log_evidence: Estimate of the log marginal likelihood [nat].
+        log_evidence: Estimate of the log marginal likelihood, of the weights as they came: they
+            are without bias [nat].
         proposal: Where they were drawn from.
     """
 
@@ -69,9 +70,13 @@ class Weighted:
         """Whether the weights can be trusted."""
         return self.pareto_k < PARETO_LIMIT and self.effective_size > LEAST_EFFECTIVE
 
-    def resample(self, num: int, rng: np.random.Generator) -> np.ndarray:
-        """Return rows drawn with their weights, shape (num, all)."""
-        return self.vectors[rng.choice(self.weights.size, size=num, p=self.weights)]
+    def pick(self, num: int, rng: np.random.Generator) -> Int[np.ndarray, " num"]:
+        """Return the positions of rows drawn with their weights."""
+        return rng.choice(self.weights.size, size=num, p=self.weights)
+
+    def resample(self, num: int, rng: np.random.Generator) -> Float[np.ndarray, "num all"]:
+        """Return rows drawn with their weights."""
+        return self.vectors[self.pick(num, rng)]
 
 
 def importance_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weighted:
@@ -117,11 +122,12 @@ def _weigh(fit: Fit, proposal: Proposal, drawn: Drawn) -> Weighted:
     log_weight = log_density - drawn.log_density
     log_weight = np.where(np.isfinite(log_weight), log_weight, -np.inf)
     total = float(np.asarray(logsumexp(log_weight)))
+    smoothed = pareto_smoothed(log_weight)
     return Weighted(
         vectors=drawn.vectors,
         log_density=log_density,
-        weights=np.exp(log_weight - total),
-        pareto_k=pareto_shape(log_weight),
+        weights=np.exp(smoothed.log_weight),
+        pareto_k=smoothed.pareto_k,
         log_evidence=total - float(np.log(log_weight.size)),
         proposal=proposal,
     )
