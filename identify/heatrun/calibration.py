@@ -16,15 +16,16 @@ from .bench.checks import check_record, current_scale_unchecked
 from .bench.joined import read_test
 from .bench.reduction import reduce
 from .discovery.averaging import averaged
-from .discovery.missing import missing, missing_finding
+from .discovery.missing import Missing, missing, missing_finding
 from .errors import InputError
 from .inference.batches import at_once
 from .inference.fitting.fit import fit
 from .inference.fitting.fit_checks import fit_findings
+from .inference.fitting.fit_result import Fit
 from .inference.fitting.reduction_checks import check_reduction
 from .inference.model import Model
 from .inference.networks import NetworkForm
-from .inference.posterior import Posterior, sample
+from .inference.posterior import HARDLY, Posterior, sample, weighted_draws
 from .inference.predict import Prediction, predict
 from .inference.problem import Problem
 from .io.moment import moment
@@ -154,6 +155,11 @@ def calibrate(
     def one(model: Model) -> _Outcome:
         say(f"{model.title}: least squares from many starts")
         found = fit(Problem.of(model, motor, fitted), seed=seed)
+        is_last = model.name == names[-1]  # a network that another one extends is known to miss it
+        screened = None
+        if is_last:
+            say(f"{model.title}: looking for effects that it misses")
+            screened = missing(found, seed=seed)
         say(f"{model.title}: sampling the posterior")
 
         def report(sentence: str, share: float) -> None:
@@ -161,18 +167,11 @@ def calibrate(
             if progress is not None:
                 progress(f"{model.title}: {sentence}", sum(shares.values()) / len(shares))
 
-        checkpoints = None if folder is None else folder.checkpoints / model.name
-        posterior = sample(found, method=method, seed=seed, folder=checkpoints, progress=report)
+        posterior = _sampled(found, screened, method, seed, folder, report)
         shares[model.name] = 1.0
         seen = [*found.findings, *_sampling_findings(posterior)]
-        is_last = model.name == names[-1]  # a network that another one extends is known to miss it
-        if is_last:
-            say(f"{model.title}: looking for effects that it misses")
-            screened = missing(found, seed=seed)
-            if screened is not None:
-                posterior = averaged(posterior, screened.alternatives, seed=seed)
-                finding = missing_finding(found, screened)
-                seen += [] if finding is None else [finding]
+        finding = None if screened is None else missing_finding(found, screened)
+        seen += [] if finding is None else [finding]
         predicted = [predict(posterior, test.blocks, seed=seed) for test in tests]
         described = describe_model(posterior, predicted, roles, duties)
         if is_last:
@@ -202,6 +201,23 @@ class _Outcome:
     predictions: list[Prediction]
     described: FittedModel
     findings: list[Finding]
+
+
+def _sampled(
+    found: Fit,
+    screened: Missing | None,
+    method: Literal["emcee", "quick"],
+    seed: int,
+    folder: RunFolder | None,
+    progress: Callable[[str, float], None],
+) -> Posterior:
+    """Return the posterior of a fit, averaged over the effects that its network may miss."""
+    others = () if screened is None else screened.alternatives
+    if 1.0 - sum(each.effect.probability for each in others) < HARDLY:
+        return averaged(weighted_draws(found, seed=seed), others, seed=seed)
+    checkpoints = None if folder is None else folder.checkpoints / found.problem.model.name
+    posterior = sample(found, method=method, seed=seed, folder=checkpoints, progress=progress)
+    return averaged(posterior, others, seed=seed) if others else posterior
 
 
 def identity(motor: Motor, tests: Sequence[BenchTest], **settings: Any) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from test_noise import covariance
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.left_out import left_out, windows
 from heatrun.inference.model import Model
+from heatrun.inference.noise import from_scores
 from heatrun.inference.posterior import weighted_draws
 from heatrun.inference.problem import Problem, residuals
 from heatrun.runs import netcdf as archive
@@ -59,7 +60,7 @@ def test_a_window_has_the_density_of_the_dense_conditional_normal_law(posterior)
     cut = windows(problem)
     vector = posterior.flat[7]
     found = left_out(problem, cut, vector[None])[0]
-    noise = problem.noise(vector[-3:])
+    noise = from_scores(vector[problem.num_parameters :])
     test = problem.data.tests[0]
     dense = covariance(test, noise)
     z = jnp.asarray(vector[: problem.num_parameters])

@@ -32,6 +32,9 @@ MOST_STEPS = 12_000
 NUM_KEPT = 4000
 """Draws kept of the posterior."""
 
+HARDLY = 1e-3
+"""Probability of the network alone below which its draws do not count [1]."""
+
 Method = Literal["emcee", "importance"]
 Progress = Callable[[str, float], None]
 
@@ -68,12 +71,24 @@ class Posterior:
         return self.vectors.reshape(-1, self.vectors.shape[-1])
 
     @property
+    def is_of_effects(self) -> bool:
+        """Whether next to no draw is of the network alone, which then need not be sampled well."""
+        return self.plausible is not None and self.plausible.probability_of_none < HARDLY
+
+    @property
     def is_sound(self) -> bool:
         """Whether the draws can be trusted."""
+        if self.is_of_effects:
+            return True
         return self.weighted.is_sound if self.convergence is None else self.convergence.is_enough
 
     def sentence(self) -> str:
         """Return the verdict in words."""
+        if self.is_of_effects:
+            return (
+                "Drawn from normal laws around the fits with one effect each: without one, the "
+                "network does not explain the tests."
+            )
         if self.convergence is not None:
             return self.convergence.sentence()
         figures = (

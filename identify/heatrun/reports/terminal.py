@@ -51,7 +51,7 @@ def result_text(result: FitResult) -> str:
                 f"{100 * row.coverage_95:.0f} % inside the 95 % band"
             )
         lines.append(f"  {model.posterior.verdict}")
-        if model.maybe_missing:
+        if model.about_missing():
             lines.append(f"  {model.about_missing()}")
     lines += ["", result.verdict.sentence]
     if result.comparison is not None:

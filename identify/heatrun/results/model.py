@@ -10,7 +10,7 @@ from msgspec import UNSET, UnsetType
 from .derived import Derived
 from .parameter import FittedParameter
 from .residuals import ResidualRow
-from .values import Count, Interval, NonNegative, Probability
+from .values import Count, Interval, NonNegative, Probability, known
 
 TOLD = 0.01
 """Probability from which on an effect that may be missing is told [1]."""
@@ -81,7 +81,7 @@ class FittedNoise:
     sd_K: NonNegative
     time_s: NonNegative
     white_K: NonNegative
-    unmodelled_heat: NonNegative = 0.0
+    unmodelled_heat: NonNegative | UnsetType = UNSET
     kind: Literal["correlated", "white"] = "correlated"
     temper: NonNegative = 1.0
     prior: dict[str, Interval]
@@ -176,14 +176,15 @@ class FittedModel:
     posterior: PosteriorQuality
     derived: dict[str, Derived]
     evidence: Evidence
-    maybe_missing: tuple[MaybeMissing, ...] = ()
+    maybe_missing: tuple[MaybeMissing, ...] | UnsetType = UNSET
 
     def about_missing(self) -> str:
         """Return a sentence on the effects that the draws are averaged over, empty without any."""
-        told = [row for row in self.maybe_missing if row.probability >= TOLD]
+        rows = known(self.maybe_missing) or ()
+        told = [row for row in rows if row.probability >= TOLD]
         if not told:
             return ""
-        none = 1.0 - sum(row.probability for row in self.maybe_missing)
+        none = 1.0 - sum(row.probability for row in rows)
         parts = ", ".join(
             f"{row.id}{'' if row.test is None else f' in {row.test}'} "
             f"{100.0 * row.probability:.0f} %"

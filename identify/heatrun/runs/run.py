@@ -25,7 +25,7 @@ from ..motor import Motor
 from ..motorfile import parse_motor
 from ..results import DiscoveryResult, FitResult, from_json
 from ..results.tested import DescribedTest
-from ..results.values import Role
+from ..results.values import Role, known
 from . import netcdf
 from .model_text import ModelOfRun, read_model
 from .run_folder import MANIFEST, read_listed
@@ -195,7 +195,7 @@ class Run:
 
     def _maybe_missing(self, network: str) -> tuple[PlausibleEffect, ...]:
         """Return the effects that the draws of a network are averaged over."""
-        rows = self.result.models[network].maybe_missing
+        rows = known(self.result.models[network].maybe_missing) or ()
         ids = dict.fromkeys(row.id for row in rows)  # an event may be there once for each test
         kinds = dict(zip(ids, effects_named([*ids], str(self.path)), strict=True))
         return tuple(

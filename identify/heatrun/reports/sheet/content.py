@@ -129,7 +129,8 @@ def _model(order: str, model: FittedModel) -> dict[str, Any]:
         ],
         "noise": f"Noise: slow part {noise.sd_K:.3f} K over "
         f"{noise.time_s:.0f} s, white part {noise.white_K:.3f} K in a 20 s mean. Heat that the "
-        f"network misses: {100.0 * noise.unmodelled_heat:.2g} % of the mean loss (sd).",
+        f"network misses: {100.0 * (known(noise.unmodelled_heat) or 0.0):.2g} % of the mean loss "
+        "(sd).",
         "derived": [_derived(n, d) for n, d in model.derived.items()],
     }
 
