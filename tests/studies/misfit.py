@@ -119,7 +119,8 @@ def table(rows: Sequence[dict[str, Any]], command: str, seed: int, planned: int)
               [_far(r) and not _said(r, NOW) for r in hidden if r["visible_K"] > VISIBLE_K]),
         _gate("silent by more than 3 sds, all causes in the machine or its sensor", 0.08,
               [_far(r) and not _said(r, NOW) for r in hidden]),
-        _gate("the same by the findings of the fit alone", 0.08, [_far(r) and not _said(r, BEFORE) for r in hidden]),
+        _gate("the same by the findings of the fit alone", 0.08,
+              [_far(r) and not _said(r, BEFORE) for r in hidden]),
         _gate("silent by more than 3 sds, errors of current and torque", 0.08,
               [_far(r) and not _said(r, NOW) for r in done if r["kind"] in OF_AN_INSTRUMENT]),
     ]  # fmt: skip
