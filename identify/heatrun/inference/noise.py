@@ -127,6 +127,26 @@ def whiten(
     Reference: J. Durbin, S. J. Koopman, Time Series Analysis by State Space Methods, 2nd ed.,
         section 4.3 (innovations).
     """
+    num_heat = blocks.heat.shape[1]
+    if not num_heat:
+        return _filter(residual, noise, blocks)
+    rows, half_log_det = _filter(_beside_heat(residual, noise, blocks), noise, blocks)
+    freed, more = _free_of_columns(rows, num_heat)
+    return freed.reshape(residual.shape), half_log_det + more
+
+
+def _beside_heat(
+    residual: Float[Array, "block ..."], noise: Noise, blocks: Observation
+) -> Float[Array, "block column"]:
+    """Return the responses to heat, and the residuals behind them."""
+    rows = residual.reshape(residual.shape[0], -1)
+    return jnp.concatenate([noise.heat * blocks.heat, rows], axis=1)
+
+
+def _filter(
+    rows: Float[Array, "block ..."], noise: Noise, blocks: Observation
+) -> tuple[Float[Array, "block ..."], Float[Array, ""]]:
+    """Return rows whitened by the noise without heat, and half its log determinant."""
     slow = noise.sd**2
     decay = blocks.block_s / noise.time
     phi, gains, own = _of_blocks(noise, blocks)
@@ -145,20 +165,12 @@ def whiten(
         log_sd = jnp.where(is_observed, 0.5 * jnp.log(total), 0.0)
         return (mean, variance), (innovation / jnp.sqrt(total), log_sd)
 
-    num_heat = blocks.heat.shape[1]
-    joined = residual
-    if num_heat:
-        rows = residual.reshape(residual.shape[0], -1)
-        joined = jnp.concatenate([noise.heat * blocks.heat, rows], axis=1)
-    filled = jnp.where(_align(blocks.is_observed, joined), joined, 0.0)
-    start = (jnp.zeros(joined.shape[1:]), slow)
+    filled = jnp.where(_align(blocks.is_observed, rows), rows, 0.0)
+    start = (jnp.zeros(rows.shape[1:]), slow)
     _, (whitened, log_sd) = jax.lax.scan(
         advance, start, (filled, blocks.is_observed, gains, apart, shared)
     )
-    if not num_heat:
-        return whitened, jnp.sum(log_sd)
-    freed, half_log_det = _free_of_columns(whitened, num_heat)
-    return freed.reshape(residual.shape), jnp.sum(log_sd) + half_log_det
+    return whitened, jnp.sum(log_sd)
 
 
 def _free_of_columns(
@@ -195,9 +207,30 @@ def log_density(
     residual: Float[Array, " block"], noise: Noise, blocks: Observation
 ) -> Float[Array, ""]:
     """Return the log density of the residuals of one test [nat]. Arguments as `whiten`."""
-    whitened, half_log_det = whiten(residual, noise, blocks)
+    rows, half_log_det = _filter(_beside_heat(residual, noise, blocks), noise, blocks)
     count = jnp.sum(blocks.is_observed)
-    return -0.5 * jnp.sum(whitened**2) - half_log_det - 0.5 * count * math.log(2 * math.pi)
+    squares, more = _eliminated(rows.T @ rows)
+    return -0.5 * squares - half_log_det - more - 0.5 * count * math.log(2 * math.pi)
+
+
+def _eliminated(gram: Float[Array, "column column"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Return r'r - b'inv(1 + G)b and half the log determinant of 1 + G.
+
+    Args:
+        gram: Of columns whose Gram matrix is G, and one more, r; b is what they have in common.
+    """
+    num = gram.shape[0] - 1
+
+    def take(carry, _):
+        rest, half_log_det = carry
+        pivot = rest[0, 0]
+        rest = rest - jnp.outer(rest[:, 0], rest[0] / pivot)
+        # the next column comes to the front, as it does in `_free_of_columns`
+        return (jnp.roll(rest, (-1, -1), (0, 1)), half_log_det + 0.5 * jnp.log(pivot)), None
+
+    start = gram + jnp.diag(jnp.append(jnp.ones(num), 0.0))
+    (rest, half_log_det), _ = jax.lax.scan(take, (start, jnp.zeros(())), length=num)
+    return rest[0, 0], half_log_det
 
 
 def draw(
