@@ -43,6 +43,9 @@ NUM_ROUNDS = 2
 LEAST = 0.3
 """Share of the typical amplitude at least, at which an effect is told from none [1]."""
 
+NEWTON_STEPS = 5
+"""Steps to the resistance that comes nearest to what the network does with the effect."""
+
 LEAST_PROBABILITY = 1e-3
 """Effects of less than this are dropped [1]."""
 
@@ -66,7 +69,9 @@ class Alternative:
         has_one_sign: Whether the amplitudes cannot fall below zero.
         shift: What the effect at a size of 1 adds to the scores of the fit's parameters, so that a
             resistance that it scales stands for its mean over the tests.
-        slope: The derivative of that by the scores of the amplitudes, shape (parameter, amplitude).
+        slope: How a resistance that the effect scales has to fall with the scores of the amplitudes
+            for the tests to be explained as well, shape (parameter, amplitude). Its mean over the
+            tests does not change along this line.
         noise_z: Scores of noise and unmodelled heat.
     """
 
@@ -191,12 +196,16 @@ def _alternative(engine: Engine, refitted: _Refitted, probability: float) -> Alt
     place = _scaled_resistance(engine, refitted)
     if place is not None:
         slot = refitted.base[place]
-        changed, columns = engine.linearise(reference, [slot, *strong])
-        bare, _ = engine.linearise(without, [slot])
-        own = columns[:, 0] / (columns[:, 0] @ columns[:, 0])
-        shift[place] = float(own @ (changed - bare))
-        slope[place] = own @ columns[:, 1:]
-        without[slot] += shift[place]
+        changed, _ = engine.linearise(reference, [])
+        for _ in range(NEWTON_STEPS):  # radiation may double what the rest of the surface has
+            bare, columns = engine.linearise(without, [slot])
+            column = columns[:, 0]
+            without[slot] += float(column @ (changed - bare) / (column @ column))
+        shift[place] = without[slot] - reference[slot]
+        amplitudes_at = [shift.size + refitted.own.index(slot) for slot in strong]
+        wide = refitted.parts[-1].covariance
+        among = wide[np.ix_(amplitudes_at, amplitudes_at)]
+        slope[place] = -np.linalg.solve(among, wide[amplitudes_at, place])
     shared = [
         slot for slot in (*refitted.base, *refitted.own)
         if engine.slots[slot].test in (None, candidate.test)

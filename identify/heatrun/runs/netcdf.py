@@ -28,7 +28,7 @@ EFFECT, SIZE = "maybe_missing", "maybe_missing_size"
 """Names of the effect behind each draw and of its size."""
 
 
-def groups(posterior: Posterior) -> Any:
+def groups(posterior: Posterior, *, with_densities: bool = True) -> Any:
     """Return the draws as ArviZ groups: an `InferenceData` on 0.23, a `DataTree` on 1.x.
 
     Group `posterior` holds every free parameter and those of the noise in their units (attribute
@@ -37,48 +37,55 @@ def groups(posterior: Posterior) -> Any:
     `observed_data` the block means by test; `log_prior` and `log_likelihood` what `densities` says.
     Where the draws are averaged over effects that the network may miss, `sample_stats` says which
     is behind each draw (-1: none) and its size.
+
+    Args:
+        posterior: The draws.
+        with_densities: Whether to work out `log_prior` and `log_likelihood`, which takes seconds.
     """
     arviz = load_arviz()
     tests = posterior.fit.problem.tests
     names = [test.name for test in tests]
-    found = densities(posterior)
     noise = [
         np.asarray(p.value(posterior.vectors[..., i - len(NOISE)])) for i, p in enumerate(NOISE)
     ]
     columns = [*posterior.values().values(), *noise]
     variables, dims, coords = _variables(posterior, columns, names)
-    of_priors = list(np.moveaxis(found.prior.astype(np.float32), -1, 0))
-    priors = _variables(posterior, of_priors, names)[0]
     observed = {f"winding_{index}": test.measured for index, test in enumerate(tests)}
-    dims |= {name: [f"{name}_block"] for name in observed} | {"winding": ["window"]}
+    dims |= {name: [f"{name}_block"] for name in observed}
     content = {
         "posterior": variables,
         "sample_stats": {"lp": posterior.log_density, **_plausible(posterior)},
         "observed_data": observed,
-        "log_prior": priors,
-        "log_likelihood": {"winding": found.winding, "dependence": found.dependence},
     }
-    coords["window"] = list(found.windows)
+    if with_densities:
+        found = densities(posterior)
+        of_priors = list(np.moveaxis(found.prior.astype(np.float32), -1, 0))
+        content["log_prior"] = _variables(posterior, of_priors, names)[0]
+        content["log_likelihood"] = {"winding": found.winding, "dependence": found.dependence}
+        coords["window"] = list(found.windows)
+        dims["winding"] = ["window"]
     with warnings.catch_warnings():
         # 0.23 warns when draws of a parameter outnumber its chains, which is always so here
         warnings.simplefilter("ignore")
         if _is_tree(arviz):
             data = arviz.from_dict(content, coords=coords, dims=dims)
         else:
-            priors = {"log_prior": content.pop("log_prior")}  # unknown to this function of 0.23
+            # a group that this function of 0.23 does not know
+            priors = {name: content.pop(name) for name in ("log_prior",) if name in content}
             data = arviz.from_dict(**content, coords=coords, dims=dims)
-            data.add_groups(priors, coords=coords, dims=dims)
+            if priors:
+                data.add_groups(priors, coords=coords, dims=dims)
     _label(data, posterior)
     return data
 
 
-def write(posterior: Posterior, path: Path) -> None:
-    """Write the groups as NetCDF, whole or not at all.
+def write(posterior: Posterior, path: Path, *, with_densities: bool = True) -> None:
+    """Write the groups as NetCDF, whole or not at all; arguments as `groups`.
 
     Raises:
         OSError: If the file cannot be written.
     """
-    write_whole(path, _netcdf(groups(posterior)))
+    write_whole(path, _netcdf(groups(posterior, with_densities=with_densities)))
 
 
 def read(path: Path) -> Any:
@@ -157,7 +164,7 @@ def _noise_scores(group: Any, parameter: Parameter) -> np.ndarray:
 
 def summary(posterior: Posterior) -> Any:
     """Return ArviZ's table of means, intervals and diagnostics."""
-    return load_arviz().summary(groups(posterior))
+    return load_arviz().summary(groups(posterior, with_densities=False))
 
 
 def monte_carlo(
@@ -250,11 +257,14 @@ def _label(data: Any, posterior: Posterior) -> None:
         group[name].attrs["long_name"] = parameter.meaning
     group.attrs["method"] = posterior.method
     group.attrs["verdict"] = posterior.sentence()
-    data["log_prior"].attrs["meaning"] = PRIOR
-    data["log_likelihood"]["winding"].attrs["meaning"] = LEFT_OUT
-    data["log_likelihood"]["dependence"].attrs["meaning"] = DEPENDENCE
+    names = ["posterior", "sample_stats", "observed_data"]
+    if hasattr(data, "log_prior"):
+        data["log_prior"].attrs["meaning"] = PRIOR
+        data["log_likelihood"]["winding"].attrs["meaning"] = LEFT_OUT
+        data["log_likelihood"]["dependence"].attrs["meaning"] = DEPENDENCE
+        names += ["log_prior", "log_likelihood"]
     stated = stated_moment()
-    for name in ("posterior", "sample_stats", "observed_data", "log_prior", "log_likelihood"):
+    for name in names:
         attributes = data[name].attrs
         attributes.pop("created_at", None)
         if stated is not None:

@@ -45,7 +45,9 @@ def write_run(
         problem = posterior.fit.problem
         found = ModelOfRun(problem.model, problem.parameters)
         write_whole(folder.partial / model_name(name), model_text(found))
-        netcdf.write(posterior, folder.partial / draws_name(name))
+        path = folder.partial / draws_name(name)
+        # a quick run is for a look
+        netcdf.write(posterior, path, with_densities=posterior.method == "emcee")
     for index in range(len(result.tests)):
         table = band_table({name: rows[index] for name, rows in predictions.items()})
         text = table.to_csv(index=False)  # to all digits
