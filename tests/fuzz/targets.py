@@ -285,9 +285,6 @@ kind = "balance"
 phases = 3
 reference_temperature_degC = 25.0
 coefficient_degC = 234.5
-[noise]
-kind = "white"
-temper = 1.0
 [fitted]
 tests = [{ name = "a", parameters = [0] }]
 [[fitted.parameters]]

@@ -284,8 +284,7 @@ def _described(case: Case, found: Fit, true: Mapping[str, float]) -> dict[str, A
         "resolution_K": case.noise.resolution_K,
         "fitted": {name: found.values()[name] for name in NETWORK},
         "noise": [float(found.noise.sd), float(found.noise.time), float(found.noise.white)],
-        "noise_kind": found.problem.noise_kind,
-        "temper": float(found.problem.temper),
+        "unmodelled_heat": float(found.noise.heat),
         "findings": [finding.id for finding in found.findings],
     }
 

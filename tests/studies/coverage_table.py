@@ -238,7 +238,7 @@ def _ranks(rows: Sequence[Row]) -> list[str]:
 def _guards(rows: Sequence[Row], cells: Sequence[str]) -> list[str]:
     lines = ["## What the fit and the sampler said", ""]
     head = ("cell", "weighted draws sound [%]", "flagged as misfit [%]",
-            "several optima [%]", "noise taken as white [%]")  # fmt: skip
+            "several optima [%]", "unmodelled heat above 0.5 % of the loss [%]")  # fmt: skip
     lines += [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for cell in cells:
         mine = chosen(rows, cell, "quick")
@@ -246,7 +246,7 @@ def _guards(rows: Sequence[Row], cells: Sequence[str]) -> list[str]:
             np.mean([row["quick"]["is_sound"] for row in mine]),
             np.mean(["misfit" in row["findings"] for row in mine]),
             np.mean(["several_optima" in row["findings"] for row in mine]),
-            np.mean([row["noise_kind"] == "white" for row in mine]),
+            np.mean([row["unmodelled_heat"] > 0.005 for row in mine]),
         )
         lines.append(f"| {cell} | " + " | ".join(f"{100 * share:.0f}" for share in shares) + " |")
     return lines

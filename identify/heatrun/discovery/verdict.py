@@ -24,7 +24,8 @@ HALF = 0.7
 
 APART_SHARE, APART_K = 1.5, 0.1
 """The sampled model is told to be off if its error is so many times that of the search's fit [1],
-and this much above it [K]: tempered, a posterior may leave the fit that the verdict rests on."""
+and this much above it [K]: under its own noise, a posterior may leave the fit that the verdict
+rests on."""
 
 
 @dataclass(frozen=True)
