@@ -113,6 +113,10 @@ def test_drawn_noise_whitens_to_white(observation):
     assert ljung_box(white) > 1e-3
     assert low_frequency_excess([white], [20.0])[1] is False
     drifting = white + 1.0 * np.sin(np.arange(white.size) / 30.0)
+    # a test of four minutes, off for its first half: the same is seen
+    short = white[:48] + np.where(np.arange(48) < 24, 1.5, -1.5)
+    assert low_frequency_excess([short], [5.0])[1] is True
+    assert low_frequency_excess([white[:48]], [5.0])[1] is False
     assert low_frequency_excess([drifting], [20.0])[1] is True
     assert ljung_box(drifting) < 1e-3
 

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.stats import chi2
 
 WINDOWS_S = (300.0, 600.0, 1200.0)
-"""Windows over which whitened residuals are averaged [s]: ten minutes, halved and doubled."""
+"""Windows over which whitened residuals are averaged [s]: ten minutes, halved and doubled; at most a
+third of the test, so that a test of minutes is looked at too."""
 
 FLAG = 2.2
 """Excess from which on a model counts as inadequate: it flagged 8 of 8 unknown causes and 2 of 32
@@ -35,7 +36,7 @@ def low_frequency_excess(
     for window_s in WINDOWS_S:
         squares = []
         for values, length in zip(innovations, block_s, strict=True):
-            size = max(2, round(window_s / length))
+            size = max(2, min(round(window_s / length), values.size // 3))
             num = values.size // size
             if num >= 3:
                 sums = values[: num * size].reshape(num, size).sum(axis=1)
