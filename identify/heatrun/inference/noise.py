@@ -12,8 +12,7 @@ is smoother than a reading: $A$, the variance of $\eta$ and its covariance with 
 the mean of as many readings, evenly spaced, as the block holds.
 
 To these joins what the network misses: unmodelled heat (`discrepancy`), whose responses are columns
-$H$ of a low rank. They are taken out one after the other, which whitens by the covariance
-$1 + s^2 H H^T$ exactly, at a cost that is linear in the number of blocks.
+$H$ of a low rank, taken out exactly at a cost that is linear in the number of blocks.
 """
 
 from __future__ import annotations
@@ -24,6 +23,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float
 
 from ..bench.blocks import BLOCK_S, Observation
@@ -176,30 +176,35 @@ def _filter(
 def _free_of_columns(
     rows: Float[Array, "block column"], num: int
 ) -> tuple[Float[Array, "block other"], Float[Array, ""]]:
-    """Return rows whitened by 1 + sum of the outer squares of the first columns.
+    """Return rows whitened by 1 + W W' for the first columns W, and half its log determinant.
 
-    One column after the other: the inverse root of 1 + w w' turns what is left of the covariance
-    into 1 plus the outer squares of the columns still to come. No matrix is factorised.
+    With C C' = 1 + W'W, the root of the inverse is 1 - W inv(1 + C') inv(C) W'.
 
     Args:
         rows: White but for those columns; they come first.
         num: Number of those columns.
-
-    Returns:
-        The other columns, and half the log determinant.
     """
+    W, other = rows[:, :num], rows[:, num:]
+    factor = jnp.linalg.cholesky(jnp.eye(num) + W.T @ W)
+    half = solve_triangular(factor, W.T @ other, lower=True)
+    share = solve_triangular(factor.T + jnp.eye(num), half, lower=False)
+    return other - W @ share, jnp.sum(jnp.log(jnp.diag(factor)))
 
-    def take(carry, _):
-        rows, half_log_det = carry
-        first = rows[:, 0]
-        grown = 1.0 + first @ first
-        root = jnp.sqrt(grown)
-        freed = rows - first[:, None] * ((first @ rows) / (root * (1.0 + root)))
-        # the next column comes to the front
-        return (jnp.roll(freed, -1, axis=1), half_log_det + 0.5 * jnp.log(grown)), None
 
-    (rows, half_log_det), _ = jax.lax.scan(take, (rows, jnp.zeros(())), length=num)
-    return rows[:, : rows.shape[1] - num], half_log_det
+@jax.jit
+def gram(
+    columns: Float[Array, "block column"], noise: Noise, blocks: Observation
+) -> tuple[Float[Array, "column column"], Float[Array, ""]]:
+    """Return the inner products of whitened columns, and half the log determinant.
+
+    As those of `whiten`, at less cost. Arguments as there.
+    """
+    num = blocks.heat.shape[1]
+    rows, half_log_det = _filter(_beside_heat(columns, noise, blocks), noise, blocks)
+    products = rows.T @ rows
+    factor = jnp.linalg.cholesky(jnp.eye(num) + products[:num, :num])
+    half = solve_triangular(factor, products[:num, num:], lower=True)
+    return products[num:, num:] - half.T @ half, half_log_det + jnp.sum(jnp.log(jnp.diag(factor)))
 
 
 @jax.jit
@@ -225,7 +230,7 @@ def _eliminated(gram: Float[Array, "column column"]) -> tuple[Float[Array, ""], 
         rest, half_log_det = carry
         pivot = rest[0, 0]
         rest = rest - jnp.outer(rest[:, 0], rest[0] / pivot)
-        # the next column comes to the front, as it does in `_free_of_columns`
+        # the next column comes to the front; no matrix is factorised, for draws come in batches
         return (jnp.roll(rest, (-1, -1), (0, 1)), half_log_det + 0.5 * jnp.log(pivot)), None
 
     start = gram + jnp.diag(jnp.append(jnp.ones(num), 0.0))

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.stats import chi2
 
 WINDOWS_S = (300.0, 600.0, 1200.0)
-"""Windows over which whitened residuals are averaged [s]: ten minutes, halved and doubled; at most a
-third of the test, so that a test of minutes is looked at too."""
+"""Windows over which whitened residuals are averaged [s]: ten minutes, halved and doubled; at most
+a third of the test, so that a test of minutes is looked at too."""
 
 FLAG = 2.2
 """Excess from which on a model counts as inadequate: it flagged 8 of 8 unknown causes and 2 of 32

@@ -74,18 +74,15 @@ def conditional(
     noise = noise_module.from_scores(noise_z)
     joined = jnp.concatenate([residual[:, None], jacobian], axis=1)
     ends = np.cumsum([test.measured.size for test in data.tests])[:-1]
-    rows, log_sd = [], jnp.zeros(())
+    products, log_sd = jnp.zeros((joined.shape[1],) * 2), jnp.zeros(())
     for part, test in zip(jnp.split(joined, ends), data.tests, strict=True):
-        whitened, half_log_det = noise_module.whiten(part, noise, test)
-        rows.append(whitened)
-        log_sd = log_sd + half_log_det
-    stacked = jnp.concatenate(rows)
-    r, J = stacked[:, 0], stacked[:, 1:]
-    precision = J.T @ J + jnp.eye(J.shape[1])
-    gradient = J.T @ r + z  # of half the sum of squares, prior included
+        of_test, half_log_det = noise_module.gram(part, noise, test)
+        products, log_sd = products + of_test, log_sd + half_log_det
+    precision = products[1:, 1:] + jnp.eye(jacobian.shape[1])
+    gradient = products[1:, 0] + z  # of half the sum of squares, prior included
     factor = jnp.linalg.cholesky(precision)
     half = jax.scipy.linalg.solve_triangular(factor, gradient, lower=True)
-    squares = jnp.sum(r**2) + jnp.sum(z**2) - jnp.sum(half**2)
+    squares = products[0, 0] + jnp.sum(z**2) - jnp.sum(half**2)
     log_det = jnp.sum(jnp.log(jnp.diag(factor)))
     log_density = -0.5 * squares - log_sd - log_det - 0.5 * jnp.sum(noise_z**2)
     step = jax.scipy.linalg.solve_triangular(factor.T, half, lower=False)
