@@ -199,12 +199,9 @@ def gram(
 
     As those of `whiten`, at less cost. Arguments as there.
     """
-    num = blocks.heat.shape[1]
     rows, half_log_det = _filter(_beside_heat(columns, noise, blocks), noise, blocks)
-    products = rows.T @ rows
-    factor = jnp.linalg.cholesky(jnp.eye(num) + products[:num, :num])
-    half = solve_triangular(factor, products[:num, num:], lower=True)
-    return products[num:, num:] - half.T @ half, half_log_det + jnp.sum(jnp.log(jnp.diag(factor)))
+    rest, more = _eliminated(rows.T @ rows, blocks.heat.shape[1])
+    return rest, half_log_det + more
 
 
 @jax.jit
@@ -212,30 +209,37 @@ def log_density(
     residual: Float[Array, " block"], noise: Noise, blocks: Observation
 ) -> Float[Array, ""]:
     """Return the log density of the residuals of one test [nat]. Arguments as `whiten`."""
-    rows, half_log_det = _filter(_beside_heat(residual, noise, blocks), noise, blocks)
+    squares, half_log_det = gram(residual[:, None], noise, blocks)
     count = jnp.sum(blocks.is_observed)
-    squares, more = _eliminated(rows.T @ rows)
-    return -0.5 * squares - half_log_det - more - 0.5 * count * math.log(2 * math.pi)
+    return -0.5 * squares[0, 0] - half_log_det - 0.5 * count * math.log(2 * math.pi)
 
 
-def _eliminated(gram: Float[Array, "column column"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return r'r - b'inv(1 + G)b and half the log determinant of 1 + G.
+def _eliminated(
+    products: Float[Array, "column column"], num: int
+) -> tuple[Float[Array, "other other"], Float[Array, ""]]:
+    """Return O'O - O'W inv(1 + W'W) W'O, and half the log determinant of 1 + W'W.
+
+    Column by column, without a factorisation: draws come in batches, and XLA shares a batch of
+    factorisations among the threads of its pool, where two of them wait for each other.
 
     Args:
-        gram: Of columns whose Gram matrix is G, and one more, r; b is what they have in common.
+        products: Inner products of the columns W and others O.
+        num: Number of columns of W; they come first.
     """
-    num = gram.shape[0] - 1
 
     def take(carry, _):
         rest, half_log_det = carry
         pivot = rest[0, 0]
         rest = rest - jnp.outer(rest[:, 0], rest[0] / pivot)
-        # the next column comes to the front; no matrix is factorised, for draws come in batches
+        # the next column comes to the front
         return (jnp.roll(rest, (-1, -1), (0, 1)), half_log_det + 0.5 * jnp.log(pivot)), None
 
-    start = gram + jnp.diag(jnp.append(jnp.ones(num), 0.0))
-    (rest, half_log_det), _ = jax.lax.scan(take, (start, jnp.zeros(())), length=num)
-    return rest[0, 0], half_log_det
+    ones = jnp.arange(products.shape[0]) < num
+    (rest, half_log_det), _ = jax.lax.scan(
+        take, (products + jnp.diag(ones.astype(float)), jnp.zeros(())), length=num
+    )
+    size = products.shape[0] - num
+    return rest[:size, :size], half_log_det
 
 
 def draw(
