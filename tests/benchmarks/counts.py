@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from unittest import mock
 
@@ -105,9 +106,16 @@ def main() -> None:
     problem = fitted.problem
     num_rows = proposal_module.BATCH
     rows = jnp.asarray(np.zeros((num_rows, fitted.vector.size)))
-    compiled = log_posterior_batch.lower(problem.structure, problem.data, rows).compile()
+    without = replace(problem, heat=None)
+    sizes = [
+        log_posterior_batch.lower(each.structure, each.data, rows).compile().memory_analysis()
+        for each in (without, problem)
+    ]
+    assert problem.heat is not None
     result["memory"] = {
-        "temporary_bytes": compiled.memory_analysis().temp_size_in_bytes,
+        "temporary_bytes": sizes[0].temp_size_in_bytes,
+        "temporary_bytes_with_heat": sizes[1].temp_size_in_bytes,
+        "num_heat": problem.heat[0].shape[1],
         "num_steps": problem.tests[0].inputs.num_time,
         "num_blocks": problem.tests[0].measured.size,
         "num_rows": num_rows,

@@ -73,6 +73,8 @@ def test_no_array_of_steps_by_walkers_is_written_out(counts):
     major, minor = (int(part) for part in version("jax").split(".")[:2])
     most = 8 if (major, minor) < (0, 12) else 9
     assert memory["temporary_bytes"] < most * by_blocks < by_steps, memory
+    # a few arrays of blocks by walkers for each column of heat, as filtered and as read
+    assert memory["temporary_bytes_with_heat"] < 4 * (memory["num_heat"] + 1) * by_blocks, memory
 
 
 def test_one_likelihood_and_its_jacobian_keep_up_with_c(tmp_path):

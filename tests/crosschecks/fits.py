@@ -1,6 +1,6 @@
 """The same least-squares fit by scipy on a simulator, a noise model and priors written anew.
 
-What is shared with `heatrun` is the reduced record and the noise that the fit settled on. The
+What is shared with `heatrun` is the reduced record, and noise and heat that the fit settled on. The
 simulator takes classical fourth-order steps in numba, the noise is a dense covariance matrix
 instead of a Kalman filter, and the search is `scipy.optimize.least_squares` with derivatives by
 differences.
@@ -75,7 +75,13 @@ def covariance(blocks: Blocks, sd: float, time: float, white: float) -> np.ndarr
     return np.array(pairs) + np.diag(diagonal)
 
 
-def residual_function(blocks: Blocks, noise: tuple[float, float, float]):
+def heat_of(found: Fit) -> np.ndarray:
+    """Return what unmodelled heat adds to the block means, as columns [K]."""
+    assert found.problem.heat is not None
+    return float(found.noise.heat) * found.problem.heat[0]
+
+
+def residual_function(blocks: Blocks, noise: tuple[float, float, float], heat: np.ndarray):
     """Return the function from scores to whitened residuals and scores in a row."""
     centre = CENTRE.copy()
     centre[-2:] = blocks.start_degC
@@ -83,7 +89,7 @@ def residual_function(blocks: Blocks, noise: tuple[float, float, float]):
         np.asarray(v)
         for v in (blocks.inputs.current_squared, blocks.inputs.losses, blocks.inputs.ambient)
     )
-    factor = cholesky(covariance(blocks, *noise), lower=True)
+    factor = cholesky(covariance(blocks, *noise) + heat @ heat.T, lower=True)
     edge_T0 = np.concatenate([T0[:1], 0.5 * (T0[1:] + T0[:-1]), T0[-1:]])
 
     def values(scores):
@@ -110,7 +116,7 @@ def by_scipy(found: Fit):
     blocks = found.problem.tests[0]
     noise = found.noise
     residual, _ = residual_function(
-        blocks, (float(noise.sd), float(noise.time), float(noise.white))
+        blocks, (float(noise.sd), float(noise.time), float(noise.white)), heat_of(found)
     )
     start = np.zeros(len(NAMES))
     truth = np.array(list(independent.SECOND.values()))

@@ -125,7 +125,7 @@ def test_restricted_likelihood_integrates_the_parameters_out(fitted):
     """Against the dense Gaussian marginal: residual ~ N(J z, V + J J')."""
     problem = fitted.problem
     residual, jacobian = fitted.residual[0], fitted.jacobian[0]
-    noise_z = jnp.asarray([0.1, -0.3, 0.2])
+    noise_z = jnp.asarray([0.1, -0.3, 0.2, 0.4])
     found = []
     for shift in (0.0, 0.4):
         scores = noise_z + shift

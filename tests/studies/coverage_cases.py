@@ -204,7 +204,7 @@ def _machine_from_prior(rng: np.random.Generator) -> tuple[Any, dict[str, Parame
 def _noise_from_prior(rng: np.random.Generator) -> SensorNoise:
     sd, time_s, white = (
         p.centre * float(np.exp(p.sd * z))
-        for p, z in zip(NOISE, rng.standard_normal(3), strict=True)
+        for p, z in zip(NOISE[:3], rng.standard_normal(3), strict=True)
     )
     return SensorNoise(sd, time_s, white * float(np.sqrt(20.0)))  # the prior is of a 20 s mean
 
