@@ -12,6 +12,10 @@ FAR = 4.5
 parameters by 5 statistics."""
 
 
+WHITE = -2
+"""Place of the white part of the noise; unmodelled heat comes last."""
+
+
 @pytest.fixture(scope="module")
 def ensemble(found):
     return sample(found, seed=1)
@@ -86,16 +90,16 @@ def test_weighted_draws_find_a_long_tail_or_say_that_they_did_not(found, seed, m
 
     def evaluate(_, vectors):
         x = (vectors - found.vector) @ np.linalg.inv(np.linalg.cholesky(found.covariance)).T
-        last = np.where(x[:, -1] < 0, x[:, -1] / left, x[:, -1] / right)
-        return -0.5 * np.sum(x[:, :-1] ** 2, axis=1) - 0.5 * last**2
+        skewed = np.where(x[:, WHITE] < 0, x[:, WHITE] / left, x[:, WHITE] / right)
+        return -0.5 * np.sum(np.delete(x, WHITE, axis=1) ** 2, axis=1) - 0.5 * skewed**2
 
     monkeypatch.setattr(proposal, "evaluate", evaluate)
     weighted = proposal.importance_sample(found, seed=seed)
     if not weighted.is_sound:
         return
     x = (weighted.vectors - found.vector) @ np.linalg.inv(np.linalg.cholesky(found.covariance)).T
-    mean = weighted.weights @ x[:, -1]
-    spread = np.sqrt(weighted.weights @ (x[:, -1] - mean) ** 2)
+    mean = weighted.weights @ x[:, WHITE]
+    spread = np.sqrt(weighted.weights @ (x[:, WHITE] - mean) ** 2)
     # of a split normal with halves a and b: mean (b - a) sqrt(2/pi), second moment a^2 - ab + b^2
     expected = (right - left) * np.sqrt(2 / np.pi)
     width = np.sqrt(left**2 - left * right + right**2 - expected**2)

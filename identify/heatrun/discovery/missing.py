@@ -65,15 +65,16 @@ def missing(fit: Fit, *, seed: int = 0) -> Missing | None:
     if not found.candidates:
         return None
     z = np.zeros(len(engine.slots))
+    order = []  # that of the fit, where a test may have a parameter that another lacks
     for slot, score in zip(fit.slots, fit.z, strict=True):
         place = engine.find(slot.parameter.name, slot.test)
         assert place is not None
         z[place] = score
-    assert [engine.slots[place].name for place in engine.base] == [s.name for s in fit.slots]
+        order.append(place)
     assert problem.heat is not None
     heated = engine.with_heat(problem.heat)
     engine = engine.with_heat(tuple(np.zeros_like(columns) for columns in problem.heat))
-    present = engine.refit(z, engine.base, fit.noise)
+    present = engine.refit(z, order, fit.noise)
     screen, noise_scores = look(engine, present, found.candidates)
     scores = screen.scores()
     p = familywise_p(engine, screen, noise_scores, scores[0].log_bayes, seed)
