@@ -74,7 +74,7 @@ def run(tmp_path, bench, generator):
     model = Model.of("second", MOTOR)
     blocks = replace(reduce(bench(generator.duty(600.0), seed=20), MOTOR), name="duty")
     known = parameters(model, replace(MOTOR, parameters=certain), [blocks])
-    text = model_text(ModelOfRun(model, known, "correlated", 1.0))
+    text = model_text(ModelOfRun(model, known))
     (folder / "model_second.toml").write_bytes(text)
     (folder / "motor.toml").write_bytes(motor_text(MOTOR))
     around = {**TRUTH, "noise_sd": 0.2, "noise_time": 200.0, "noise_white": 0.02}
@@ -227,7 +227,7 @@ def test_a_damaged_run_is_an_error_of_ours(run, damage):
         (run / "posterior_second.nc").write_bytes(b"no netcdf")
         seal(run)
     elif damage == "format":
-        (run / "model_second.toml").write_text(text.replace("[noise]", "[noises]"), "utf-8")
+        (run / "model_second.toml").write_text(text.replace("[losses]", "[loss]"), "utf-8")
         seal(run)
     elif damage == "effect":
         (run / "model_second.toml").write_text(

@@ -144,7 +144,7 @@ def test_slow_misfit_and_whole_error_are_of_the_same_residuals(lagged):
     time_s = test.time
     fast = np.where(np.arange(time_s.size) % 2, 3.0, -3.0)
     residual = np.where(engine.is_observed, 2.0 * np.sin(2 * np.pi * time_s / 3600.0) + fast, 0.0)
-    quiet = Noise(*(np.float64(x) for x in (1e-3, 30.0, 1e-3)))
+    quiet = Noise(*(np.float64(x) for x in (1e-3, 30.0, 1e-3, 1e-6)))
     z = np.zeros(len(engine.slots))
     refit = Refit(engine.base, z, residual, engine.linearise(z, engine.base)[1], 0.0, 0.0, quiet)
     left = adequacy(engine, refit)

@@ -71,7 +71,7 @@ def test_a_model_with_effects_and_fixed_values_reads_back_to_the_same_value(bloc
     )  # fmt: skip
     with_speed = Model.of(four(), motor)
     known = parameters(with_speed, motor, [blocks])
-    found = ModelOfRun(with_speed, known, "white", 1.7)
+    found = ModelOfRun(with_speed, known)
     again = read_model(model_text(found), "model.toml")
     assert again == found
     assert again.model.effects[0].card.id == "speed_cooling"

@@ -23,7 +23,6 @@ from .densities import DEPENDENCE, LEFT_OUT, PRIOR, densities
 ABSENT = -12.0
 """Score of unmodelled heat in a run that was made before there was any: nothing of the loss."""
 
-
 EFFECT, SIZE = "maybe_missing", "maybe_missing_size"
 """Names of the effect behind each draw and of its size."""
 
@@ -140,9 +139,9 @@ def plausible(tree: Any, effects: tuple[PlausibleEffect, ...]) -> PlausibleEffec
         tree: From `read`.
         effects: As they stand in the result.
     """
-    group = tree["sample_stats"]
-    if not effects or EFFECT not in group:
+    if not effects:
         return None
+    group = tree["sample_stats"]
     which = np.asarray(group[EFFECT]).reshape(-1).astype(int)
     return PlausibleEffects(effects, which, np.asarray(group[SIZE], dtype=float).reshape(-1))
 
