@@ -6,8 +6,8 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo test test-slow test-latest lint types check bench study-coverage study-crosschecks \
-  study-discovery study-faults study-fuzz study-misfit study-readings study-view audit notebooks \
-  schemas lock clean
+  study-discovery study-faults study-fuzz study-misfit study-paderborn study-readings study-view \
+  audit notebooks schemas lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -46,6 +46,9 @@ study-discovery: $(VENV)/ready
 
 study-misfit: $(VENV)/ready
 	$(BIN)/python tests/studies/misfit.py
+
+study-paderborn: $(VENV)/ready
+	$(BIN)/python tests/studies/paderborn.py
 
 study-view: $(VENV)/ready
 	$(BIN)/python tests/studies/view_speed.py

@@ -17,7 +17,7 @@ UNITS = {
     "Rs0": "ohm",
     "Tw_start": "degC", "Tsr_start": "degC",
     "sensor_offset": "K", "ambient_offset": "K",
-    "power_gain": "1", "sensor_gain": "1",
+    "power_gain": "1", "sensor_gain": "1", "current_gain": "1",
     "torque_offset": "N m",
     "load_timing": "s",
 }  # fmt: skip

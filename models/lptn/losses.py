@@ -35,6 +35,7 @@ class CopperLosses(eqx.Module):
         torque_offset: Correction of the torque signal, to be added to it [N m]; the model uses
             Pd - offset * speed. It has a meaning under `kind="balance"` only.
         ambient_offset: Correction of the sink temperature, to be added to it [K].
+        current_gain: Correction of the current [1]; the model uses (1 + gain) Is.
     """
 
     Rs0: Float[Array, ""]
@@ -45,11 +46,12 @@ class CopperLosses(eqx.Module):
     power_gain: Float[Array, ""] | float = 0.0
     torque_offset: Float[Array, ""] | float = 0.0
     ambient_offset: Float[Array, ""] | float = 0.0
+    current_gain: Float[Array, ""] | float = 0.0
 
     def slope(self, current_squared: Float[Array, "..."]) -> Float[Array, "..."]:
         """Return k of P_js = k (B + Tw) [W/K], shape as `current_squared` [A^2]."""
         per_square = self.phases * self.Rs0 / (self.coefficient + self.reference_temperature)
-        return per_square * current_squared
+        return per_square * (1.0 + self.current_gain) ** 2 * current_squared
 
 
 def copper_loss(

@@ -22,11 +22,11 @@ from heatrun.inference.fitting.fit_result import Fit
 SUBSTEPS = 4
 """Fourth-order steps in one step of the record; 2 s / 4 errs below 1e-8 K at 90 s."""
 
-NAMES = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr", "Rs0", "power_gain", "sensor_gain",
-         "sensor_offset", "ambient_offset", "Tw_start", "Tsr_start")  # fmt: skip
+NAMES = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr", "Rs0", "current_gain", "power_gain",
+         "sensor_gain", "sensor_offset", "ambient_offset", "Tw_start", "Tsr_start")  # fmt: skip
 
-CENTRE = np.array([500.0, 1e4, 0.15, 0.15, 0.0062, 0.0, 0.0, 0.0, 0.0, np.nan, np.nan])
-SD = np.array([1.0, 1.0, 1.5, 1.5, 0.01, 0.01, 0.005, 0.5, 0.5, 2.0, 1.0])
+CENTRE = np.array([500.0, 1e4, 0.15, 0.15, 0.0062, 0.0, 0.0, 0.0, 0.0, 0.0, np.nan, np.nan])
+SD = np.array([1.0, 1.0, 1.5, 1.5, 0.01, 0.005, 0.01, 0.005, 0.5, 0.5, 2.0, 1.0])
 """Priors as the documentation states them: the first five log-normal, the rest normal; both start
 temperatures around the first readings of a cold start."""
 
@@ -41,7 +41,8 @@ def _slope(Tw, Ts, k, P, T0, Cw, Cs, Rw, Rs):
 @njit(cache=False)
 def winding(I2, P, T0, step, p, substeps):
     """Return the winding temperature at the edges of the steps [degC]."""
-    Cw, Cs, Rw, Rs, R0, gain, _, _, shift, Tw, Ts = p
+    Cw, Cs, Rw, Rs, R0, current, gain, _, _, shift, Tw, Ts = p
+    R0 = R0 * (1.0 + current) ** 2
     h = step / substeps
     out = np.empty(I2.size + 1)
     out[0] = Tw
@@ -99,7 +100,8 @@ def residual_function(blocks: Blocks, noise: tuple[float, float, float], heat: n
     def residual(scores):
         p = values(scores)
         T = winding(I2, P, T0, float(blocks.inputs.step), p, SUBSTEPS)
-        read = T + p[6] * (T - edge_T0 - p[8]) + p[7]
+        sensor_gain, sensor_offset, shift = p[7:10]
+        read = T + sensor_gain * (T - edge_T0 - shift) + sensor_offset
         before, after = (x.reshape(blocks.weight.shape) for x in (read[:-1], read[1:]))
         means = np.sum(blocks.weight * (before + blocks.position * (after - before)), axis=1)
         whitened = solve_triangular(factor, blocks.measured - means, lower=True)

@@ -17,6 +17,7 @@ from heatrun.discovery.judging.final_check import Adequacy, adequacy
 from heatrun.discovery.rivals import Swap, probability, settle
 from heatrun.discovery.screening.engine import Engine, Refit
 from heatrun.discovery.screening.library import Candidate, library
+from heatrun.discovery.screening.screen import Score
 from heatrun.discovery.screening.start import base_start
 from heatrun.discovery.verdict import sampled_apart, verdict
 from heatrun.inference.model import Model
@@ -77,7 +78,8 @@ def test_a_body_is_judged_with_its_time_constant_held():
 
 
 def swap(effect: str, delta: float, reason: str) -> Swap:
-    return Swap(Candidate(KINDS[effect]), NOTHING, delta, 0.9, {}, reason)
+    score = Score(Candidate(KINDS[effect]), 0.0, 0.0, {}, 0.0, 0.0, np.zeros(1), np.zeros(1))
+    return Swap(score, NOTHING, delta, 0.9, {}, reason)
 
 
 def test_a_rival_that_cannot_be_the_cause_takes_no_part_in_the_probability():

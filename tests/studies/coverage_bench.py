@@ -43,6 +43,7 @@ class Errors:
     """Constant errors of the bench, the same in all tests of a machine.
 
     Attributes:
+        current_gain: What the current is to be multiplied by, less 1 [1].
         power_gain: What the loss channel is to be multiplied by, less 1 [1].
         sensor_gain: Relative error of the measured rise [1].
         sensor_offset: Error of the winding sensor [K].
@@ -50,6 +51,7 @@ class Errors:
         Rs0: Logarithm of true over stated phase resistance [1].
     """
 
+    current_gain: float = 0.0
     power_gain: float = 0.0
     sensor_gain: float = 0.0
     sensor_offset: float = 0.0
@@ -58,7 +60,7 @@ class Errors:
 
     @classmethod
     def drawn(cls, scores: np.ndarray, sd: Mapping[str, float]) -> Errors:
-        """Return errors of given standard deviations for five standard scores."""
+        """Return errors of given standard deviations for their standard scores."""
         names = cls.__dataclass_fields__
         return cls(**{name: float(sd[name] * z) for name, z in zip(names, scores, strict=True)})
 
@@ -164,11 +166,10 @@ def run_test(
     power = (truth.losses_W + power_sd * of_power.standard_normal(size)) / (1 + errors.power_gain)
     sink = truth.ambient_degC - errors.ambient_offset
     sink = sink + AMBIENT_SD_K * of_ambient.standard_normal(size)
+    current = truth.current_A + CURRENT_SD_A * of_current.standard_normal(size)
     channels = {
         "time_s": truth.time_s,
-        "phase_current_A": np.abs(
-            truth.current_A + CURRENT_SD_A * of_current.standard_normal(size)
-        ),
+        "phase_current_A": np.abs(current) / (1.0 + errors.current_gain),
         "losses_W": power,
         "ambient_degC": 0.1 * np.rint(sink / 0.1),
         "winding_degC": reading,

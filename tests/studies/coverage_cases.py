@@ -39,8 +39,8 @@ from heatrun.motor import Motor, ParameterOverride
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 TIMES = ("tau_winding", "tau_stator", "tau_fast", "tau_slow")
 
-USUAL = {"power_gain": 0.01, "sensor_gain": 0.005, "sensor_offset": 0.5, "ambient_offset": 0.5,
-         "Rs0": 0.01}  # fmt: skip
+USUAL = {"current_gain": 0.005, "power_gain": 0.01, "sensor_gain": 0.005, "sensor_offset": 0.5,
+         "ambient_offset": 0.5, "Rs0": 0.01}  # fmt: skip
 """Standard deviations of the type B errors as heatrun's own priors state them."""
 
 LARGE = USUAL | {"power_gain": 0.02, "sensor_offset": 1.0, "Rs0": 0.03}
@@ -143,7 +143,7 @@ def make_case(cell: Cell, seed: int, index: int) -> Case:
     of_motor, of_plan, of_errors, of_test, of_held_out = np.random.default_rng([seed, index]).spawn(
         5
     )
-    errors = Errors.drawn(of_errors.standard_normal(5), cell.errors)
+    errors = Errors.drawn(of_errors.standard_normal(len(USUAL)), cell.errors)
     overrides = dict(cell.overrides)
     plan = of_plan.uniform(size=6)
     kind = KINDS[index % len(KINDS)]

@@ -50,23 +50,29 @@ REDEFINES = {
 }
 """Parameter that has another meaning under an effect: there is no one true value of it."""
 
+REFERENCES = 5
+"""Machines for each cause that are also calibrated with the effect that is hidden in them."""
+
 POWER = 15.0
 """Shaft power over the other losses at rated load [1], for the offset of a torque transducer."""
 
 
 def jobs(first_seed: int, repeats: int, num_clean: int) -> list[dict[str, Any]]:
     """Return all cases in the order in which they are run, which is by chance."""
-    kinds = [kind for kind in KINDS if kind != "nothing" for _ in range(repeats)]
-    kinds += ["nothing"] * num_clean
-    rows = [{"kind": kind, "seed": first_seed + place} for place, kind in enumerate(kinds)]
+    kinds = [(kind, n) for kind in KINDS if kind != "nothing" for n in range(repeats)]
+    kinds += [("nothing", REFERENCES)] * num_clean
+    rows = [
+        {"kind": kind, "seed": first_seed + place, "with_truth": number < REFERENCES}
+        for place, (kind, number) in enumerate(kinds)
+    ]
     return [rows[place] for place in np.random.default_rng(first_seed).permutation(len(rows))]
 
 
 def run(job: dict[str, Any]) -> dict[str, Any]:
     """Run one case through the command and return its row."""
     kind = job["kind"]
-    is_known = kind != "nothing" and kind not in OF_AN_INSTRUMENT
-    hidden = (kind,) if is_known else ()
+    is_in_machine = kind != "nothing" and kind not in OF_AN_INSTRUMENT
+    hidden = (kind,) if is_in_machine else ()
     case = hidden_bench().make_case(
         hidden, job["seed"], kind="duty", resolution_K=0.1, **KINDS[kind]
     )
@@ -78,7 +84,13 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         row = {**job, "exit_code": code, "processor_s": time.process_time() - begin}
         if code != 0:
             return {**row, "failure": said[-800:]}
-        return {**row, "visible_K": case.visible_misfit_K, **described(folder / "run", case)}
+        row |= {"visible_K": case.visible_misfit_K, **described(folder / "run", case)}
+        if job["with_truth"] and is_in_machine and ":" not in kind:
+            arguments[-1] = str(folder / "reference")
+            code, _ = command([*arguments, "--with", kind])
+            known = described(folder / "reference", case) if code == 0 else {}
+            row["interval_95_with_truth"] = known.get("interval_95")
+        return row
 
 
 def write_bench(case: Any, folder: Path, kind: str) -> list[str]:

@@ -32,7 +32,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--corrected",
         action="store_true",
-        help="correct Is, Pd and Te by the errors of losses, sink and timing that were estimated",
+        help="correct Is, Pd and Te by the estimated errors of current, losses, sink and timing",
     )
     words.add_out(parser, "folder for the files (default: the run itself)")
     words.add_json(parser)

@@ -122,12 +122,32 @@ def alternatives(
     )
     worth = [s for s in scores if s.log_bayes > 0.0 and s.candidate.id not in SAME_AS_AN_INSTRUMENT]
     found = [_refitted(fit, engine, present, score) for score in worth[:MOST]]
-    if not found:
-        return ()
     weight = np.array([each.log_evidence - alone for each in found])
     weight += np.log((1.0 - PROBABILITY_OF_NONE) / num_candidates)
     total = np.logaddexp.reduce([*weight, np.log(PROBABILITY_OF_NONE)])
-    probability = np.exp(weight - total)
+    return _by_probability(engine, found, np.exp(weight - total))
+
+
+def members(
+    fit: Fit, engine: Engine, present: Refit, scores: Sequence[Score]
+) -> tuple[Alternative, ...]:
+    """Return the models with one effect of a set that holds the cause, the most probable first.
+
+    Args:
+        fit: Of the model without any of them.
+        engine: As in `alternatives`.
+        present: As in `alternatives`.
+        scores: Of the members, with starts for their refits.
+    """
+    found = [_refitted(fit, engine, present, score) for score in scores]
+    weight = np.array([each.log_evidence for each in found])
+    return _by_probability(engine, found, np.exp(weight - np.logaddexp.reduce(weight)))
+
+
+def _by_probability(
+    engine: Engine, found: Sequence[_Refitted], probability: Float[np.ndarray, " model"]
+) -> tuple[Alternative, ...]:
+    """Return those that are worth it, the most probable first."""
     kept = [i for i in np.argsort(-probability) if probability[i] > LEAST_PROBABILITY]
     return tuple(_alternative(engine, found[i], float(probability[i])) for i in kept)
 

@@ -123,12 +123,17 @@ def _as_calibration(
     result = assemble_fit(
         motor, rows, findings, models, {network: predictions}, command=command, seed=seed
     )
-    accepted = tuple(each.rival.candidate.id for each in found.named)
+    in_set = None if found.ties is None else found.ties.named
+    accepted = tuple(each.rival.candidate.id for each in found.named if each is not in_set)
     verdict = result.verdict
-    if accepted:
+    if found.named:
         words = posterior.fit.problem.model.words
+        parts = [f"with {' and '.join(accepted)}"] if accepted else []
+        if in_set is not None:
+            ids = [in_set.rival.candidate.id, *(each.id for each in in_set.equivalents)]
+            parts.append(f"averaged over {' and '.join(ids)}")
         sentence = (
-            f"{words[0].upper()}{words[1:]} with {' and '.join(accepted)}, as the discovery left "
+            f"{words[0].upper()}{words[1:]} {', '.join(parts)}, as the discovery left "
             f"it. {found.verdict.sentence}"
         )
         verdict = replace(verdict, sentence=sentence)

@@ -151,14 +151,15 @@ def describe_trace(trace: Trace) -> TraceOfEffect:
 def _effect(found: Discovery, shown: Shown, named: Named) -> FoundEffect:
     rival = named.rival
     kind = rival.candidate.kind
-    draws = shown.posteriors[1].values()
+    draws = shown.with_effects.values()
+    ties = found.ties if found.ties is not None and found.ties.named is named else None
     names = {name: _slot_name(found, rival.candidate, name) for name in kind.card.parameters}
     return FoundEffect(
         id=rival.candidate.id,
         family=kind.card.family,
         law=kind.card.law,
         test=rival.candidate.test_name(found.engine.tests),
-        probability=named.probability,
+        probability=named.probability if ties is None else ties.probability(rival.candidate),
         equivalents=tuple(candidate.id for candidate in named.equivalents),
         parameters={
             name: EffectParameter(
@@ -180,6 +181,9 @@ def _effect(found: Discovery, shown: Shown, named: Named) -> FoundEffect:
                 share_of_gap=swap.share,
                 parameters=dict(swap.values),
                 reason=swap.reason or "not distinguishable from these tests",
+                probability=UNSET
+                if ties is None or swap.reason
+                else ties.probability(swap.candidate),
             )
             for swap in named.swaps
         ),

@@ -35,7 +35,7 @@ class Swap:
     """A rival in the place of an accepted effect.
 
     Attributes:
-        candidate: The rival.
+        score: How the rival fared in the screening.
         refit: Fit with it.
         delta_log_evidence: Of the accepted effect over it [nat].
         share: Share of the gap that it closes, the accepted effect closing all [1].
@@ -43,12 +43,17 @@ class Swap:
         reason: Why it is rejected; empty if it is tied.
     """
 
-    candidate: Candidate
+    score: Score
     refit: Refit
     delta_log_evidence: float
     share: float
     values: dict[str, float]
     reason: str
+
+    @property
+    def candidate(self) -> Candidate:
+        """The rival."""
+        return self.score.candidate
 
 
 @dataclass(frozen=True)
@@ -80,9 +85,14 @@ class Named:
         return -np.inf if self.lead is None else -self.lead.delta_log_evidence
 
     @property
-    def equivalents(self) -> list[Candidate]:
+    def tied(self) -> list[Swap]:
         """The rivals that these tests cannot tell from it."""
-        return [swap.candidate for swap in self.swaps if not swap.reason]
+        return [swap for swap in self.swaps if not swap.reason]
+
+    @property
+    def equivalents(self) -> list[Candidate]:
+        """The effects that these tests cannot tell from it."""
+        return [swap.candidate for swap in self.tied]
 
 
 def settle(
@@ -266,7 +276,7 @@ def _swaps(
                 f"{rival.candidate.id} explains the tests better (log Bayes {delta:+.1f}; it "
                 f"closes {100 * max(share, 0.0):.0f} % of the gap that {rival.candidate.id} closes)"
             )
-        swaps.append(Swap(score.candidate, refit, delta, share, values, reason))
+        swaps.append(Swap(score, refit, delta, share, values, reason))
     return sorted(swaps, key=lambda swap: swap.delta_log_evidence)
 
 

@@ -33,6 +33,7 @@ from .screening.engine import Engine, Refit
 from .screening.extension import extended_engine
 from .screening.library import Library
 from .screening.start import base_start
+from .ties import Ties, ties
 from .traces import Trace, find_traces
 from .verdict import Verdict, verdict
 
@@ -57,6 +58,8 @@ class Discovery:
         verdict: In a word.
         next_test: The test that would separate what is tied; None if nothing is.
         traces: Effects that are there and too small to matter, where the verdict is adequate.
+        ties: The effect that these tests do not tell from its rivals, where the verdict is
+            ambiguous; None elsewhere.
         fits: Base and final model as fits of their own.
         seconds: Time of each stage [s].
     """
@@ -74,6 +77,7 @@ class Discovery:
     verdict: Verdict
     next_test: NextTest | None
     traces: list[Trace]
+    ties: Ties | None
     fits: tuple[Fit, Fit]
     seconds: dict[str, float]
 
@@ -83,11 +87,14 @@ class Shown:
     """Base and final model sampled, and what they predict.
 
     Attributes:
-        posteriors: Of the base and of the final model.
+        posteriors: Of the base and of the final model, the latter averaged over effects that
+            the tests do not tell apart.
+        with_effects: Of the final model with the accepted effect of such a set.
         predictions: By test, of the base and of the final model.
     """
 
     posteriors: tuple[Posterior, Posterior]
+    with_effects: Posterior
     predictions: list[tuple[Prediction, Prediction]]
 
 
@@ -163,7 +170,10 @@ def discover(
     watch.lap("where")
     traces = find_traces(growth, before.excess) if not named else []
     said = verdict(growth, named, before, after, traces)
-    after_test = next_test(engine, final, named) if said.word in ("ambiguous",) else None
+    is_ambiguous = said.word == "ambiguous"
+    tied = ties(engine, final, named) if is_ambiguous else None
+    watch.lap("ties")
+    after_test = next_test(engine, final, named) if is_ambiguous else None
     watch.lap("next test")
     return Discovery(
         engine=engine,
@@ -179,6 +189,7 @@ def discover(
         verdict=said,
         next_test=after_test,
         traces=traces if said.word == "adequate" else [],
+        ties=tied,
         fits=(base_fit, last_fit),
         seconds=watch.laps,
     )
@@ -206,7 +217,12 @@ def show(
         progress: Called with a sentence and the share done.
     """
     watch = _Watch()
-    last = sample(found.fits[1], method=method, seed=seed, folder=folder, progress=progress)
+    if found.ties is None:
+        last = sample(found.fits[1], method=method, seed=seed, folder=folder, progress=progress)
+        with_effects = last
+    else:
+        with_effects = weighted_draws(found.fits[1], seed=seed)
+        last = found.ties.posterior(seed=seed)
     base = weighted_draws(found.fits[0], seed=seed) if found.named else last
     watch.lap("posterior")
     pairs = []
@@ -215,7 +231,7 @@ def show(
         pairs.append((first, predict(last, test, seed=seed) if found.named else first))
     watch.lap("predictions")
     found.seconds.update(watch.laps)
-    return Shown((base, last), pairs)
+    return Shown((base, last), with_effects, pairs)
 
 
 class _Watch:

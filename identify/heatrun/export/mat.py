@@ -41,8 +41,9 @@ def export_mat(
         folder: Where the two files go; None for the run folder itself.
         test: As `read_run_test`.
         network: As `read_run_test`.
-        is_corrected: Whether the corrections of losses, sink and timing that the run found are
-            applied to the signals; else these are the record's own samples, as `Tw_m` always is.
+        is_corrected: Whether the corrections of current, losses, sink and timing that the run found
+            are applied to the signals; else these are the record's own samples, as `Tw_m` always
+            is.
 
     Returns:
         As plain data: the files, test, network (`order`, `title`) and effects, variables with
@@ -128,8 +129,9 @@ def _left_out(
         Finding(
             id="corrections_left_out",
             severity="warning",
-            message=f"The run corrects losses, sink and timing ({_words(corrections)}), for which "
-            f"{file} has no variables; the record's own samples take the winding up to "
+            message="The run corrects current, losses, sink and timing "
+            f"({_words(corrections)}), for which {file} has no variables; the record's own "
+            "samples take the winding up to "
             f"{difference:.2g} K elsewhere (limit {LARGEST_UNSAID_K} K).",
             where=test,
             remedy="Pass --corrected to have them applied to current, losses and sink.",
@@ -140,7 +142,7 @@ def _left_out(
 
 
 def _words(corrections: Corrections) -> str:
-    units = {"power_gain": "", "torque_offset": " N m", "ambient_offset": " K",
+    units = {"current_gain": "", "power_gain": "", "torque_offset": " N m", "ambient_offset": " K",
              "load_timing": " s"}  # fmt: skip
     given = {name: getattr(corrections, name) for name in units}
     return ", ".join(f"{n} = {v:.3g}{units[n]}" for n, v in given.items() if v) or "by nothing"

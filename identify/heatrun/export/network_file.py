@@ -180,7 +180,7 @@ def network_variables(
 def corrected_network(
     variables: Mapping[str, Any], corrections: Corrections, speed_rpm: np.ndarray | None
 ) -> dict[str, Any]:
-    """Return the variables with losses, sink and the moment of the load as the run has them.
+    """Return the variables with current, losses, sink and timing as the run has them.
 
     As `Corrections.applied`; whatever else drives an effect comes later with the load.
     """

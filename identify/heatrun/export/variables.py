@@ -53,6 +53,7 @@ class Corrections:
     """Errors of instruments that a run allows for and `prova.mat` has no variables for.
 
     Attributes:
+        current_gain: Relative correction of the current [1].
         power_gain: Relative correction of the losses [1].
         torque_offset: Correction of the torque [N m].
         ambient_offset: Correction of the sink temperature [K].
@@ -62,6 +63,7 @@ class Corrections:
             say [s].
     """
 
+    current_gain: float = 0.0
     power_gain: float = 0.0
     torque_offset: float = 0.0
     ambient_offset: float = 0.0
@@ -82,7 +84,7 @@ class Corrections:
     def applied(
         self, variables: Mapping[str, np.ndarray], speed_rpm: np.ndarray | None
     ) -> dict[str, np.ndarray]:
-        """Return the variables with losses, sink and the moment of the load as the run has them.
+        """Return the variables with current, losses, sink and timing as the run has them.
 
         `Tw_m` stays the reading: it drives nothing, and an offset would take the rounding away
         by which its noise is judged.
@@ -92,13 +94,14 @@ class Corrections:
             speed_rpm: Speed at the samples [rpm]; needed where there is a torque offset.
         """
         sink = variables["Te"] + self.ambient_offset
+        current = (1.0 + self.current_gain) * variables["Is"]
         losses = (1.0 + self.power_gain) * variables["Pd"]
         if self.torque_offset and speed_rpm is not None:
             losses = losses - self.torque_offset * speed_rpm[:, None] * (np.pi / 30.0)
         time = variables["t"]
         if not self.load_timing:
-            return {**variables, "Pd": losses, "Te": sink}
-        current = np.sqrt(self.later(time, variables["Is"] ** 2))  # its square is what heats
+            return {**variables, "Is": current, "Pd": losses, "Te": sink}
+        current = np.sqrt(self.later(time, current**2))  # its square is what heats
         later = {"Pd": self.later(time, losses), "Te": self.later(time, sink)}
         return {**variables, "Is": current, **later}
 

@@ -38,12 +38,18 @@ INSTRUMENTS = (
 )  # fmt: skip
 """Type B uncertainties: temperatures alone cannot tell them, so they enter C and R."""
 
+CURRENT_GAIN = Parameter(
+    "current_gain", "1", "relative error of the current", "instrument", "linear", 0.0, 0.005,
+    "current transducers of class 0.5",
+)  # fmt: skip
+"""Likewise, where the copper loss enters: it goes with its square."""
+
 COLD_START_K = 2.0
 """Start within this of the sink [K] and at rest: stator and winding count as one temperature."""
 
 OF_ALL_NETWORKS = (
-    "Rs0", "power_gain", "torque_offset", "sensor_gain", "sensor_offset", "ambient_offset",
-    "load_timing",
+    "Rs0", "current_gain", "power_gain", "torque_offset", "sensor_gain", "sensor_offset",
+    "ambient_offset", "load_timing",
 )  # fmt: skip
 """Parameters that do not belong to the network itself."""
 
@@ -160,6 +166,7 @@ class Model:
             power_gain=values["power_gain"],
             torque_offset=values.get("torque_offset", 0.0),
             ambient_offset=values["ambient_offset"],
+            current_gain=values.get("current_gain", 0.0),
         )
 
     def sensor(self, values: Values) -> Sensor:
@@ -260,7 +267,7 @@ def override_names(*networks: NetworkForm) -> tuple[str, ...]:
 
 
 def _resistance(model: Model, motor: Motor) -> list[Parameter]:
-    """Return Rs0 where the copper loss enters."""
+    """Return Rs0 and the error of the current where the copper loss enters."""
     if not model.needs_resistance:
         return []
     said = motor.parameters.get("Rs0")
@@ -278,7 +285,8 @@ def _resistance(model: Model, motor: Motor) -> list[Parameter]:
             "Rs0", "ohm", "phase resistance at the reference temperature", "resistance", "log",
             1.0 if given is None else given, 0.01,
             "four-wire measurement, winding temperature known to 2 K (0.4 %/K)",
-        )
+        ),
+        CURRENT_GAIN,
     ]  # fmt: skip
 
 

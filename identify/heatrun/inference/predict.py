@@ -217,8 +217,10 @@ def of_test(
     for name, parameter in known.items():
         if name in values or (name in starts and fitted_as is None):
             continue
-        if parameter.fixed is not None or parameter.role in ("effect", "known"):
-            # an event of another test stays at its null
+        is_new = parameter.role == "instrument" and not parameter.per_test
+        if parameter.fixed is not None or parameter.role in ("effect", "known") or is_new:
+            # an event of another test stays at its null, as does an instrument that a run of an
+            # earlier version does not know
             number = nulls.get(name, parameter.centre)
             number = number if parameter.fixed is None else parameter.fixed
             values[name] = np.full(size, number)

@@ -131,7 +131,10 @@ def machines(
 
 
 def fixed_losses(losses: CopperLosses) -> CopperLosses:
-    """Return the losses of a machine whose other losses are given, and its true sink."""
+    """Return the losses of a machine whose other losses are given, and its true sink.
+
+    The current stays as the bench reads it, with its error.
+    """
     return replace(losses, kind="map", power_gain=0.0, torque_offset=0.0, ambient_offset=0.0)
 
 

@@ -79,7 +79,7 @@ def discovery_text(result: DiscoveryResult) -> str:
         )
         lines.append(f"{effect.id}: {figures}")
         if effect.equivalents:
-            lines.append(f"  not distinguishable from {', '.join(effect.equivalents)}")
+            lines.append(f"  not distinguishable from {effect.equivalents_in_words()}")
     for name, gap in (("calibration", result.calibration), ("held out", result.holdout)):
         if gap is not None:
             lines.append(

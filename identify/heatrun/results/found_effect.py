@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from msgspec import Meta
+from msgspec import UNSET, Meta, UnsetType
 
 from .values import Interval, NonNegative, Probability
 
@@ -61,6 +61,7 @@ class RivalEffect:
         share_of_gap: Share of the gap that it closes, the accepted one closing all [1].
         parameters: Its parameters [their units].
         reason: Why it is rejected, or that it is not distinguishable.
+        probability: Among the effects that the model is averaged over [1]; unset for others.
     """
 
     id: str
@@ -68,6 +69,7 @@ class RivalEffect:
     share_of_gap: float | None
     parameters: dict[str, float | None]
     reason: str
+    probability: Probability | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +81,8 @@ class FoundEffect:
         family: What kind of effect it is.
         law: Its law in words.
         test: Test of an event; null for all other effects.
-        probability: Among itself, its rivals and nothing [1].
+        probability: Among itself, its rivals and nothing; where the model is averaged over it and
+            its equivalents, among these [1].
         equivalents: Effects that these tests cannot separate from it.
         parameters: By name.
         evidence: What speaks for it.
@@ -97,6 +100,16 @@ class FoundEffect:
     evidence: EffectEvidence
     left_out: LeftOut
     rivals: tuple[RivalEffect, ...]
+
+    def equivalents_in_words(self) -> str:
+        """Return the effects that the tests do not separate from it, averaged ones with their
+        probability; empty without any.
+        """
+        share = {r.id: r.probability for r in self.rivals if r.probability is not UNSET}
+        return ", ".join(
+            f"{name} ({100.0 * share[name]:.0f} %)" if name in share else name
+            for name in self.equivalents
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -109,7 +109,7 @@ def _effect(effect: FoundEffect) -> list[str]:
         effect.law,
         numbers,
         f"{effect.probability:.2f}",
-        ", ".join(effect.equivalents) or "–",
+        effect.equivalents_in_words() or "–",
     ]
 
 

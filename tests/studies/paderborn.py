@@ -1,0 +1,131 @@
+"""One motor in one afternoon, from parts of its record: `make study-paderborn`.
+
+Profile 24 of the Paderborn motor (W. Kirchgässner, O. Wallscheid, J. Böcker, Electric Motor
+Temperature, 2021) whole, its heating and its cooling, each without and with a measured stator body
+(yoke or tooth, which gives the start of the stator node), through `heatrun calibrate`. The four
+parameters belong to one machine: their intervals should overlap, or a finding say why they may
+not. The record is not part of the project: without it, nothing is done.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+import heatrun
+
+PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
+RECORD = Path("..") / "shared" / "bench" / "paderborn_profile24_heatrun_2p5s.csv.gz"
+BODIES = {"none": None, "yoke": "stator_yoke_degC", "tooth": "stator_tooth_degC"}
+PARTS = {"whole": (-np.inf, np.inf), "heating": (-np.inf, 4395.0), "cooling": (4390.0, np.inf)}
+"""From and until [s]: the load is taken off at 4390 s."""
+
+MOTOR = """[motor]
+name = "Paderborn 24"
+losses = "balance"
+sink = "coolant"
+rated_speed_rpm = 5500
+[winding]
+phase_resistance_ohm = 0.0146
+reference_temperature_degC = 70.0
+"""
+
+
+def main() -> None:
+    """Run the study."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--record", type=Path, default=RECORD)
+    parser.add_argument("--out", type=Path, default=Path("results") / "real")
+    options = parser.parse_args()
+    if not options.record.exists():
+        print(f"{options.record} is not there: nothing is done.")
+        return
+    record = pd.read_csv(options.record)
+    rows = {}
+    with tempfile.TemporaryDirectory() as name:
+        for part in PARTS:
+            for body in BODIES:
+                rows[part, body] = calibrated(record, part, body, Path(name))
+                print(rows[part, body][0].result.verdict.sentence, flush=True)
+    options.out.mkdir(parents=True, exist_ok=True)
+    runs = {key: run for key, (run, _) in rows.items()}
+    text = table(runs, {key: findings for key, (_, findings) in rows.items()})
+    (options.out / "paderborn.md").write_text(text, encoding="utf-8")
+
+
+def calibrated(record: pd.DataFrame, part: str, body: str, folder: Path):
+    """Return the run of one part with one measured body, and its findings that warn."""
+    first, last = PARTS[part]
+    chosen = record[(record.time_s >= first) & (record.time_s < last)]
+    shaft = chosen.torque_Nm * chosen.speed_rpm * np.pi / 30.0
+    columns = {
+        "time_s": chosen.time_s - chosen.time_s.iloc[0],
+        "phase_current_A": np.hypot(chosen.i_d_A, chosen.i_q_A) / np.sqrt(2.0),
+        "losses_W": 1.5 * (chosen.u_d_V * chosen.i_d_A + chosen.u_q_V * chosen.i_q_A) - shaft,
+        "coolant_degC": chosen.coolant_degC,
+        "ambient_degC": chosen.ambient_degC,
+        "speed_rpm": chosen.speed_rpm,
+        "winding_degC": chosen.stator_winding_degC,
+    }
+    if BODIES[body] is not None:
+        columns["stator_degC"] = chosen[BODIES[body]]
+    motor, test = folder / "motor.toml", folder / f"{part}_{body}.csv"
+    motor.write_text(MOTOR, encoding="utf-8")
+    pd.DataFrame(columns).to_csv(test, index=False)
+    found = heatrun.calibrate(
+        motor, test, model="second", method="quick", out=folder / f"run_{part}_{body}"
+    )
+    run = heatrun.open_run(found.path)
+    return run, [f.id for f in run.result.findings if f.severity == "warning"]
+
+
+def table(runs: dict, findings: dict) -> str:
+    """Return the table in Markdown."""
+    lines = [
+        "# One motor, parts of one record",
+        "",
+        "`make study-paderborn`: profile 24 of the Paderborn motor through `heatrun calibrate "
+        "--model second --quick`; the sink is the coolant. *Body*: measured stator body, which "
+        "gives the start of the stator node and is not fitted.",
+        "",
+        f"| part | body | {' | '.join(PARAMETERS)} | RMSE | noise, heat | warnings |",
+        f"|---|---|{'---|' * len(PARAMETERS)}---|---|---|",
+    ]
+    for (part, body), run in runs.items():
+        model = run.result.models["second"]
+        intervals = [
+            " … ".join(f"{limit:.3g}" for limit in model.parameters[name].interval_95)
+            for name in PARAMETERS
+        ]
+        noise = model.noise
+        lines.append(
+            f"| {part} | {body} | {' | '.join(intervals)} | {model.residuals[0].rmse_K:.2f} K | "
+            f"{noise.sd_K:.2f} K, {100 * noise.unmodelled_heat:.1f} % | "
+            f"{', '.join(dict.fromkeys(findings[part, body])) or 'none'} |"
+        )
+    heads = "| parameter | pairs whose intervals overlap | disjoint pairs without a warning |"
+    lines += ["", heads, "|---|---|---|"]
+    for name in PARAMETERS:
+        pairs = list(combinations(runs, 2))
+        apart = [pair for pair in pairs if not overlap(*(_interval(runs[k], name) for k in pair))]
+        quiet = [pair for pair in apart if not all(findings[key] for key in pair)]
+        lines.append(f"| {name} | {len(pairs) - len(apart)} of {len(pairs)} | {len(quiet)} |")
+    return "\n".join([*lines, ""])
+
+
+def _interval(run, name: str) -> tuple[float, float]:
+    return run.result.models["second"].parameters[name].interval_95
+
+
+def overlap(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Return whether two intervals have a value in common."""
+    return max(one[0], other[0]) <= min(one[1], other[1])
+
+
+if __name__ == "__main__":
+    main()
