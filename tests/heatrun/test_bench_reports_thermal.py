@@ -29,7 +29,7 @@ from heatrun.simulation import simulate_file
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
 TRUTH = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062}
-INSTRUMENTS = ("power_gain", "sensor_gain", "sensor_offset", "ambient_offset")
+INSTRUMENTS = ("current_gain", "power_gain", "sensor_gain", "sensor_offset", "ambient_offset")
 NUM_DRAWS = 500
 
 
