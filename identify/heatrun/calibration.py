@@ -174,6 +174,9 @@ def calibrate(
         seen += [] if finding is None else [finding]
         predicted = [predict(posterior, test.blocks, seed=seed) for test in tests]
         described = describe_model(posterior, predicted, roles, duties)
+        if screened is not None:
+            stats = {**described.stats, "missing_effect_p": screened.p}
+            described = replace(described, stats=stats)
         if is_last:
             seen += fit_findings(posterior, predicted)
         return _Outcome(posterior, predicted, described, seen)

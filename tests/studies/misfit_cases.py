@@ -41,6 +41,9 @@ KINDS: dict[str, dict[str, Any]] = {
 """What is hidden, by amplitude (lag of 20 s, drift of 3 K in 90 minutes, clocks 5 s apart) or
 by its visible misfit [K]."""
 
+INSTRUMENTS = ("current_gain", "power_gain", "sensor_gain", "sensor_offset", "ambient_offset",
+               "load_timing")  # fmt: skip
+
 OF_AN_INSTRUMENT = ("current scale 3 %", "torque offset 0.2 %")
 
 REDEFINES = {
@@ -123,6 +126,21 @@ def command(arguments: list[str]) -> tuple[int | None, str]:
     return code, said.getvalue()
 
 
+def measures(model: Any) -> dict[str, float]:
+    """Return what findings are raised by, beside `Finding.values` where there is none."""
+    scores = {}
+    for name, entry in model.nuisances.items():
+        if name.split("[")[0] in INSTRUMENTS:
+            low, high = entry.prior_95
+            scores[name] = 3.92 * abs(entry.value - 0.5 * (low + high)) / (high - low)
+    return {
+        "missing_effect_p": model.stats.get("missing_effect_p"),
+        "unmodelled_heat": getattr(model.noise, "unmodelled_heat", None),
+        "noise_time_s": model.noise.time_s,
+        "instrument_sds": max(scores.values(), default=0.0),
+    }
+
+
 def described(folder: Path, case: Any) -> dict[str, Any]:
     """Return what a run says, beside the truth."""
     import heatrun
@@ -136,6 +154,7 @@ def described(folder: Path, case: Any) -> dict[str, Any]:
         "value": {name: entry.value for name, entry in entries.items()},
         "sd": {name: entry.sd for name, entry in entries.items()},
         "interval_95": {name: list(entry.interval_95) for name, entry in entries.items()},
+        "measures": measures(model),
         "rmse_K": next(r for r in model.residuals if r.role == "calibration").rmse_K,
         "holdout_rmse_K": held_out.rmse_K,
         "holdout_coverage_95": held_out.coverage_95,
