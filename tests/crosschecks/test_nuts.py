@@ -29,6 +29,7 @@ def largest(z):
     return max(((abs(v), name, key) for name, row in z.items() for key, v in row.items()))
 
 
+@pytest.mark.slow
 def test_emcee_and_numpyro_draw_from_the_same_posterior(found, ensemble):
     pytest.importorskip("numpyro")
     import chains
@@ -43,6 +44,7 @@ def test_emcee_and_numpyro_draw_from_the_same_posterior(found, ensemble):
     assert kept > 0.3 * ensemble.convergence.effective_size
 
 
+@pytest.mark.slow
 def test_a_posterior_that_is_off_would_be_seen(found, ensemble):
     """A third of a standard deviation, or a spread that is a quarter too wide."""
     import chains
