@@ -20,7 +20,9 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from importlib.metadata import version
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -80,11 +82,14 @@ def main() -> None:
     begin = time.monotonic()
     rows: list[dict[str, Any]] = []
     context = multiprocessing.get_context("spawn")  # JAX must not be forked
-    with context.Pool(options.processes) as pool:
-        for first in range(0, len(listed), options.processes):
-            if time.monotonic() - begin > 60.0 * options.minutes:
-                break
-            for row in pool.map(run, listed[first : first + options.processes], 1):
+    left = iter(listed)
+    with ProcessPoolExecutor(options.processes, mp_context=context) as pool:
+        pending = {pool.submit(run, job) for job in islice(left, options.processes)}
+        while pending:
+            done, pending = wait(pending, return_when=FIRST_COMPLETED)
+            if time.monotonic() - begin < 60.0 * options.minutes:
+                pending |= {pool.submit(run, job) for job in islice(left, len(done))}
+            for row in (future.result() for future in done):
                 rows.append(row)
                 names = [f[0] for f in row.get("findings", [])]
                 print(
