@@ -109,10 +109,11 @@ def current_scale_unchecked(motor: Motor, records: Sequence[Record]) -> tuple[Fi
             "note",
             "No test has three minutes at standstill under current, so that an error of the "
             "current's scale cannot be seen: 1 % of it changes the copper loss by 2 %, and the "
-            "winding's Ceq_w and Req_w with it. The 95 % intervals do not allow for it.",
+            "winding's Ceq_w and Req_w with it. The 95 % intervals allow for the class of the "
+            "instrument that current_gain states, no more.",
             motor.path or motor.name,
             "A few minutes at standstill with a known direct current would show it, or the input "
-            "power by a second instrument.",
+            "power by a second instrument. Another class goes into [parameters.current_gain] sd.",
         ),
     )
 
