@@ -156,9 +156,9 @@ def table(
         "the run folder. *Off*: a parameter is more than 3 of its standard deviations from the "
         "truth, in brackets: outside at least one of its 95 % intervals, which chance alone does "
         "to 10…15 % of machines. A parameter that the effect redefines is left out. *Silent*: off, "
-        f"and no finding on the fit ({', '.join(NOW)}). *Before*: the same cases by commit 5b18c64, "
-        "before unmodelled heat and averaging, of whose findings those count that calibrations "
-        f"always had ({', '.join(BEFORE)}). "
+        f"and no finding on the fit ({', '.join(NOW)}). *Before*: the same cases by commit "
+        "5b18c64, before unmodelled heat and averaging, of whose findings those count that "
+        f"calibrations always had ({', '.join(BEFORE)}). "
         "*Width*: of the 95 % intervals over those of a fit with the effect that is hidden, "
         f"median of {REFERENCES} machines' parameters.",
         "",
