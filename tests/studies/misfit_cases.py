@@ -11,6 +11,7 @@ import contextlib
 import io
 import tempfile
 import time
+import traceback
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,8 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         row |= {"visible_K": case.visible_misfit_K, **described(folder / "run", case)}
         if job["with_truth"] and is_in_machine and ":" not in kind:
             arguments[-1] = str(folder / "reference")
-            code, _ = command([*arguments, "--with", kind])
+            code, said = command([*arguments, "--with", kind])
+            row["failure_with_truth"] = "" if code == 0 else said[-800:]
             known = described(folder / "reference", case) if code == 0 else {}
             row["interval_95_with_truth"] = known.get("interval_95")
         return row
@@ -122,7 +124,10 @@ def command(arguments: list[str]) -> tuple[int | None, str]:
 
     out, said = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
-        code = main(arguments)
+        try:
+            code = main(arguments)
+        except Exception:  # a traceback is a result too
+            return None, traceback.format_exc()
     return code, said.getvalue()
 
 

@@ -11,11 +11,13 @@ References: J. A. Hoeting, D. Madigan, A. E. Raftery, C. T. Volinsky, Bayesian m
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.optimize import minimize_scalar
 
 from lptn.effects import placed_link
 
@@ -43,8 +45,8 @@ NUM_ROUNDS = 2
 LEAST = 0.3
 """Share of the typical amplitude at least, at which an effect is told from none [1]."""
 
-NEWTON_STEPS = 5
-"""Steps to the resistance that comes nearest to what the network does with the effect."""
+MOST_FACTOR = 20.0
+"""By how much an effect can change the resistance that does most of what it does [1]."""
 
 LEAST_PROBABILITY = 1e-3
 """Effects of less than this are dropped [1]."""
@@ -216,11 +218,7 @@ def _alternative(engine: Engine, refitted: _Refitted, probability: float) -> Alt
     place = _scaled_resistance(engine, refitted)
     if place is not None:
         slot = refitted.base[place]
-        changed, _ = engine.linearise(reference, [])
-        for _ in range(NEWTON_STEPS):  # radiation may double what the rest of the surface has
-            bare, columns = engine.linearise(without, [slot])
-            column = columns[:, 0]
-            without[slot] += float(column @ (changed - bare) / (column @ column))
+        without[slot] = nearest_resistance(engine, reference, without, slot)
         shift[place] = without[slot] - reference[slot]
         amplitudes_at = [shift.size + refitted.own.index(slot) for slot in strong]
         wide = refitted.parts[-1].covariance
@@ -247,6 +245,32 @@ def _alternative(engine: Engine, refitted: _Refitted, probability: float) -> Alt
         slope=slope,
         noise_z=refitted.noise_z,
     )
+
+
+def nearest_resistance(
+    engine: Engine, reference: np.ndarray, without: np.ndarray, slot: int
+) -> float:
+    """Return the score of a resistance that comes nearest to what the network does with an effect.
+
+    Within bounds, not by Newton's method: radiation may double what the rest of the surface has,
+    and from there its steps may lead to a resistance of nothing.
+
+    Args:
+        engine: The extended model.
+        reference: Scores of all its slots, with the effect.
+        without: The same without the effect.
+        slot: Place of the resistance.
+    """
+    changed, _ = engine.linearise(reference, [])
+    widest = math.log(MOST_FACTOR) / engine.slots[slot].parameter.sd
+
+    def apart(score: float) -> float:
+        z = without.copy()
+        z[slot] = score
+        return float(np.sum((engine.linearise(z, [])[0] - changed) ** 2))
+
+    bounds = (without[slot] - widest, without[slot] + widest)
+    return float(minimize_scalar(apart, bounds=bounds, method="bounded").x)
 
 
 def _values(engine: Engine, z: np.ndarray, slots: Sequence[int]) -> dict[str, float]:
