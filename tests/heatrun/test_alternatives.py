@@ -22,9 +22,9 @@ class Surface:
         return -POWER_W / (1.0 / resistance + beside), None
 
 
-@pytest.mark.parametrize("beside", [0.5, 5.0, 90.0, 150.0])
+@pytest.mark.parametrize("beside", [0.5, 150.0, 9000.0])
 def test_the_resistance_takes_over_what_the_effect_did(beside):
-    """Newton's method from the resistance that stood beside it left the numbers from 5 times on."""
+    """Five steps of Newton's method do not arrive at the second, and leave the numbers in a fit."""
     with_effect = np.array([0.0, beside])
     found = nearest_resistance(Surface(), with_effect, np.array([0.0, 0.0]), 0)
     assert 0.1 * np.exp(1.5 * found) == pytest.approx(1.0 / (10.0 + beside), rel=1e-3)

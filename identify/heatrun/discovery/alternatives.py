@@ -45,8 +45,8 @@ NUM_ROUNDS = 2
 LEAST = 0.3
 """Share of the typical amplitude at least, at which an effect is told from none [1]."""
 
-MOST_FACTOR = 20.0
-"""By how much an effect can change the resistance that does most of what it does [1]."""
+MOST_FACTOR = 1e4
+"""By how much an effect may change a resistance [1]: a fit may leave next to nothing to it."""
 
 LEAST_PROBABILITY = 1e-3
 """Effects of less than this are dropped [1]."""
