@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -270,7 +271,8 @@ def nearest_resistance(
         return float(np.sum((engine.linearise(z, [])[0] - changed) ** 2))
 
     bounds = (without[slot] - widest, without[slot] + widest)
-    return float(minimize_scalar(apart, bounds=bounds, method="bounded").x)
+    found: Any = minimize_scalar(apart, bounds=bounds, method="bounded")
+    return float(found.x)
 
 
 def _values(engine: Engine, z: np.ndarray, slots: Sequence[int]) -> dict[str, float]:
