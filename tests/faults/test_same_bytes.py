@@ -90,6 +90,7 @@ def digests(files: dict[str, bytes]) -> dict[str, str]:
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="cores cannot be chosen here")
+@pytest.mark.slow
 def test_one_core_writes_the_bytes_that_all_write(runs):
     if len(os.sched_getaffinity(0)) == 1:
         pytest.skip("there is one core only")
@@ -98,6 +99,7 @@ def test_one_core_writes_the_bytes_that_all_write(runs):
     assert {".json", ".csv", ".pdf", ".xlsx", ".nc", ".png", ".mat"} <= kinds
 
 
+@pytest.mark.slow
 def test_a_stated_date_stands_in_the_files_that_have_a_place_for_one(runs):
     dated = {"run/manifest.json", "run/sheet.xlsx", "sheet/sheet.xlsx",
              "run/posterior_second.nc"}  # fmt: skip
@@ -106,6 +108,7 @@ def test_a_stated_date_stands_in_the_files_that_have_a_place_for_one(runs):
     assert json.loads(runs[0]["run/manifest.json"])["date"] == "2023-11-14T22:13:20+00:00"
 
 
+@pytest.mark.slow
 def test_the_sheet_made_again_is_that_of_the_run(runs):
     for files in runs:
         again = {name: content for name, content in files.items() if name.startswith("sheet/")}
@@ -114,6 +117,7 @@ def test_the_sheet_made_again_is_that_of_the_run(runs):
             assert content == files["run" + name.removeprefix("sheet")]
 
 
+@pytest.mark.slow
 def test_no_folder_stands_in_a_document(runs, tmp_path):
     for name, content in runs[0].items():
         if name.endswith(".pdf"):

@@ -146,6 +146,7 @@ def test_which_two_networks_are_compared(folder):
         pair_of(" , ")
 
 
+@pytest.mark.slow
 def test_compare_takes_two_networks(call, folder):
     words = ["compare", "motor.toml", "duty.csv", "--model", "known.toml,first", "--quick"]
     code, found, _ = call(*words)
