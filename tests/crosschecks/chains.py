@@ -2,7 +2,8 @@
 
 All draw from the log density that `heatrun` fits and samples, in the coordinates of `Fit.vector`
 (standard scores of parameters and noise). The samplers of others see it whitened by the
-covariance of the fit, a linear change that leaves the density as it is.
+covariance of the fit, a linear change that leaves the density as it is, and the noise, whose prior
+ends, in coordinates without an end.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from heatrun.bench.reduction import reduce
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.fit_result import Fit
 from heatrun.inference.model import Model
-from heatrun.inference.noise import NOISE
+from heatrun.inference.noise import LARGEST_SCORES, NOISE
 from heatrun.inference.problem import Problem, log_posterior
 from heatrun.inference.sampling.importance import Weighted
 from heatrun.motorfile import load_motor
@@ -39,6 +40,10 @@ ACCEPT = 0.95
 diverge where the white noise goes to zero, and the tail there is missed."""
 
 
+EDGE = 0.1
+"""Distance [1] from the end of a score at least, at which the samplers of others start."""
+
+
 def fitted(test: str, order: str) -> Fit:
     """Return the fit of a bundled record."""
     motor = load_motor(SYNTHETIC / "motor.toml")
@@ -52,15 +57,31 @@ def names(found: Fit) -> list[str]:
 
 
 def whitened_density(found: Fit) -> tuple[Callable, Callable]:
-    """Return the log density of whitened coordinates, and the way back to scores."""
+    """Return the log density of whitened coordinates, and the way back to scores.
+
+    A score s of the noise is u - log(1 + exp(u - end)): u itself far below the end of the prior,
+    and never beyond it.
+    """
     factor = np.linalg.cholesky(found.covariance)
     density = partial(log_posterior, found.problem.structure, found.problem.data)
-    centre, matrix = jnp.asarray(found.vector), jnp.asarray(factor)
+    ends = jnp.asarray(LARGEST_SCORES)
+    start = np.array(found.vector)
+    below = np.minimum(start[-len(ends) :], np.asarray(ends) - EDGE)
+    start[-len(ends) :] = below - np.log(-np.expm1(below - np.asarray(ends)))
+    centre, matrix = jnp.asarray(start), jnp.asarray(factor)
 
-    def back(y: np.ndarray) -> np.ndarray:
-        return found.vector + np.asarray(y) @ factor.T
+    def scores(y):
+        u = centre + y @ matrix.T
+        noise = u[..., -len(ends) :]
+        return jnp.concatenate(
+            [u[..., : -len(ends)], noise - jax.nn.softplus(noise - ends)], axis=-1
+        )
 
-    return lambda y: density(centre + matrix @ y), back
+    def whitened(y):
+        noise = (centre + matrix @ y)[-len(ends) :]
+        return density(scores(y)) + jnp.sum(jax.nn.log_sigmoid(ends - noise))
+
+    return whitened, lambda y: np.asarray(scores(jnp.asarray(y)))
 
 
 def by_numpyro(found: Fit, *, num_warmup: int, num_draws: int, num_chains: int, seed: int):

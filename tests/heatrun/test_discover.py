@@ -6,35 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hidden_machines import machine
 from matplotlib.figure import Figure
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
 from heatrun.discovery.result import assemble
 from heatrun.discovery.run import discover, show
 from heatrun.inference.catalogue import all_effects
-from heatrun.motor import Motor
 from heatrun.reports.discovery.report import write_report
 from lptn import EFFECTS
 
 
-def bench(hidden_bench, hidden, seed, **options):
-    """Motor, calibration tests and all tests of a case."""
-    case = hidden_bench.make_case(hidden, seed, resolution_K=0.1, **options)
-    motor = Motor(
-        "study",
-        phase_resistance_ohm=case.machine.phase_resistance_ohm,
-        losses=case.losses,
-        rated_speed_rpm=case.machine.rated_speed_rpm,
-    )
-    tests = [reduce(Record(t.name, t.columns), motor) for t in case.tests]
-    roles = [t.role for t in case.tests]
-    return case, motor, [t for t, r in zip(tests, roles, strict=True) if r == "calibration"], tests
-
-
 @pytest.fixture(scope="module")
 def cooled(hidden_bench):
-    return bench(hidden_bench, ("speed_cooling",), 31, target_K=0.8)
+    return machine(hidden_bench, ("speed_cooling",), 31, target_K=0.8)
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +99,7 @@ def test_without_its_name_in_the_catalogue_the_cause_stays_unexplained(cooled):
 @pytest.mark.slow
 def test_heat_from_outside_is_found_where_and_when_it_was(hidden_bench):
     """A heat step is in no catalogue: no name, but place, time and watts."""
-    case, motor, tests, _ = bench(hidden_bench, ("unknown:heat_step",), 36, target_K=0.8)
+    case, motor, tests, _ = machine(hidden_bench, ("unknown:heat_step",), 36, target_K=0.8)
     found = discover(motor, tests)
     assert found.verdict.word == "unexplained"
     where = found.where_before
@@ -131,14 +115,14 @@ def test_heat_from_outside_is_found_where_and_when_it_was(hidden_bench):
 
 
 def test_on_a_clean_machine_nothing_is_claimed(hidden_bench):
-    _, motor, tests, _ = bench(hidden_bench, (), 32)
+    _, motor, tests, _ = machine(hidden_bench, (), 32)
     found = discover(motor, tests)
     assert found.verdict.word == "adequate"
     assert not found.named
 
 
 def test_a_single_load_step_cannot_tell(hidden_bench):
-    _, motor, tests, _ = bench(hidden_bench, ("ac_copper_loss",), 33, kind="single_step")
+    _, motor, tests, _ = machine(hidden_bench, ("ac_copper_loss",), 33, kind="single_step")
     found = discover(motor, tests)
     assert found.verdict.word == "not_identifiable"
     assert not found.named

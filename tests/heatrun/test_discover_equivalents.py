@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from hidden_machines import machine
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
 from heatrun.discovery.grow import look, refitted
 from heatrun.discovery.judging.refits import refit_with
 from heatrun.discovery.screening.engine import Engine
@@ -15,7 +14,6 @@ from heatrun.discovery.screening.library import library
 from heatrun.discovery.screening.start import base_start
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
-from heatrun.motor import Motor
 from lptn import EFFECTS
 
 EQUIVALENT = ("neighbour_body", "housing_node")
@@ -28,16 +26,7 @@ NATS = 3.0
 @pytest.fixture(scope="module")
 def searched(hidden_bench):
     """A machine with a slow body beside the stator, as the discovery sees it in its first round."""
-    case = hidden_bench.make_case(("neighbour_body",), 1330, target_K=0.2, resolution_K=0.1)
-    motor = Motor(
-        "body",
-        phase_resistance_ohm=case.machine.phase_resistance_ohm,
-        losses=case.losses,
-        rated_speed_rpm=case.machine.rated_speed_rpm,
-    )
-    tests = [
-        reduce(Record(t.name, t.columns), motor) for t in case.tests if t.role == "calibration"
-    ]
+    _, motor, tests, _ = machine(hidden_bench, ("neighbour_body",), 1330, target_K=0.2)
     bare = Model.of("second", motor)
     kinds = [kind for kind in EFFECTS if kind.card.id in (*EQUIVALENT, "radiation", "sensor_lag")]
     found = library(kinds, bare.topology(), tests)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_discover import bench
+from hidden_machines import machine
 
 from heatrun.discovery.result import assemble
 from heatrun.discovery.run import discover, show
@@ -16,7 +16,7 @@ RIVALS = ("radiation", "natural_convection")
 @pytest.fixture(scope="module")
 def case(hidden_bench):
     """A surface that radiates, by 0.25 K: the tests do not tell it from natural convection."""
-    return bench(hidden_bench, ("radiation",), 33, target_K=0.25)
+    return machine(hidden_bench, ("radiation",), 33, target_K=0.25)
 
 
 @pytest.fixture(scope="module")

@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 import pytest
+from hidden_machines import machine
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
 from heatrun.discovery.judging.acceptance import RELEVANT_K
 from heatrun.discovery.result import describe_trace
 from heatrun.discovery.run import discover
-from heatrun.motor import Motor
 
 pytestmark = pytest.mark.slow
 
 
 def found_on(hidden_bench, hidden, seed, target_K):
-    case = hidden_bench.make_case(hidden, seed, target_K=target_K, resolution_K=0.1)
-    motor = Motor(
-        "trace",
-        phase_resistance_ohm=case.machine.phase_resistance_ohm,
-        losses=case.losses,
-        rated_speed_rpm=case.machine.rated_speed_rpm,
-    )
-    return discover(motor, [
-        reduce(Record(t.name, t.columns), motor) for t in case.tests if t.role == "calibration"
-    ])  # fmt: skip
+    _, motor, tests, _ = machine(hidden_bench, hidden, seed, target_K=target_K)
+    return discover(motor, tests)
 
 
 @pytest.mark.parametrize(("effect", "seed"), [("natural_convection", 2003), ("radiation", 2004)])

@@ -7,6 +7,7 @@ import json
 
 import jsonschema
 import pytest
+from hidden_machines import machine
 
 from heatrun.results import to_json
 from heatrun.results.discovery import DISCOVERY_FORMAT
@@ -21,22 +22,12 @@ VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 @pytest.fixture(scope="module")
 def result(hidden_bench):
     """A discovery with an event in one test of two, a held-out test, and every part filled."""
-    from heatrun.bench.record import Record
-    from heatrun.bench.reduction import reduce
     from heatrun.discovery.result import assemble
     from heatrun.discovery.run import discover, show
-    from heatrun.motor import Motor
 
-    case = hidden_bench.make_case(
-        ("cooling_step",), 4000, target_K=0.8, resolution_K=0.1, only_test=1
+    case, motor, _, tests = machine(
+        hidden_bench, ("cooling_step",), 4000, target_K=0.8, only_test=1
     )
-    motor = Motor(
-        "schema",
-        phase_resistance_ohm=case.machine.phase_resistance_ohm,
-        losses=case.losses,
-        rated_speed_rpm=case.machine.rated_speed_rpm,
-    )
-    tests = [reduce(Record(t.name, t.columns), motor) for t in case.tests]
     found = discover(motor, tests[:2], held_out=tests[2:])
     shown = show(found, tests, method="quick")
     roles = [test.role for test in case.tests]

@@ -72,11 +72,15 @@ def jobs(first_seed: int, repeats: int, num_clean: int) -> list[dict[str, Any]]:
     return [rows[place] for place in np.random.default_rng(first_seed).permutation(len(rows))]
 
 
+def is_in_machine(kind: str) -> bool:
+    """Return whether a kind hides something in the machine or its winding sensor."""
+    return kind != "nothing" and kind not in OF_AN_INSTRUMENT
+
+
 def run(job: dict[str, Any]) -> dict[str, Any]:
     """Run one case through the command and return its row."""
     kind = job["kind"]
-    is_in_machine = kind != "nothing" and kind not in OF_AN_INSTRUMENT
-    hidden = (kind,) if is_in_machine else ()
+    hidden = (kind,) if is_in_machine(kind) else ()
     case = hidden_bench().make_case(
         hidden, job["seed"], kind="duty", resolution_K=0.1, **KINDS[kind]
     )
@@ -89,7 +93,7 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         if code != 0:
             return {**row, "failure": said[-800:]}
         row |= {"visible_K": case.visible_misfit_K, **described(folder / "run", case)}
-        if job["with_truth"] and is_in_machine and ":" not in kind:
+        if job["with_truth"] and hidden and ":" not in kind:
             arguments[-1] = str(folder / "reference")
             code, said = command([*arguments, "--with", kind])
             row["failure_with_truth"] = "" if code == 0 else said[-800:]
@@ -132,7 +136,7 @@ def command(arguments: list[str]) -> tuple[int | None, str]:
 
 
 def measures(model: Any) -> dict[str, float]:
-    """Return what findings are raised by, beside `Finding.values` where there is none."""
+    """Return what the findings rest on, whether they were raised or not."""
     scores = {}
     for name, entry in model.nuisances.items():
         if name.split("[")[0] in INSTRUMENTS:

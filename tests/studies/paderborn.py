@@ -23,7 +23,7 @@ PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 RECORD = Path("..") / "shared" / "bench" / "paderborn_profile24_heatrun_2p5s.csv.gz"
 BODIES = {"none": None, "yoke": "stator_yoke_degC", "tooth": "stator_tooth_degC"}
 PARTS = {"whole": (-np.inf, np.inf), "heating": (-np.inf, 4395.0), "cooling": (4390.0, np.inf)}
-"""From and until [s]: the load is taken off at 4390 s."""
+"""From and until [s]: the load is taken off at 4395 s."""
 
 MOTOR = """[motor]
 name = "Paderborn 24"
@@ -46,20 +46,18 @@ def main() -> None:
         print(f"{options.record} is not there: nothing is done.")
         return
     record = pd.read_csv(options.record)
-    rows = {}
+    runs = {}
     with tempfile.TemporaryDirectory() as name:
         for part in PARTS:
             for body in BODIES:
-                rows[part, body] = calibrated(record, part, body, Path(name))
-                print(rows[part, body][0].result.verdict.sentence, flush=True)
+                runs[part, body] = calibrated(record, part, body, Path(name))
+                print(f"{part}, {body}: {', '.join(warnings(runs[part, body]))}", flush=True)
     options.out.mkdir(parents=True, exist_ok=True)
-    runs = {key: run for key, (run, _) in rows.items()}
-    text = table(runs, {key: findings for key, (_, findings) in rows.items()})
-    (options.out / "paderborn.md").write_text(text, encoding="utf-8")
+    (options.out / "paderborn.md").write_text(table(runs), encoding="utf-8")
 
 
-def calibrated(record: pd.DataFrame, part: str, body: str, folder: Path):
-    """Return the run of one part with one measured body, and its findings that warn."""
+def calibrated(record: pd.DataFrame, part: str, body: str, folder: Path) -> heatrun.Run:
+    """Return the run of one part with one measured body, as read back from its folder."""
     first, last = PARTS[part]
     chosen = record[(record.time_s >= first) & (record.time_s < last)]
     shaft = chosen.torque_Nm * chosen.speed_rpm * np.pi / 30.0
@@ -77,14 +75,17 @@ def calibrated(record: pd.DataFrame, part: str, body: str, folder: Path):
     motor, test = folder / "motor.toml", folder / f"{part}_{body}.csv"
     motor.write_text(MOTOR, encoding="utf-8")
     pd.DataFrame(columns).to_csv(test, index=False)
-    found = heatrun.calibrate(
+    return heatrun.calibrate(
         motor, test, model="second", method="quick", out=folder / f"run_{part}_{body}"
     )
-    run = heatrun.open_run(found.path)
-    return run, [f.id for f in run.result.findings if f.severity == "warning"]
 
 
-def table(runs: dict, findings: dict) -> str:
+def warnings(run: heatrun.Run) -> list[str]:
+    """Return the findings that warn, each once."""
+    return [*dict.fromkeys(f.id for f in run.result.findings if f.severity == "warning")]
+
+
+def table(runs: dict[tuple[str, str], heatrun.Run]) -> str:
     """Return the table in Markdown."""
     lines = [
         "# One motor, parts of one record",
@@ -106,19 +107,19 @@ def table(runs: dict, findings: dict) -> str:
         lines.append(
             f"| {part} | {body} | {' | '.join(intervals)} | {model.residuals[0].rmse_K:.2f} K | "
             f"{noise.sd_K:.2f} K, {100 * noise.unmodelled_heat:.1f} % | "
-            f"{', '.join(dict.fromkeys(findings[part, body])) or 'none'} |"
+            f"{', '.join(warnings(run)) or 'none'} |"
         )
     heads = "| parameter | pairs whose intervals overlap | disjoint pairs without a warning |"
     lines += ["", heads, "|---|---|---|"]
     for name in PARAMETERS:
         pairs = list(combinations(runs, 2))
         apart = [pair for pair in pairs if not overlap(*(_interval(runs[k], name) for k in pair))]
-        quiet = [pair for pair in apart if not all(findings[key] for key in pair)]
+        quiet = [pair for pair in apart if not all(warnings(runs[key]) for key in pair)]
         lines.append(f"| {name} | {len(pairs) - len(apart)} of {len(pairs)} | {len(quiet)} |")
     return "\n".join([*lines, ""])
 
 
-def _interval(run, name: str) -> tuple[float, float]:
+def _interval(run: heatrun.Run, name: str) -> tuple[float, float]:
     return run.result.models["second"].parameters[name].interval_95
 
 

@@ -36,7 +36,7 @@ def extended_fit(engine: Engine, z: np.ndarray, accepted: Sequence[Candidate]) -
     model = replace(full.model, effects=(*known, *(candidate.kind for candidate in accepted)))
     parameters = _parameters(full.parameters, accepted)
     problem = Problem(model, full.motor, full.tests, parameters)
-    order = [slot_of(engine, slot.parameter.name, slot.test) for slot in parameters.slots]
+    order = [_slot(engine, slot.parameter.name, slot.test) for slot in parameters.slots]
     problem, z, noise_z = _settle(engine, problem, z, order)
     residual, jacobian = engine.linearise(z, order)
     width = spread(problem, z[order], noise_z, residual, jacobian)
@@ -87,8 +87,18 @@ def _parameters(full: ParameterSet, accepted: Sequence[Candidate]) -> ParameterS
     return collect(full.tests, by_test)
 
 
-def slot_of(engine: Engine, name: str, test: int | None) -> int:
-    """Return the place of a parameter among the slots of the engine."""
+def placed(engine: Engine, fit: Fit) -> tuple[np.ndarray, list[int]]:
+    """Return a fit among all slots of an engine: their scores, and the places of its own.
+
+    The order is that of the fit, where a test may have a parameter that another lacks.
+    """
+    order = [_slot(engine, slot.parameter.name, slot.test) for slot in fit.slots]
+    z = np.zeros(len(engine.slots))
+    z[order] = fit.z
+    return z, order
+
+
+def _slot(engine: Engine, name: str, test: int | None) -> int:
     slot = engine.find(name, test)
     assert slot is not None, name
     return slot

@@ -130,8 +130,7 @@ def _as_calibration(
         words = posterior.fit.problem.model.words
         parts = [f"with {' and '.join(accepted)}"] if accepted else []
         if in_set is not None:
-            ids = [in_set.rival.candidate.id, *(each.id for each in in_set.equivalents)]
-            parts.append(f"averaged over {' and '.join(ids)}")
+            parts.append(f"averaged over {' and '.join(in_set.ids)}")
         sentence = (
             f"{words[0].upper()}{words[1:]} {', '.join(parts)}, as the discovery left "
             f"it. {found.verdict.sentence}"

@@ -18,6 +18,7 @@ from ..inference.catalogue import all_effects
 from ..inference.fitting.fit_result import Fit
 from ..inference.plausible_effects import PlausibleEffect
 from .alternatives import Alternative, alternatives
+from .extended import placed
 from .grow import look
 from .screening.bootstrap import familywise_p
 from .screening.extension import extended_engine
@@ -64,13 +65,7 @@ def missing(fit: Fit, *, seed: int = 0) -> Missing | None:
     found, engine = extended_engine(problem.model, problem.motor, problem.tests, all_effects())
     if not found.candidates:
         return None
-    z = np.zeros(len(engine.slots))
-    order = []  # that of the fit, where a test may have a parameter that another lacks
-    for slot, score in zip(fit.slots, fit.z, strict=True):
-        place = engine.find(slot.parameter.name, slot.test)
-        assert place is not None
-        z[place] = score
-        order.append(place)
+    z, order = placed(engine, fit)
     assert problem.heat is not None
     heated = engine.with_heat(problem.heat)
     engine = engine.with_heat(tuple(np.zeros_like(columns) for columns in problem.heat))

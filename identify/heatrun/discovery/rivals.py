@@ -94,6 +94,11 @@ class Named:
         """The effects that these tests cannot tell from it."""
         return [swap.candidate for swap in self.tied]
 
+    @property
+    def ids(self) -> list[str]:
+        """Ids of the effect and of those that these tests cannot tell from it."""
+        return [self.rival.candidate.id, *(candidate.id for candidate in self.equivalents)]
+
 
 def settle(
     engine: Engine, growth: Growth, excess: float, held_out: HeldOut | None = None

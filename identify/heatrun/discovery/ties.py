@@ -9,7 +9,7 @@ from ..inference.fitting.fit_result import Fit
 from ..inference.posterior import Posterior, weighted_draws
 from .alternatives import Alternative, members
 from .averaging import averaged
-from .extended import extended_fit, slot_of
+from .extended import extended_fit, placed
 from .rivals import Named, without
 from .screening.engine import Engine, Refit
 from .screening.library import Candidate
@@ -59,11 +59,9 @@ def ties(engine: Engine, final: Refit, named: Sequence[Named]) -> Ties | None:
     fit = extended_fit(
         engine, bare.z, [each.rival.candidate for each in named if each is not chosen]
     )
-    order = [slot_of(engine, slot.parameter.name, slot.test) for slot in fit.slots]
     assert fit.problem.heat is not None
     heated = engine.with_heat(fit.problem.heat)
-    z = bare.z.copy()
-    z[order] = fit.z
+    z, order = placed(engine, fit)
     present = heated.refit(z, order, fit.noise)
     scores = [_from(chosen.rival.score, final)]
     scores += [_from(swap.score, swap.refit) for swap in chosen.tied]

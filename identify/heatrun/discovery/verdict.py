@@ -124,5 +124,5 @@ def _beside(first: Round, traces: Sequence[Trace]) -> str:
 
 
 def _with_rivals(named: Named) -> str:
-    ids = [named.rival.candidate.id, *(c.id for c in named.equivalents)]
+    ids = named.ids
     return ids[0] if len(ids) == 1 else f"one of {', '.join(ids)}"
