@@ -8,6 +8,7 @@ from pathlib import Path
 import arviz
 import numpy as np
 
+import heatrun
 from heatrun.cli import main
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
@@ -28,3 +29,9 @@ def test_a_10_Hz_and_a_2_s_file_are_calibrated_together(tmp_path):
     assert list(draws["Tw_start"]["test"].values) == ["fast", "slow"]
     assert list(draws["load_timing"]["test_of_load_timing"].values) == ["slow"]
     assert np.isfinite(draws["load_timing"]).all()
+    read = heatrun.open_run(run)
+    told = {row.sample_s: row.tests for row in read.result.models["first"].noise.loggers}
+    assert told == {0.1: ("fast",), 2.0: ("slow",)}
+    scales = read.draws("first").loggers
+    assert {logger.sample_s for logger in scales} == {0.1, 2.0}
+    assert 1.0 in scales.values()

@@ -10,6 +10,7 @@ the sensor.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -26,6 +27,20 @@ the fast time constant of a traction motor (60...150 s)."""
 SLOW_LOGGER_S = 1.0
 """From this sampling period on the moment of a load step counts as unknown [s]: half of it is half
 a per cent of a winding's time constant, half of what Ceq_w of a good test is known to."""
+
+
+class Logger(NamedTuple):
+    """What a test's readings were recorded with: tests that agree in it share their noise.
+
+    Attributes:
+        sample_s: Sampling period to two digits [s].
+        resolution_K: Resolution of the readings to two digits [K]; 0 if none is seen.
+        sensor: Column of the file that holds the readings; empty where it is not known.
+    """
+
+    sample_s: float
+    resolution_K: float
+    sensor: str
 
 
 @dataclass(frozen=True)
@@ -47,6 +62,7 @@ class Blocks:
         start_slope: Trend of the reading over the first block [K/s].
         sample_s: Median sampling period [s].
         stator_start_degC: First measured temperature of the stator [degC], if there is one.
+        sensor: Column of the file that holds the readings; empty where it is not known.
         first_s: Time on the record's own axis at which the grid begins [s].
         notes: Sentences on what was interpolated or held.
     """
@@ -64,6 +80,7 @@ class Blocks:
     start_slope: float
     sample_s: float
     stator_start_degC: float | None = None
+    sensor: str = ""
     first_s: float = 0.0
     notes: tuple[str, ...] = ()
 
@@ -77,7 +94,14 @@ class Blocks:
         """Length of the grid [s]."""
         return float(self.inputs.step) * self.inputs.num_time
 
-    def observation(self, heat: Float[np.ndarray, "block column"] | None = None) -> Observation:
+    @property
+    def logger(self) -> Logger:
+        """What the readings were recorded with."""
+        return Logger(float(f"{self.sample_s:.2g}"), float(f"{self.rounding_K:.2g}"), self.sensor)
+
+    def observation(
+        self, heat: Float[np.ndarray, "block column"] | None = None, noise_scale: float = 1.0
+    ) -> Observation:
         """Return the arrays that the numerics need.
 
         A reading rounded to a step q errs by q^2/12; what does not average out of a block,
@@ -85,6 +109,7 @@ class Blocks:
 
         Args:
             heat: As `Observation.heat`; no columns by default.
+            noise_scale: As `Observation.noise_scale`.
         """
         heat = np.zeros((self.measured.size, 0)) if heat is None else heat
         return Observation(
@@ -97,6 +122,7 @@ class Blocks:
             rounding_variance=jnp.asarray(self.rounding_K**2 / 12.0 / np.maximum(self.count, 1.0)),
             block_s=jnp.asarray(self.block_s, dtype=float),
             heat=jnp.asarray(heat),
+            noise_scale=jnp.asarray(noise_scale, dtype=float),
         )
 
 
@@ -114,6 +140,7 @@ class Observation(eqx.Module):
         block_s: Length of a block [s].
         heat: What unmodelled heat with the standard deviation of the mean loss does to the block
             means [K], as columns whose outer product is its covariance, shape (block, column).
+        noise_scale: Noise of the test's logger over that of the first one [1].
     """
 
     inputs: Inputs
@@ -125,3 +152,4 @@ class Observation(eqx.Module):
     rounding_variance: Float[Array, " block"]
     block_s: Float[Array, ""]
     heat: Float[Array, "block column"]
+    noise_scale: Float[Array, ""]

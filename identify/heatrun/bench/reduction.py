@@ -90,6 +90,7 @@ def reduce(
         start_slope=slope,
         sample_s=sample_s,
         stator_start_degC=_first(record, "stator_degC"),
+        sensor=next((r.column for r in record.mapping if r.channel == "winding_degC"), ""),
         first_s=float(time[0]),
         notes=notes,
     )

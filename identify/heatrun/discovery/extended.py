@@ -35,7 +35,7 @@ def extended_fit(engine: Engine, z: np.ndarray, accepted: Sequence[Candidate]) -
     known = known_effects_of(full)
     model = replace(full.model, effects=(*known, *(candidate.kind for candidate in accepted)))
     parameters = _parameters(full.parameters, accepted)
-    problem = Problem(model, full.motor, full.tests, parameters)
+    problem = Problem(model, full.motor, full.tests, parameters, loggers=full.loggers)
     order = [_slot(engine, slot.parameter.name, slot.test) for slot in parameters.slots]
     problem, z, noise_z = _settle(engine, problem, z, order)
     residual, jacobian = engine.linearise(z, order)

@@ -67,6 +67,7 @@ def missing(fit: Fit, *, seed: int = 0) -> Missing | None:
         return None
     z, order = placed(engine, fit)
     assert problem.heat is not None
+    engine = engine.with_loggers(problem.loggers)
     heated = engine.with_heat(problem.heat)
     engine = engine.with_heat(tuple(np.zeros_like(columns) for columns in problem.heat))
     present = engine.refit(z, order, fit.noise)

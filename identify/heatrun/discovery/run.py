@@ -16,6 +16,7 @@ from ..bench.blocks import Blocks
 from ..errors import InputError
 from ..inference.catalogue import all_effects
 from ..inference.fitting.fit_result import Fit
+from ..inference.fitting.restricted import estimate_loggers
 from ..inference.model import Model
 from ..inference.networks import NetworkForm
 from ..inference.posterior import Posterior, sample, weighted_draws
@@ -138,6 +139,8 @@ def discover(
             where=engine.problem.label,
             remedy="Run `heatrun calibrate` on them first: it says what is wrong.",
         )
+    of_base = start.z[list(start.free)], start.residual, start.jacobian
+    engine = engine.with_loggers(estimate_loggers(engine.problem, *of_base))
     watch.lap("base fit")
     gate = HeldOut(engine, held_out) if held_out else None
     growth = grow(engine, found.candidates, start.z, start.noise, held_out=gate, seed=seed, say=say)

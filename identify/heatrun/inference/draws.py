@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
+from ..bench.blocks import Blocks
 from ..motor import Motor
 from . import noise as noise_module
+from .loggers import Loggers, scale_of
 from .model import Model
 from .noise import Noise
 from .parameters import ParameterSet
@@ -27,6 +29,7 @@ class Draws:
         parameters: What stands in which place of a vector, with priors and fixed values.
         vectors: Scores of parameters and noise, shape (draw, all).
         plausible: Effects behind the draws; None where all are of the model alone.
+        loggers: Noise of each logger.
     """
 
     model: Model
@@ -34,6 +37,7 @@ class Draws:
     parameters: ParameterSet
     vectors: Float[np.ndarray, "draw all"]
     plausible: PlausibleEffects | None = None
+    loggers: Loggers = field(default_factory=dict)
 
     def thin(self, num: int, seed: int = 0) -> Draws:
         """Return `num` of the draws, picked evenly at random without repetition."""
@@ -64,6 +68,7 @@ class Draws:
                 result[slot.parameter.name] = values[slot.name]
         return result
 
-    def noise(self) -> Noise:
-        """Return the noise of each draw, shape (draw,) each."""
-        return noise_module.from_scores(self.vectors[:, -NUM_NOISE:].T)
+    def noise(self, test: Blocks) -> Noise:
+        """Return the noise of each draw in a test, shape (draw,) each."""
+        noise = noise_module.from_scores(self.vectors[:, -NUM_NOISE:].T)
+        return noise.scaled(scale_of(self.loggers, test))

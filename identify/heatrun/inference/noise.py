@@ -98,6 +98,10 @@ class Noise(eqx.Module):
     white: Float[Array, ""]
     heat: Float[Array, ""]
 
+    def scaled(self, factor: Float[Any, "..."]) -> Noise:
+        """Return the noise of a logger that is noisier by a factor [1], over the same time."""
+        return Noise(self.sd * factor, self.time, self.white * factor, self.heat)
+
     @jax.jit
     def total(self) -> Float[Array, ""]:
         """Return the standard deviation of a 20 s mean of many readings [K]."""
@@ -147,6 +151,7 @@ def _filter(
     rows: Float[Array, "block ..."], noise: Noise, blocks: Observation
 ) -> tuple[Float[Array, "block ..."], Float[Array, ""]]:
     """Return rows whitened by the noise without heat, and half its log determinant."""
+    noise = noise.scaled(blocks.noise_scale)
     slow = noise.sd**2
     decay = blocks.block_s / noise.time
     phi, gains, own = _of_blocks(noise, blocks)
@@ -246,6 +251,7 @@ def draw(
     key: Array, noise: Noise, blocks: Observation, shape: tuple[int, ...] = ()
 ) -> Float[Array, "... block"]:
     """Return noise and unmodelled heat drawn for a test [K], shape (*shape, block)."""
+    noise = noise.scaled(blocks.noise_scale)
     num = blocks.is_observed.shape[0]
     first, second, third = jax.random.split(key, 3)
     shocks = jax.random.normal(first, (num + 1, *shape))

@@ -103,7 +103,14 @@ class Posterior:
     def draws(self) -> Draws:
         """The draws with what gives them a meaning: enough to predict any test."""
         problem = self.fit.problem
-        return Draws(problem.model, problem.motor, problem.parameters, self.flat, self.plausible)
+        return Draws(
+            problem.model,
+            problem.motor,
+            problem.parameters,
+            self.flat,
+            self.plausible,
+            problem.loggers,
+        )
 
     def thin(self, num: int, seed: int = 0) -> Float[np.ndarray, "draw all"]:
         """Return `num` of the draws, picked evenly at random without repetition."""

@@ -48,7 +48,7 @@ class Prediction:
         flows_95: Its 95 % limits [W].
         draws: The readings themselves, without noise [degC], shape (draw, block).
         values: The parameters behind them by name [their units], shape (draw,).
-        noise: The noise of each draw.
+        noise: The noise of each draw in this test.
         heat: What unmodelled heat does to the test, as `Observation.heat`.
     """
 
@@ -227,7 +227,7 @@ def of_test(
         else:
             z = np.zeros(size) if rng is None else rng.standard_normal(size)
             values[name] = parameter.value(z)
-    noise = picked.noise()
+    noise = picked.noise(test)
     if fitted_as is None:
         values |= start_draws(draws.model, test, dict(known), values, noise, rng)
     return OfTest(values, noise, picked.plausible)

@@ -8,7 +8,7 @@ its numbers are arguments, so a second record of the same shape compiles nothing
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import equinox as eqx
@@ -22,6 +22,7 @@ from lptn.effects import AbstractEffect
 from ..bench.blocks import Blocks, Observation
 from ..motor import Motor
 from . import noise as noise_module
+from .loggers import Loggers, scale_of
 from .model import Model, parameters
 from .noise import Noise
 from .parameters import Form, ParameterSet, Priors
@@ -68,6 +69,7 @@ class Problem:
         tests: The reduced records.
         parameters: The model's parameters over these tests.
         heat: What unmodelled heat does to each test, as `Observation.heat`; None leaves it out.
+        loggers: Noise of each logger.
     """
 
     model: Model
@@ -75,6 +77,7 @@ class Problem:
     tests: tuple[Blocks, ...]
     parameters: ParameterSet
     heat: tuple[Float[np.ndarray, "block column"], ...] | None = None
+    loggers: Loggers = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -113,7 +116,10 @@ class Problem:
         heat = self.heat or (None,) * len(self.tests)
         return Data(
             priors=self.parameters.priors(),
-            tests=tuple(t.observation(h) for t, h in zip(self.tests, heat, strict=True)),
+            tests=tuple(
+                test.observation(of_test, scale_of(self.loggers, test))
+                for test, of_test in zip(self.tests, heat, strict=True)
+            ),
         )
 
     @property

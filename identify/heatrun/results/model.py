@@ -64,6 +64,25 @@ class Correlation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LoggerNoise:
+    """The noise of one of several loggers.
+
+    Attributes:
+        sample_s: Sampling period [s].
+        resolution_K: Resolution of the readings [K]; 0 if none is seen.
+        sensor: Column of the file that holds the readings; empty where it is not known.
+        scale: Its noise over that of the first one [1].
+        tests: The fitted tests that were recorded with it.
+    """
+
+    sample_s: NonNegative
+    resolution_K: NonNegative
+    sensor: str
+    scale: NonNegative
+    tests: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FittedNoise:
     """The noise of the residuals.
 
@@ -74,6 +93,8 @@ class FittedNoise:
         unmodelled_heat: Standard deviation of the heat that the network misses over the mean loss
             [1].
         kind: Correlated; earlier versions could count residuals as white.
+        loggers: Noise of each logger, where the tests were recorded with several; the figures above
+            are those of the first.
         temper: 1; earlier versions could divide the evidence of the residuals by more.
         prior: 95 % intervals of the priors by parameter of the noise.
     """
@@ -82,6 +103,7 @@ class FittedNoise:
     time_s: NonNegative
     white_K: NonNegative
     unmodelled_heat: NonNegative | UnsetType = UNSET
+    loggers: tuple[LoggerNoise, ...] | UnsetType = UNSET
     kind: Literal["correlated", "white"] = "correlated"
     temper: NonNegative = 1.0
     prior: dict[str, Interval]

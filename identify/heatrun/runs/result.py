@@ -15,6 +15,7 @@ from ..bench.record import Finding, Record
 from ..inference import noise
 from ..inference.comparison import compare, residual_row, verdict
 from ..inference.effect_parameters import qualified
+from ..inference.fitting.fit_result import Fit
 from ..inference.fitting.identifiability import forecast, state
 from ..inference.parameters import Parameter, Slot
 from ..inference.posterior import Posterior
@@ -30,6 +31,7 @@ from ..results.model import (
     Evidence,
     FittedModel,
     FittedNoise,
+    LoggerNoise,
     MaybeMissing,
     PosteriorQuality,
 )
@@ -110,6 +112,7 @@ def describe_model(
             time_s=float(fit.noise.time),
             white_K=float(fit.noise.white),
             unmodelled_heat=float(fit.noise.heat),
+            loggers=_loggers(fit),
             prior={p.name: p.prior_interval_95() for p in noise.NOISE},
         ),
         residuals=tuple(
@@ -121,6 +124,19 @@ def describe_model(
         evidence=_evidence(posterior),
         maybe_missing=_maybe_missing(posterior),
     )
+
+
+def _loggers(fit: Fit) -> tuple[LoggerNoise, ...] | UnsetType:
+    """Return the noise of each logger, the first first; unset where there is but one."""
+    rows = tuple(
+        LoggerNoise(
+            **logger._asdict(),
+            scale=scale,
+            tests=tuple(test.name for test in fit.problem.tests if test.logger == logger),
+        )
+        for logger, scale in fit.problem.loggers.items()
+    )
+    return rows or UNSET
 
 
 def assemble(

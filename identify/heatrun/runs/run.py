@@ -13,11 +13,13 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 
+from ..bench.blocks import Logger
 from ..bench.joined import read_test
 from ..bench.record import Finding, Record
 from ..errors import InputError
 from ..inference.catalogue import effects_named
 from ..inference.draws import Draws
+from ..inference.loggers import Loggers
 from ..inference.plausible_effects import PlausibleEffect
 from ..inference.predict import NUM_DRAWS, Prediction, predict
 from ..inference.virtual import reduce_driven, refuse_runaway, virtual_record
@@ -191,7 +193,13 @@ class Run:
         flat = vectors.reshape(-1, vectors.shape[-1])
         effects = self._maybe_missing(self.choose(network))
         behind = _whole(self, name, lambda: netcdf.plausible(tree, effects))
-        return Draws(found.model, self.motor, found.parameters, flat, behind)
+        loggers = self._loggers(self.choose(network))
+        return Draws(found.model, self.motor, found.parameters, flat, behind, loggers)
+
+    def _loggers(self, network: str) -> Loggers:
+        """Return the noise of each logger that a network was fitted to."""
+        rows = known(self.result.models[network].noise.loggers) or ()
+        return {Logger(row.sample_s, row.resolution_K, row.sensor): row.scale for row in rows}
 
     def _maybe_missing(self, network: str) -> tuple[PlausibleEffect, ...]:
         """Return the effects that the draws of a network are averaged over."""

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...bench.blocks import Blocks
+from ...inference.loggers import scale_of
 from ...inference.problem import Problem
 from ...inference.starts import start_draws
 from ..screening.engine import Engine, Refit
@@ -90,7 +91,8 @@ class HeldOut:
         values, _ = trial.values(z, index)
         names = {name for _, name in trial.problem.model.form.starts}
         others = {n: np.full(1, value) for n, value in values.items() if n not in names}
-        noise = jax.tree.map(lambda value: jnp.reshape(value, (1,)), fit.noise)
+        scale = scale_of(self._fitted.problem.loggers, test)
+        noise = jax.tree.map(lambda value: jnp.reshape(value, (1,)), fit.noise.scaled(scale))
         starts = start_draws(trial.problem.model, test, known, others, noise, None)
         started = z.copy()
         for position, slot in enumerate(trial.slots):

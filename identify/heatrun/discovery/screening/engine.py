@@ -22,6 +22,7 @@ from scipy.optimize import least_squares
 
 from ...bench.blocks import Blocks, Observation
 from ...inference import noise as noise_module
+from ...inference.loggers import Loggers
 from ...inference.model import Model
 from ...inference.noise import Noise
 from ...inference.problem import WORST_RESIDUAL, Problem
@@ -72,7 +73,7 @@ class Engine:
         self.problem = problem
         self.slots = problem.parameters.slots
         self.tests = problem.tests
-        self.observations = [test.observation() for test in problem.tests]
+        self.observations = list(problem.data.tests)
         self._padded = _padded(problem.tests)
         self._is_observed = problem.is_observed
         self.kinds = {kind.card.id: kind for kind in problem.model.effects}
@@ -83,10 +84,17 @@ class Engine:
         Args:
             heat: As `Problem.heat`.
         """
-        heated = copy(self)
-        heated.problem = replace(self.problem, heat=heat)
-        heated.observations = list(heated.problem.data.tests)
-        return heated
+        return self._with(replace(self.problem, heat=heat))
+
+    def with_loggers(self, loggers: Loggers) -> Engine:
+        """Return the engine with the noise of each logger."""
+        return self._with(replace(self.problem, loggers=loggers))
+
+    def _with(self, problem: Problem) -> Engine:
+        changed = copy(self)
+        changed.problem = problem
+        changed.observations = list(problem.data.tests)
+        return changed
 
     @property
     def is_observed(self) -> np.ndarray:

@@ -26,7 +26,7 @@ from ..problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
 from .adequacy import low_frequency_excess
 from .fit_result import RESULT, Fit, failed
 from .laplace import Spread, spread, whiten_fit
-from .restricted import estimate_noise
+from .restricted import estimate_loggers, estimate_noise
 
 NUM_STARTS = 16
 """Starts of the search: the centre of the prior and draws from it."""
@@ -226,6 +226,7 @@ def _settle(problem: Problem, z: np.ndarray) -> tuple[Problem, _State]:
     noise_z, shift = np.zeros(NUM_NOISE), np.inf
     for _ in range(NUM_ROUNDS):
         problem = with_heat(problem, z)
+        problem = replace(problem, loggers=estimate_loggers(problem, z, residual, jacobian))
         noise_z = estimate_noise(problem, z, residual, jacobian)
         after, _, _ = _search(problem, from_scores(noise_z), z[None])
         shift = float(np.max(np.abs(after[0] - z)))

@@ -7,20 +7,28 @@ of a short test from being too small by the degrees of freedom that the fit has 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import minimize
 
+from ...bench.blocks import Logger
 from .. import noise as noise_module
 from ..noise import LARGEST, LARGEST_SCORES, NOISE
 from ..problem import NUM_NOISE, Data, Problem
 
 STARTS_S = (8.0, 40.0, 200.0)
 """Correlation times that the search starts from [s]; the likelihood may have two maxima."""
+
+LOGGER_SD = 1.0
+"""Prior standard deviation of the logarithm of the noise of a logger over that of the first [1]."""
 
 SCORE_LIMIT = 4.0
 """The noise is sought from this many prior standard deviations below its centre on [1]."""
@@ -108,25 +116,80 @@ def estimate_noise(
         longest_s: Longest correlation time that counts as noise [s].
         start: Scores to search from; several by default, for the likelihood may have two maxima.
     """
-    fixed = problem.data, jnp.asarray(z), jnp.asarray(residual), jnp.asarray(jacobian)
+    starts = _starts(residual) if start is None else [start]
+    nothing = np.zeros((len(problem.tests), 0))
+    return _search(problem, (z, residual, jacobian), starts, longest_s, nothing)[:NUM_NOISE]
+
+
+def estimate_loggers(
+    problem: Problem, z: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
+) -> dict[Logger, float]:
+    """Return the noise of each logger over that of the one with the most readings [1].
+
+    Found with the noise itself at the maximum of the restricted likelihood; empty where all tests
+    were recorded alike. Arguments as `restricted_log_likelihood`.
+    """
+    counts: dict[Logger, int] = {}
+    for test in problem.tests:
+        counts[test.logger] = counts.get(test.logger, 0) + int(np.sum(test.is_observed))
+    first, *others = sorted(counts, key=lambda logger: -counts[logger])
+    if not others:
+        return {}
+    owns = np.array([[test.logger == logger for logger in others] for test in problem.tests])
+    bare = replace(problem, loggers={})
+    starts = [[*noise_z, *np.zeros(len(others))] for noise_z in _starts(residual)]
+    found = _search(bare, (z, residual, jacobian), starts, LARGEST[1], owns.astype(float))
+    scales = np.exp(LOGGER_SD * found[NUM_NOISE:])
+    return {first: 1.0, **dict(zip(others, map(float, scales), strict=True))}
+
+
+def _starts(residual: np.ndarray) -> list[list[float]]:
+    """Return scores of noise at the level of the residuals to search from."""
+    spread = float(np.std(residual)) + 1e-6
+    level, white = float(NOISE[0].score(spread)), float(NOISE[2].score(spread))
+    return [[level, float(NOISE[1].score(time)), white, 0.0] for time in STARTS_S]
+
+
+def _search(
+    problem: Problem,
+    linear: tuple[np.ndarray, ...],
+    starts: Sequence[Sequence[float] | np.ndarray],
+    longest_s: float,
+    owns: Float[np.ndarray, "test logger"],
+) -> np.ndarray:
+    """Return the scores of the noise and of the loggers at the best maximum.
+
+    Args:
+        problem: Model and tests.
+        linear: Scores, residuals and Jacobian, as `restricted_log_likelihood`.
+        starts: Scores to search from.
+        longest_s: Longest correlation time that counts as noise [s].
+        owns: Which test was recorded with which of the loggers whose noise is sought [1].
+    """
+    fixed = problem.data, *map(jnp.asarray, linear)
     limits = [(-SCORE_LIMIT, high) for high in LARGEST_SCORES]
     limits[1] = (-SCORE_LIMIT, float(NOISE[1].score(longest_s)))
-    spread = float(np.std(residual)) + 1e-6
-    found = []
-    level, white = float(NOISE[0].score(spread)), float(NOISE[2].score(spread))
-    starts = [[level, float(NOISE[1].score(time)), white, 0.0] for time in STARTS_S]
-    for each in starts if start is None else [start]:
-        found.append(
-            minimize(
-                lambda v: tuple(map(np.asarray, _objective(jnp.asarray(v), *fixed))),
-                np.clip(each, *np.transpose(limits)),
-                jac=True,
-                method="L-BFGS-B",
-                bounds=limits,
-            )
+    limits += [(-SCORE_LIMIT, SCORE_LIMIT)] * owns.shape[1]
+
+    def objective(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        noise_z, of_loggers = v[:NUM_NOISE], v[NUM_NOISE:]
+        log_scales = LOGGER_SD * owns @ of_loggers
+        value, (slope, of_tests) = _objective(jnp.asarray(noise_z), jnp.asarray(log_scales), *fixed)
+        own = LOGGER_SD * np.asarray(of_tests) @ owns + of_loggers
+        prior = 0.5 * float(of_loggers @ of_loggers)
+        return np.asarray(value) + prior, np.concatenate([slope, own])
+
+    found = [
+        minimize(
+            objective,
+            np.clip(start, *np.transpose(limits)),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=limits,
         )
-    best = min(found, key=lambda solution: solution.fun)
-    return np.asarray(best.x).reshape(NUM_NOISE)
+        for start in starts
+    ]
+    return np.asarray(min(found, key=lambda solution: solution.fun).x)
 
 
 def log_evidence(
@@ -141,13 +204,19 @@ def log_evidence(
     Arguments as `restricted_log_likelihood`.
     """
     rest = map(jnp.asarray, (z, residual, jacobian))
-    return -float(_objective(jnp.asarray(noise_z), problem.data, *rest)[0])
+    as_is = jnp.zeros(len(problem.tests))
+    return -float(_objective(jnp.asarray(noise_z), as_is, problem.data, *rest)[0])
 
 
 @jax.jit
-@jax.value_and_grad
-def _objective(noise_z, data, z, residual, jacobian):
-    return -restricted_log_likelihood(data, noise_z, z, residual, jacobian)
+@partial(jax.value_and_grad, argnums=(0, 1))
+def _objective(noise_z, log_scales, data, z, residual, jacobian):
+    """Return minus the restricted likelihood with the noise of each test scaled anew."""
+    tests = tuple(
+        eqx.tree_at(lambda t: t.noise_scale, test, test.noise_scale * jnp.exp(log_scale))
+        for test, log_scale in zip(data.tests, log_scales, strict=True)
+    )
+    return -restricted_log_likelihood(replace(data, tests=tests), noise_z, z, residual, jacobian)
 
 
 def noise_precision(
@@ -163,9 +232,10 @@ def noise_precision(
     """
     fixed = problem.data, jnp.asarray(z), jnp.asarray(residual), jnp.asarray(jacobian)
     width = 1e-4  # error ~ width^2 times the third derivative, both of order one
+    as_is = jnp.zeros(len(problem.tests))
     rows = []
     for direction in width * np.eye(NUM_NOISE):
-        ahead = _objective(jnp.asarray(noise_z + direction), *fixed)[1]
-        behind = _objective(jnp.asarray(noise_z - direction), *fixed)[1]
+        ahead = _objective(jnp.asarray(noise_z + direction), as_is, *fixed)[1][0]
+        behind = _objective(jnp.asarray(noise_z - direction), as_is, *fixed)[1][0]
         rows.append(np.asarray(ahead - behind) / (2 * width))
     return np.stack(rows)

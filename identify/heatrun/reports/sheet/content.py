@@ -14,7 +14,7 @@ from ...io.without_folders import command_without_folders, without_folders
 from ...results import FitResult
 from ...results.derived import DerivedFigure
 from ...results.fit import FittedMotor
-from ...results.model import FittedModel
+from ...results.model import FittedModel, FittedNoise
 from ...results.parameter import FittedParameter
 from ...results.tested import DescribedTest
 from ...results.values import Interval, known
@@ -130,9 +130,21 @@ def _model(order: str, model: FittedModel) -> dict[str, Any]:
         "noise": f"Noise: slow part {noise.sd_K:.3f} K over "
         f"{noise.time_s:.0f} s, white part {noise.white_K:.3f} K in a 20 s mean. Heat that the "
         f"network misses: {100.0 * (known(noise.unmodelled_heat) or 0.0):.2g} % of the mean loss "
-        "(sd).",
+        f"(sd).{_loggers(noise)}",
         "derived": [_derived(n, d) for n, d in model.derived.items()],
     }
+
+
+def _loggers(noise: FittedNoise) -> str:
+    """Sentence on the loggers, empty where there is but one."""
+    first, *others = known(noise.loggers) or (None,)
+    if first is None:
+        return ""
+    parts = [f"{row.scale:.2g} times as much in {_clean(', '.join(row.tests))}" for row in others]
+    return (
+        f" This is the noise of {_clean(', '.join(first.tests))}; other loggers have "
+        f"{', '.join(parts)}."
+    )
 
 
 def _parameter(name: str, entry: FittedParameter) -> list[str]:

@@ -1,0 +1,18 @@
+"""The noise of a test's logger: unlike loggers are not of one noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..bench.blocks import Blocks, Logger
+
+Loggers = Mapping[Logger, float]
+"""Noise of each logger over that of the first one [1]; empty where all tests share one noise."""
+
+
+def scale_of(loggers: Loggers, test: Blocks) -> float:
+    """Return the noise of a test over that of the first logger [1].
+
+    A test from a logger that the fit does not know is taken to be as noisy as the noisiest.
+    """
+    return loggers.get(test.logger, max(loggers.values(), default=1.0))

@@ -1,0 +1,66 @@
+"""Tests from unlike loggers: each has its own noise, in the fit and in what it predicts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heatrun.bench.reduction import reduce
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.loggers import scale_of
+from heatrun.inference.model import Model
+from heatrun.inference.posterior import weighted_draws
+from heatrun.inference.predict import predict
+from heatrun.inference.problem import Problem
+
+QUIET = {"drift_sd_K": 0.1, "white_sd_K": 0.05, "resolution_K": 0.1}
+NOISY = {"drift_sd_K": 0.8, "white_sd_K": 0.4, "resolution_K": 0.5}
+
+
+@pytest.fixture(scope="module")
+def tests(bench, generator, motor):
+    """A calibration test and a held-out test of each logger."""
+    profiles = generator.duty(2700.0), generator.staircase(2700.0)
+    made = {
+        f"{kind} {index}": bench(profile, seed + index, f"{kind} {index}", **instruments)
+        for kind, seed, instruments in (("quiet", 41, QUIET), ("noisy", 51, NOISY))
+        for index, profile in enumerate(profiles)
+    }
+    return {name: reduce(record, motor) for name, record in made.items()}
+
+
+@pytest.fixture(scope="module")
+def together(tests, motor):
+    fitted = [tests["quiet 0"], tests["noisy 0"]]
+    return fit(Problem.of(Model.of("second", motor), motor, fitted))
+
+
+def test_noise_of_each_logger_is_told_apart(together, tests):
+    ratio = scale_of(together.problem.loggers, tests["noisy 0"])
+    ratio /= scale_of(together.problem.loggers, tests["quiet 0"])
+    assert 5.0 < ratio < 12.0  # 8 in both parts of the noise
+
+
+def test_the_band_of_a_held_out_test_is_that_of_its_logger(together, tests):
+    draws = weighted_draws(together)
+    bands = {name: predict(draws, tests[name]) for name in ("quiet 1", "noisy 1")}
+    for found in bands.values():
+        assert found.coverage_95() > 0.88
+    assert np.median(bands["noisy 1"].sd) > 2.0 * np.median(bands["quiet 1"].sd)
+
+
+def test_a_noisy_test_does_not_hide_a_quiet_one(together, tests, motor):
+    alone = fit(Problem.of(Model.of("second", motor), motor, [tests["quiet 0"]]))
+    assert not alone.problem.loggers
+    for name in ("Ceq_sr", "Req_w"):
+        place = alone.problem.parameters.index(name)
+        other = together.problem.parameters.index(name)
+        widths = [np.sqrt(found.covariance[at, at])
+                  for found, at in ((alone, place), (together, other))]  # fmt: skip
+        assert widths[1] < 1.05 * widths[0]
+
+
+def test_an_unknown_logger_counts_as_the_noisiest(together, tests, blocks):
+    assert blocks.logger not in together.problem.loggers
+    assert scale_of(together.problem.loggers, blocks) == max(together.problem.loggers.values())
+    assert scale_of({}, blocks) == 1.0
