@@ -7,7 +7,7 @@ noise that changes during the test) is added here.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any
@@ -35,6 +35,7 @@ STEP_S = 0.125
 POWER_NOISE = 0.01
 POWER_FLOOR_W = 0.5
 AMBIENT_SD_K = 0.03
+HEAT_KNOT_S = 10.0
 CURRENT_SD_A = 0.05
 
 
@@ -110,6 +111,31 @@ class SensorNoise:
 
 
 @dataclass(frozen=True)
+class HiddenHeat:
+    """Heat into both nodes that the network knows nothing of, as its prior has it.
+
+    Attributes:
+        share: Standard deviation over the mean loss of the test [1].
+        time_s: Correlation time [s].
+    """
+
+    share: float
+    time_s: float = 1200.0
+
+    def course(
+        self, mean_loss_W: float, duration_s: float, rng: np.random.Generator
+    ) -> Callable[[np.ndarray], np.ndarray]:
+        """Return one course: heat into winding and stator [W] at given times [s]."""
+        knots = np.arange(0.0, duration_s + HEAT_KNOT_S, HEAT_KNOT_S)
+        keep = float(np.exp(-HEAT_KNOT_S / self.time_s))
+        shocks = rng.standard_normal((2, knots.size))
+        shocks[:, 1:] *= np.sqrt(1.0 - keep**2)
+        sd = self.share * mean_loss_W
+        courses = [list(accumulate(row.tolist(), lambda x, s: keep * x + s)) for row in shocks]
+        return lambda time_s: np.stack([sd * np.interp(time_s, knots, row) for row in courses])
+
+
+@dataclass(frozen=True)
 class Simulated:
     """One test as the bench wrote it, with its truth.
 
@@ -133,6 +159,7 @@ def run_test(
     rng: np.random.Generator,
     period_s: float = PERIOD_S,
     stator_above_K: float = 0.0,
+    heat: HiddenHeat | None = None,
 ) -> Simulated:
     """Return one test of a machine.
 
@@ -145,17 +172,25 @@ def run_test(
         rng: Source of chance.
         period_s: Sampling period of the electrical channels [s].
         stator_above_K: Stator over winding at the start, which is at ambient temperature [K].
+        heat: Heat that no instrument sees; None for none.
     """
     source = bench()
     cold = float(source.Room().temperature(np.zeros(1))[0])
-    truth = source.simulate(
-        machine,
-        getattr(source, kind)(duration_s),
-        sample_s=period_s,
-        steps_per_sample=round(period_s / STEP_S),
-        start_degC=(cold, cold + stator_above_K),
-    )
-    of_winding, of_ambient, of_current, of_power = rng.spawn(4)
+    of_winding, of_ambient, of_current, of_power, of_heat = rng.spawn(5)
+
+    def run(course: Callable[[np.ndarray], np.ndarray] | None = None) -> Any:
+        return source.simulate(
+            machine,
+            getattr(source, kind)(duration_s),
+            sample_s=period_s,
+            steps_per_sample=round(period_s / STEP_S),
+            start_degC=(cold, cold + stator_above_K),
+            hidden_heat=course,
+        )
+
+    truth = run()
+    if heat is not None:
+        truth = run(heat.course(float(np.mean(truth.losses_W)), duration_s, of_heat))
     size = truth.time_s.size
     is_read = slice(None, None, round(READING_S / period_s))
     winding, ambient = truth.winding_degC[is_read], truth.ambient_degC[is_read]

@@ -14,6 +14,7 @@ from coverage_bench import (
     KINDS,
     PERIOD_S,
     Errors,
+    HiddenHeat,
     SensorNoise,
     Simulated,
     nearest_duration,
@@ -30,7 +31,7 @@ from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.fit_result import Fit
 from heatrun.inference.fitting.reduction_checks import between_samples
 from heatrun.inference.model import Model
-from heatrun.inference.noise import NOISE
+from heatrun.inference.noise import LARGEST_SCORES, NOISE
 from heatrun.inference.posterior import Posterior, sample, weighted_draws
 from heatrun.inference.predict import predict
 from heatrun.inference.problem import Problem
@@ -130,6 +131,7 @@ class Case:
     duration_s: float
     calibration: Simulated
     held_out: Simulated
+    heat: HiddenHeat | None = None
 
 
 def make_case(cell: Cell, seed: int, index: int) -> Case:
@@ -144,13 +146,14 @@ def make_case(cell: Cell, seed: int, index: int) -> Case:
         5
     )
     errors = Errors.drawn(of_errors.standard_normal(len(USUAL)), cell.errors)
+    heat = None
     overrides = dict(cell.overrides)
     plan = of_plan.uniform(size=6)
     kind = KINDS[index % len(KINDS)]
     if cell.from_prior:
         machine, priors = _machine_from_prior(of_motor)
         overrides |= priors
-        noise = _noise_from_prior(of_plan)
+        noise, heat = _noise_from_prior(of_plan)
         duration = cell.prior_test_s
     else:
         machine = bench().random_motor(of_motor)
@@ -174,13 +177,13 @@ def make_case(cell: Cell, seed: int, index: int) -> Case:
     )
     starts = cell.start_sd_K * of_errors.standard_normal(2)
     tests = [
-        run_test(machine, name, length, errors, noise, rng, cell.period_s, start)
+        run_test(machine, name, length, errors, noise, rng, cell.period_s, start, heat)
         for name, length, rng, start in (
             (kind, duration, of_test, float(starts[0])),
             (HELD_OUT[kind], 2.0 * duration, of_held_out, float(starts[1])),
         )
     ]
-    return Case(motor, machine, noise, errors, kind, duration, *tests)
+    return Case(motor, machine, noise, errors, kind, duration, *tests, heat)
 
 
 def _stated(machine: Any, errors: Errors) -> float:
@@ -201,12 +204,17 @@ def _machine_from_prior(rng: np.random.Generator) -> tuple[Any, dict[str, Parame
     return replace(machine, **drawn), priors
 
 
-def _noise_from_prior(rng: np.random.Generator) -> SensorNoise:
-    sd, time_s, white = (
-        p.centre * float(np.exp(p.sd * z))
-        for p, z in zip(NOISE[:3], rng.standard_normal(3), strict=True)
+def _noise_from_prior(rng: np.random.Generator) -> tuple[SensorNoise, HiddenHeat]:
+    """Return noise and hidden heat inside the ends of their priors."""
+    while True:
+        scores = rng.standard_normal(len(NOISE))
+        if np.all(scores <= LARGEST_SCORES):
+            break
+    sd, time_s, white, share = (
+        p.centre * float(np.exp(p.sd * z)) for p, z in zip(NOISE, scores, strict=True)
     )
-    return SensorNoise(sd, time_s, white * float(np.sqrt(20.0)))  # the prior is of a 20 s mean
+    # the prior is of a 20 s mean
+    return SensorNoise(sd, time_s, white * float(np.sqrt(20.0))), HiddenHeat(share)
 
 
 def run(job: Mapping[str, Any]) -> dict[str, Any]:
@@ -263,6 +271,7 @@ def truth(case: Case) -> dict[str, float]:
         "noise_sd": case.noise.sd_K,
         "noise_time": case.noise.time_s,
         "noise_white": case.noise.white_sd_K / float(np.sqrt(20.0)),
+        "unmodelled_heat": 0.0 if case.heat is None else case.heat.share,
     }
 
 

@@ -14,7 +14,7 @@ Row = dict[str, Any]
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 TIMES = ("tau_winding", "tau_stator", "tau_fast", "tau_slow")
 LEVELS = (0.5, 0.9, 0.95)
-NOISE = ("noise_sd", "noise_time", "noise_white")
+NOISE = ("noise_sd", "noise_time", "noise_white", "unmodelled_heat")
 GROUPS = (NETWORK, TIMES, ("end",), NOISE)
 """Quantities whose rank histograms share an envelope."""
 

@@ -47,8 +47,9 @@ and noise.
   without averaging, while torque ramps in half a second.
 - *unevenly soaked*: exact instruments, but the stator starts 1 K (standard deviation) from the
   winding, as the prior of the fit grants; in all other cells both start at ambient temperature.
-- *prior draws*: network and noise drawn from the priors of the fit (network ±30 % about the
-  reference motor, stated in the file), 60 min tests: simulation-based calibration.
+- *prior draws*: network, noise and heat that the network misses drawn from the priors of the fit
+  (network ±30 % about the reference motor, stated in the file; heat into both nodes, in all other
+  cells there is none), 60 min tests: simulation-based calibration.
 
 Methods: *laplace* is the covariance at the fit, *quick* the weighted draws (all of them, whether
 their guard held or not), *emcee* the ensembles. Fits start from 4 points. Limits are 95 % binomial

@@ -10,6 +10,7 @@ inputs at the beginning, the middle and the end of each step; only their product
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,6 +82,7 @@ def simulate(
     start_degC: tuple[float, float] | None = None,
     sample_s: float = 0.1,
     steps_per_sample: int = 4,
+    hidden_heat: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
 ) -> Truth:
     """Return the true course of a test.
 
@@ -92,6 +94,8 @@ def simulate(
             both at ambient temperature.
         sample_s: Time between samples [s]; the profile's duration is a multiple of it.
         steps_per_sample: Integration steps between two samples [1].
+        hidden_heat: Heat into winding and stator that no instrument sees [W], shape (2, time), at
+            given times [s]; none by default.
 
     Returns:
         The course, with a sample at the beginning and at the end of the profile.
@@ -114,6 +118,8 @@ def simulate(
     ambient = room.temperature(time_s)
 
     rates = _rates(machine, current, other_loss, ambient)
+    if hidden_heat is not None:
+        rates[:, :2, 2] += hidden_heat(time_s).T / np.array([machine.Ceq_w, machine.Ceq_sr])
     maps = _runge_kutta_maps(rates, sample_s / steps_per_sample)
     start = start_degC or (float(ambient[0]), float(ambient[0]))
     winding, stator = _run(maps, start)[::steps_per_sample].T
