@@ -55,14 +55,16 @@ def accumulate(
     """
     if any(isinstance(effect, SensorEffect) for effect in effects):
         raise ValueError("accumulate() carries no sensor effects: use reading() for them.")
-    network, full_start = prepare(network, losses, inputs, start, effects, sensor)
-    first, advance, intervals = sensed_march(network, losses, inputs, full_start, effects, sensor)
+    network, full_start = prepare(network, losses, inputs, start, effects, (sensor,))
+    first, advance, intervals = sensed_march(
+        network, losses, inputs, full_start, effects, (sensor,)
+    )
 
     def fold(state, x):
         before, carry = state
         interval, item = x
         after = advance(before, interval)
-        return (after, update(carry, before.reading, after.reading, item)), None
+        return (after, update(carry, before.reading[0], after.reading[0], item)), None
 
     last, _ = jax.lax.scan(fold, (first, carry), (intervals, data))
     return last[1]

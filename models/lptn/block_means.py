@@ -14,7 +14,7 @@ from .losses import CopperLosses
 from .march import prepare, sensed_march
 from .network import Network
 from .sensor import Sensor
-from .simulate import reading
+from .simulate import readings
 
 
 def block_means(
@@ -23,15 +23,17 @@ def block_means(
     inputs: Inputs,
     start: Mapping[str, Float[Array, ""] | float],
     *,
-    weight: Float[Array, "block step"],
-    position: Float[Array, "block step"],
+    weight: Float[Array, "row step"],
+    position: Float[Array, "row step"],
     effects: Sequence[AbstractEffect] = (),
     sensor: Sensor = Sensor(),
-) -> Float[Array, " block"]:
-    """Return weighted means of the reading over blocks of steps [degC], shape (block,).
+    also: Sequence[Sensor] = (),
+) -> Float[Array, " row"]:
+    """Return weighted means of the reading over blocks of steps [degC], shape (row,).
 
     As `reading` followed by a weighted mean, but the steps of a block stay in registers: over
-    many parameter sets the temperatures would not fit the cache.
+    many parameter sets the temperatures would not fit the cache. There is a row for each block, or
+    for each block of `sensor` and then of each further sensor.
 
     Args:
         network: As `simulate`.
@@ -42,34 +44,41 @@ def block_means(
         position: Where in each step the samples lie on average, 0 its start and 1 its end [1].
         effects: As `simulate`.
         sensor: As `simulate`.
+        also: Further sensors; effects on the reading do not concern them.
 
     Raises:
         ValueError: As `reading`, and if the blocks do not hold the steps of `inputs`.
     """
-    if weight.shape != position.shape or weight.size != inputs.num_time:
+    num = 1 + len(also)
+    if weight.shape != position.shape or weight.size != num * inputs.num_time:
         raise ValueError(
             f"weight has shape {weight.shape} and position {position.shape}: expected both of "
-            f"shape (block, step) with {inputs.num_time} steps in all, as `inputs` has."
+            f"shape (row, step) with {num * inputs.num_time} steps in all: those of `inputs` for "
+            "each sensor."
         )
     if any(isinstance(effect, SensorEffect) for effect in effects):
-        edges = reading(network, losses, inputs, start, effects=effects, sensor=sensor)
-        before, after = edges[:-1].reshape(weight.shape), edges[1:].reshape(weight.shape)
+        edges = readings(network, losses, inputs, start, effects=effects, sensor=sensor, also=also)
+        before, after = edges[:, :-1].reshape(weight.shape), edges[:, 1:].reshape(weight.shape)
         return jnp.sum(weight * (before + position * (after - before)), axis=1)
 
-    network, full_start = prepare(network, losses, inputs, start, effects, sensor)
-    first, advance, intervals = sensed_march(network, losses, inputs, full_start, effects, sensor)
+    network, full_start = prepare(network, losses, inputs, start, effects, (sensor, *also))
+    sensors = (sensor, *also)
+    first, advance, intervals = sensed_march(network, losses, inputs, full_start, effects, sensors)
 
     def add(state, x):
-        before, total = state
-        interval, share, place = x
+        before, totals = state
+        interval, shares, places = x
         after = advance(before, interval)
-        total = total + share * (before.reading + place * (after.reading - before.reading))
-        return (after, total), None
+        rows = zip(totals, shares, places, before.reading, after.reading, strict=True)
+        return (after, tuple(t + s * (b + p * (a - b)) for t, s, p, b, a in rows)), None
 
     def block(before, x):
-        (after, total), _ = jax.lax.scan(add, (before, jnp.zeros(())), x)
-        return after, total
+        nothing = tuple(jnp.zeros(()) for _ in sensors)
+        (after, totals), _ = jax.lax.scan(add, (before, nothing), x)
+        return after, totals
 
-    rows = jax.tree.map(lambda values: values.reshape(*weight.shape), intervals)
-    _, means = jax.lax.scan(block, first, (rows, weight, position))
-    return means
+    shape = (weight.shape[0] // num, weight.shape[1])
+    rows = jax.tree.map(lambda values: values.reshape(*shape), intervals)
+    shares, places = (tuple(v.reshape(num, *shape)) for v in (weight, position))
+    _, means = jax.lax.scan(block, first, (rows, shares, places))
+    return jnp.concatenate(means)

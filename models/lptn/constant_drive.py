@@ -83,7 +83,7 @@ def field(
         start = dict.fromkeys(network.nodes, sink)
     own = {node: T for node, T in start.items() if node in network.nodes}
     sensor = Sensor(node=network.copper_node)
-    full, first = prepare(network, losses, drive, own, effects, sensor)
+    full, first = prepare(network, losses, drive, own, effects, (sensor,))
     unknown = set(start) - set(full.nodes)
     if unknown:
         raise ValueError(

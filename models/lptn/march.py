@@ -61,15 +61,17 @@ def march(
 
 
 class Sensed(NamedTuple):
-    """The state of a march at an edge, with what the sensor reads there.
+    """The state of a march at an edge, with what the sensors read there.
 
     Attributes:
         state: Temperatures as in `March.first` [K].
-        reading: Reading [degC].
+        at_once: Reading of each sensor, had it no lag [degC].
+        reading: Reading of each sensor [degC].
     """
 
     state: State
-    reading: Float[Array, ""]
+    at_once: tuple[Float[Array, ""], ...]
+    reading: tuple[Float[Array, ""], ...]
 
 
 def sensed_march(
@@ -78,7 +80,7 @@ def sensed_march(
     inputs: Inputs,
     start: State,
     effects: Sequence[AbstractEffect],
-    sensor: Sensor,
+    sensors: Sequence[Sensor],
 ) -> tuple[Sensed, Callable[[Sensed, Any], Sensed], Any]:
     """Return the first state, the step to the next, and what to scan it over.
 
@@ -88,20 +90,24 @@ def sensed_march(
         inputs: As `march`.
         start: As `march`.
         effects: As `march`; effects on the sensor are left out.
-        sensor: As `lptn.simulate`.
+        sensors: What is read.
     """
     first, origin, advance, intervals = march(network, losses, inputs, start, effects)
     ambient = inputs.ambient_at_edges()
 
-    def sense(state: State, ambient: Float[Array, ""]) -> Sensed:
-        temperature = state[sensor.node] + origin
-        return Sensed(state, sensor.read(temperature, ambient + losses.ambient_offset))
+    def sense(state: State, ambient: Float[Array, ""]) -> tuple[Float[Array, ""], ...]:
+        sink = ambient + losses.ambient_offset
+        return tuple(sensor.read(state[sensor.node] + origin, sink) for sensor in sensors)
 
     def advance_and_sense(seen: Sensed, x) -> Sensed:
-        interval, ambient = x
-        return sense(advance(seen.state, *interval), ambient)
+        (drive, step), ambient = x
+        state = advance(seen.state, drive, step)
+        at_once = sense(state, ambient)
+        rows = zip(sensors, seen.reading, seen.at_once, at_once, strict=True)
+        return Sensed(state, at_once, tuple(sensor.follow(*row, step) for sensor, *row in rows))
 
-    return sense(first, ambient[0]), advance_and_sense, (intervals, ambient[1:])
+    at_first = sense(first, ambient[0])
+    return Sensed(first, at_first, at_first), advance_and_sense, (intervals, ambient[1:])
 
 
 def prepare(
@@ -110,7 +116,7 @@ def prepare(
     inputs: Inputs | Drive,
     start: Mapping[str, Float[Array, ""] | float],
     effects: Sequence[AbstractEffect],
-    sensor: Sensor,
+    sensors: Sequence[Sensor],
 ) -> tuple[Network, State]:
     """Return network and start temperatures [degC] with the nodes of the effects in them.
 
@@ -144,11 +150,12 @@ def prepare(
         if isinstance(effect, NodeEffect):
             network = effect.extend(network)
             full_start = effect.start(full_start)
-    if sensor.node not in network.nodes:
-        raise ValueError(
-            f"The sensor sits in node {sensor.node!r}, which is none of {list(network.nodes)}: "
-            "build it with `Sensor(node=...)`."
-        )
+    for sensor in sensors:
+        if sensor.node not in network.nodes:
+            raise ValueError(
+                f"The sensor sits in node {sensor.node!r}, which is none of "
+                f"{list(network.nodes)}: build it with `Sensor(node=...)`."
+            )
     return network, full_start
 
 

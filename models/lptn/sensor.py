@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
 class Sensor(eqx.Module):
-    """A thermometer in one node with a scale and an offset error.
+    """A thermometer in one node with a scale and an offset error, and a lag if it has one.
 
     Attributes:
         node: Node that it sits in.
         gain: Relative error of the rise above the sink [1].
         offset: Constant error [K].
+        lag: Time constant of a first-order lag [s]; None for a sensor that follows at once. It
+            starts in equilibrium.
     """
 
     node: str = eqx.field(static=True, default="winding")
     gain: Float[Array, ""] | float = 0.0
     offset: Float[Array, ""] | float = 0.0
+    lag: Float[Array, ""] | float | None = None
 
     def read(
         self, temperature: Float[Array, "..."], ambient: Float[Array, "..."]
@@ -29,3 +33,28 @@ class Sensor(eqx.Module):
             ambient: Sink temperature T0 at the same times [degC].
         """
         return temperature + self.gain * (temperature - ambient) + self.offset
+
+    def follow(
+        self,
+        sensed: Float[Array, "..."],
+        before: Float[Array, "..."],
+        after: Float[Array, "..."],
+        step: Float[Array, ""],
+    ) -> Float[Array, "..."]:
+        """Return what the sensor shows at the end of an interval [degC].
+
+        Exact where the reading without the lag runs straight over the interval.
+
+        Args:
+            sensed: What it showed at the beginning [degC].
+            before: Reading without the lag at the beginning [degC].
+            after: The same at the end [degC].
+            step: Length of the interval [s].
+        """
+        if self.lag is None:
+            return after
+        # the summand keeps value and one-sided gradient finite at no lag
+        ratio = step / (self.lag + 1e-9 * step)
+        decay = jnp.exp(-ratio)
+        mean = -jnp.expm1(-ratio) / ratio
+        return decay * sensed + (mean - decay) * before + (1.0 - mean) * after

@@ -76,7 +76,7 @@ def simulate(
 
     Valid for: steps well below the shortest time constant (error ~ (h/tau)^3/24 of a change).
     """
-    network, full_start = prepare(network, losses, inputs, start, effects, sensor)
+    network, full_start = prepare(network, losses, inputs, start, effects, (sensor,))
     _check_shares(network)
     _check_step(network, inputs)
     temperature = _march(network, losses, inputs, full_start, effects)
@@ -96,9 +96,28 @@ def reading(
 
     As `simulate`, without the check of shares and steps: a fit calls it thousands of times.
     """
-    network, full_start = prepare(network, losses, inputs, start, effects, sensor)
+    return readings(network, losses, inputs, start, effects=effects, sensor=sensor)[0]
+
+
+def readings(
+    network: Network,
+    losses: CopperLosses,
+    inputs: Inputs,
+    start: Mapping[str, Float[Array, ""] | float],
+    *,
+    effects: Sequence[AbstractEffect] = (),
+    sensor: Sensor = Sensor(),
+    also: Sequence[Sensor] = (),
+) -> Float[Array, "sensor edge"]:
+    """Return the readings of several sensors at the edges [degC], shape (sensor, time + 1).
+
+    As `reading`; effects on the reading concern the first sensor alone.
+    """
+    network, full_start = prepare(network, losses, inputs, start, effects, (sensor, *also))
     temperature = _march(network, losses, inputs, full_start, effects)
-    return _read(inputs, temperature, effects, sensor, losses)
+    rows = [_read(inputs, temperature, effects, sensor, losses)]
+    rows += [_read(inputs, temperature, (), other, losses) for other in also]
+    return jnp.stack(rows)
 
 
 def reference(
@@ -127,7 +146,7 @@ def reference(
     """
     import diffrax  # half a second to import, and nothing else needs it
 
-    network, full_start = prepare(network, losses, inputs, start, effects, sensor)
+    network, full_start = prepare(network, losses, inputs, start, effects, (sensor,))
     heat = heat_effects(effects)
 
     def slope(t, state, drive):
@@ -222,10 +241,24 @@ def _with_start(start, after):
 def _read(inputs, temperature, effects, sensor, losses):
     sink = inputs.ambient_at_edges() + losses.ambient_offset
     values = sensor.read(temperature[sensor.node], sink)
+    if sensor.lag is not None:
+        values = _lagging(sensor, values, inputs)
     for effect in effects:
         if isinstance(effect, SensorEffect):
             values = effect.observe(values, temperature, inputs)
     return values
+
+
+def _lagging(sensor, values, inputs):
+    """Return a reading [degC] with the sensor's lag, which starts in equilibrium."""
+
+    def advance(sensed, x):
+        sensed = sensor.follow(sensed, *x)
+        return sensed, sensed
+
+    steps = jnp.broadcast_to(inputs.step, (inputs.num_time,))
+    _, sensed = jax.lax.scan(advance, values[0], (values[:-1], values[1:], steps))
+    return jnp.concatenate([values[:1], sensed])
 
 
 def _trace(network, losses, inputs, temperature, effects, sensor) -> Trace:

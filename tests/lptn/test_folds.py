@@ -52,6 +52,37 @@ def test_block_means_are_means_of_the_reading(effects, network, losses, short, s
     np.testing.assert_allclose(means, expected, rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    "effects", [(), (COOLING,), (COOLING, LAG)], ids=["affine", "general", "sensor"]
+)
+def test_block_means_of_several_sensors_are_those_of_each(
+    effects, network, losses, short, start, blocks
+):
+    weight, position = blocks
+    stator = lptn.Sensor("stator", jnp.asarray(0.01), jnp.asarray(-0.3), jnp.asarray(25.0))
+    found = lptn.block_means(
+        network, losses, short, start, effects=effects, sensor=SENSOR, also=(stator,),
+        weight=jnp.concatenate([weight, position]), position=jnp.concatenate([position, weight]),
+    )  # fmt: skip
+    kept = [effect for effect in effects if effect is not LAG]
+    rows = []
+    for sensor, acting, share, place in (
+        (SENSOR, effects, weight, position),
+        (stator, kept, position, weight),
+    ):
+        edges = lptn.reading(network, losses, short, start, effects=acting, sensor=sensor)
+        before, after = edges[:-1].reshape(share.shape), edges[1:].reshape(share.shape)
+        rows.append(jnp.sum(share * (before + place * (after - before)), axis=1))
+    np.testing.assert_allclose(found, jnp.concatenate(rows), rtol=1e-12)
+
+
+def test_a_sensor_lags_as_the_effect_does(network, losses, short, start):
+    lagging = lptn.Sensor(SENSOR.node, SENSOR.gain, SENSOR.offset, LAG.tau)
+    found = lptn.reading(network, losses, short, start, sensor=lagging)
+    expected = lptn.reading(network, losses, short, start, effects=[LAG], sensor=SENSOR)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
 def test_the_reading_is_that_of_the_trace(network, losses, short, start):
     trace = lptn.simulate(network, losses, short, start, effects=[LAG], sensor=SENSOR)
     alone = lptn.reading(network, losses, short, start, effects=[LAG], sensor=SENSOR)
