@@ -154,7 +154,8 @@ def calibrate(
 
     def one(model: Model) -> _Outcome:
         say(f"{model.title}: least squares from many starts")
-        found = fit(Problem.of(model, motor, fitted), seed=seed)
+        rows = [model.with_bodies(test) for test in fitted]
+        found = fit(Problem.of(model, motor, rows), seed=seed)
         is_last = model.name == names[-1]  # a network that another one extends is known to miss it
         screened = None
         if is_last:

@@ -19,6 +19,7 @@ UNITS = {
     "sensor_offset": "K", "ambient_offset": "K",
     "power_gain": "1", "sensor_gain": "1", "current_gain": "1",
     "torque_offset": "N m",
+    "shaft_power_gain": "1", "shaft_power_offset": "W",
     "load_timing": "s",
 }  # fmt: skip
 """Units of the parameters beside those of effects, known before any model is made."""
@@ -31,6 +32,7 @@ RANGES = {
     "K": (-500.0, 500.0),
     "1": (-0.99, 10.0),  # relative errors: at -1 nothing is left of what is measured
     "N m": (-1e6, 1e6),
+    "W": (-1e9, 1e9),
     "s": (-86400.0, 86400.0),
 }
 """Lowest and highest value by unit."""

@@ -28,6 +28,9 @@ def loss_split(
     channel = (1.0 + losses.power_gain) * drive.losses
     if drive.speed_rad is not None:
         channel = channel - losses.torque_offset * drive.speed_rad
+    if drive.shaft_power is not None:
+        missing = losses.shaft_power_gain * drive.shaft_power + losses.shaft_power_offset
+        channel = channel - missing
     return copper, channel - copper if losses.kind == "balance" else channel
 
 

@@ -26,6 +26,7 @@ class Inputs(eqx.Module):
         speed: Mean mechanical speed [rad/s], shape (time,), or None if not recorded.
         coolant: Mean coolant temperature [degC], shape (time,), or None.
         fan: Fan or coolant flow relative to its rated value [1], shape (time,), or None.
+        shaft_power: Mean mechanical power Pm, positive as a motor [W], shape (time,), or None.
         rated_speed: Speed that laws are scaled with [rad/s].
         rated_current: Rms current that laws are scaled with [A].
     """
@@ -37,6 +38,7 @@ class Inputs(eqx.Module):
     speed: Float[Array, " time"] | None = None
     coolant: Float[Array, " time"] | None = None
     fan: Float[Array, " time"] | None = None
+    shaft_power: Float[Array, " time"] | None = None
     rated_speed: Float[Array, ""] | float = 1.0
     rated_current: Float[Array, ""] | float = 1.0
 
@@ -47,7 +49,7 @@ class Inputs(eqx.Module):
                 "(time,): give one mean per interval."
             )
         num_time = self.num_time
-        for name in ("losses", "ambient", "speed", "coolant", "fan"):
+        for name in ("losses", "ambient", "speed", "coolant", "fan", "shaft_power"):
             values = getattr(self, name)
             if values is not None and values.shape != (num_time,):
                 raise ValueError(
@@ -95,6 +97,7 @@ class Inputs(eqx.Module):
             speed_rad=self.speed,
             coolant=self.coolant,
             fan=self.fan,
+            shaft_power=self.shaft_power,
             current_ratio_squared=self.current_squared / self.rated_current**2,
         )
 
@@ -111,6 +114,7 @@ class Drive(eqx.Module):
         speed_rad: Speed [rad/s], or None.
         coolant: Coolant temperature [degC], or None.
         fan: Fan or flow over its rated value [1], or None.
+        shaft_power: Mechanical power [W], or None.
         current_ratio_squared: Mean squared current over the squared rated current [1].
     """
 
@@ -122,6 +126,7 @@ class Drive(eqx.Module):
     speed_rad: Float[Array, "..."] | None
     coolant: Float[Array, "..."] | None
     fan: Float[Array, "..."] | None
+    shaft_power: Float[Array, "..."] | None
     current_ratio_squared: Float[Array, "..."]
 
     @classmethod
@@ -134,6 +139,7 @@ class Drive(eqx.Module):
         speed: Float[Array, ""] | float | None = None,
         coolant: Float[Array, ""] | float | None = None,
         fan: Float[Array, ""] | float | None = None,
+        shaft_power: Float[Array, ""] | float | None = None,
         time: Float[Array, ""] | float = 0.0,
         rated_speed: Float[Array, ""] | float = 1.0,
         rated_current: Float[Array, ""] | float = 1.0,
@@ -147,6 +153,7 @@ class Drive(eqx.Module):
             speed: Speed [rad/s], or None.
             coolant: Coolant temperature [degC], or None.
             fan: Fan or flow over its rated value [1], or None.
+            shaft_power: Mechanical power [W], or None.
             time: Instant since the start of a test at which effects that follow the time
                 stand [s].
             rated_speed: As in `Inputs`.
@@ -166,6 +173,7 @@ class Drive(eqx.Module):
             speed_rad=number(speed),
             coolant=number(coolant),
             fan=number(fan),
+            shaft_power=number(shaft_power),
             current_ratio_squared=squared / jnp.asarray(rated_current, dtype=float) ** 2,
         )
 

@@ -36,6 +36,9 @@ class CopperLosses(eqx.Module):
             Pd - offset * speed. It has a meaning under `kind="balance"` only.
         ambient_offset: Correction of the sink temperature, to be added to it [K].
         current_gain: Correction of the current [1]; the model uses (1 + gain) Is.
+        shaft_power_gain: Correction of the mechanical power [1]; the model uses Pd - gain Pm. As
+            the offset, it has a meaning under `kind="balance"` only.
+        shaft_power_offset: Correction of the mechanical power, to be added to it [W].
     """
 
     Rs0: Float[Array, ""]
@@ -47,6 +50,8 @@ class CopperLosses(eqx.Module):
     torque_offset: Float[Array, ""] | float = 0.0
     ambient_offset: Float[Array, ""] | float = 0.0
     current_gain: Float[Array, ""] | float = 0.0
+    shaft_power_gain: Float[Array, ""] | float = 0.0
+    shaft_power_offset: Float[Array, ""] | float = 0.0
 
     def slope(self, current_squared: Float[Array, "..."]) -> Float[Array, "..."]:
         """Return k of P_js = k (B + Tw) [W/K], shape as `current_squared` [A^2]."""

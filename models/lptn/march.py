@@ -104,7 +104,8 @@ def sensed_march(
         state = advance(seen.state, drive, step)
         at_once = sense(state, ambient)
         rows = zip(sensors, seen.reading, seen.at_once, at_once, strict=True)
-        return Sensed(state, at_once, tuple(sensor.follow(*row, step) for sensor, *row in rows))
+        reading = tuple(s.follow(sensed, before, after, step) for s, sensed, before, after in rows)
+        return Sensed(state, at_once, reading)
 
     at_first = sense(first, ambient[0])
     return Sensed(first, at_first, at_first), advance_and_sense, (intervals, ambient[1:])

@@ -139,6 +139,9 @@ def _put_in(network: Network, losses: CopperLosses) -> Callable[[Drive], State]:
     shares = {node: part / network.capacitance[node] for node, part in network.share.items()}
     gains = {node: (1.0 + losses.power_gain) * share for node, share in shares.items()}
     torque = {node: -losses.torque_offset * share for node, share in shares.items()}
+    shaft = {node: -losses.shaft_power_gain * share for node, share in shares.items()}
+    shaft_offset = {node: -losses.shaft_power_offset * share for node, share in shares.items()}
+    has_shaft = not (_is_zero(losses.shaft_power_gain) and _is_zero(losses.shaft_power_offset))
     sink: Vector = {}
     for first, second in network.links:
         if second == network.boundary:
@@ -150,12 +153,15 @@ def _put_in(network: Network, losses: CopperLosses) -> Callable[[Drive], State]:
     def put_in(drive: Drive) -> State:
         rates: dict[str, Any] = {}
         turns = not _is_zero(losses.torque_offset) and drive.speed_rad is not None
+        drives = has_shaft and drive.shaft_power is not None
         for node in network.nodes:
             parts = (
                 constant.get(node),
                 _product(sink.get(node), drive.ambient),
                 _product(gains.get(node), drive.losses),
                 _product(torque.get(node), drive.speed_rad) if turns else None,
+                _product(shaft.get(node), drive.shaft_power) if drives else None,
+                shaft_offset.get(node) if drives else None,
             )
             total = reduce(_sum, parts)
             if total is not None:

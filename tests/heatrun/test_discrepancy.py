@@ -30,7 +30,7 @@ def reading(node, course, edges):
 def test_responses_are_those_of_an_integrated_network():
     edges = 20.0 * np.arange(91)
     course = np.random.default_rng(0).standard_normal((91, 1))
-    found = block_responses(second_order(C_W, C_S, R_W, R_S), "winding", course, 20.0)
+    found = block_responses(second_order(C_W, C_S, R_W, R_S), ["winding"], course, 20.0)
     assert set(found) == {"winding", "stator"}
     for node, means in found.items():
         exact = reading(node, course[:, 0], edges)
@@ -53,7 +53,7 @@ def test_columns_have_the_variance_of_drawn_heat(motor, blocks):
             for shock in rng.standard_normal(edges.size - 1):
                 heat.append(decay * heat[-1] + np.sqrt(1.0 - decay**2) * shock)
             only = block_responses(
-                second_order(C_W, C_S, R_W, R_S), "winding", loss * np.array(heat)[:, None],
+                second_order(C_W, C_S, R_W, R_S), ["winding"], loss * np.array(heat)[:, None],
                 blocks.block_s,
             )[node]  # fmt: skip
             total += only[:, 0]

@@ -20,6 +20,7 @@ from heatrun.calibration import calibrate, load_tests, manifest
 from heatrun.errors import InputError
 from heatrun.export import (
     Corrections,
+    Shaft,
     export_mat,
     read_run_test,
     simulate_variables,
@@ -156,7 +157,7 @@ def test_the_file_says_what_the_run_said(day):
     test = read_run_test(Path("run"))
     variables, _ = thesis_variables(test.record, test.values, test.motor, test.model.name)
     corrections = Corrections.of(test.values)
-    variables = corrections.applied(variables, None)
+    variables = corrections.applied(variables, Shaft())
     course = simulate_variables(variables)
     reading = corrections.reading(course.winding, variables["Te"].ravel())
     of_run = pd.read_csv("run/course_1.csv")["second_winding_degC"].to_numpy()

@@ -9,7 +9,8 @@ import pytest
 
 from heatrun.bench.record import Record
 from heatrun.errors import InputError
-from heatrun.export import Corrections, simulate_variables, thesis_variables
+from heatrun.export import simulate_variables, thesis_variables
+from heatrun.export.variables import Corrections, Shaft
 from heatrun.motor import Motor
 from lptn import CopperLosses, Inputs, reference, second_order
 
@@ -91,7 +92,7 @@ def test_corrections_of_losses_and_sink():
     found = Corrections.of({"power_gain": 0.02, "torque_offset": 0.5, "ambient_offset": 1.5,
                             "Ceq_w": 1.0})  # fmt: skip
     variables, _ = thesis_variables(record(), VALUES, MOTOR, "second")
-    corrected = found.applied(variables, np.full(N, 3000.0))
+    corrected = found.applied(variables, Shaft(np.full(N, 3000.0)))
     watts = 0.5 * 3000.0 * 2.0 * np.pi / 60.0
     assert corrected["Pd"] == pytest.approx(1.02 * variables["Pd"] - watts, rel=1e-14)
     assert np.array_equal(corrected["Te"], variables["Te"] + 1.5)

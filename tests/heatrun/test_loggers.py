@@ -36,8 +36,8 @@ def together(tests, motor):
 
 
 def test_noise_of_each_logger_is_told_apart(together, tests):
-    ratio = scale_of(together.problem.loggers, tests["noisy 0"])
-    ratio /= scale_of(together.problem.loggers, tests["quiet 0"])
+    ratio = scale_of(together.problem.loggers, tests["noisy 0"].loggers[0])
+    ratio /= scale_of(together.problem.loggers, tests["quiet 0"].loggers[0])
     assert 5.0 < ratio < 12.0  # 8 in both parts of the noise
 
 
@@ -61,6 +61,8 @@ def test_a_noisy_test_does_not_hide_a_quiet_one(together, tests, motor):
 
 
 def test_an_unknown_logger_counts_as_the_noisiest(together, tests, blocks):
-    assert blocks.logger not in together.problem.loggers
-    assert scale_of(together.problem.loggers, blocks) == max(together.problem.loggers.values())
-    assert scale_of({}, blocks) == 1.0
+    assert blocks.loggers[0] not in together.problem.loggers
+    assert scale_of(together.problem.loggers, blocks.loggers[0]) == max(
+        together.problem.loggers.values()
+    )
+    assert scale_of({}, blocks.loggers[0]) == 1.0

@@ -48,8 +48,9 @@ NUM_RECORDS = {
 }
 """Records of each cell."""
 
-NUM_EMCEE = {"as declared": 80, "prior draws": 40}
-"""Records of a cell on which the ensemble sampler is run as well."""
+NUM_EMCEE = {"as declared": 20, "prior draws": 10}
+"""Records of a cell on which the ensemble sampler is run as well: a minute and more each, since
+its tails must converge too."""
 
 TASKS = 60
 """Records after which a process is replaced: what it has compiled for each length of record stays

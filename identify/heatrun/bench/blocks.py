@@ -9,7 +9,8 @@ the sensor.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -44,24 +45,60 @@ class Logger(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Body:
+    """Readings of a body beside the winding, reduced to the same blocks.
+
+    Attributes:
+        channel: Its channel, such as `"stator_degC"`.
+        measured: As `Blocks.measured`.
+        weight: As `Blocks.weight`.
+        position: As `Blocks.position`.
+        count: As `Blocks.count`.
+        time: As `Blocks.time`.
+        rounding_K: As `Blocks.rounding_K`.
+        start_degC: Mean of its first readings [degC].
+        sensor: As `Blocks.sensor`.
+    """
+
+    channel: str
+    measured: Float[np.ndarray, " block"]
+    weight: Float[np.ndarray, "block step"]
+    position: Float[np.ndarray, "block step"]
+    count: Float[np.ndarray, " block"]
+    time: Float[np.ndarray, " block"]
+    rounding_K: float
+    start_degC: float
+    sensor: str
+
+    @property
+    def is_observed(self) -> np.ndarray:
+        """Which blocks hold a reading, shape (block,)."""
+        return self.count > 0
+
+
+@dataclass(frozen=True)
 class Blocks:
     """A record, reduced.
+
+    With `with_bodies`, the rows of further sensors follow those of the winding: then `row` below
+    stands for the blocks of the winding, and then of each body in turn.
 
     Attributes:
         name: Name of the test.
         inputs: Means over the steps, all of one length; shape (step,).
-        measured: Mean of the readings of each block [degC], shape (block,); NaN without any.
-        weight: Share of each step in the mean of its block [1], shape (block, step per block).
+        measured: Mean of the readings of each block [degC], shape (row,); NaN without any.
+        weight: Share of each step in the mean of its block [1], shape (row, step per block).
         position: Mean position of the samples within each step, 0 its start and 1 its end [1],
-            shape (block, step per block).
-        count: Readings per block, shape (block,).
-        time: Mean time of the readings of each block [s], shape (block,).
+            shape (row, step per block).
+        count: Readings per block, shape (row,).
+        time: Mean time of the readings of each block [s], shape (row,).
         block_s: Length of a block [s].
         rounding_K: Resolution of the readings [K]; 0 if none is seen.
         start_degC: Mean reading over the first block's first few seconds [degC].
         start_slope: Trend of the reading over the first block [K/s].
         sample_s: Median sampling period [s].
-        stator_start_degC: First measured temperature of the stator [degC], if there is one.
+        bodies: Readings of other bodies than the winding.
+        fitted: Channels of those whose rows follow the winding's.
         sensor: Column of the file that holds the readings; empty where it is not known.
         first_s: Time on the record's own axis at which the grid begins [s].
         notes: Sentences on what was interpolated or held.
@@ -69,25 +106,66 @@ class Blocks:
 
     name: str
     inputs: Inputs
-    measured: Float[np.ndarray, " block"]
-    weight: Float[np.ndarray, "block step"]
-    position: Float[np.ndarray, "block step"]
-    count: Float[np.ndarray, " block"]
-    time: Float[np.ndarray, " block"]
+    measured: Float[np.ndarray, " row"]
+    weight: Float[np.ndarray, "row step"]
+    position: Float[np.ndarray, "row step"]
+    count: Float[np.ndarray, " row"]
+    time: Float[np.ndarray, " row"]
     block_s: float
     rounding_K: float
     start_degC: float
     start_slope: float
     sample_s: float
-    stator_start_degC: float | None = None
+    bodies: tuple[Body, ...] = ()
+    fitted: tuple[str, ...] = ()
     sensor: str = ""
     first_s: float = 0.0
     notes: tuple[str, ...] = ()
+    _winding: Blocks | None = None
+
+    def with_bodies(self, channels: Sequence[str]) -> Blocks:
+        """Return the record with the rows of some of its bodies behind those of the winding."""
+        alone = self.winding
+        parts = [alone, *(alone.body(channel) for channel in channels)]
+        if len(parts) == 1:
+            return alone
+
+        def joined(name: str) -> np.ndarray:
+            return np.concatenate([getattr(part, name) for part in parts])
+
+        names = ("measured", "weight", "position", "count", "time")
+        rows = {name: joined(name) for name in names}
+        return replace(alone, **rows, fitted=tuple(channels), _winding=alone)
+
+    @property
+    def winding(self) -> Blocks:
+        """The record with the rows of the winding alone."""
+        return self._winding or self
+
+    def body(self, channel: str) -> Body:
+        """Return the readings of a body.
+
+        Raises:
+            KeyError: If the record has none of that channel.
+        """
+        for body in self.bodies:
+            if body.channel == channel:
+                return body
+        raise KeyError(channel)
+
+    @property
+    def num_blocks(self) -> int:
+        """Number of blocks of one sensor."""
+        return self.weight.shape[0] // (1 + len(self.fitted))
 
     @property
     def is_observed(self) -> np.ndarray:
-        """Which blocks hold a reading, shape (block,)."""
+        """Which rows hold a reading, shape (row,)."""
         return self.count > 0
+
+    def by_sensor(self, rows: Float[np.ndarray, "row ..."]) -> list[np.ndarray]:
+        """Split rows into those of the winding and of each fitted body."""
+        return np.split(rows, 1 + len(self.fitted))
 
     @property
     def duration_s(self) -> float:
@@ -95,12 +173,18 @@ class Blocks:
         return float(self.inputs.step) * self.inputs.num_time
 
     @property
-    def logger(self) -> Logger:
-        """What the readings were recorded with."""
-        return Logger(float(f"{self.sample_s:.2g}"), float(f"{self.rounding_K:.2g}"), self.sensor)
+    def loggers(self) -> tuple[Logger, ...]:
+        """What the readings of the winding, and of each fitted body, were recorded with."""
+        parts = [self.winding, *(self.body(channel) for channel in self.fitted)]
+        return tuple(
+            Logger(float(f"{self.sample_s:.2g}"), float(f"{p.rounding_K:.2g}"), p.sensor)
+            for p in parts
+        )
 
     def observation(
-        self, heat: Float[np.ndarray, "block column"] | None = None, noise_scale: float = 1.0
+        self,
+        heat: Float[np.ndarray, "row column"] | None = None,
+        noise_scale: Sequence[float] | None = None,
     ) -> Observation:
         """Return the arrays that the numerics need.
 
@@ -109,9 +193,12 @@ class Blocks:
 
         Args:
             heat: As `Observation.heat`; no columns by default.
-            noise_scale: As `Observation.noise_scale`.
+            noise_scale: As `Observation.noise_scale`; 1 by default.
         """
         heat = np.zeros((self.measured.size, 0)) if heat is None else heat
+        scale = np.ones(1 + len(self.fitted)) if noise_scale is None else np.array(noise_scale)
+        steps = [self.rounding_K, *(self.body(channel).rounding_K for channel in self.fitted)]
+        rounding_K = np.repeat(steps, self.num_blocks)
         return Observation(
             inputs=self.inputs,
             measured=jnp.asarray(np.nan_to_num(self.measured)),
@@ -119,10 +206,11 @@ class Blocks:
             weight=jnp.asarray(self.weight),
             position=jnp.asarray(self.position),
             count=jnp.asarray(self.count, dtype=float),
-            rounding_variance=jnp.asarray(self.rounding_K**2 / 12.0 / np.maximum(self.count, 1.0)),
+            rounding_variance=jnp.asarray(rounding_K**2 / 12.0 / np.maximum(self.count, 1.0)),
             block_s=jnp.asarray(self.block_s, dtype=float),
             heat=jnp.asarray(heat),
-            noise_scale=jnp.asarray(noise_scale, dtype=float),
+            noise_scale=jnp.asarray(scale, dtype=float),
+            fitted=self.fitted,
         )
 
 
@@ -131,25 +219,33 @@ class Observation(eqx.Module):
 
     Attributes:
         inputs: Means over the steps.
-        measured: Mean reading of each block [degC], shape (block,); 0 where there is none.
-        is_observed: Which blocks hold a reading, shape (block,).
+        measured: Mean reading of each block [degC], shape (row,); 0 where there is none.
+        is_observed: Which blocks hold a reading, shape (row,).
         weight: As `Blocks.weight`.
         position: As `Blocks.position`.
         count: As `Blocks.count`.
-        rounding_variance: Variance of each block's mean from rounding [K^2], shape (block,).
+        rounding_variance: Variance of each block's mean from rounding [K^2], shape (row,).
         block_s: Length of a block [s].
         heat: What unmodelled heat with the standard deviation of the mean loss does to the block
-            means [K], as columns whose outer product is its covariance, shape (block, column).
-        noise_scale: Noise of the test's logger over that of the first one [1].
+            means [K], as columns whose outer product is its covariance, shape (row, column).
+        noise_scale: Noise of the logger of each sensor over that of the first one [1], shape
+            (sensor,).
+        fitted: As `Blocks.fitted`.
     """
 
     inputs: Inputs
-    measured: Float[Array, " block"]
-    is_observed: Bool[Array, " block"]
-    weight: Float[Array, "block step"]
-    position: Float[Array, "block step"]
-    count: Float[Array, " block"]
-    rounding_variance: Float[Array, " block"]
+    measured: Float[Array, " row"]
+    is_observed: Bool[Array, " row"]
+    weight: Float[Array, "row step"]
+    position: Float[Array, "row step"]
+    count: Float[Array, " row"]
+    rounding_variance: Float[Array, " row"]
     block_s: Float[Array, ""]
-    heat: Float[Array, "block column"]
-    noise_scale: Float[Array, ""]
+    heat: Float[Array, "row column"]
+    noise_scale: Float[Array, " sensor"]
+    fitted: tuple[str, ...] = eqx.field(static=True, default=())
+
+    @property
+    def num_sensors(self) -> int:
+        """Number of sensors, the winding's included."""
+        return 1 + len(self.fitted)

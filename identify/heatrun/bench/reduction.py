@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +12,9 @@ from lptn import Inputs
 
 from ..errors import InputError
 from ..motor import Motor
-from .blocks import BLOCK_S, Blocks
+from .blocks import BLOCK_S, Blocks, Body
+from .channels.derive import recorded_shaft_power
+from .channels.schema import BODIES
 from .record import Record
 from .rounding import rounding_step
 
@@ -89,8 +92,8 @@ def reduce(
         start_degC=start,
         start_slope=slope,
         sample_s=sample_s,
-        stator_start_degC=_first(record, "stator_degC"),
-        sensor=next((r.column for r in record.mapping if r.channel == "winding_degC"), ""),
+        bodies=tuple(_bodies(record, edges, shape)),
+        sensor=_column(record, "winding_degC"),
         first_s=float(time[0]),
         notes=notes,
     )
@@ -150,6 +153,10 @@ def _inputs(
         if fan is None and channel in record and np.nanmax(np.abs(record[channel])) > 0:
             largest = 1.0 if channel == "fan" else float(np.nanmax(record[channel]))
             fan = mean(channel) / largest
+    shaft = recorded_shaft_power(record.channels)
+    if shaft is not None:
+        finite = np.isfinite(shaft)
+        shaft = _interval_means(record.time_s[finite], shaft[finite], edges)
     fastest = 1.0 if speed is None else max(float(np.max(np.abs(speed))), 1e-9)
     rated = motor.rated_speed_rpm
     current_squared = mean("phase_current_A", power=2)
@@ -161,6 +168,7 @@ def _inputs(
         speed=None if speed is None else jnp.asarray(speed),
         coolant=None if coolant is None else jnp.asarray(coolant),
         fan=None if fan is None else jnp.asarray(fan),
+        shaft_power=None if shaft is None else jnp.asarray(shaft),
         rated_speed=jnp.asarray(
             fastest if rated is None else rated * 2 * math.pi / 60, dtype=float
         ),
@@ -214,12 +222,32 @@ def _observation(
     return weight, position.reshape(shape), count, measured, middle
 
 
-def _first(record: Record, channel: str) -> float | None:
-    """Return the mean of the first five readings of a channel, None if there are none."""
-    if channel not in record:
-        return None
-    early = record[channel][:5]
-    return float(np.nanmean(early)) if np.any(np.isfinite(early)) else None
+def _bodies(record: Record, edges: np.ndarray, shape: tuple[int, int]) -> Iterator[Body]:
+    """Yield what was read of bodies beside the winding."""
+    for channel in BODIES:
+        if channel not in record:
+            continue
+        is_read = np.isfinite(record[channel])
+        if not is_read.any():
+            continue
+        time, reading = record.time_s[is_read], record[channel][is_read]
+        weight, position, count, measured, middle = _observation(time, reading, edges, shape)
+        yield Body(
+            channel=channel,
+            measured=measured,
+            weight=weight,
+            position=position,
+            count=count,
+            time=middle - record.time_s[0],
+            rounding_K=rounding_step(reading) or 0.0,
+            start_degC=float(np.mean(reading[:5])),
+            sensor=_column(record, channel),
+        )
+
+
+def _column(record: Record, channel: str) -> str:
+    """Return the column of the file that became a channel, empty if that is not known."""
+    return next((row.column for row in record.mapping if row.channel == channel), "")
 
 
 def _start(time: np.ndarray, reading: np.ndarray, block_s: float) -> tuple[float, float]:

@@ -110,7 +110,7 @@ def imagined(
         position=np.full(like.position.shape, 0.5),
         count=np.full(blocks, float(np.nanmedian(like.count))),
         start_degC=ambient,
-        stator_start_degC=None,
+        bodies=(),
     )
 
 

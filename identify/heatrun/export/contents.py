@@ -19,7 +19,7 @@ from .network_file import UNITS as NETWORK_UNITS
 from .network_file import corrected_network, network_variables
 from .rerun import RunAndTest
 from .variables import UNITS as THESIS_UNITS
-from .variables import Corrections, thesis_variables
+from .variables import Corrections, Shaft, thesis_variables
 
 HEADER_TEXT_BYTES = 116
 """Free text at the start of a MATLAB 5 file; MAT-File Format, "Level 5 MAT-file header"."""
@@ -51,8 +51,7 @@ class Contents:
         script: Name of the script.
         units: Unit of each variable that there may be.
         variables: Gives the variables of a test, and notes on them.
-        corrected: Gives the variables with the corrections of the run, the speed at the samples
-            [rpm] or None as its third argument.
+        corrected: Gives the variables with the corrections of the run and what the shaft does.
         simulated: What `lptn` makes of the variables.
     """
 
@@ -60,7 +59,7 @@ class Contents:
     script: str
     units: Mapping[str, str]
     variables: Callable[[RunAndTest], tuple[Variables, tuple[str, ...]]]
-    corrected: Callable[[Variables, Corrections, np.ndarray | None], Variables]
+    corrected: Callable[[Variables, Corrections, Shaft], Variables]
     simulated: Callable[[Variables, Corrections], Simulated]
 
 
@@ -127,7 +126,7 @@ THESIS = Contents(
     script="run_prova.m",
     units=THESIS_UNITS,
     variables=_of_thesis,
-    corrected=lambda variables, corrections, speed: corrections.applied(variables, speed),
+    corrected=lambda variables, corrections, shaft: corrections.applied(variables, shaft),
     simulated=_simulated_thesis,
 )
 

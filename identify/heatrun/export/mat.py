@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..bench.channels.derive import recorded_shaft_power
 from ..bench.record import Finding
 from ..errors import InputError
 from ..io.file_set import together
@@ -16,7 +17,7 @@ from ..io.whole_files import writable, write_whole
 from .contents import MARK, Simulated, contents_of, mat_bytes
 from .network_file import refuse_unknown
 from .rerun import RunAndTest, effects_of, read_run_test
-from .variables import Corrections
+from .variables import Corrections, Shaft
 
 LARGEST_UNSAID_K = 0.5
 """Corrections that move the winding by more are worth a warning: that is the standard uncertainty
@@ -60,7 +61,7 @@ def export_mat(
     contents = contents_of(found)
     variables, notes = contents.variables(found)
     corrections = Corrections.of(found.values)
-    corrected = contents.corrected(variables, corrections, _speed(found, corrections))
+    corrected = contents.corrected(variables, corrections, _shaft(found, corrections))
     plain = contents.simulated(variables, corrections)
     full = contents.simulated(corrected, corrections)
     difference = float(np.max(np.abs(full.winding - plain.winding)))
@@ -104,20 +105,27 @@ def _rmse(course: Simulated, measured: np.ndarray) -> dict[str, float]:
     return {"rmse_K": rmse(course.winding), "rmse_reading_K": rmse(course.reading)}
 
 
-def _speed(found: RunAndTest, corrections: Corrections) -> np.ndarray | None:
-    """Return the speed at the samples [rpm] where a torque offset needs it."""
-    if not corrections.torque_offset:
-        return None
+def _shaft(found: RunAndTest, corrections: Corrections) -> Shaft:
+    """Return speed and mechanical power at the samples where a correction needs them."""
     time = found.record.time_s
-    speed = found.record.channels.get("speed_rpm", np.full(time.size, np.nan))
-    is_read = np.isfinite(speed)
-    if not np.any(is_read):
-        raise InputError(
-            "the run has a torque offset, and this test has no speed to apply it to.",
-            where=found.record.name,
-            remedy="Map speed_rpm, or export another test.",
-        )
-    return np.interp(time, time[is_read], speed[is_read])
+
+    def at_samples(values: np.ndarray | None, what: str, channel: str) -> np.ndarray:
+        is_read = np.zeros(time.size, dtype=bool) if values is None else np.isfinite(values)
+        if values is None or not np.any(is_read):
+            raise InputError(
+                f"the run corrects the {what}, and this test has no {channel} to apply it to.",
+                where=found.record.name,
+                remedy=f"Map {channel}, or export another test.",
+            )
+        return np.interp(time, time[is_read], values[is_read])
+
+    channels = found.record.channels
+    speed = power = None
+    if corrections.torque_offset:
+        speed = at_samples(channels.get("speed_rpm"), "torque", "speed_rpm")
+    if corrections.needs_shaft_power:
+        power = at_samples(recorded_shaft_power(channels), "mechanical power", "torque_Nm")
+    return Shaft(speed, power)
 
 
 def _left_out(
@@ -143,7 +151,7 @@ def _left_out(
 
 def _words(corrections: Corrections) -> str:
     units = {"current_gain": "", "power_gain": "", "torque_offset": " N m", "ambient_offset": " K",
-             "load_timing": " s"}  # fmt: skip
+             "load_timing": " s", "shaft_power_gain": "", "shaft_power_offset": " W"}  # fmt: skip
     given = {name: getattr(corrections, name) for name in units}
     return ", ".join(f"{n} = {v:.3g}{units[n]}" for n, v in given.items() if v) or "by nothing"
 

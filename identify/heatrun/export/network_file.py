@@ -22,7 +22,7 @@ from ..bench.record import Record
 from ..errors import InputError
 from ..inference.model import Model
 from ..motor import Motor
-from .variables import Corrections, bridged
+from .variables import Corrections, Shaft, bridged
 
 SCRIPT = "run_network.m"
 
@@ -178,7 +178,7 @@ def network_variables(
 
 
 def corrected_network(
-    variables: Mapping[str, Any], corrections: Corrections, speed_rpm: np.ndarray | None
+    variables: Mapping[str, Any], corrections: Corrections, shaft: Shaft
 ) -> dict[str, Any]:
     """Return the variables with current, losses, sink and timing as the run has them.
 
@@ -186,7 +186,7 @@ def corrected_network(
     """
     loss = "Pd" if "Pd" in variables else "Pol"
     thesis = {"t": variables["t"], "Is": variables["Is"], "Te": variables["Te"]}
-    changed = corrections.applied({**thesis, "Pd": variables[loss]}, speed_rpm)
+    changed = corrections.applied({**thesis, "Pd": variables[loss]}, shaft)
     changed[loss] = changed.pop("Pd")
     further = {
         name: corrections.later(variables["t"], variables[name])

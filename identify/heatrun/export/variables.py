@@ -49,6 +49,19 @@ Ceq,w and Req,w as well."""
 
 
 @dataclass(frozen=True)
+class Shaft:
+    """What the shaft does at the samples, where a correction needs it.
+
+    Attributes:
+        speed_rpm: Speed [rpm], shape (time,).
+        power_W: Mechanical power [W], shape (time,).
+    """
+
+    speed_rpm: np.ndarray | None = None
+    power_W: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
 class Corrections:
     """Errors of instruments that a run allows for and `prova.mat` has no variables for.
 
@@ -61,6 +74,8 @@ class Corrections:
         sensor_offset: Offset of the winding sensor [K].
         load_timing: How much later the load comes than its samples, joined by straight lines,
             say [s].
+        shaft_power_gain: Relative correction of the mechanical power [1].
+        shaft_power_offset: Correction of the mechanical power [W].
     """
 
     current_gain: float = 0.0
@@ -70,6 +85,8 @@ class Corrections:
     sensor_gain: float = 0.0
     sensor_offset: float = 0.0
     load_timing: float = 0.0
+    shaft_power_gain: float = 0.0
+    shaft_power_offset: float = 0.0
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> Corrections:
@@ -77,13 +94,16 @@ class Corrections:
         names = cls.__dataclass_fields__
         return cls(**{name: values[name] for name in names if name in values})
 
+    @property
+    def needs_shaft_power(self) -> bool:
+        """Whether the mechanical power is corrected."""
+        return self.shaft_power_gain != 0.0 or self.shaft_power_offset != 0.0
+
     def reading(self, winding: np.ndarray, sink: np.ndarray) -> np.ndarray:
         """Return what the sensor reads [degC] of a winding [degC] above a true sink [degC]."""
         return winding + self.sensor_gain * (winding - sink) + self.sensor_offset
 
-    def applied(
-        self, variables: Mapping[str, np.ndarray], speed_rpm: np.ndarray | None
-    ) -> dict[str, np.ndarray]:
+    def applied(self, variables: Mapping[str, np.ndarray], shaft: Shaft) -> dict[str, np.ndarray]:
         """Return the variables with current, losses, sink and timing as the run has them.
 
         `Tw_m` stays the reading: it drives nothing, and an offset would take the rounding away
@@ -91,13 +111,16 @@ class Corrections:
 
         Args:
             variables: From `thesis_variables`.
-            speed_rpm: Speed at the samples [rpm]; needed where there is a torque offset.
+            shaft: Speed and power at the samples.
         """
         sink = variables["Te"] + self.ambient_offset
         current = (1.0 + self.current_gain) * variables["Is"]
         losses = (1.0 + self.power_gain) * variables["Pd"]
-        if self.torque_offset and speed_rpm is not None:
-            losses = losses - self.torque_offset * speed_rpm[:, None] * (np.pi / 30.0)
+        if self.torque_offset and shaft.speed_rpm is not None:
+            losses = losses - self.torque_offset * shaft.speed_rpm[:, None] * (np.pi / 30.0)
+        if self.needs_shaft_power and shaft.power_W is not None:
+            missing = self.shaft_power_gain * shaft.power_W + self.shaft_power_offset
+            losses = losses - missing[:, None]
         time = variables["t"]
         if not self.load_timing:
             return {**variables, "Is": current, "Pd": losses, "Te": sink}

@@ -16,7 +16,7 @@ References: M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -58,13 +58,14 @@ def heat_columns(
         deviation is the mean loss.
     """
     network = model.network(values)
-    edges = test.block_s * np.arange(test.measured.size + 1)
+    edges = test.block_s * np.arange(test.num_blocks + 1)
     num = max(3, round(edges[-1] / SPACING_S) + 1)
     knots = np.linspace(0.0, edges[-1], num)
     hats = np.maximum(0.0, 1.0 - np.abs(edges[:, None] - knots) / (knots[1] - knots[0]))
     factor = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots) / HEAT_TIME_S))
     size = _mean_loss(model, values, test)
-    responses = block_responses(network, model.form.measured_node, hats @ factor, test.block_s)
+    read = [model.form.measured_node, *map(model.form.sensed, test.fitted)]
+    responses = block_responses(network, read, hats @ factor, test.block_s)
     joined = size * np.concatenate(list(responses.values()), axis=1)
     turned, strength, _ = np.linalg.svd(joined, full_matrices=False)
     columns = np.zeros((joined.shape[0], NUM_COLUMNS))
@@ -90,19 +91,22 @@ def with_heat(problem: Problem, z: np.ndarray) -> Problem:
 
 
 def block_responses(
-    network: Network, measured: str, heat: Float[np.ndarray, "edge column"], block_s: float
-) -> dict[str, Float[np.ndarray, "block column"]]:
-    """Return what heat in each heated node of a network adds to the means of one node.
+    network: Network,
+    measured: Sequence[str],
+    heat: Float[np.ndarray, "edge column"],
+    block_s: float,
+) -> dict[str, Float[np.ndarray, "row column"]]:
+    """Return what heat in each heated node of a network adds to the means of measured nodes.
 
     Args:
         network: Nodes, capacitances, resistances.
-        measured: Node whose block means are wanted.
+        measured: Nodes whose block means are wanted.
         heat: Courses of the heat at the edges of the blocks, straight in between [W].
         block_s: Length of a block [s].
 
     Returns:
-        Block means by node that is heated [K], exact for a network whose parameters stay as they
-        are.
+        Block means by node that is heated [K], for each measured node in turn; exact for a network
+        whose parameters stay as they are.
     """
     nodes = network.nodes
     size = len(nodes)
@@ -116,25 +120,27 @@ def block_responses(
             G[places[0], places[1]] -= 1.0 / float(resistance)
             G[places[1], places[0]] -= 1.0 / float(resistance)
     heated = [n for n in nodes if n == network.copper_node or n in network.share]
-    # states: temperatures, the integral of the measured one, the heat and its slope
-    A = np.zeros((size + 3, size + 3))
+    # states: temperatures, the integrals of the measured ones, the heat and its slope
+    last = size + len(measured)
+    A = np.zeros((last + 2, last + 2))
     A[:size, :size] = -G / capacity[:, None]
-    A[size, nodes.index(measured)] = 1.0
-    A[size + 1, size + 2] = 1.0
+    for number, node in enumerate(measured):
+        A[size + number, nodes.index(node)] = 1.0
+    A[last, last + 1] = 1.0
     result = {}
     slope = np.diff(heat, axis=0) / block_s
     for node in heated:
         place = nodes.index(node)
         driven = A.copy()
-        driven[place, size + 1] = 1.0 / capacity[place]
+        driven[place, last] = 1.0 / capacity[place]
         step = expm(driven * block_s)
         state = np.zeros((size, heat.shape[1]))
-        means = np.zeros((heat.shape[0] - 1, heat.shape[1]))
+        means = np.zeros((len(measured), heat.shape[0] - 1, heat.shape[1]))
         for index, rise in enumerate(slope):
-            push = step[: size + 1, size + 1 :] @ np.stack([heat[index], rise])
-            after = step[: size + 1, :size] @ state + push
-            means[index], state = after[size] / block_s, after[:size]
-        result[node] = means
+            push = step[:last, last:] @ np.stack([heat[index], rise])
+            after = step[:last, :size] @ state + push
+            means[:, index], state = after[size:] / block_s, after[:size]
+        result[node] = means.reshape(-1, heat.shape[1])
     return result
 
 

@@ -69,6 +69,6 @@ class Draws:
         return result
 
     def noise(self, test: Blocks) -> Noise:
-        """Return the noise of each draw in a test, shape (draw,) each."""
+        """Return the noise of the winding's sensor for each draw in a test, shape (draw,) each."""
         noise = noise_module.from_scores(self.vectors[:, -NUM_NOISE:].T)
-        return noise.scaled(scale_of(self.loggers, test))
+        return noise.scaled(scale_of(self.loggers, test.loggers[0]))

@@ -10,9 +10,14 @@ Loggers = Mapping[Logger, float]
 """Noise of each logger over that of the first one [1]; empty where all tests share one noise."""
 
 
-def scale_of(loggers: Loggers, test: Blocks) -> float:
-    """Return the noise of a test over that of the first logger [1].
+def scale_of(loggers: Loggers, logger: Logger) -> float:
+    """Return the noise of a logger over that of the first one [1].
 
-    A test from a logger that the fit does not know is taken to be as noisy as the noisiest.
+    One that the fit does not know is taken to be as noisy as the noisiest.
     """
-    return loggers.get(test.logger, max(loggers.values(), default=1.0))
+    return loggers.get(logger, max(loggers.values(), default=1.0))
+
+
+def scales_of(loggers: Loggers, test: Blocks) -> list[float]:
+    """Return the noise of each sensor of a test over that of the first logger [1]."""
+    return [scale_of(loggers, logger) for logger in test.loggers]

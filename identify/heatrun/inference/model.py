@@ -15,14 +15,14 @@ from lptn.effects import AbstractEffect, build_all
 from lptn.effects.time_shift import TimeShift
 
 from ..bench.blocks import SLOW_LOGGER_S, Blocks, Observation
+from ..bench.channels.schema import BODIES
 from ..errors import InputError
 from ..motor import Motor
 from .catalogue import effects_named
 from .effect_needs import refuse_lacking, refuse_unplaced
 from .effect_parameters import effect_names, effect_parameters, qualified
 from .networks import BUILT_IN, NetworkForm, network_named
-from .networks.form import STATOR
-from .parameters import Parameter, ParameterSet, check_names, collect, override
+from .parameters import Parameter, ParameterSet, Transform, check_names, collect, override
 
 Values = Mapping[str, Float[Array, ""]]
 
@@ -44,12 +44,24 @@ CURRENT_GAIN = Parameter(
 )  # fmt: skip
 """Likewise, where the copper loss enters: it goes with its square."""
 
+BODY_ERRORS: tuple[tuple[str, str, str, Transform, float, float, str], ...] = (
+    ("gain", "1", "relative error of the rise", "linear", 0.0, 0.02,
+     "one point stands for the mean of a body: 2 % of the rise"),
+    ("offset", "K", "offset", "linear", 0.0, 0.5,
+     "thermocouple and cold junction, agreement at rest within 1 K"),
+    ("lag", "s", "time constant", "log", 10.0, 1.0,
+     "a sensor glued or bolted on: some seconds to a minute"),
+)  # fmt: skip
+"""Errors of the sensor of a body: name, unit, meaning, prior and what it rests on."""
+
+BODY_PARTS = tuple(part for part, *_ in BODY_ERRORS)
+
 COLD_START_K = 2.0
 """Start within this of the sink [K] and at rest: stator and winding count as one temperature."""
 
 OF_ALL_NETWORKS = (
     "Rs0", "current_gain", "power_gain", "torque_offset", "sensor_gain", "sensor_offset",
-    "ambient_offset", "load_timing",
+    "ambient_offset", "load_timing", "shaft_power_gain", "shaft_power_offset",
 )  # fmt: skip
 """Parameters that do not belong to the network itself."""
 
@@ -167,6 +179,8 @@ class Model:
             torque_offset=values.get("torque_offset", 0.0),
             ambient_offset=values["ambient_offset"],
             current_gain=values.get("current_gain", 0.0),
+            shaft_power_gain=values.get("shaft_power_gain", 0.0),
+            shaft_power_offset=values.get("shaft_power_offset", 0.0),
         )
 
     def sensor(self, values: Values) -> Sensor:
@@ -176,6 +190,26 @@ class Model:
             gain=values["sensor_gain"],
             offset=values["sensor_offset"],
         )
+
+    def body_sensors(self, values: Values, channels: Sequence[str]) -> tuple[Sensor, ...]:
+        """Return the sensors of measured bodies for values by name.
+
+        Args:
+            values: Parameters by name.
+            channels: Their channels; each belongs to a node.
+        """
+        sensors = []
+        for channel in channels:
+            node, name = self.form.sensed(channel), body_name(channel)
+            assert node is not None
+            gain, offset, lag = (values[f"{name}_{part}"] for part in BODY_PARTS)
+            sensors.append(Sensor(node, gain, offset, lag))
+        return tuple(sensors)
+
+    def with_bodies(self, test: Blocks) -> Blocks:
+        """Return a test with the rows of those measured bodies that are nodes of the network."""
+        own = [b.channel for b in test.bodies if self.form.sensed(b.channel) is not None]
+        return test.with_bodies(own)
 
     def start(self, values: Values) -> dict[str, Float[Array, ""]]:
         """Return the start temperatures by node [degC]."""
@@ -192,8 +226,8 @@ class Model:
             return (*effects, TimeShift(values["load_timing"]))
         return effects
 
-    def block_means(self, values: Values, test: Observation) -> Float[Array, " block"]:
-        """Return the modelled means over the blocks of a test [degC]."""
+    def block_means(self, values: Values, test: Observation) -> Float[Array, " row"]:
+        """Return the modelled means over the blocks of a test [degC], in its rows."""
         return block_means(
             self.network(values),
             self.losses(values),
@@ -203,6 +237,7 @@ class Model:
             position=test.position,
             effects=self.built_effects(values),
             sensor=self.sensor(values),
+            also=self.body_sensors(values, test.fitted),
         )
 
     def simulate(self, values: Values, inputs: Inputs) -> Trace:
@@ -238,6 +273,8 @@ def parameters(
     model.refuse_unusable(tests, searched)
     check_names((*override_names(model.form), *effect_names(model.effects)), motor)
     shared = [*model.form.parameters, *_resistance(model, motor), *INSTRUMENTS]
+    shared += _bodies(tests)
+    shared += _shaft(motor, tests)
     if "torque_offset" in motor.parameters:
         shared.append(_torque(motor, tests))
     by_test = [
@@ -255,6 +292,22 @@ def parameters(
     return collect([test.name for test in tests], by_test)
 
 
+def body_name(channel: str) -> str:
+    """Return the name of a measured body, such as `"stator"` for its channel."""
+    return channel.removesuffix("_degC")
+
+
+def _bodies(tests: Sequence[Blocks]) -> list[Parameter]:
+    """Return the errors of the sensors of measured bodies."""
+    channels = [channel for channel in BODIES if any(channel in test.fitted for test in tests)]
+    return [
+        Parameter(f"{body_name(channel)}_{part}", unit, f"{meaning} of the {body_name(channel)} "
+                  "sensor", "instrument", transform, centre, sd, basis)
+        for channel in channels
+        for part, unit, meaning, transform, centre, sd, basis in BODY_ERRORS
+    ]  # fmt: skip
+
+
 def override_names(*networks: NetworkForm) -> tuple[str, ...]:
     """Return every name that a motor file may override beside those of effects.
 
@@ -263,7 +316,8 @@ def override_names(*networks: NetworkForm) -> tuple[str, ...]:
     """
     forms = [*(network_named(name) for name in BUILT_IN), *networks]
     names = [name for form in forms for name in form.names]
-    return tuple(dict.fromkeys([*names, *OF_ALL_NETWORKS]))
+    of_bodies = [f"{body_name(channel)}_{part}" for channel in BODIES for part in BODY_PARTS]
+    return tuple(dict.fromkeys([*names, *OF_ALL_NETWORKS, *of_bodies]))
 
 
 def _resistance(model: Model, motor: Motor) -> list[Parameter]:
@@ -302,6 +356,28 @@ def _torque(motor: Motor, tests: Sequence[Blocks]) -> Parameter:
                      "linear", 0.0, 0.1, "0.1 % of a 100 N m transducer")  # fmt: skip
 
 
+def _shaft(motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:
+    """Return the errors of the mechanical power, where a balance was made with it.
+
+    They are no share of the losses: where the machine turns from motor to generator, they change
+    their sign.
+    """
+    powers = [test.inputs.shaft_power for test in tests if test.inputs.shaft_power is not None]
+    largest = max((float(jnp.max(jnp.abs(power))) for power in powers), default=0.0)
+    if motor.losses != "balance" or largest == 0.0:
+        return []
+    return [
+        Parameter(
+            "shaft_power_gain", "1", "relative error of the mechanical power", "instrument",
+            "linear", 0.0, 0.01, "torque and electrical power of class 0.5 to 1 against each other",
+        ),
+        Parameter(
+            "shaft_power_offset", "W", "offset of the mechanical power", "instrument", "linear",
+            0.0, 1e-3 * largest, "zero of the torque: 0.1 % of the largest mechanical power",
+        ),
+    ]  # fmt: skip
+
+
 def _timing(test: Blocks) -> list[Parameter]:
     """Return the moment of the load steps, where the logger is too slow to tell it.
 
@@ -334,8 +410,9 @@ def _start_prior(model: Model, node: str, test: Blocks) -> tuple[float, float, s
     rise = test.start_degC - float(test.inputs.ambient[0])
     if node == model.form.measured_node:
         return test.start_degC, 2.0, "first readings, with the sensor's lag and rounding"
-    if node == model.form.sensed(STATOR) and test.stator_start_degC is not None:
-        return test.stator_start_degC, 2.0, "measured stator temperature"
+    for body in test.bodies:
+        if node == model.form.sensed(body.channel):
+            return body.start_degC, 2.0, f"first readings of {body.channel}"
     if abs(rise) < COLD_START_K:
         return test.start_degC, 1.0, "cold start: the machine has soaked at one temperature"
     return (

@@ -24,7 +24,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.scipy.linalg import solve_triangular
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..bench.blocks import BLOCK_S, Observation
 from .parameters import Parameter
@@ -147,10 +147,51 @@ def _beside_heat(
     return jnp.concatenate([noise.heat * blocks.heat, rows], axis=1)
 
 
+class _Rows(eqx.Module):
+    """What the noise needs to know of the blocks of one sensor, as `Observation` has it."""
+
+    is_observed: Bool[Array, "..."]
+    count: Float[Array, "..."]
+    rounding_variance: Float[Array, "..."]
+    block_s: Float[Array, "..."]
+    noise_scale: Float[Array, "..."]
+
+
+def _by_sensor(blocks: Observation) -> _Rows:
+    """Return the rows of each sensor, shape (sensor, block) each."""
+    size = blocks.num_sensors
+
+    def split(rows: Array) -> Array:
+        return rows.reshape(size, -1)
+
+    return _Rows(
+        split(blocks.is_observed),
+        split(blocks.count),
+        split(blocks.rounding_variance),
+        jnp.broadcast_to(blocks.block_s, (size,)),
+        blocks.noise_scale,
+    )
+
+
 def _filter(
-    rows: Float[Array, "block ..."], noise: Noise, blocks: Observation
+    rows: Float[Array, "row ..."], noise: Noise, blocks: Observation
+) -> tuple[Float[Array, "row ..."], Float[Array, ""]]:
+    """Return rows whitened by the noise without heat, and half its log determinant.
+
+    The noise of one sensor knows nothing of another's.
+    """
+    sensors = _by_sensor(blocks)
+    if blocks.num_sensors == 1:
+        return _filter_one(rows, noise, jax.tree.map(lambda values: values[0], sensors))
+    split = rows.reshape(blocks.num_sensors, -1, *rows.shape[1:])
+    whitened, log_sd = jax.vmap(_filter_one, (0, None, 0))(split, noise, sensors)
+    return whitened.reshape(rows.shape), jnp.sum(log_sd)
+
+
+def _filter_one(
+    rows: Float[Array, "block ..."], noise: Noise, blocks: _Rows
 ) -> tuple[Float[Array, "block ..."], Float[Array, ""]]:
-    """Return rows whitened by the noise without heat, and half its log determinant."""
+    """As `_filter`, for one sensor."""
     noise = noise.scaled(blocks.noise_scale)
     slow = noise.sd**2
     decay = blocks.block_s / noise.time
@@ -250,10 +291,25 @@ def _eliminated(
 def draw(
     key: Array, noise: Noise, blocks: Observation, shape: tuple[int, ...] = ()
 ) -> Float[Array, "... block"]:
-    """Return noise and unmodelled heat drawn for a test [K], shape (*shape, block)."""
+    """Return noise and unmodelled heat drawn for a test [K], shape (*shape, row)."""
+    of_sensors, of_heat = jax.random.split(key)
+    sensors = _by_sensor(blocks)
+    parts = [
+        _draw_one(each, noise, jax.tree.map(lambda values, i=i: values[i], sensors), shape)
+        for i, each in enumerate(jax.random.split(of_sensors, blocks.num_sensors))
+    ]
+    normal = jax.random.normal(of_heat, (blocks.heat.shape[1], math.prod(shape)))
+    total = jnp.concatenate(parts) + noise.heat * (blocks.heat @ normal)
+    return jnp.moveaxis(total.reshape(-1, *shape), 0, -1)
+
+
+def _draw_one(
+    key: Array, noise: Noise, blocks: _Rows, shape: tuple[int, ...]
+) -> Float[Array, "block draw"]:
+    """Return the noise of one sensor [K]."""
     noise = noise.scaled(blocks.noise_scale)
     num = blocks.is_observed.shape[0]
-    first, second, third = jax.random.split(key, 3)
+    first, second = jax.random.split(key)
     shocks = jax.random.normal(first, (num + 1, *shape))
     phi, gain, own = _of_blocks(noise, blocks)
 
@@ -268,10 +324,7 @@ def draw(
     between = own - (noise.sd * gain) ** 2 * (1.0 - phi) / (1.0 + phi)
     apart = between + noise.white**2 * (BLOCK_S / blocks.block_s) + blocks.rounding_variance
     rest = jax.random.normal(second, (num, math.prod(shape)))
-    total = share[:, None] * (edges[1:] + edges[:-1]) + jnp.sqrt(apart)[:, None] * rest
-    heat = jax.random.normal(third, (blocks.heat.shape[1], math.prod(shape)))
-    total = total + noise.heat * (blocks.heat @ heat)
-    return jnp.moveaxis(total.reshape(num, *shape), 0, -1)
+    return share[:, None] * (edges[1:] + edges[:-1]) + jnp.sqrt(apart)[:, None] * rest
 
 
 def variance_of_mean(noise: Noise, block_s: float, num: int) -> float:
@@ -288,7 +341,7 @@ def variance_of_mean(noise: Noise, block_s: float, num: int) -> float:
 
 
 def _of_blocks(
-    noise: Noise, blocks: Observation
+    noise: Noise, blocks: _Rows
 ) -> tuple[Float[Array, ""], Float[Array, " block"], Float[Array, " block"]]:
     """Return the decay over a block, the gain of each, and the variance beside that [1, 1, K^2]."""
     decay = blocks.block_s / noise.time

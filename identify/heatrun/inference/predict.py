@@ -144,7 +144,7 @@ def predict(
         seed: Of the noise and of the start.
     """
     if isinstance(source, Posterior):
-        owned = [each.name for each in source.fit.problem.tests if each is test]
+        owned = [each.name for each in source.fit.problem.tests if each.winding is test]
         fitted_as = owned[0] if owned else fitted_as
         source = source.draws
     drawn = of_test(source, test, fitted_as=fitted_as, num_draws=num_draws, seed=seed)

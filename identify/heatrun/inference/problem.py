@@ -22,7 +22,7 @@ from lptn.effects import AbstractEffect
 from ..bench.blocks import Blocks, Observation
 from ..motor import Motor
 from . import noise as noise_module
-from .loggers import Loggers, scale_of
+from .loggers import Loggers, scales_of
 from .model import Model, parameters
 from .noise import Noise
 from .parameters import Form, ParameterSet, Priors
@@ -117,7 +117,7 @@ class Problem:
         return Data(
             priors=self.parameters.priors(),
             tests=tuple(
-                test.observation(of_test, scale_of(self.loggers, test))
+                test.observation(of_test, scales_of(self.loggers, test))
                 for test, of_test in zip(self.tests, heat, strict=True)
             ),
         )

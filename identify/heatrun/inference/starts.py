@@ -18,7 +18,6 @@ from jaxtyping import Array, Float
 
 from ..bench.blocks import Blocks, Observation
 from .model import COLD_START_K, Model
-from .networks.form import STATOR
 from .noise import Noise, whiten
 from .parameters import Parameter
 
@@ -84,8 +83,7 @@ def _prior(
     mean = np.array([known[name].centre for name in free])
     own = np.array([known[name].sd for name in free])
     measured = {model.form.measured_node}
-    if test.stator_start_degC is not None:
-        measured |= {model.form.sensed(STATOR) or model.form.measured_node}
+    measured |= {node for body in test.bodies if (node := model.form.sensed(body.channel))}
     leads = np.array([node_of[name] == model.form.measured_node for name in free])
     is_unmeasured = np.array([node_of[name] not in measured for name in free])
     sink = float(test.inputs.ambient[0])

@@ -32,7 +32,7 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
         UsageError: If a rating is none of these.
     """
     problem = posterior.fit.problem
-    seen = tested(problem.tests)
+    seen = tested([test.winding for test in problem.tests])
     insulation = problem.motor.insulation_class
     limit = None if insulation is None else Limit(insulation, LIMIT_DEGC[insulation])
     is_within = limit is not None and seen.beyond_limit(limit.degC) is None

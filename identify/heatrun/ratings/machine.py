@@ -135,7 +135,15 @@ def fixed_losses(losses: CopperLosses) -> CopperLosses:
 
     The current stays as the bench reads it, with its error.
     """
-    return replace(losses, kind="map", power_gain=0.0, torque_offset=0.0, ambient_offset=0.0)
+    return replace(
+        losses,
+        kind="map",
+        power_gain=0.0,
+        torque_offset=0.0,
+        ambient_offset=0.0,
+        shaft_power_gain=0.0,
+        shaft_power_offset=0.0,
+    )
 
 
 def other_losses(

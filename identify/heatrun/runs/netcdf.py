@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ..inference.model import body_name
+from ..inference.networks.form import WINDING
 from ..inference.noise import NOISE
 from ..inference.parameters import Parameter, ParameterSet
 from ..inference.plausible_effects import PlausibleEffect, PlausibleEffects
@@ -49,7 +51,13 @@ def groups(posterior: Posterior, *, with_densities: bool = True) -> Any:
     ]
     columns = [*posterior.values().values(), *noise]
     variables, dims, coords = _variables(posterior, columns, names)
-    observed = {f"winding_{index}": test.measured for index, test in enumerate(tests)}
+    observed = {
+        f"{body_name(channel)}_{index}": rows
+        for index, test in enumerate(tests)
+        for channel, rows in zip(
+            (WINDING, *test.fitted), test.by_sensor(test.measured), strict=True
+        )
+    }
     dims |= {name: [f"{name}_block"] for name in observed}
     content = {
         "posterior": variables,

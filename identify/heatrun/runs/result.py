@@ -132,7 +132,7 @@ def _loggers(fit: Fit) -> tuple[LoggerNoise, ...] | UnsetType:
         LoggerNoise(
             **logger._asdict(),
             scale=scale,
-            tests=tuple(test.name for test in fit.problem.tests if test.logger == logger),
+            tests=tuple(test.name for test in fit.problem.tests if logger in test.loggers),
         )
         for logger, scale in fit.problem.loggers.items()
     )

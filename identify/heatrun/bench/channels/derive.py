@@ -55,6 +55,18 @@ def shaft_power(channels: Channels) -> np.ndarray:
     return channels["torque_Nm"] * channels["speed_rpm"] * RAD_PER_S_PER_RPM
 
 
+def recorded_shaft_power(channels: Mapping[str, np.ndarray]) -> np.ndarray | None:
+    """Return the mechanical power [W], shape (time,), None where no channel tells it.
+
+    Args:
+        channels: Of a record; NaN marks a sample that it does not have.
+    """
+    power = channels.get("mechanical_power_W")
+    if power is None and all(name in channels for name in SHAFT):
+        power = shaft_power(channels)
+    return power if power is not None and np.any(np.isfinite(power)) else None
+
+
 def _rms_current(channels: Channels, phases: int) -> np.ndarray:
     return np.hypot(channels["i_d_A"], channels["i_q_A"]) / math.sqrt(2.0)
 

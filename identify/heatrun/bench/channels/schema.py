@@ -60,6 +60,19 @@ CHANNELS: tuple[Channel, ...] = (
 )
 """Every channel that heatrun knows, those that a fit needs first."""
 
+BODIES: tuple[str, ...] = (
+    "stator_degC",
+    "tooth_degC",
+    "yoke_degC",
+    "end_winding_degC",
+    "housing_degC",
+    "rotor_degC",
+    "magnet_degC",
+    "bearing_degC",
+    "coolant_out_degC",
+)
+"""Temperatures of bodies beside the winding."""
+
 CHANNEL: dict[str, Channel] = {channel.name: channel for channel in CHANNELS}
 """The same by name."""
 

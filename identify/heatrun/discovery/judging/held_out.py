@@ -91,7 +91,7 @@ class HeldOut:
         values, _ = trial.values(z, index)
         names = {name for _, name in trial.problem.model.form.starts}
         others = {n: np.full(1, value) for n, value in values.items() if n not in names}
-        scale = scale_of(self._fitted.problem.loggers, test)
+        scale = scale_of(self._fitted.problem.loggers, test.loggers[0])
         noise = jax.tree.map(lambda value: jnp.reshape(value, (1,)), fit.noise.scaled(scale))
         starts = start_draws(trial.problem.model, test, known, others, noise, None)
         started = z.copy()

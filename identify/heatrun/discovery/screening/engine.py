@@ -125,8 +125,8 @@ class Engine:
         rows, slopes = [], []
         for index, padded in enumerate(self._padded):
             values, gains = self.values(z, index)
-            blocks = self.tests[index].measured.size
-            jacobian = np.zeros((blocks, len(columns)))
+            test = self.tests[index]
+            jacobian = np.zeros((test.measured.size, len(columns)))
             means = None
             own = [c for c in range(len(columns)) if self.slots[columns[c]].test in (None, index)]
             for first in range(0, max(len(own), 1), LANES):
@@ -136,9 +136,9 @@ class Engine:
                     slot = self.slots[columns[column]]
                     directions[slot.parameter.name][lane] = gains[columns[column]]
                 means, slope = _course(self.problem.model, values, directions, padded)
-                jacobian[:, chunk] = -np.asarray(slope)[: len(chunk), :blocks].T
-            residual = self.tests[index].measured - np.asarray(means)[:blocks]
-            seen = self.tests[index].is_observed
+                jacobian[:, chunk] = -_unpadded(np.asarray(slope)[: len(chunk)].T, test)
+            residual = test.measured - _unpadded(np.asarray(means), test)
+            seen = test.is_observed
             is_sound = seen & (np.abs(residual) < WORST_RESIDUAL)
             residual = np.where(is_sound, residual, np.where(seen, WORST_RESIDUAL, 0.0))
             rows.append(residual)
@@ -278,8 +278,8 @@ def _padded(tests: Sequence[Blocks]) -> list[Observation]:
     result = []
     for test in tests:
         per_block = test.weight.shape[1]
-        longest = max(t.weight.shape[0] for t in tests if t.weight.shape[1] == per_block)
-        more = longest - test.weight.shape[0]
+        longest = max(t.num_blocks for t in tests if t.weight.shape[1] == per_block)
+        more = longest - test.num_blocks
         observation = test.observation()
         if more:
             observation = _extended(observation, more, per_block)
@@ -292,17 +292,31 @@ def _extended(test: Observation, more: int, per_block: int) -> Observation:
         return jnp.concatenate([values, jnp.full(more * per_block, values[-1])])
 
     inputs = test.inputs
-    for name in ("current_squared", "losses", "ambient", "speed", "coolant", "fan"):
+    for name in ("current_squared", "losses", "ambient", "speed", "coolant", "fan", "shaft_power"):
         if getattr(inputs, name) is not None:
             inputs = eqx.tree_at(lambda i, n=name: getattr(i, n), inputs,
                                  hold(getattr(inputs, name)))  # fmt: skip
-    nothing = jnp.zeros(more)
+
+    def pad(rows: Array, value: float | bool) -> Array:
+        by_sensor = rows.reshape(test.num_sensors, -1, *rows.shape[1:])
+        width = [(0, 0)] * by_sensor.ndim
+        width[1] = (0, more)
+        padded = jnp.pad(by_sensor, width, constant_values=value)
+        return padded.reshape(-1, *rows.shape[1:])
+
     return replace(
         test,
         inputs=inputs,
-        measured=jnp.concatenate([test.measured, nothing]),
-        is_observed=jnp.concatenate([test.is_observed, nothing > 0]),
-        weight=jnp.concatenate([test.weight, jnp.zeros((more, per_block))]),
-        position=jnp.concatenate([test.position, jnp.full((more, per_block), 0.5)]),
-        rounding_variance=jnp.concatenate([test.rounding_variance, nothing]),
+        measured=pad(test.measured, 0.0),
+        is_observed=pad(test.is_observed, False),
+        weight=pad(test.weight, 0.0),
+        position=pad(test.position, 0.5),
+        rounding_variance=pad(test.rounding_variance, 0.0),
     )
+
+
+def _unpadded(rows: np.ndarray, test: Blocks) -> np.ndarray:
+    """Return the rows of a padded test without those that were added."""
+    num = 1 + len(test.fitted)
+    by_sensor = rows.reshape(num, rows.shape[0] // num, *rows.shape[1:])
+    return by_sensor[:, : test.num_blocks].reshape(test.measured.size, *rows.shape[1:])

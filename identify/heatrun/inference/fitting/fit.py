@@ -157,11 +157,16 @@ def _implied_level(problem: Problem, z: np.ndarray) -> float:
     residual = _linearise(problem, z)[0]
     rmse = _rmse(problem, residual)
     parts = [
-        part[t.is_observed] / rmse
-        for part, t in zip(problem.split(residual), problem.tests, strict=True)
+        part[seen] / rmse
+        for rows, test in zip(problem.split(residual), problem.tests, strict=True)
+        for part, seen in zip(test.by_sensor(rows), test.by_sensor(test.is_observed), strict=True)
     ]
-    lengths = [test.block_s for test in problem.tests]
-    return rmse * float(np.sqrt(max(low_frequency_excess(parts, lengths)[0], 1.0)))
+    return rmse * float(np.sqrt(max(low_frequency_excess(parts, _lengths(problem))[0], 1.0)))
+
+
+def _lengths(problem: Problem) -> list[float]:
+    """Return the length of a block of each sensor of each test [s]."""
+    return [test.block_s for test in problem.tests for _ in test.loggers]
 
 
 def _starts(problem: Problem, num_starts: int, seed: int) -> np.ndarray:
@@ -276,9 +281,7 @@ def _rmse(problem: Problem, stacked: np.ndarray) -> float:
 
 def _excess(problem: Problem, state: _State) -> tuple[float, bool]:
     """Return the low-frequency excess of the innovations, and whether it is flagged."""
-    return low_frequency_excess(
-        _innovations(problem, state), [test.block_s for test in problem.tests]
-    )
+    return low_frequency_excess(_innovations(problem, state), _lengths(problem))
 
 
 def _misfit(problem: Problem, state: _State) -> list[Finding]:

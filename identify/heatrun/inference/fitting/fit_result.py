@@ -79,8 +79,11 @@ class Fit:
         return self.problem.parameters.slots
 
     def rmse_K(self) -> float:
-        """Root of the mean squared residual of the block means over all tests [K]."""
-        read = [r[t.is_observed] for r, t in zip(self.residual, self.problem.tests, strict=True)]
+        """Root of the mean squared residual of the winding's block means over all tests [K]."""
+        read = [
+            test.by_sensor(rows)[0][test.winding.is_observed]
+            for rows, test in zip(self.residual, self.problem.tests, strict=True)
+        ]
         return float(np.sqrt(np.mean(np.concatenate(read) ** 2)))
 
     def values(self) -> dict[str, float]:

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...bench.blocks import Blocks
+from ...bench.blocks import Blocks, Body
 from ..discrepancy import with_heat
 from ..parameters import Parameter
 from ..posterior import Posterior
@@ -93,7 +93,8 @@ def forecast(fit: Fit) -> dict[str, float]:
     if test.duration_s >= LONGER_S or fit.result.name == "no_start":
         return {}
     tests = list(problem.tests)
-    tests[longest] = _extended(test, LONGER_S)
+    longer = _extended(test.winding, LONGER_S)
+    tests[longest] = longer.with_bodies(test.fitted)
     imagined = with_heat(replace(problem, tests=tuple(tests)), fit.z)
     precision = information(imagined.structure, imagined.data, jnp.asarray(fit.z), fit.noise)
     sd = np.sqrt(np.diag(np.linalg.inv(np.asarray(precision))))
@@ -117,16 +118,22 @@ def _extended(test: Blocks, duration_s: float) -> Blocks:
         return jnp.asarray(np.concatenate([values, more]))
 
     inputs = jax.tree.map(extend, test.inputs)
-    full = np.nanmax(test.count)
-    return replace(
-        test,
-        inputs=inputs,
-        measured=np.concatenate([test.measured, np.zeros(num_more)]),
-        weight=np.concatenate([test.weight, np.full((num_more, per_block), 1.0 / per_block)]),
-        position=np.concatenate([test.position, np.full((num_more, per_block), 0.5)]),
-        count=np.concatenate([test.count, np.full(num_more, full)]),
-        time=np.concatenate([test.time, test.time[-1] + test.block_s * np.arange(1, num_more + 1)]),
-    )
+    later = test.time[-1] + test.block_s * np.arange(1, num_more + 1)
+
+    def readings(part: Blocks | Body) -> dict[str, np.ndarray]:
+        full = np.nanmax(part.count)
+        return {
+            "measured": np.concatenate([part.measured, np.zeros(num_more)]),
+            "weight": np.concatenate(
+                [part.weight, np.full((num_more, per_block), 1.0 / per_block)]
+            ),
+            "position": np.concatenate([part.position, np.full((num_more, per_block), 0.5)]),
+            "count": np.concatenate([part.count, np.full(num_more, full)]),
+            "time": np.concatenate([part.time, later]),
+        }
+
+    bodies = tuple(replace(body, **readings(body)) for body in test.bodies)
+    return replace(test, inputs=inputs, **readings(test), bodies=bodies)
 
 
 def slow_time_constant(posterior: Posterior) -> float:

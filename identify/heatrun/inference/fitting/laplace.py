@@ -74,7 +74,7 @@ class Whitened(NamedTuple):
     """Residuals and their derivative, freed of the noise's correlation.
 
     Attributes:
-        residuals: Of the observed blocks of each test [1].
+        residuals: Of the observed blocks of each sensor of each test [1].
         jacobian: Of the blocks of all tests in a row [1 per score].
         half_log_det: Half the log determinant of the noise's covariance.
     """
@@ -96,8 +96,13 @@ def whiten_fit(
         white, half = noise_module.whiten(jnp.asarray(part), noise, test)
         rows.append(np.asarray(white))
         half_log_det += float(half)
-    seen = [test.is_observed for test in problem.tests]
-    residuals = [white[observed, 0] for white, observed in zip(rows, seen, strict=True)]
+    residuals = [
+        white[seen]
+        for part, test in zip(rows, problem.tests, strict=True)
+        for white, seen in zip(
+            test.by_sensor(part[:, 0]), test.by_sensor(test.is_observed), strict=True
+        )
+    ]
     return Whitened(residuals, np.concatenate(rows)[:, 1:], half_log_det)
 
 

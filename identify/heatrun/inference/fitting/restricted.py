@@ -117,7 +117,7 @@ def estimate_noise(
         start: Scores to search from; several by default, for the likelihood may have two maxima.
     """
     starts = _starts(residual) if start is None else [start]
-    nothing = np.zeros((len(problem.tests), 0))
+    nothing = np.zeros((_num_sensors(problem), 0))
     return _search(problem, (z, residual, jacobian), starts, longest_s, nothing)[:NUM_NOISE]
 
 
@@ -130,17 +130,24 @@ def estimate_loggers(
     were recorded alike. Arguments as `restricted_log_likelihood`.
     """
     counts: dict[Logger, int] = {}
-    for test in problem.tests:
-        counts[test.logger] = counts.get(test.logger, 0) + int(np.sum(test.is_observed))
+    sensors = [logger for test in problem.tests for logger in test.loggers]
+    read = [int(np.sum(x)) for test in problem.tests for x in test.by_sensor(test.is_observed)]
+    for logger, num in zip(sensors, read, strict=True):
+        counts[logger] = counts.get(logger, 0) + num
     first, *others = sorted(counts, key=lambda logger: -counts[logger])
     if not others:
         return {}
-    owns = np.array([[test.logger == logger for logger in others] for test in problem.tests])
+    owns = np.array([[sensor == logger for logger in others] for sensor in sensors])
     bare = replace(problem, loggers={})
     starts = [[*noise_z, *np.zeros(len(others))] for noise_z in _starts(residual)]
     found = _search(bare, (z, residual, jacobian), starts, LARGEST[1], owns.astype(float))
     scales = np.exp(LOGGER_SD * found[NUM_NOISE:])
     return {first: 1.0, **dict(zip(others, map(float, scales), strict=True))}
+
+
+def _num_sensors(problem: Problem) -> int:
+    """Return the number of sensors of all tests."""
+    return sum(len(test.loggers) for test in problem.tests)
 
 
 def _starts(residual: np.ndarray) -> list[list[float]]:
@@ -155,7 +162,7 @@ def _search(
     linear: tuple[np.ndarray, ...],
     starts: Sequence[Sequence[float] | np.ndarray],
     longest_s: float,
-    owns: Float[np.ndarray, "test logger"],
+    owns: Float[np.ndarray, "sensor logger"],
 ) -> np.ndarray:
     """Return the scores of the noise and of the loggers at the best maximum.
 
@@ -164,7 +171,8 @@ def _search(
         linear: Scores, residuals and Jacobian, as `restricted_log_likelihood`.
         starts: Scores to search from.
         longest_s: Longest correlation time that counts as noise [s].
-        owns: Which test was recorded with which of the loggers whose noise is sought [1].
+        owns: Which sensor of all tests was recorded with which of the loggers whose noise is
+            sought [1].
     """
     fixed = problem.data, *map(jnp.asarray, linear)
     limits = [(-SCORE_LIMIT, high) for high in LARGEST_SCORES]
@@ -204,17 +212,18 @@ def log_evidence(
     Arguments as `restricted_log_likelihood`.
     """
     rest = map(jnp.asarray, (z, residual, jacobian))
-    as_is = jnp.zeros(len(problem.tests))
+    as_is = jnp.zeros(_num_sensors(problem))
     return -float(_objective(jnp.asarray(noise_z), as_is, problem.data, *rest)[0])
 
 
 @jax.jit
 @partial(jax.value_and_grad, argnums=(0, 1))
 def _objective(noise_z, log_scales, data, z, residual, jacobian):
-    """Return minus the restricted likelihood with the noise of each test scaled anew."""
+    """Return minus the restricted likelihood with the noise of each sensor scaled anew."""
+    ends = np.cumsum([test.num_sensors for test in data.tests])[:-1]
     tests = tuple(
-        eqx.tree_at(lambda t: t.noise_scale, test, test.noise_scale * jnp.exp(log_scale))
-        for test, log_scale in zip(data.tests, log_scales, strict=True)
+        eqx.tree_at(lambda t: t.noise_scale, test, test.noise_scale * jnp.exp(of_test))
+        for test, of_test in zip(data.tests, jnp.split(log_scales, ends), strict=True)
     )
     return -restricted_log_likelihood(replace(data, tests=tests), noise_z, z, residual, jacobian)
 
@@ -232,7 +241,7 @@ def noise_precision(
     """
     fixed = problem.data, jnp.asarray(z), jnp.asarray(residual), jnp.asarray(jacobian)
     width = 1e-4  # error ~ width^2 times the third derivative, both of order one
-    as_is = jnp.zeros(len(problem.tests))
+    as_is = jnp.zeros(_num_sensors(problem))
     rows = []
     for direction in width * np.eye(NUM_NOISE):
         ahead = _objective(jnp.asarray(noise_z + direction), as_is, *fixed)[1][0]

@@ -14,8 +14,8 @@ from ..parameters import Parameter
 
 Link = tuple[str, str]
 
-WINDING, STATOR = "winding_degC", "stator_degC"
-"""Channels that a node may be measured by."""
+WINDING = "winding_degC"
+"""Channel of the winding's sensor, which every network has."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class NetworkForm:
             for the one node that takes the rest.
         copper: Node that the copper loss heats.
         sink: Name of the boundary.
-        sensors: Node that each measured temperature belongs to, by channel.
+        sensors: Node that each measured temperature belongs to, by channel: the winding's and
+            those of bodies.
         starts: Name of the start temperature of each node.
         effects: Ids of the effects that belong to it.
     """

@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from ...bench.channels.schema import BODIES
 from ...errors import InputError, did_you_mean
 from ...io.toml_text import check_keys, parse_toml
 from ..parameters import Parameter
-from .form import STATOR, WINDING, Link, NetworkForm
+from .form import WINDING, Link, NetworkForm
 from .losses import losses_of
 from .priors import capacitance, prior_text, resistance, said_of
 
@@ -139,11 +140,12 @@ def _sensors(
         raise InputError(f"expected sensors with {WINDING}.", where=at,
                          remedy=f'Write sensors = {{ {WINDING} = "winding" }}.')  # fmt: skip
     for channel, node in sensors.items():
-        if channel not in (WINDING, STATOR) or node not in nodes:
+        if channel not in (WINDING, *BODIES) or node not in nodes:
             raise InputError(
-                f"sensors: {channel} = {node!r:.40}; expected {WINDING} or {STATOR}, and a node "
-                f"of {list(nodes)}.",
+                f"sensors: {channel} = {node!r:.40}; expected a node of {list(nodes)}, by one of "
+                f"{', '.join((WINDING, *BODIES))}.",
                 where=at,
+                remedy=did_you_mean(str(channel), (WINDING, *BODIES)),
             )
     return tuple(sensors.items())
 

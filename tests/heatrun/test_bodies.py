@@ -1,0 +1,107 @@
+"""A measured body that is a node of the network is fitted beside the winding."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from measured_machine import measured_record
+from test_noise import NOISE, covariance, log_normal
+
+import heatrun
+from heatrun.bench.reduction import reduce
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.model import Model
+from heatrun.inference.noise import log_density, whiten
+from heatrun.inference.problem import Problem
+
+NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
+
+
+@pytest.fixture(scope="module")
+def record(generator):
+    return measured_record(generator, generator.duty(3600.0), 71)
+
+
+@pytest.fixture(scope="module")
+def test(record, motor):
+    return reduce(record, motor)
+
+
+@pytest.fixture(scope="module")
+def found(test, motor):
+    model = Model.of("second", motor)
+    return fit(Problem.of(model, motor, [model.with_bodies(test)]))
+
+
+def in_sds(found, name, true):
+    slot = found.problem.parameters.index(name)
+    score = found.slots[slot].parameter.score(true)
+    return float((found.z[slot] - score) / np.sqrt(found.covariance[slot, slot]))
+
+
+def sd(found, name):
+    slot = found.problem.parameters.index(name)
+    return float(np.sqrt(found.covariance[slot, slot]))
+
+
+def test_parameters_and_the_sensor_are_found(found, truth):
+    for name in NETWORK:
+        assert abs(in_sds(found, name, truth[name])) < 3.0, name
+    assert abs(in_sds(found, "stator_lag", 15.0)) < 3.0
+    assert sd(found, "stator_lag") < 0.3  # of the logarithm, prior 1
+
+
+def test_in_a_short_test_the_body_tells_what_the_winding_does_not(generator, motor):
+    short = reduce(measured_record(generator, generator.constant_load(900.0), 72), motor)
+    model = Model.of("second", motor)
+    found = [fit(Problem.of(model, motor, [test])) for test in (short, model.with_bodies(short))]
+    alone, with_body = (sd(each, "Ceq_sr") for each in found)
+    assert with_body < 0.5 * alone
+
+
+def test_density_of_two_sensors_with_one_heat_is_that_of_the_dense_covariance(test, motor):
+    model = Model.of("second", motor)
+    both = model.with_bodies(test)
+    rng = np.random.default_rng(3)
+    heat = 100.0 * rng.standard_normal((both.measured.size, 5))
+    observation = both.observation(heat, [1.0, 2.5])
+    residual = rng.standard_normal(both.measured.size)
+    alone = [
+        test.observation(np.zeros((test.measured.size, 0))),
+        test.observation(np.zeros((test.measured.size, 0))),
+    ]
+    size = test.measured.size
+    dense = np.zeros((2 * size, 2 * size))
+    dense[:size, :size] = covariance(alone[0], NOISE)
+    body = test.body("stator_degC")
+    of_body = type(alone[1])(**{
+        **vars(alone[1]),
+        "count": np.asarray(body.count),
+        "rounding_variance": body.rounding_K**2 / 12.0 / body.count,
+    })  # fmt: skip
+    dense[size:, size:] = covariance(of_body, NOISE.scaled(2.5))
+    dense += (float(NOISE.heat) * heat) @ (float(NOISE.heat) * heat).T
+    found = float(log_density(residual, NOISE, observation))
+    assert found == pytest.approx(log_normal(residual, dense), rel=1e-9)
+    rows, half_log_det = whiten(residual, NOISE, observation)
+    squares = residual @ np.linalg.solve(dense, residual)
+    assert float(np.sum(np.square(rows))) == pytest.approx(squares, rel=1e-9)
+    assert float(half_log_det) == pytest.approx(0.5 * np.linalg.slogdet(dense)[1], rel=1e-9)
+
+
+def test_a_run_with_a_body_reads_back_and_predicts(record, tmp_path):
+    file, motor = tmp_path / "duty.csv", tmp_path / "motor.toml"
+    pd.DataFrame(record.channels).to_csv(file, index=False)
+    motor.write_text(
+        '[motor]\nname = "reference"\nlosses = "balance"\n'
+        "[winding]\nphase_resistance_ohm = 0.0062\n"
+    )
+    done = heatrun.calibrate(motor, file, model="second", method="quick", out=tmp_path / "run")
+    read = heatrun.open_run(done.path)
+    entry = read.result.models["second"].nuisances["stator_lag"]
+    assert entry.unit == "s"
+    assert 8.0 < entry.value < 25.0
+    again = read.predict(file)
+    assert again.rmse_K < 0.3
+    assert read.idata.observed_data["stator_0"].size == read.idata.observed_data["winding_0"].size

@@ -1,0 +1,55 @@
+"""The error of the mechanical power is no share of the losses: it changes sign with the load."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from measured_machine import measured_record
+
+from heatrun.bench.reduction import reduce
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.model import Model
+from heatrun.inference.problem import Problem
+
+GAIN = 0.015
+NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
+
+
+@pytest.fixture(scope="module")
+def record(generator):
+    """A staircase as a motor, and after it as a generator."""
+    up = generator.staircase(3600.0)
+    down = [replace(segment, torque=-segment.torque) for segment in up.segments]
+    profile = generator.Profile((*up.segments, *down))
+    return measured_record(generator, profile, 81, stator=False, shaft_gain=GAIN)
+
+
+def fitted(record, motor):
+    return fit(Problem.of(Model.of("second", motor), motor, [reduce(record, motor)]))
+
+
+def test_the_gain_is_found_and_the_parameters_are_right(record, motor, truth):
+    found = fitted(record, motor)
+    values, sd = found.values(), np.sqrt(np.diag(found.covariance))
+    place = found.problem.parameters.index("shaft_power_gain")
+    assert abs(values["shaft_power_gain"] - GAIN) < 3.0 * 0.01 * sd[place]
+    assert sd[place] < 0.3  # of the prior
+    for name in NETWORK:
+        place = found.problem.parameters.index(name)
+        off = found.z[place] - found.slots[place].parameter.score(truth[name])
+        assert abs(off) < 3.0 * sd[place], name
+
+
+def test_without_the_torque_the_same_error_is_not_explained(record, motor, truth):
+    channels = {name: v for name, v in record.channels.items() if name != "torque_Nm"}
+    blind, seeing = fitted(replace(record, channels=channels), motor), fitted(record, motor)
+    assert "shaft_power_gain" not in blind.problem.parameters.names
+    assert float(blind.noise.heat) > 3.0 * float(seeing.noise.heat)
+
+
+def test_a_map_of_losses_knows_no_mechanical_power(record, motor):
+    model = Model.of("second", replace(motor, losses="map"))
+    names = Problem.of(model, replace(motor, losses="map"), [reduce(record, motor)]).parameters
+    assert "shaft_power_gain" not in names.names
