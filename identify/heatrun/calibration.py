@@ -17,7 +17,7 @@ from .bench.joined import read_test
 from .bench.reduction import reduce
 from .discovery.averaging import averaged
 from .discovery.missing import Missing, missing, missing_finding
-from .errors import InputError
+from .errors import InputError, did_you_mean
 from .inference.batches import at_once
 from .inference.fitting.fit import fit
 from .inference.fitting.fit_checks import fit_findings
@@ -148,6 +148,7 @@ def calibrate(
         raise InputError(
             f"two networks have one name: {', '.join(names)}.", remedy="Rename one in its file."
         )
+    _refuse_unplaced_bodies(motor, models)
     for model in models:
         model.refuse_unusable([test.blocks for test in tests])
     shares = dict.fromkeys(names, 0.0)
@@ -252,6 +253,24 @@ def manifest(calibration: Calibration, command: str, seed: int) -> dict[str, Any
         ],
         **environment(),
     }
+
+
+def _refuse_unplaced_bodies(motor: Motor, models: Sequence[Model]) -> None:
+    """Refuse a motor file that fits a body as a node that no network has.
+
+    Raises:
+        InputError: With the nodes that there are.
+    """
+    nodes = list(dict.fromkeys(node for model in models for node in model.form.nodes))
+    for channel, node in motor.sensors.items():
+        if node not in (*nodes, "none"):
+            raise InputError(
+                f'{channel} = "{node}" names no node of the networks; there are '
+                f"{', '.join(nodes)}.",
+                where=f"{motor.path or motor.name}, [sensors]",
+                remedy=did_you_mean(node, nodes)
+                or 'Write "none" to hold the body against the model without fitting it.',
+            )
 
 
 def _with_distinct_names(records: list[tuple[Record, str]]) -> list[tuple[Record, Any]]:

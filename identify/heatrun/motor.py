@@ -45,6 +45,8 @@ class Motor:
         wheel_radius_m: Rolling radius [m], or None.
         columns: Canonical channel to `"column in the file [unit]"`.
         parameters: Overrides of prior or value by parameter name.
+        sensors: Node that a measured body is fitted as, by its channel; `"none"`: it is held
+            against the model and not fitted. Where nothing is said, the network decides.
         effects: Ids of known effects that every model of this machine has.
         raster_s: Step that MDF and TDMS channels are averaged to [s], or None for the samples of
             the winding.
@@ -67,6 +69,7 @@ class Motor:
     wheel_radius_m: float | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
     parameters: Mapping[str, ParameterOverride] = field(default_factory=dict)
+    sensors: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
     raster_s: float | None = None
     decimal: Literal[".", ","] | None = None

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from .bench.channels.claims import parse_claims
+from .bench.channels.schema import BODIES
 from .bench.readers.open_file import read_start
 from .errors import InputError, did_you_mean
 from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
@@ -63,8 +64,8 @@ def load_motor(path: str | Path) -> Motor:
     """Read a motor file.
 
     Args:
-        path: A TOML file with `[motor]` and optionally `[winding]`, `[vehicle]`, `[columns]` and
-            `[parameters.NAME]`.
+        path: A TOML file with `[motor]` and optionally `[winding]`, `[vehicle]`, `[columns]`,
+            `[sensors]`, `[model]` and `[parameters.NAME]`.
 
     Raises:
         InputError: If the file cannot be read, has a section or key that is not known (with the
@@ -81,7 +82,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
         where: The file, for messages.
     """
     content = parse_toml(data, where)
-    check_keys(content, (*KEYS, "model", "columns", "parameters"), where, "section")
+    check_keys(content, (*KEYS, "model", "columns", "sensors", "parameters"), where, "section")
     sections = {name: _section(content, name, where) for name in KEYS}
     for name, keys in KEYS.items():
         check_keys(sections[name], keys, f"{where}, [{name}]", "key")
@@ -115,6 +116,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
         wheel_radius_m=_number(vehicle, "wheel_radius_m", POSITIVE, at_vehicle),
         columns=_columns(_section(content, "columns", where), where),
         parameters=_parameters(_section(content, "parameters", where), where),
+        sensors=_sensors(_section(content, "sensors", where), where),
         effects=_effects(_section(content, "model", where), where),
         raster_s=_number(motor, "raster_s", POSITIVE, at),
         decimal=cast(Literal[".", ","] | None, _choice(motor, "decimal", (".", ","), at)),
@@ -234,6 +236,13 @@ def _effects(section: Mapping[str, Any], where: str) -> tuple[str, ...]:
             remedy='Write effects = ["speed_cooling"]; the ids stand in the README.',
         )
     return tuple(effects)
+
+
+def _sensors(section: Mapping[str, Any], where: str) -> dict[str, str]:
+    """Return the node of each measured body by its channel."""
+    at = f"{where}, [sensors]"
+    check_keys(section, BODIES, at, "channel")
+    return {channel: _text(section, channel, at) for channel in section}
 
 
 def _columns(section: Mapping[str, Any], where: str) -> dict[str, str]:

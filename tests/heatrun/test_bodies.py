@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from measured_machine import measured_record
+from msgspec import UNSET
 from test_noise import NOISE, covariance, log_normal
 
 import heatrun
 from heatrun.bench.reduction import reduce
+from heatrun.errors import InputError
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
 from heatrun.inference.noise import log_density, whiten
 from heatrun.inference.problem import Problem
+from heatrun.motorfile import load_motor
 
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 
@@ -90,18 +95,77 @@ def test_density_of_two_sensors_with_one_heat_is_that_of_the_dense_covariance(te
     assert float(half_log_det) == pytest.approx(0.5 * np.linalg.slogdet(dense)[1], rel=1e-9)
 
 
-def test_a_run_with_a_body_reads_back_and_predicts(record, tmp_path):
-    file, motor = tmp_path / "duty.csv", tmp_path / "motor.toml"
-    pd.DataFrame(record.channels).to_csv(file, index=False)
-    motor.write_text(
+@pytest.fixture(scope="module")
+def bench_files(record, tmp_path_factory):
+    """A motor file, and the test with a yoke too that runs 4 K below the stator."""
+    folder = tmp_path_factory.mktemp("bench")
+    channels = pd.DataFrame(record.channels)
+    warm = channels.stator_degC - channels.ambient_degC
+    channels["yoke_degC"] = channels.ambient_degC + 0.6 * warm
+    channels.to_csv(folder / "duty.csv", index=False)
+    (folder / "motor.toml").write_text(
         '[motor]\nname = "reference"\nlosses = "balance"\n'
         "[winding]\nphase_resistance_ohm = 0.0062\n"
     )
-    done = heatrun.calibrate(motor, file, model="second", method="quick", out=tmp_path / "run")
-    read = heatrun.open_run(done.path)
-    entry = read.result.models["second"].nuisances["stator_lag"]
+    return folder
+
+
+@pytest.fixture(scope="module")
+def run(bench_files):
+    motor, test = bench_files / "motor.toml", bench_files / "duty.csv"
+    done = heatrun.calibrate(motor, test, method="quick", out=bench_files / "run")
+    return heatrun.open_run(done.path)
+
+
+def test_a_run_with_a_body_reads_back_and_predicts(run, bench_files):
+    entry = run.result.models["second"].nuisances["stator_lag"]
     assert entry.unit == "s"
     assert 8.0 < entry.value < 25.0
-    again = read.predict(file)
+    again = run.predict(bench_files / "duty.csv")
     assert again.rmse_K < 0.3
-    assert read.idata.observed_data["stator_0"].size == read.idata.observed_data["winding_0"].size
+    stator, yoke = again.bodies
+    assert stator.is_fitted
+    assert float(np.sqrt(np.mean(stator.error**2))) < 0.3
+    assert stator.coverage_95() > 0.9
+    assert not yoke.is_fitted
+    assert run.idata.observed_data["stator_0"].size == run.idata.observed_data["winding_0"].size
+
+
+def test_a_body_that_is_no_node_is_held_against_the_model(run):
+    rows = {row.body: row for row in run.result.models["second"].bodies}
+    assert (rows["stator_degC"].node, rows["stator_degC"].fitted) == ("stator", True)
+    assert (rows["yoke_degC"].node, rows["yoke_degC"].fitted) == ("stator", False)
+    assert rows["yoke_degC"].mean_K < -2.0
+    (found,) = [f for f in run.findings if f.id == "body_disagrees"]
+    assert "yoke_degC" in found.message
+    assert "measured_yoke_degC" in run.courses()[0]
+
+
+def test_networks_of_other_readings_are_not_compared_by_evidence(run):
+    assert run.result.models["first"].bodies is UNSET
+    assert run.result.verdict.log_bayes_factor is None
+    assert "stator_degC" in run.result.verdict.sentence
+
+
+def test_the_motor_file_says_which_node_a_body_is(test, motor):
+    held = Model.of("second", replace(motor, sensors={"stator_degC": "none"}))
+    assert held.with_bodies(test) is test
+    wrong = Model.of("second", replace(motor, sensors={"stator_degC": "winding"}))
+    assert wrong.body_sensors(
+        {"stator_gain": 0.0, "stator_offset": 0.0, "stator_lag": 1.0}, ["stator_degC"]
+    )[0].node == "winding"  # fmt: skip
+
+
+def test_a_node_that_no_network_has_is_refused(bench_files, tmp_path):
+    text = (bench_files / "motor.toml").read_text() + '[sensors]\nstator_degC = "statr"\n'
+    (tmp_path / "motor.toml").write_text(text)
+    with pytest.raises(InputError, match=r"names no node.*stator"):
+        heatrun.calibrate(tmp_path / "motor.toml", bench_files / "duty.csv", out=tmp_path / "run")
+
+
+def test_a_channel_that_is_no_body_is_refused(tmp_path):
+    (tmp_path / "motor.toml").write_text(
+        '[motor]\nname = "x"\n[sensors]\nwinding_degC = "stator"\n'
+    )
+    with pytest.raises(InputError, match="winding_degC"):
+        load_motor(tmp_path / "motor.toml")

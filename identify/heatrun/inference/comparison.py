@@ -9,8 +9,8 @@ from msgspec import UNSET
 
 from ..results.comparison import Comparison, NetworkVerdict, Peak, Threshold
 from ..results.model import FittedModel
-from ..results.residuals import ResidualRow
-from ..results.values import Role, number
+from ..results.residuals import BodyRow, ResidualRow
+from ..results.values import Role, known, number
 from .fitting.adequacy import ljung_box
 from .predict import Prediction
 from .score_error import ScoreDifference, block_scores, standard_error
@@ -37,6 +37,24 @@ def residual_row(prediction: Prediction, role: Role) -> ResidualRow:
         log_score=prediction.log_score(),
         log_score_se=standard_error(block_scores(prediction)),
     )
+
+
+def body_rows(prediction: Prediction, role: Role) -> list[BodyRow]:
+    """Return the error figures of the measured bodies of one prediction."""
+    return [
+        BodyRow(
+            test=prediction.test.name,
+            role=role,
+            body=body.channel,
+            node=body.node,
+            fitted=body.is_fitted,
+            rmse_K=float(np.sqrt(np.mean(body.error**2))),
+            mean_K=float(np.mean(body.error)),
+            max_K=float(np.max(np.abs(body.error))),
+            coverage_95=body.coverage_95(),
+        )
+        for body in prediction.bodies
+    ]
 
 
 def good_until(prediction: Prediction, limit_K: float) -> float | None:
@@ -119,6 +137,9 @@ def verdict(
         models[small].evidence.log_evidence
     )
     held = _held_out(models[small], models[large], scores)
+    fitted = [_fitted_bodies(models[name]) for name in names]
+    if fitted[0] != fitted[1]:
+        return _by_held_out(models, fitted, scores, held)
     if factor > DECISIVE:
         name, text = large, f"The data favour the {titles[large]}"
     elif factor < -DECISIVE:
@@ -129,6 +150,36 @@ def verdict(
         order=name,
         sentence=f"{text} (log Bayes factor of {large} to {small}: {factor:+.0f}).{held}",
         log_bayes_factor=factor,
+        log_score_difference=UNSET if scores is None else scores.difference,
+        log_score_difference_se=UNSET if scores is None else scores.standard_error,
+    )
+
+
+def _fitted_bodies(model: FittedModel) -> list[str]:
+    """Return the channels of the bodies that a network was fitted to."""
+    return sorted({row.body for row in known(model.bodies) or () if row.fitted})
+
+
+def _by_held_out(
+    models: Mapping[str, FittedModel],
+    fitted: Sequence[Sequence[str]],
+    scores: ScoreDifference | None,
+    held: str,
+) -> NetworkVerdict:
+    """Return the verdict on networks that were not fitted to the same readings."""
+    names = list(models)
+    has = [
+        f"the {model.title} to {', '.join(['the winding', *bodies])}"
+        for model, bodies in zip(models.values(), fitted, strict=True)
+    ]
+    order = "undecided"
+    if scores is not None and scores.is_decided:
+        order = names[1] if scores.difference > 0.0 else names[0]
+    return NetworkVerdict(
+        order=order,
+        sentence="The evidence of the networks cannot be compared, for they were fitted to other "
+        f"readings: {' and '.join(has)}.{held or ' Hold a test out to see which predicts better.'}",
+        log_bayes_factor=None,
         log_score_difference=UNSET if scores is None else scores.difference,
         log_score_difference_se=UNSET if scores is None else scores.standard_error,
     )

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
-from ..bench.blocks import Blocks
 from ..motor import Motor
 from . import noise as noise_module
-from .loggers import Loggers, scale_of
+from .loggers import Loggers
 from .model import Model
 from .noise import Noise
 from .parameters import ParameterSet
@@ -68,7 +67,6 @@ class Draws:
                 result[slot.parameter.name] = values[slot.name]
         return result
 
-    def noise(self, test: Blocks) -> Noise:
-        """Return the noise of the winding's sensor for each draw in a test, shape (draw,) each."""
-        noise = noise_module.from_scores(self.vectors[:, -NUM_NOISE:].T)
-        return noise.scaled(scale_of(self.loggers, test.loggers[0]))
+    def noise(self) -> Noise:
+        """Return the noise of the first logger for each draw, shape (draw,) each."""
+        return noise_module.from_scores(self.vectors[:, -NUM_NOISE:].T)

@@ -111,6 +111,7 @@ class Model:
                 where=form.title,
                 remedy='Write sink = "coolant" into [motor], or another sink into the network.',
             )
+        form = form.with_sensors(motor.sensors)
         own = effects_named(form.effects, form.name)
         return cls(
             form=form,

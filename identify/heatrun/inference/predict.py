@@ -14,10 +14,12 @@ from scipy.stats import norm
 
 from ..bench.blocks import Blocks, Observation
 from . import noise as noise_module
+from .bodies import BodyCourse, body_courses
 from .discrepancy import heat_columns
 from .draws import Draws
 from .effect_parameters import null_values
-from .model import Model, parameters
+from .loggers import scales_of
+from .model import BODY_PARTS, Model, body_name, parameters
 from .noise import Noise
 from .plausible_effects import PlausibleEffects
 from .posterior import Posterior
@@ -48,8 +50,9 @@ class Prediction:
         flows_95: Its 95 % limits [W].
         draws: The readings themselves, without noise [degC], shape (draw, block).
         values: The parameters behind them by name [their units], shape (draw,).
-        noise: The noise of each draw in this test.
-        heat: What unmodelled heat does to the test, as `Observation.heat`.
+        noise: The noise of the winding's readings for each draw.
+        heat: What unmodelled heat does to the winding's readings, as `Observation.heat`.
+        bodies: Measured bodies of the test, against the model.
     """
 
     model: Model
@@ -67,6 +70,7 @@ class Prediction:
     values: Mapping[str, np.ndarray]
     noise: Noise
     heat: Float[np.ndarray, "block column"]
+    bodies: tuple[BodyCourse, ...] = ()
 
     @property
     def residual(self) -> np.ndarray:
@@ -149,17 +153,29 @@ def predict(
         source = source.draws
     drawn = of_test(source, test, fitted_as=fitted_as, num_draws=num_draws, seed=seed)
     middle = {name: float(np.median(draws)) for name, draws in drawn.values.items()}
-    heat = heat_columns(source.model, middle, test)
-    observation = test.observation(heat)
+    names = [f"{body_name(body.channel)}_{BODY_PARTS[0]}" for body in test.bodies]
+    known = [b.channel for b, name in zip(test.bodies, names, strict=True) if name in middle]
+    rows = test.with_bodies(known)
+    heat = heat_columns(source.model, middle, rows)
+    observation = rows.observation(heat, scales_of(source.loggers, rows))
     course = jax.tree.map(np.asarray, _means(source.model, drawn.values, observation))
-    readings, nodes = course["reading"], course["nodes"]
+    (readings, *of_bodies), nodes = np.split(course["reading"], 1 + len(known), 1), course["nodes"]
     if drawn.plausible is not None:
         added = drawn.plausible.added(source.model, source.motor, test, fitted_as)
         readings = readings + added
         measured = source.model.form.measured_node
         nodes = {**nodes, measured: nodes[measured] + added}
     keys = jax.random.split(jax.random.key(seed), readings.shape[0])
-    noisy = readings + np.asarray(_errors(drawn.noise, keys, observation))
+    errors, *of_sensors = np.split(
+        np.asarray(_errors(drawn.noise, keys, observation)), 1 + len(known), axis=1
+    )
+    noisy = readings + errors
+    fitted = {
+        channel: (np.median(means, axis=0), _limits(means + error)["95"])
+        for channel, means, error in zip(known, of_bodies, of_sensors, strict=True)
+    }
+    medians = {n: np.median(v, axis=0) for n, v in nodes.items()}
+    limits = {n: _limits(v)["95"] for n, v in nodes.items()}
     return Prediction(
         model=source.model,
         test=test,
@@ -168,14 +184,15 @@ def predict(
         parameters=_limits(readings),
         total=_limits(noisy),
         sd=np.std(noisy, axis=0),
-        nodes={n: np.median(v, axis=0) for n, v in nodes.items()},
-        nodes_95={n: _limits(v)["95"] for n, v in nodes.items()},
+        nodes=medians,
+        nodes_95=limits,
         flows={n: np.median(v, axis=0) for n, v in course["flows"].items()},
         flows_95={n: _limits(v)["95"] for n, v in course["flows"].items()},
         draws=readings,
         values=drawn.values,
-        noise=drawn.noise,
-        heat=heat,
+        noise=drawn.noise.scaled(scales_of(source.loggers, test)[0]),
+        heat=heat[: test.measured.size],
+        bodies=body_courses(source.model.form, test, fitted, medians, limits),
     )
 
 
@@ -185,7 +202,7 @@ class OfTest:
 
     Attributes:
         values: Draws by parameter name [their units], shape (draw,).
-        noise: Of each draw.
+        noise: Of the first logger for each draw.
         plausible: Effects behind the draws, None if all are of the model alone.
     """
 
@@ -227,9 +244,10 @@ def of_test(
         else:
             z = np.zeros(size) if rng is None else rng.standard_normal(size)
             values[name] = parameter.value(z)
-    noise = picked.noise(test)
+    noise = picked.noise()
     if fitted_as is None:
-        values |= start_draws(draws.model, test, dict(known), values, noise, rng)
+        of_winding = noise.scaled(scales_of(draws.loggers, test)[0])
+        values |= start_draws(draws.model, test, dict(known), values, of_winding, rng)
     return OfTest(values, noise, picked.plausible)
 
 

@@ -9,6 +9,7 @@ from ..bench.channels.column_mapping import mapping_text
 from ..io.printable import printable
 from ..io.quantities import printed_unit, quantity, rounded
 from ..results import DiscoveryResult, FitResult
+from ..results.values import known
 
 _MARK = {"error": "ERROR  ", "warning": "warning", "note": "note   "}
 
@@ -49,6 +50,12 @@ def result_text(result: FitResult) -> str:
                 f"  {row.role:<11} {row.test}: RMSE {row.rmse_K:.2f} K, max "
                 f"{row.max_K:.1f} K, end {row.end_K:+.2f} K, "
                 f"{100 * row.coverage_95:.0f} % inside the 95 % band"
+            )
+        for body in known(model.bodies) or ():
+            lines.append(
+                f"  {body.role:<11} {body.test}, {body.body} "
+                f"{'fitted as' if body.fitted else 'against'} {body.node}: RMSE "
+                f"{body.rmse_K:.2f} K, {100 * body.coverage_95:.0f} % inside the 95 % band"
             )
         lines.append(f"  {model.posterior.verdict}")
         if model.about_missing():

@@ -9,7 +9,7 @@ from msgspec import UNSET, UnsetType
 
 from .derived import Derived
 from .parameter import FittedParameter
-from .residuals import ResidualRow
+from .residuals import BodyRow, ResidualRow
 from .values import Count, Interval, NonNegative, Probability, known
 
 TOLD = 0.01
@@ -176,6 +176,7 @@ class FittedModel:
         correlation: Of the free parameters.
         noise: Of the residuals.
         residuals: Errors by test.
+        bodies: Errors of measured bodies beside the winding.
         posterior: How it was drawn.
         derived: Figures that follow from the parameters, by name with unit.
         evidence: What the network is compared by, without the effects that it may miss.
@@ -195,6 +196,7 @@ class FittedModel:
     correlation: Correlation
     noise: FittedNoise
     residuals: tuple[ResidualRow, ...]
+    bodies: tuple[BodyRow, ...] | UnsetType = UNSET
     posterior: PosteriorQuality
     derived: dict[str, Derived]
     evidence: Evidence

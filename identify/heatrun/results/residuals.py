@@ -37,3 +37,31 @@ class ResidualRow:
     coverage_95: Probability
     log_score: float | None
     log_score_se: NonNegative | UnsetType | None = UNSET
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyRow:
+    """Error figures of one measured body beside the winding in one test.
+
+    Attributes:
+        test: Name of the test.
+        role: Whether the test was fitted or only predicted.
+        body: Channel of the body.
+        node: The node that it is compared with.
+        fitted: Whether the readings of this body took part in the fit, with the errors of their
+            sensor; if not, they are held against the node's temperature.
+        rmse_K: Root mean square error [K].
+        mean_K: Mean error, measured minus predicted [K].
+        max_K: Maximum absolute error [K].
+        coverage_95: Share of the readings inside the 95 % band [1].
+    """
+
+    test: str
+    role: Role
+    body: str
+    node: str
+    fitted: bool
+    rmse_K: NonNegative
+    mean_K: float
+    max_K: NonNegative
+    coverage_95: Probability

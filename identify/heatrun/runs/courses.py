@@ -38,6 +38,8 @@ def band_table(predictions: Mapping[str, Prediction]) -> pd.DataFrame:
     }
     if test.inputs.speed is not None:
         columns["speed_rpm"] = mean(test.inputs.speed) * 30.0 / np.pi
+    for body in test.bodies:
+        columns[f"measured_{body.channel}"] = body.measured
     for network, prediction in predictions.items():
         columns[f"{network}_winding_degC"] = prediction.median
         for level, (low, high) in prediction.parameters.items():

@@ -13,7 +13,7 @@ from ..bench.blocks import Blocks
 from ..bench.channels.column_mapping import describe_mapping
 from ..bench.record import Finding, Record
 from ..inference import noise
-from ..inference.comparison import compare, residual_row, verdict
+from ..inference.comparison import body_rows, compare, residual_row, verdict
 from ..inference.effect_parameters import qualified
 from ..inference.fitting.fit_result import Fit
 from ..inference.fitting.identifiability import forecast, state
@@ -36,6 +36,7 @@ from ..results.model import (
     PosteriorQuality,
 )
 from ..results.parameter import FittedParameter, Identifiability
+from ..results.residuals import BodyRow
 from ..results.tested import DescribedTest
 from ..results.values import Interval, Role
 from ..version import __version__
@@ -119,11 +120,20 @@ def describe_model(
             residual_row(prediction, role)
             for prediction, role in zip(predictions, roles, strict=True)
         ),
+        bodies=_bodies(predictions, roles),
         posterior=_quality(posterior),
         derived=derive(posterior, duties),
         evidence=_evidence(posterior),
         maybe_missing=_maybe_missing(posterior),
     )
+
+
+def _bodies(
+    predictions: Sequence[Prediction], roles: Sequence[Role]
+) -> tuple[BodyRow, ...] | UnsetType:
+    """Return the errors of measured bodies; unset where none was measured."""
+    found = [body_rows(p, role) for p, role in zip(predictions, roles, strict=True)]
+    return tuple(row for rows in found for row in rows) or UNSET
 
 
 def _loggers(fit: Fit) -> tuple[LoggerNoise, ...] | UnsetType:

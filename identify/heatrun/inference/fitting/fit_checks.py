@@ -7,11 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...bench.record import Finding
+from ..bodies import BodyCourse
 from ..posterior import Posterior
 from ..predict import Prediction
 
 LEAST_COVERAGE = 0.85
 """Share of held-out readings inside the 95 % band below which the model counts as off [1]."""
+
+BODY_K, BODY_SHARE = 2.0, 0.1
+"""Root mean square error of a measured body [K], and as a share of its span [1], up to which it
+counts as one with its node: a point is no mean of a body."""
 
 BEYOND = 2.0
 """Standard deviations of its prior that an instrument's error may be from the centre [1]."""
@@ -25,7 +30,32 @@ def fit_findings(posterior: Posterior, predictions: Sequence[Prediction]) -> lis
         predictions: Of all tests.
     """
     held_out = [_held_out(p) for p in predictions if p.is_held_out]
-    return [*(found for found in held_out if found is not None), *_instruments(posterior)]
+    bodies = [_body(p, body) for p in predictions for body in p.bodies]
+    found = [each for each in (*held_out, *bodies) if each is not None]
+    return [*found, *_instruments(posterior)]
+
+
+def _body(prediction: Prediction, body: BodyCourse) -> Finding | None:
+    """Return the finding that a measured body is not where the model puts its node."""
+    rmse = float(np.sqrt(np.mean(body.error**2)))
+    span = float(np.nanmax(body.measured) - np.nanmin(body.measured))
+    is_covered = body.coverage_95() >= LEAST_COVERAGE
+    if is_covered or rmse <= max(BODY_K, BODY_SHARE * span):
+        return None
+    name, words = prediction.test.name, prediction.model.words
+    said = "was fitted" if body.is_fitted else "took no part in the fit"
+    return Finding(
+        id="body_disagrees",
+        severity="warning",
+        message=f"{body.channel}, which {said}, runs {rmse:.1f} K (root mean square, largest "
+        f"{np.max(np.abs(body.error)):.1f} K) from the {body.node} of the {words}: only "
+        f"{100.0 * body.coverage_95():.0f} % of its readings lie in the 95 % band.",
+        where=name,
+        remedy=f"A network in which {body.channel} has a node of its own may suit the machine: "
+        "give it with --model FILE.toml. Or the sensor sits elsewhere: check the mapping.",
+        test=name,
+        values={"rmse_K": rmse, "coverage_95": body.coverage_95()},
+    )
 
 
 def _held_out(prediction: Prediction) -> Finding | None:

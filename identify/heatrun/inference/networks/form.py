@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -71,6 +71,17 @@ class NetworkForm:
     def sensed(self, channel: str) -> str | None:
         """Return the node that a channel measures, None if it measures none."""
         return dict(self.sensors).get(channel)
+
+    def with_sensors(self, said: Mapping[str, str]) -> NetworkForm:
+        """Return the network with bodies at other nodes, or at none.
+
+        Args:
+            said: Node by channel, `"none"` for a body that is not fitted; nodes that the network
+                lacks are left aside.
+        """
+        kept = [(channel, node) for channel, node in self.sensors if channel not in said]
+        kept += [(channel, node) for channel, node in said.items() if node in self.nodes]
+        return replace(self, sensors=tuple(kept))
 
     @property
     def measured_node(self) -> str:

@@ -14,7 +14,7 @@ from ...io.without_folders import command_without_folders, without_folders
 from ...results import FitResult
 from ...results.derived import DerivedFigure
 from ...results.fit import FittedMotor
-from ...results.model import FittedModel, FittedNoise
+from ...results.model import FittedModel, FittedNoise, LoggerNoise
 from ...results.parameter import FittedParameter
 from ...results.tested import DescribedTest
 from ...results.values import Interval, known
@@ -127,6 +127,18 @@ def _model(order: str, model: FittedModel) -> dict[str, Any]:
             ]
             for row in model.residuals
         ],
+        "bodies": [
+            [
+                _clean(f"{row.body} in {row.test}"),
+                row.role,
+                f"{'fitted as' if row.fitted else 'against'} {row.node}",
+                f"{row.rmse_K:.2f}",
+                f"{row.mean_K:+.2f}",
+                f"{row.max_K:.2f}",
+                f"{100 * row.coverage_95:.0f} %",
+            ]
+            for row in known(model.bodies) or ()
+        ],
         "noise": f"Noise: slow part {noise.sd_K:.3f} K over "
         f"{noise.time_s:.0f} s, white part {noise.white_K:.3f} K in a 20 s mean. Heat that the "
         f"network misses: {100.0 * (known(noise.unmodelled_heat) or 0.0):.2g} % of the mean loss "
@@ -140,11 +152,14 @@ def _loggers(noise: FittedNoise) -> str:
     first, *others = known(noise.loggers) or (None,)
     if first is None:
         return ""
-    parts = [f"{row.scale:.2g} times as much in {_clean(', '.join(row.tests))}" for row in others]
-    return (
-        f" This is the noise of {_clean(', '.join(first.tests))}; other loggers have "
-        f"{', '.join(parts)}."
-    )
+    parts = [f"{_sensor(row)} {row.scale:.2g} times as much" for row in others]
+    return f" This is the noise of {_sensor(first)}; {', '.join(parts)}."
+
+
+def _sensor(row: LoggerNoise) -> str:
+    """Return a sensor with its tests as printed."""
+    tests = ", ".join(row.tests)
+    return _clean(f"{row.sensor} in {tests}" if row.sensor else tests)
 
 
 def _parameter(name: str, entry: FittedParameter) -> list[str]:

@@ -20,6 +20,12 @@ NODES = ("#009E73", "#E69F00", "#56B4E9", "#CC79A7")
 """Colours of the nodes that are simulated and not measured."""
 """Okabe and Ito's palette, which colour-blind readers can tell apart."""
 
+MARKS = ("^", "s", "v", "D", "<", ">", "p")
+"""Marks of measured bodies beside the winding."""
+
+MEASURED = "measured_degC"
+"""Column of the winding's readings."""
+
 LIMITS_K = (1.0, 2.0, 5.0)
 
 
@@ -78,6 +84,10 @@ def course(name: str, role: str, table: pd.DataFrame, titles: Mapping[str, str])
         top.fill_between(minutes, *limits, color=colour, alpha=0.2, lw=0)
         top.plot(minutes, table[f"{last}_{node}_degC"], color=colour, lw=1.1,
                  label=f"{titles[last]}, {label} (95 %)")  # fmt: skip
+    for number, channel in enumerate(_bodies(table)):
+        top.plot(minutes, table[channel], MARKS[number % len(MARKS)], color="0.35", ms=2.4, mew=0.5,
+                 mfc="none", markevery=max(1, len(table) // 120),
+                 label=f"measured {_body_words(channel)}")  # fmt: skip
     top.plot(minutes, table["sink_degC"], color="0.55", lw=0.8, label="sink T0")
     top.set_ylabel("temperature [°C]")
     top.set_title(f"{plain(name)} ({role})", loc="left", fontsize=10)
@@ -116,6 +126,16 @@ def errors(tables: Sequence[tuple[str, str, pd.DataFrame]], titles: Mapping[str,
     axes[-1].set_xlabel("time [min]")
     _finish(list(axes))
     return figure
+
+
+def _bodies(table: pd.DataFrame) -> list[str]:
+    """Return the columns of measured bodies beside the winding."""
+    return [c for c in map(str, table.columns) if c.startswith("measured_") and c != MEASURED]
+
+
+def _body_words(column: str) -> str:
+    """Return a body as printed, such as `"end winding"`."""
+    return column.removeprefix("measured_").removesuffix("_degC").replace("_", " ")
 
 
 def _nodes(table: pd.DataFrame, network: str) -> list[str]:

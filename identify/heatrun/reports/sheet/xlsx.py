@@ -117,6 +117,14 @@ def _residuals(book: Any, bold: Any, result: FitResult) -> None:
         for row in model.residuals
     ]  # fmt: skip
     _rows(book, "Residuals", bold, ["network", *keys], rows)
+    names = ["test", "role", "body", "node", "fitted", "rmse_K", "mean_K", "max_K", "coverage_95"]
+    bodies = [
+        [order, *(getattr(row, name) for name in names)]
+        for order, model in result.models.items()
+        for row in known(model.bodies) or ()
+    ]
+    if bodies:
+        _rows(book, "Measured bodies", bold, ["network", *names], bodies)
 
 
 def _derived(book: Any, bold: Any, result: FitResult) -> None:
