@@ -142,7 +142,7 @@ def calibrate(
     findings += current_scale_unchecked(motor, [test.record for test in tests])
 
     roles: list[Role] = [test.role for test in tests]
-    models = [Model.of(network, motor, effects) for network in networks]
+    models = [Model.of(network, motor, effects).scaled(motor, fitted) for network in networks]
     names = [model.name for model in models]
     if len(set(names)) < len(names):
         raise InputError(

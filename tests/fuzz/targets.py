@@ -16,7 +16,7 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -142,7 +142,7 @@ def network(data: bytes) -> None:
     with suppress(InputError):
         form = network_named(str(path))
         assert form.body[0] in form.names
-        assert network_of(network_text(form), "again") == form
+        assert asdict(network_of(network_text(form), "again")) == asdict(form)
     run = FOLDER / "modelled"
     run.mkdir(exist_ok=True)
     files = {"fit.json": FIT, "model_second.toml": data}

@@ -128,7 +128,7 @@ def discover(
         InputError: If something that the model needs is not given.
     """
     watch = _Watch()
-    bare = Model.of(order, motor, known)
+    bare = Model.of(order, motor, known).scaled(motor, tests)
     bare.refuse_unusable([*tests, *held_out])
     found, engine = extended_engine(bare, motor, tests, kinds or all_effects(), held_out)
     say(f"{bare.title}: fitting the network alone")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import jax.numpy as jnp
@@ -22,6 +22,7 @@ from .catalogue import effects_named
 from .effect_needs import refuse_lacking, refuse_unplaced
 from .effect_parameters import effect_names, effect_parameters, qualified
 from .networks import BUILT_IN, NetworkForm, network_named
+from .networks.scale import scale_of_tests, scaled
 from .parameters import Parameter, ParameterSet, Transform, check_names, collect, override
 
 Values = Mapping[str, Float[Array, ""]]
@@ -121,6 +122,18 @@ class Model:
             coefficient=motor.resistance_coefficient_degC,
             effects=(*own, *(kind for kind in effects if kind not in own)),
         )
+
+    def scaled(self, motor: Motor, tests: Sequence[Blocks]) -> Model:
+        """Return the model with default priors of its network that suit the tests.
+
+        Args:
+            motor: The machine.
+            tests: The reduced records that it will be fitted to.
+        """
+        copper = 0.0
+        if self.kind == "map":
+            copper = self.phases * (motor.phase_resistance_ohm or 0.0)
+        return replace(self, form=scaled(self.form, scale_of_tests(tests, copper)))
 
     @property
     def name(self) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...bench.record import Finding
 from ..bodies import BodyCourse
+from ..parameters import Slot
 from ..posterior import Posterior
 from ..predict import Prediction
 
@@ -77,18 +78,40 @@ def _held_out(prediction: Prediction) -> Finding | None:
     )
 
 
+def _conflict(posterior: Posterior, slot: Slot, median: float, score: float) -> Finding:
+    """Return the finding that the tests and a prior of the network contradict each other."""
+    parameter = slot.parameter
+    low, high = parameter.prior_interval_95()
+    unit = parameter.unit
+    return Finding(
+        id="prior_conflict",
+        severity="warning",
+        message=f"the tests put {slot.name} ({parameter.meaning}) at {median:.3g} {unit}, its "
+        f"prior at {low:.3g} to {high:.3g} {unit} ({parameter.basis}): {abs(score):.1f} standard "
+        "deviations apart. The interval is drawn towards the prior.",
+        where=posterior.fit.problem.label,
+        remedy="Check the units of current, losses and temperatures. If the machine is such, state "
+        f"a wider prior with [parameters.{parameter.name}] in the motor file; if it is not, the "
+        "network does not suit it.",
+        values={slot.name: median, "prior_sd": score},
+    )
+
+
 def _instruments(posterior: Posterior) -> list[Finding]:
     values = posterior.values()
     found = []
     for slot in posterior.fit.slots:
         parameter = slot.parameter
-        if parameter.role != "instrument":
+        if parameter.role not in ("instrument", "network", "resistance"):
             continue
         median = float(np.median(values[slot.name]))
         score = float(parameter.score(median))
         if abs(score) <= BEYOND:
             continue
         low, high = parameter.prior_interval_95()
+        if parameter.role != "instrument":
+            found.append(_conflict(posterior, slot, median, score))
+            continue
         found.append(
             Finding(
                 id="instrument_beyond_prior",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -18,9 +19,12 @@ WINDING = "winding_degC"
 """Channel of the winding's sensor, which every network has."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NetworkForm:
     """A network without numbers: hashable, so that it keys a compilation.
+
+    Two are equal if they have the same nodes, links, losses, sensors and names; their priors are
+    numbers, and may differ.
 
     Attributes:
         name: As in `--model`, in file names and in JSON.
@@ -47,6 +51,18 @@ class NetworkForm:
     sensors: tuple[tuple[str, str], ...]
     starts: tuple[tuple[str, str], ...]
     effects: tuple[str, ...] = ()
+
+    def _key(self) -> tuple[Any, ...]:
+        shares = tuple((n, s.name if isinstance(s, Parameter) else s) for n, s in self.share)
+        named = [(place, p.name) for place, p in (*self.capacitance, *self.resistance)]
+        rest = (self.copper, self.sink, self.sensors, self.starts, self.effects)
+        return (self.name, self.title, tuple(named), shares, *rest)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, NetworkForm) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
 
     @property
     def nodes(self) -> tuple[str, ...]:

@@ -11,12 +11,12 @@ from ...errors import InputError
 from ..parameters import Parameter
 from .form import Link
 
-_RESISTANCE = (
+RESISTANCE = (
     "log-normal; its 95 % span a factor of 20 to either side, which holds machines from 1 kW "
     "air-cooled to 100 kW water-cooled"
 )
 _SD_RESISTANCE = 1.5
-_CAPACITANCE = (
+CAPACITANCE = (
     "log-normal; its 95 % span a factor of 7 to either side: copper and iron of 1 kg to 60 kg "
     "and 3 kg to 150 kg, at 0.39 and 0.48 kJ/(kg K)"
 )
@@ -29,7 +29,7 @@ def capacitance(node: str, is_winding: bool, said: Mapping, where: str) -> Param
     name = found or f"Ceq_{node}"
     default = Parameter(
         name, "J/K", f"heat capacity of {node}", "network", "log",
-        500.0 if is_winding else 1e4, _SD_CAPACITANCE, _CAPACITANCE,
+        500.0 if is_winding else 1e4, _SD_CAPACITANCE, CAPACITANCE,
     )  # fmt: skip
     return prior(default, said.get(name, {}), f"{where}, [parameters.{name}]")
 
@@ -40,7 +40,7 @@ def resistance(link: Link, said: Mapping, where: str) -> Parameter:
     name = found or f"Req_{link[0]}_{link[1]}"
     default = Parameter(
         name, "K/W", f"resistance from {link[0]} to {link[1]}", "network", "log",
-        0.15, _SD_RESISTANCE, _RESISTANCE,
+        0.15, _SD_RESISTANCE, RESISTANCE,
     )  # fmt: skip
     return prior(default, said.get(name, {}), f"{where}, [parameters.{name}]")
 
@@ -69,13 +69,14 @@ def prior(default: Parameter, keys: Mapping[str, Any], where: str) -> Parameter:
     sd = numbers.get("sd_log" if is_log else "sd", default.sd)
     if "relative_sd" in numbers:
         sd = math.log1p(numbers["relative_sd"])
+    stated = [key for key in ("value", "sd", "sd_log", "relative_sd") if key in numbers]
     return replace(
         default,
         centre=numbers.get("value", default.centre),
         sd=sd,
         fixed=numbers.get("fixed"),
         meaning=keys.get("meaning", default.meaning),
-        basis=keys.get("basis", default.basis),
+        basis=keys.get("basis", "stated in the network file" if stated else default.basis),
     )
 
 

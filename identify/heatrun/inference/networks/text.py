@@ -71,7 +71,9 @@ def network_of(content: Mapping[str, Any], where: str) -> NetworkForm:
     form = NetworkForm(
         name=_text(network, "name", at),
         title=str(network.get("title", f"network {network.get('name')}")),
-        capacitance=tuple((n, capacitance(n, n == copper, said, where)) for n in nodes),
+        capacitance=tuple(
+            (n, capacitance(n, n == copper and len(nodes) > 1, said, where)) for n in nodes
+        ),
         resistance=tuple((link, resistance(link, said, where)) for link in links),
         share=share,
         copper=copper,

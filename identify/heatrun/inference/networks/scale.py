@@ -1,0 +1,128 @@
+"""The scale of a machine, read off its tests: what default priors of a network are centred on.
+
+A drone's motor and a ship's differ by six powers of ten in every capacity and resistance. How fast
+the winding warms and how far says the scale of both; the priors around it stay wide, and a prior
+that the user states is left as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...bench.blocks import Blocks
+from ..parameters import Parameter
+from .form import NetworkForm
+from .priors import CAPACITANCE, RESISTANCE
+
+WINDOW_S = 60.0
+"""Time over which the fastest warming is taken [s]: less than most windings take, and long enough
+for the noise of a thermocouple."""
+
+OF_TEST = 0.05
+"""The same as a share of the test [1], whichever is shorter."""
+
+IN_WINDING = 0.5
+"""Share of the losses that warms the winding in that time [1]: copper against iron and friction."""
+
+BODY_OVER_WINDING = 20.0
+"""Capacity of all other nodes over that of the winding [1]."""
+
+SD_CAPACITANCE, SD_RESISTANCE = 1.3, 1.8
+"""Prior standard deviations of the logarithm around the scale: factors of 13 and 34 at 95 %. A
+short test tells little of how hot the machine would become."""
+
+LEAST_RISE_K = 1.0
+"""Rise below which a test has no scale [K]."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The scale of a machine.
+
+    Attributes:
+        capacity: Heat capacity of the winding [J/K].
+        resistance: Resistance from the winding to the sink [K/W].
+        basis: Where it comes from, in words.
+    """
+
+    capacity: float
+    resistance: float
+    basis: str
+
+
+def scale_of_tests(tests: Sequence[Blocks], copper_ohm: float = 0.0) -> Scale | None:
+    """Return the scale of a machine, None if no test heats it.
+
+    Args:
+        tests: Reduced records.
+        copper_ohm: Phases times phase resistance where the loss channel leaves the copper loss out
+            [ohm]; 0 where it is in it.
+    """
+    warming = [found for test in tests if (found := _warming(test.winding, copper_ohm)) is not None]
+    if not warming:
+        return None
+    # of each test that heats, the fastest warming; of all, the middle
+    power, slope, mean_loss, rise = np.exp(np.mean(np.log(warming), axis=0))
+    return Scale(
+        capacity=float(IN_WINDING * power / slope),
+        resistance=float(rise / mean_loss),
+        basis=f"the winding warms by {60.0 * slope:.2g} K/min at {power:.3g} W and rises by "
+        f"{rise:.2g} K at {mean_loss:.3g} W",
+    )
+
+
+def scaled(form: NetworkForm, scale: Scale | None) -> NetworkForm:
+    """Return a network whose default priors are centred on a scale; others stay as they are."""
+    if scale is None:
+        return form
+    others = [node for node in form.nodes if node != form.copper]
+    body = BODY_OVER_WINDING * scale.capacity
+
+    def capacity(node: str, parameter: Parameter) -> Parameter:
+        if not others:
+            centre = scale.capacity + body
+        else:
+            centre = scale.capacity if node == form.copper else body / len(others)
+        return _around(parameter, CAPACITANCE, centre, SD_CAPACITANCE, scale.basis)
+
+    share = 1.0 if not others else 0.5
+    return replace(
+        form,
+        capacitance=tuple((node, capacity(node, p)) for node, p in form.capacitance),
+        resistance=tuple(
+            (link, _around(p, RESISTANCE, share * scale.resistance, SD_RESISTANCE, scale.basis))
+            for link, p in form.resistance
+        ),
+    )
+
+
+def _around(parameter: Parameter, default: str, centre: float, sd: float, basis: str) -> Parameter:
+    if parameter.basis != default or parameter.fixed is not None:
+        return parameter  # the network's file states it
+    factor = np.exp(1.96 * sd)
+    words = f"log-normal, 95 % within a factor of {factor:.0f}: {basis}"
+    return replace(parameter, centre=centre, sd=sd, basis=words)
+
+
+def _warming(test: Blocks, copper_ohm: float) -> tuple[float, float, float, float] | None:
+    """Return power [W] and slope [K/s] of the fastest warming, mean loss [W] and rise [K]."""
+    loss = np.asarray(test.inputs.losses) + copper_ohm * np.asarray(test.inputs.current_squared)
+    loss = loss.reshape(test.weight.shape).mean(axis=1)
+    sink = np.asarray(test.inputs.ambient).reshape(test.weight.shape).mean(axis=1)
+    seen = np.flatnonzero(test.is_observed)
+    num = max(1, round(min(WINDOW_S, OF_TEST * test.duration_s) / test.block_s))
+    if seen.size <= num:
+        return None
+    T, time = test.measured[seen], test.time[seen]
+    slope = (T[num:] - T[:-num]) / (time[num:] - time[:-num])
+    first = int(np.argmax(slope))
+    window = slice(seen[first], seen[first + num] + 1)
+    top = seen[int(np.argmax(T - sink[seen]))]
+    rise = float(test.measured[top] - sink[top])
+    power, mean_loss = float(np.mean(loss[window])), float(np.mean(loss[: top + 1]))
+    if rise < LEAST_RISE_K or slope[first] <= 0.0 or power <= 0.0 or mean_loss <= 0.0:
+        return None
+    return power, float(slope[first]), mean_loss, rise

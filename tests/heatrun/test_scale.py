@@ -1,0 +1,72 @@
+"""Default priors follow the scale of the machine: from 1 W to 1 MW, and a conflict is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heatrun.bench.record import Record
+from heatrun.bench.reduction import reduce
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.fit_checks import fit_findings
+from heatrun.inference.model import Model
+from heatrun.inference.networks.scale import scale_of_tests
+from heatrun.inference.posterior import weighted_draws
+from heatrun.inference.problem import Problem
+from heatrun.motor import ParameterOverride
+
+NETWORK = {"Ceq_w": 1, "Ceq_sr": 1, "Req_w": -1, "Req_sr": -1}
+"""Power of the size that each parameter grows with."""
+
+
+def sized(duty, motor, size):
+    """The record of a machine with `size` times the losses and capacities at the same course."""
+    channels = {**duty.channels, "losses_W": size * duty["losses_W"]}
+    record = Record("sized", channels)
+    machine = replace(motor, phase_resistance_ohm=size * motor.phase_resistance_ohm)
+    return machine, reduce(record, machine)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])  # reference: 1 kW of losses
+def test_the_fit_is_the_same_at_every_size(duty, motor, truth, size):
+    machine, test = sized(duty, motor, size)
+    model = Model.of("second", machine).scaled(machine, [test])
+    found = fit(Problem.of(model, machine, [test]))
+    for name, power in NETWORK.items():
+        place = found.problem.parameters.index(name)
+        parameter = found.slots[place].parameter
+        true = truth[name] * size**power
+        sd = float(np.sqrt(found.covariance[place, place]))
+        assert abs(found.z[place] - parameter.score(true)) < 3.0 * sd, name
+        low, high = parameter.prior_interval_95()
+        assert low < true < high, name
+
+
+def test_what_the_user_states_is_left(duty, motor):
+    machine, test = sized(duty, motor, 1e3)
+    stated = replace(machine, parameters={"Ceq_sr": ParameterOverride(value=2e4, relative_sd=0.1)})
+    model = Model.of("second", stated).scaled(stated, [test])
+    by_name = {s.name: s.parameter for s in Problem.of(model, stated, [test]).parameters.slots}
+    assert by_name["Ceq_sr"].centre == 2e4
+    assert by_name["Ceq_w"].centre > 1e5
+
+
+def test_a_prior_that_the_tests_contradict_is_a_finding_with_both(duty, motor):
+    machine, test = sized(duty, motor, 1.0)
+    stated = replace(
+        machine, parameters={"Ceq_w": ParameterOverride(value=3000.0, relative_sd=0.3)}
+    )
+    found = fit(Problem.of(Model.of("second", stated), stated, [test]))
+    (finding,) = [
+        each for each in fit_findings(weighted_draws(found), []) if each.id == "prior_conflict"
+    ]
+    assert "Ceq_w" in finding.message
+    assert "stated in the motor file" in finding.message
+    assert finding.values["prior_sd"] < -2.0
+
+
+def test_a_test_without_heat_has_no_scale(duty, motor):
+    cold = Record("cold", {**duty.channels, "winding_degC": duty["ambient_degC"]})
+    assert scale_of_tests([reduce(cold, motor)]) is None
