@@ -44,6 +44,8 @@ class Motor:
         gear_ratio: Motor speed over wheel speed [1], or None.
         wheel_radius_m: Rolling radius [m], or None.
         columns: Canonical channel to `"column in the file [unit]"`.
+        constants: Value of a channel that holds for a whole test, in the channel's unit, for
+            records that do not have it.
         parameters: Overrides of prior or value by parameter name.
         sensors: Node that a measured body is fitted as, by its channel; `"none"`: it is held
             against the model and not fitted. Where nothing is said, the network decides.
@@ -68,6 +70,7 @@ class Motor:
     gear_ratio: float | None = None
     wheel_radius_m: float | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict)
     parameters: Mapping[str, ParameterOverride] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[str, ...] = ()

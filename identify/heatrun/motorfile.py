@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from .bench.channels.claims import parse_claims
-from .bench.channels.schema import BODIES
+from .bench.channels.schema import BODIES, CHANNEL
 from .bench.readers.open_file import read_start
 from .errors import InputError, did_you_mean
 from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
@@ -56,6 +56,7 @@ LONGEST_TEXT = 500
 
 Limits = tuple[float, float, str]
 POSITIVE: Limits = (0.0, math.inf, "above 0")
+ANY_NUMBER: Limits = (-1e30, 1e30, "between -1e30 and 1e30")
 COEFFICIENT_RANGE: Limits = (100.0, 400.0, "between 100 and 400 degC (copper 234.5)")
 REFERENCE_RANGE: Limits = (-60.0, 250.0, "between -60 and 250 degC")
 
@@ -65,7 +66,7 @@ def load_motor(path: str | Path) -> Motor:
 
     Args:
         path: A TOML file with `[motor]` and optionally `[winding]`, `[vehicle]`, `[columns]`,
-            `[sensors]`, `[model]` and `[parameters.NAME]`.
+            `[constants]`, `[sensors]`, `[model]` and `[parameters.NAME]`.
 
     Raises:
         InputError: If the file cannot be read, has a section or key that is not known (with the
@@ -82,7 +83,9 @@ def parse_motor(data: bytes, where: str) -> Motor:
         where: The file, for messages.
     """
     content = parse_toml(data, where)
-    check_keys(content, (*KEYS, "model", "columns", "sensors", "parameters"), where, "section")
+    check_keys(
+        content, (*KEYS, "model", "columns", "constants", "sensors", "parameters"), where, "section"
+    )
     sections = {name: _section(content, name, where) for name in KEYS}
     for name, keys in KEYS.items():
         check_keys(sections[name], keys, f"{where}, [{name}]", "key")
@@ -115,6 +118,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
         gear_ratio=_number(vehicle, "gear_ratio", POSITIVE, at_vehicle),
         wheel_radius_m=_number(vehicle, "wheel_radius_m", POSITIVE, at_vehicle),
         columns=_columns(_section(content, "columns", where), where),
+        constants=_constants(_section(content, "constants", where), where),
         parameters=_parameters(_section(content, "parameters", where), where),
         sensors=_sensors(_section(content, "sensors", where), where),
         effects=_effects(_section(content, "model", where), where),
@@ -236,6 +240,15 @@ def _effects(section: Mapping[str, Any], where: str) -> tuple[str, ...]:
             remedy='Write effects = ["speed_cooling"]; the ids stand in the README.',
         )
     return tuple(effects)
+
+
+def _constants(section: Mapping[str, Any], where: str) -> dict[str, float]:
+    """Return the value of each channel that is constant."""
+    at = f"{where}, [constants]"
+    known = [name for name in CHANNEL if name not in ("time_s", "winding_degC")]
+    check_keys(section, known, at, "channel")
+    values = {name: _number(section, name, ANY_NUMBER, at) for name in section}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _sensors(section: Mapping[str, Any], where: str) -> dict[str, str]:

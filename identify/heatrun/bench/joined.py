@@ -6,6 +6,8 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import InputError
 from ..motor import Motor
 from .clocks.align import join
@@ -31,7 +33,10 @@ def read_test(path: Path | str, motor: Motor) -> Record:
     Raises:
         InputError: If a file cannot be read or the two cannot be joined.
     """
-    text = str(path)
+    return _with_constants(_read_files(str(path), motor), motor)
+
+
+def _read_files(text: str, motor: Motor) -> Record:
     if _exists(text) or "+" not in text:
         return _read(text, motor)
     first, _, second = text.partition("+")
@@ -47,6 +52,18 @@ def read_test(path: Path | str, motor: Motor) -> Record:
         f"(95 % {low:.2f} … {high:.2f} s, {alignment.method})"
     )
     return replace(record, notes=(*record.notes, note))
+
+
+def _with_constants(record: Record, motor: Motor) -> Record:
+    """Return the record with the constants of the motor file for channels that it does not have."""
+    added = {name: value for name, value in motor.constants.items() if name not in record}
+    if not added:
+        return record
+    size = record.time_s.size
+    channels = {name: np.full(size, value) for name, value in added.items()}
+    notes = [f"{name} = {value:g} throughout: [constants] of the motor file"
+             for name, value in added.items()]  # fmt: skip
+    return replace(record, channels={**record.channels, **channels}, notes=(*record.notes, *notes))
 
 
 def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:

@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+
+from lptn import longest_step
 
 from ..inference.noise import LARGEST_SCORES, NOISE
 from ..inference.plausible_effects import NONE, PlausibleEffects
@@ -13,7 +17,12 @@ from ..inference.posterior import Posterior
 from .alternatives import Alternative
 
 MOST_TRIES = 50
-"""Times that a draw whose amplitude has the wrong sign is drawn again."""
+"""Times that a draw is drawn again whose amplitude has the wrong sign, or whose fastest node is too
+fast for the steps of the tests."""
+
+STABLE = 2.5
+"""Longest step over `lptn.longest_step` at which the march is stable [1]; beyond it the likelihood
+of a network is nothing."""
 
 
 def averaged(posterior: Posterior, found: Sequence[Alternative], *, seed: int = 0) -> Posterior:
@@ -39,7 +48,7 @@ def averaged(posterior: Posterior, found: Sequence[Alternative], *, seed: int = 
     factor = np.linalg.cholesky(posterior.fit.covariance[-num_noise:, -num_noise:])
     for index, alternative in enumerate(found):
         rows = np.flatnonzero(which == index)
-        z, size[rows] = _drawn(alternative, rows.size, rng)
+        z, size[rows] = _stable(posterior, alternative, rows.size, rng)
         noise_z = alternative.noise_z + rng.standard_normal((rows.size, num_noise)) @ factor.T
         noise_z = np.minimum(noise_z, LARGEST_SCORES)
         vectors[rows] = np.concatenate([z, noise_z], axis=1)
@@ -52,6 +61,35 @@ def averaged(posterior: Posterior, found: Sequence[Alternative], *, seed: int = 
         plausible=effects,
         alone=posterior,
     )
+
+
+def _stable(
+    posterior: Posterior, alternative: Alternative, num: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `_drawn`, without networks that are too stiff for the steps of the tests."""
+    z, size = _drawn(alternative, num, rng)
+    wrong = np.flatnonzero(_is_too_stiff(posterior, z))
+    for _ in range(MOST_TRIES):
+        if not wrong.size:
+            return z, size
+        z[wrong], size[wrong] = _drawn(alternative, wrong.size, rng)
+        wrong = np.flatnonzero(_is_too_stiff(posterior, z))
+    z[wrong], size[wrong] = posterior.fit.z, 0.0
+    return z, size
+
+
+def _is_too_stiff(posterior: Posterior, z: np.ndarray) -> np.ndarray:
+    """Return which networks have a node that is too fast for the steps of the tests."""
+    problem = posterior.fit.problem
+    step = max(float(np.max(np.asarray(test.inputs.step))) for test in problem.tests)
+    names = [parameter.name for parameter in problem.model.form.parameters]
+    values = problem.parameters.physical(z)
+    fixed = {n: p.fixed for n, p in problem.parameters.by_test[0].items() if p.fixed is not None}
+    every = {n: values[n] if n in values else np.full(z.shape[0], fixed[n]) for n in names}
+    longest = jax.vmap(lambda one: longest_step(problem.model.network(one)))(
+        {name: jnp.asarray(draws) for name, draws in every.items()}
+    )
+    return step > STABLE * np.asarray(longest)
 
 
 def _drawn(

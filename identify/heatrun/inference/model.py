@@ -286,7 +286,7 @@ def parameters(
     """
     model.refuse_unusable(tests, searched)
     check_names((*override_names(model.form), *effect_names(model.effects)), motor)
-    shared = [*model.form.parameters, *_resistance(model, motor), *INSTRUMENTS]
+    shared = [*model.form.parameters, *_resistance(model, motor, tests), *INSTRUMENTS]
     shared += _bodies(tests)
     shared += _shaft(motor, tests)
     if "torque_offset" in motor.parameters:
@@ -334,9 +334,10 @@ def override_names(*networks: NetworkForm) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*names, *OF_ALL_NETWORKS, *of_bodies]))
 
 
-def _resistance(model: Model, motor: Motor) -> list[Parameter]:
+def _resistance(model: Model, motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:
     """Return Rs0 and the error of the current where the copper loss enters."""
-    if not model.needs_resistance:
+    has_current = any(bool(jnp.any(test.inputs.current_squared > 0.0)) for test in tests)
+    if not model.needs_resistance or not has_current:
         return []
     said = motor.parameters.get("Rs0")
     given = motor.phase_resistance_ohm

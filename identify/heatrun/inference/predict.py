@@ -24,6 +24,7 @@ from .noise import Noise
 from .plausible_effects import PlausibleEffects
 from .posterior import Posterior
 from .starts import start_draws
+from .steps import refuse_unstable
 
 NUM_DRAWS = 400
 """Draws behind a band: its 95 % limits are then good to about a tenth of a standard deviation."""
@@ -160,6 +161,7 @@ def predict(
     observation = rows.observation(heat, scales_of(source.loggers, rows))
     course = jax.tree.map(np.asarray, _means(source.model, drawn.values, observation))
     (readings, *of_bodies), nodes = np.split(course["reading"], 1 + len(known), 1), course["nodes"]
+    refuse_unstable(readings, test)
     if drawn.plausible is not None:
         added = drawn.plausible.added(source.model, source.motor, test, fitted_as)
         readings = readings + added

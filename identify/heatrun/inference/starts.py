@@ -20,6 +20,7 @@ from ..bench.blocks import Blocks, Observation
 from .model import COLD_START_K, Model
 from .noise import Noise, whiten
 from .parameters import Parameter
+from .steps import refuse_unstable
 
 NUM_BLOCKS = 2
 """Blocks whose readings tell the start (40 s): short against the time constants of a winding, so
@@ -65,8 +66,9 @@ def start_draws(
     if rng is not None:
         normal = rng.standard_normal(normal.shape)
     known_values = {name: jnp.asarray(draws) for name, draws in {**values, **fixed}.items()}
-    rows = _whitened(model, tuple(free), known_values, noise, first, jnp.asarray(mean))
-    drawn = mean + _regress(np.asarray(rows), covariance, normal)
+    rows = np.asarray(_whitened(model, tuple(free), known_values, noise, first, jnp.asarray(mean)))
+    refuse_unstable(rows, test)
+    drawn = mean + _regress(rows, covariance, normal)
     return {**fixed, **{name: drawn[:, i] for i, name in enumerate(free)}}
 
 

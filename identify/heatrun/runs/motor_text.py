@@ -23,6 +23,7 @@ def motor_text(motor: Motor) -> bytes:
         content[section] = {key: value for key, value in values.items() if value is not None}
     content["model"] = {"effects": list(motor.effects)} if motor.effects else {}
     content["columns"] = dict(motor.columns)
+    content["constants"] = dict(motor.constants)
     content["sensors"] = dict(motor.sensors)
     content["parameters"] = {
         name: {key: value for key, value in asdict(said).items() if value is not None}

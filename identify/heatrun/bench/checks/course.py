@@ -7,7 +7,7 @@ import numpy as np
 from ...motor import Motor
 from ..record import Finding, Record
 from ..rounding import rounding_step
-from .samples import block_means, is_loaded, place, samples, sink_channel
+from .samples import block_means, is_loaded, place, samples, sink_channel, with_all_heat
 
 START_S = 2.0
 """A winding under full load moves about 2 K in its first second at most, and less than 0.5 K as a
@@ -92,7 +92,9 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...
     Then the stator's start temperature, which no channel of the five shows, is unknown too.
     """
     sink_name = sink_channel(motor)
-    time_s, winding, sink, losses = samples(record, "winding_degC", sink_name, "losses_W")
+    time_s, winding, sink, losses = samples(
+        with_all_heat(record, motor), "winding_degC", sink_name, "losses_W"
+    )
     lead = lead_in(time_s, losses)
     if lead == 0:
         return ()

@@ -8,7 +8,7 @@ from ...motor import Motor
 from ..record import Finding, Record
 from .course import lead_in
 from .crude_fit import crude_fit
-from .samples import block_means, is_loaded, place, samples
+from .samples import block_means, is_loaded, place, samples, with_all_heat
 from .settling import settling_constants
 
 BLOCK_S = 30.0
@@ -46,7 +46,7 @@ def single_step(record: Record, motor: Motor) -> tuple[Finding, ...]:
     Idle time before the load is no second level, since nothing is warm; idle time after it is one.
     Without a speed channel a step of the losses at the same current counts as a change of speed.
     """
-    time_s, current, losses = samples(record, "phase_current_A", "losses_W")
+    time_s, current, losses = samples(with_all_heat(record, motor), "phase_current_A", "losses_W")
     loaded = is_loaded(losses)
     if not loaded.any():
         return ()
@@ -88,7 +88,7 @@ def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
     fit = crude_fit(record, motor)
     if fit is None:
         return ()
-    time_s, losses = samples(record, "losses_W")
+    time_s, losses = samples(with_all_heat(record, motor), "losses_W")
     from_s, to_s = float(time_s[max(lead_in(time_s, losses) - 1, 0)]), float(time_s[-1])
     constants = (to_s - from_s) / fit.tau_s
     is_short = constants < FEW_CONSTANTS or fit.log_sd > UNKNOWN_LOG_SD

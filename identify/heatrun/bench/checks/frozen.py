@@ -15,7 +15,7 @@ from ...motor import Motor
 from ..record import Record
 from ..rounding import rounding_step
 from .crude_fit import crude_fit
-from .samples import is_loaded, runs, samples
+from .samples import is_loaded, runs, samples, with_all_heat
 
 LIVE_STEP_K = 0.05
 """Below this rounding step the last digit of a live thermocouple flickers."""
@@ -74,7 +74,7 @@ def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
     Returns:
         The stretches in time order; none where the record is too short to tell.
     """
-    time_s, winding, losses = samples(record, "winding_degC", "losses_W")
+    time_s, winding, losses = samples(with_all_heat(record, motor), "winding_degC", "losses_W")
     if time_s.size < LIVE_SAMPLES:
         return ()
     step = rounding_step(winding)

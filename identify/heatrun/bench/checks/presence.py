@@ -17,6 +17,10 @@ ISOLATED_S = 1.0
 """Fewer missing samples in a row than `ISOLATED_SAMPLES`, or less than `ISOLATED_S`, lose nothing
 that a motor winding does: its shortest time constant is tens of seconds."""
 
+CONSTANT = ("phase_current_A", "losses_W", "ambient_degC", "coolant_degC")
+"""Needed channels that may be the same all the time: no current under a heater, no losses but
+copper under direct current, a room that is held."""
+
 MAX_MISSING_SHARE = 0.1
 """Share of missing samples above which even isolated ones are an error [1]: the logger failed."""
 
@@ -51,6 +55,8 @@ def missing_channel(record: Record, motor: Motor) -> tuple[Finding, ...]:
         else:
             continue
         remedy = f'Name its column in the motor file: [columns] {channel} = "column [unit]".'
+        if channel in CONSTANT:
+            remedy += f" Where it is the same all the time: [constants] {channel} = NUMBER."
         where = ", ".join(part for part in (record.name, channel) if part)
         found.append(Finding("missing_channel", "error", message, where, remedy))
     return tuple(found)

@@ -8,7 +8,7 @@ from ...motor import Motor
 from ..record import Finding, Record
 from ..rounding import rounding_step
 from .course import lead_in
-from .samples import place, samples, sink_channel
+from .samples import place, samples, sink_channel, with_all_heat
 
 NOTED_STEP_K = 0.05
 """A step of 0.05 K adds 0.015 K rms, below the noise of any sensor on a bench."""
@@ -105,7 +105,9 @@ def truncation(record: Record, motor: Motor) -> tuple[Finding, ...]:
 
 def _offset_at_start(record: Record, motor: Motor, step: float) -> float | None:
     """Winding less sink [K] before heat flows, or None if the record does not show it."""
-    time_s, winding, sink, losses = samples(record, "winding_degC", sink_channel(motor), "losses_W")
+    time_s, winding, sink, losses = samples(
+        with_all_heat(record, motor), "winding_degC", sink_channel(motor), "losses_W"
+    )
     lead = lead_in(time_s, losses)
     if lead == 0:
         return None

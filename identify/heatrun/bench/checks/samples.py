@@ -7,6 +7,8 @@ left out is itself reported, by `nan_block` and by the checks of the time axis.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...motor import Motor
@@ -87,6 +89,22 @@ def block_means(
     first = np.concatenate(([0], np.flatnonzero(np.diff(block)) + 1))
     counts = np.diff(np.append(first, time_s.size))
     return tuple(np.add.reduceat(values, first) / counts for values in (time_s, *channels))
+
+
+def with_all_heat(record: Record, motor: Motor) -> Record:
+    """Return the record with the copper loss in its losses, where they leave it out.
+
+    At a constant resistance, or in proportion to the squared current where none is given: enough
+    to tell load from rest.
+    """
+    if motor.losses != "map" or not all(c in record for c in ("losses_W", "phase_current_A")):
+        return record
+    losses, current = (np.asarray(record[c], dtype=float) for c in ("losses_W", "phase_current_A"))
+    if losses.shape != current.shape:
+        return record
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = losses + motor.phases * (motor.phase_resistance_ohm or 1.0) * current**2
+    return replace(record, channels={**record.channels, "losses_W": total})
 
 
 def is_loaded(losses_W: np.ndarray) -> np.ndarray:

@@ -233,6 +233,17 @@ def _resistance_sd(motor: Motor) -> float:
     return RESISTANCE_SD if said.sd is None else said.sd / motor.phase_resistance_ohm
 
 
+def _leads(ratio: float) -> str:
+    """Return what leads would take of the power, empty where there is none to take."""
+    if ratio <= 1.0:
+        return ""
+    return (
+        " Leads and contacts between the power meter and the winding would explain it by taking "
+        f"{100.0 * (1.0 - 1.0 / ratio):.0f} % of the power: they heat no node of the network. "
+        'Where only the copper is loaded, write losses = "map" and [constants] losses_W = 0.'
+    )
+
+
 def _finding(
     record: Record, seen: Agreement, channel: str, what: str, expected: str, power: float
 ) -> Finding:
@@ -268,7 +279,7 @@ def _finding(
         where,
         f"Compare phase_current_A with a second instrument (reading {off:.1f} % too {less} it "
         f"explains this: {power:.0f} % per 1 %), then {what} and phase_resistance_ohm "
-        "with its temperature. With direct current the phases do not share it equally: "
-        "phase_current_A must be the rms of the three.",
+        f"with its temperature.{_leads(seen.ratio)} With direct current the phases do not share it "
+        "equally: phase_current_A must be the rms of the three.",
         values=values,
     )

@@ -8,7 +8,7 @@ from ...motor import Motor
 from ..channels.header import split_name
 from ..record import Finding, Record, Severity
 from .course import lead_in
-from .samples import is_loaded, place, samples, sink_channel
+from .samples import is_loaded, place, samples, sink_channel, with_all_heat
 
 AMBIENT_AS_KELVIN = (253.0, 333.0)
 """A hall or chamber between -20 and 60 degC, in kelvin; as degrees Celsius no sink at all."""
@@ -131,7 +131,9 @@ def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
             )
     if found:
         return tuple(found)
-    time_s, winding, ambient, losses = samples(record, "winding_degC", "ambient_degC", "losses_W")
+    time_s, winding, ambient, losses = samples(
+        with_all_heat(record, motor), "winding_degC", "ambient_degC", "losses_W"
+    )
     lead = lead_in(time_s, losses)
     if lead == 0:
         return ()
@@ -193,7 +195,9 @@ def ambient_implausible(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 values={"median_degC": typical},
             )
         )
-    time_s, sink, winding, losses = samples(record, channel, "winding_degC", "losses_W")
+    time_s, sink, winding, losses = samples(
+        with_all_heat(record, motor), channel, "winding_degC", "losses_W"
+    )
     loaded = is_loaded(losses)
     if loaded.any() and float(np.median((winding - sink)[loaded])) < -SINK_ABOVE_K:
         below = float(np.median((winding - sink)[loaded]))

@@ -1,0 +1,83 @@
+"""Tests without current or without other losses are taken for what they are, no column faked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from heated_bodies import BLOCK, COIL, LEADS_SHARE, coil, heater
+
+import heatrun
+from heatrun.bench.joined import read_test
+from heatrun.bench.reduction import reduce
+from heatrun.discovery.averaging import STABLE
+from heatrun.errors import InputError
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.model import Model
+from heatrun.inference.posterior import weighted_draws
+from heatrun.inference.predict import predict
+from heatrun.inference.problem import Problem
+from heatrun.motorfile import load_motor
+
+
+def fitted(files, network):
+    motor = load_motor(files[0])
+    test = reduce(read_test(files[1], motor), motor)
+    model = Model.of(network, motor).scaled(motor, [test])
+    return fit(Problem.of(model, motor, [test]))
+
+
+def holds(found, true):
+    for name, value in true.items():
+        place = found.problem.parameters.index(name)
+        off = found.z[place] - found.slots[place].parameter.score(value)
+        assert abs(off) < 3.0 * np.sqrt(found.covariance[place, place]), name
+
+
+def test_a_block_with_a_heater_needs_no_current_and_no_resistance(tmp_path):
+    files = heater(tmp_path)
+    assert not [f for f in heatrun.check(*files) if f.severity != "note"]
+    found = fitted(files, "first")
+    holds(found, BLOCK)
+    assert "current_gain" not in found.problem.parameters.names
+    assert "Rs0" not in fitted(files, "second").problem.parameters.names
+
+
+def test_a_coil_under_direct_current_needs_no_losses_and_no_room_sensor(tmp_path):
+    files = coil(tmp_path, has_power=False)
+    assert not [f for f in heatrun.check(*files) if f.severity != "note"]
+    holds(fitted(files, "second"), COIL)
+
+
+def test_leads_are_named_where_the_meter_sees_more_than_the_copper(tmp_path):
+    found = heatrun.check(*coil(tmp_path, has_power=True))
+    (finding,) = [f for f in found if f.id == "standstill_losses"]
+    assert finding.severity == "warning"
+    assert "Leads" in finding.remedy
+    # the leads stay cold while the winding warms: their share lies below that of 25 degC
+    assert 0.2 < 1.0 - 1.0 / finding.values["ratio"] < LEADS_SHARE / (1.0 + LEADS_SHARE)
+
+
+def test_a_constant_is_told_and_does_not_replace_a_column(tmp_path):
+    motor_file, test = heater(tmp_path)
+    motor_file.write_text(motor_file.read_text() + "ambient_degC = 99\n")
+    record = read_test(test, load_motor(motor_file))
+    assert np.max(record["ambient_degC"]) < 22.0
+    assert np.all(record["phase_current_A"] == 0.0)
+    assert any("phase_current_A = 0 throughout" in note for note in record.notes)
+
+
+@pytest.mark.parametrize("line", ["winding_degC = 20", "torque = 3", 'ambient_degC = "warm"'])
+def test_constants_that_are_none_are_refused(tmp_path, line):
+    (tmp_path / "motor.toml").write_text(f'[motor]\nname = "x"\n[constants]\n{line}\n')
+    with pytest.raises(InputError, match="constants"):
+        load_motor(tmp_path / "motor.toml")
+
+
+def test_steps_too_long_for_a_draw_are_told(tmp_path):
+    found = fitted(heater(tmp_path), "second")
+    draws = weighted_draws(found).draws
+    place = found.problem.parameters.index("Req_w")
+    draws.vectors[:, place] = found.slots[place].parameter.score(1e-6)
+    with pytest.raises(InputError, match="too fast for the steps"):
+        predict(draws, found.problem.tests[0])
+    assert STABLE > 1.0
