@@ -10,6 +10,8 @@ from heatrun.discovery.result import assemble
 from heatrun.discovery.run import discover, show
 from lptn import EFFECTS
 
+pytestmark = pytest.mark.slow
+
 RIVALS = ("radiation", "natural_convection")
 
 

@@ -27,9 +27,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--model",
         default="both",
-        metavar="first|second|both|FILE.toml",
-        help="network: one or both built-in ones, or your own from a TOML file; several with "
-        "commas between, such as second,mine.toml (default: both)",
+        metavar="first|second|both|three|four|FILE.toml",
+        help="network: one or both of the thesis, one with more measured bodies, or your own from "
+        "a TOML file; several with commas between, such as second,mine.toml (default: both)",
     )
     words.add_with(parser)
     parser.add_argument(

@@ -11,7 +11,10 @@ from .form import NetworkForm
 from .text import read_network
 
 BUILT_IN = ("first", "second")
-"""Names of the networks that are built in, by growing number of nodes."""
+"""Names of the two networks that every bench compares, by growing number of nodes."""
+
+SHIPPED = (*BUILT_IN, "three", "four")
+"""Names of all networks that come with the package."""
 
 
 @cache
@@ -29,7 +32,7 @@ def networks_of(words: str) -> tuple[NetworkForm, ...]:
     """
     names = BUILT_IN if words == "both" else [word for word in words.split(",") if word.strip()]
     if not names:
-        raise UsageError("--model names no network: write first, second, both or FILE.toml")
+        raise UsageError(f"--model names no network: write both, {', '.join(SHIPPED)} or FILE.toml")
     return tuple(network_named(name.strip()) for name in names)
 
 
@@ -58,14 +61,14 @@ def network_named(name: str | NetworkForm) -> NetworkForm:
     """Return a network by the name of a built-in one, or from a TOML file.
 
     Args:
-        name: `"first"`, `"second"`, a path that ends in `.toml`, or the network itself.
+        name: One of `SHIPPED`, a path that ends in `.toml`, or the network itself.
 
     Raises:
         InputError: If there is no such network, or the file is wrong.
     """
     if isinstance(name, NetworkForm):
         return name
-    if name in BUILT_IN:
+    if name in SHIPPED:
         return _built_in(name)
     path = Path(name)
     if path.suffix == ".toml":
@@ -75,5 +78,5 @@ def network_named(name: str | NetworkForm) -> NetworkForm:
         return read_network(read_start(path, LARGEST_BYTES + 1), str(path))
     raise InputError(
         f"there is no network {name!r}.",
-        remedy=f"Name one of {', '.join(BUILT_IN)}, or a TOML file with a [network].",
+        remedy=f"Name one of {', '.join(SHIPPED)}, or a TOML file with a [network].",
     )
