@@ -62,9 +62,11 @@ def draw_ranks(rows: Sequence[Row], path: Path) -> None:
     if not drawn:
         return
     figure = Figure(figsize=(10.0, 7.0), layout="constrained")
-    axes = figure.subplots(3, 4, sharex=True, sharey=True)
     names = (*NETWORK, *TIMES, *NOISE, "end")
-    for axis, name in zip(axes.ravel(), names, strict=True):
+    axes = figure.subplots(-(-len(names) // 4), 4, sharex=True, sharey=True).ravel()
+    for spare in axes[len(names) :]:
+        spare.set_axis_off()
+    for axis, name in zip(axes, names, strict=False):
         ranks = rank(drawn, "quick", name)
         size = next(len(group) for group in GROUPS if name in group)
         low, high = envelope(ranks.size, size)
