@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from .bench.channels.schema import BODIES
 from .errors import InputError
 from .motor import ParameterOverride
 
@@ -21,6 +22,11 @@ UNITS = {
     "torque_offset": "N m",
     "shaft_power_gain": "1", "shaft_power_offset": "W",
     "load_timing": "s",
+    **{
+        f"{channel.removesuffix('_degC')}_{part}": unit
+        for channel in BODIES
+        for part, unit in (("gain", "1"), ("offset", "K"), ("lag", "s"))
+    },
 }  # fmt: skip
 """Units of the parameters beside those of effects, known before any model is made."""
 

@@ -114,8 +114,8 @@ class Drive(eqx.Module):
         speed_rad: Speed [rad/s], or None.
         coolant: Coolant temperature [degC], or None.
         fan: Fan or flow over its rated value [1], or None.
-        shaft_power: Mechanical power [W], or None.
         current_ratio_squared: Mean squared current over the squared rated current [1].
+        shaft_power: Mechanical power [W], or None.
     """
 
     time: Float[Array, "..."]
@@ -126,8 +126,8 @@ class Drive(eqx.Module):
     speed_rad: Float[Array, "..."] | None
     coolant: Float[Array, "..."] | None
     fan: Float[Array, "..."] | None
-    shaft_power: Float[Array, "..."] | None
     current_ratio_squared: Float[Array, "..."]
+    shaft_power: Float[Array, "..."] | None = None
 
     @classmethod
     def constant(

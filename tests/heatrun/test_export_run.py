@@ -20,12 +20,12 @@ from heatrun.calibration import calibrate, load_tests, manifest
 from heatrun.errors import InputError
 from heatrun.export import (
     Corrections,
-    Shaft,
     export_mat,
     read_run_test,
     simulate_variables,
     thesis_variables,
 )
+from heatrun.export.variables import Shaft
 from heatrun.io.whole_files import write_whole
 from heatrun.motorfile import load_motor
 from heatrun.runs.run_folder import RunFolder
@@ -298,7 +298,7 @@ def test_a_torque_offset_needs_the_speed(day, monkeypatch):
     assert export_mat(Path("run"), folder=Path("out"))["corrections_K"] > 1.0
     silent = {n: v for n, v in found.record.channels.items() if n != "speed_rpm"}
     offset = replace(offset, record=replace(found.record, channels=silent))
-    with pytest.raises(InputError, match="torque offset, and this test has no speed"):
+    with pytest.raises(InputError, match="corrects the torque, and this test has no speed_rpm"):
         export_mat(Path("run"), folder=Path("out"))
 
 

@@ -5,24 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-
-from lptn import longest_step
 
 from ..inference.noise import LARGEST_SCORES, NOISE
 from ..inference.plausible_effects import NONE, PlausibleEffects
 from ..inference.posterior import Posterior
+from ..inference.steps import too_stiff
 from .alternatives import Alternative
 
 MOST_TRIES = 50
 """Times that a draw is drawn again whose amplitude has the wrong sign, or whose fastest node is too
 fast for the steps of the tests."""
-
-STABLE = 2.5
-"""Longest step over `lptn.longest_step` at which the march is stable [1]; beyond it the likelihood
-of a network is nothing."""
 
 
 def averaged(posterior: Posterior, found: Sequence[Alternative], *, seed: int = 0) -> Posterior:
@@ -86,10 +79,7 @@ def _is_too_stiff(posterior: Posterior, z: np.ndarray) -> np.ndarray:
     values = problem.parameters.physical(z)
     fixed = {n: p.fixed for n, p in problem.parameters.by_test[0].items() if p.fixed is not None}
     every = {n: values[n] if n in values else np.full(z.shape[0], fixed[n]) for n in names}
-    longest = jax.vmap(lambda one: longest_step(problem.model.network(one)))(
-        {name: jnp.asarray(draws) for name, draws in every.items()}
-    )
-    return step > STABLE * np.asarray(longest)
+    return too_stiff(problem.model, every, step)
 
 
 def _drawn(

@@ -161,7 +161,7 @@ def predict(
     observation = rows.observation(heat, scales_of(source.loggers, rows))
     course = jax.tree.map(np.asarray, _means(source.model, drawn.values, observation))
     (readings, *of_bodies), nodes = np.split(course["reading"], 1 + len(known), 1), course["nodes"]
-    refuse_unstable(readings, test)
+    refuse_unstable(source.model, drawn.values, readings, test)
     if drawn.plausible is not None:
         added = drawn.plausible.added(source.model, source.motor, test, fitted_as)
         readings = readings + added

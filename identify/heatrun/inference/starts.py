@@ -67,7 +67,7 @@ def start_draws(
         normal = rng.standard_normal(normal.shape)
     known_values = {name: jnp.asarray(draws) for name, draws in {**values, **fixed}.items()}
     rows = np.asarray(_whitened(model, tuple(free), known_values, noise, first, jnp.asarray(mean)))
-    refuse_unstable(rows, test)
+    refuse_unstable(model, values, rows, test)
     drawn = mean + _regress(rows, covariance, normal)
     return {**fixed, **{name: drawn[:, i] for i, name in enumerate(free)}}
 
