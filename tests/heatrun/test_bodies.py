@@ -57,6 +57,7 @@ def test_parameters_and_the_sensor_are_found(found, truth):
     assert sd(found, "stator_lag") < 0.3  # of the logarithm, prior 1
 
 
+@pytest.mark.slow
 def test_in_a_short_test_the_body_tells_what_the_winding_does_not(generator, motor):
     short = reduce(measured_record(generator, generator.constant_load(900.0), 72), motor)
     model = Model.of("second", motor)

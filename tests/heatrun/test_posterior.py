@@ -148,6 +148,7 @@ def test_groups_carry_units_and_survive_the_file(posterior, tmp_path):
     assert "Ceq_w" in table.index
 
 
+@pytest.mark.slow
 def test_draws_from_a_proposal_that_is_off_are_accepted_as_the_posterior_wants(
     fitted, posterior, monkeypatch
 ):

@@ -180,9 +180,8 @@ def session_of_the_docstring():
     return lines
 
 
-@pytest.mark.parametrize(
-    "with_discovery", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["short", "whole"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("with_discovery", [False, True], ids=["short", "whole"])
 def test_the_example_of_the_interface_runs_as_it_stands(day, tmp_path, monkeypatch, with_discovery):
     for name in ("duty.csv", "step.csv", "motor.toml"):
         (tmp_path / name).write_bytes((day / name).read_bytes())
