@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from .bench.channels.schema import BODIES
+from .bench.channels.schema import BODIES, body_name
 from .errors import InputError
 from .motor import ParameterOverride
 
@@ -23,7 +23,7 @@ UNITS = {
     "shaft_power_gain": "1", "shaft_power_offset": "W",
     "load_timing": "s",
     **{
-        f"{channel.removesuffix('_degC')}_{part}": unit
+        f"{body_name(channel)}_{part}": unit
         for channel in BODIES
         for part, unit in (("gain", "1"), ("offset", "K"), ("lag", "s"))
     },

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -53,8 +54,39 @@ class Sensor(eqx.Module):
         """
         if self.lag is None:
             return after
-        # the summand keeps value and one-sided gradient finite at no lag
-        ratio = step / (self.lag + 1e-9 * step)
-        decay = jnp.exp(-ratio)
-        mean = -jnp.expm1(-ratio) / ratio
-        return decay * sensed + (mean - decay) * before + (1.0 - mean) * after
+        return _follow(sensed, before, after, *_weights(self.lag, step))
+
+
+def lagged(
+    reading: Float[Array, " edge"], lag: Float[Array, ""] | float, step: Float[Array, " time"]
+) -> Float[Array, " edge"]:
+    """Return a reading with a first-order lag that starts in equilibrium [degC], shape (edge,).
+
+    Exact where the reading runs straight between edges, so that a lag much shorter than the
+    interval is as stable as a long one.
+
+    Args:
+        reading: Reading without the lag at the edges of the intervals [degC].
+        lag: Time constant [s].
+        step: Length of each interval [s].
+    """
+
+    def advance(sensed, x):
+        sensed = _follow(sensed, *x)
+        return sensed, sensed
+
+    rows = (reading[:-1], reading[1:], *_weights(lag, step))
+    _, sensed = jax.lax.scan(advance, reading[0], rows)
+    return jnp.concatenate([reading[:1], sensed])
+
+
+def _weights(lag, step):
+    """Return the decay over an interval, and its mean over it [1]."""
+    # the summand keeps value and one-sided gradient finite at no lag
+    ratio = step / (lag + 1e-9 * step)
+    return jnp.exp(-ratio), -jnp.expm1(-ratio) / ratio
+
+
+def _follow(sensed, before, after, decay, mean):
+    """Return the response to a ramp from `before` to `after`."""
+    return decay * sensed + (mean - decay) * before + (1.0 - mean) * after

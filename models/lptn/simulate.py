@@ -15,7 +15,7 @@ from .inputs import Inputs
 from .losses import CopperLosses
 from .march import heat_effects, is_concrete, march, prepare
 from .network import Link, Network
-from .sensor import Sensor
+from .sensor import Sensor, lagged
 from .stepping import State, mean, stages
 
 
@@ -242,23 +242,11 @@ def _read(inputs, temperature, effects, sensor, losses):
     sink = inputs.ambient_at_edges() + losses.ambient_offset
     values = sensor.read(temperature[sensor.node], sink)
     if sensor.lag is not None:
-        values = _lagging(sensor, values, inputs)
+        values = lagged(values, sensor.lag, jnp.broadcast_to(inputs.step, (inputs.num_time,)))
     for effect in effects:
         if isinstance(effect, SensorEffect):
             values = effect.observe(values, temperature, inputs)
     return values
-
-
-def _lagging(sensor, values, inputs):
-    """Return a reading [degC] with the sensor's lag, which starts in equilibrium."""
-
-    def advance(sensed, x):
-        sensed = sensor.follow(sensed, *x)
-        return sensed, sensed
-
-    steps = jnp.broadcast_to(inputs.step, (inputs.num_time,))
-    _, sensed = jax.lax.scan(advance, values[0], (values[:-1], values[1:], steps))
-    return jnp.concatenate([values[:1], sensed])
 
 
 def _trace(network, losses, inputs, temperature, effects, sensor) -> Trace:

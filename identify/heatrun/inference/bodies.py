@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..bench.blocks import Blocks
+from ..bench.channels.schema import body_name
 from .networks.form import NetworkForm
 
 STANDS_FOR = {
@@ -63,8 +64,7 @@ class BodyCourse:
 def node_of(form: NetworkForm, channel: str) -> str | None:
     """Return the node that a body is compared with, None if the network has none for it."""
     own = form.sensed(channel)
-    name = channel.removesuffix("_degC")
-    for node in (own, name, STANDS_FOR.get(channel)):
+    for node in (own, body_name(channel), STANDS_FOR.get(channel)):
         if node in form.nodes:
             return node
     return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -14,48 +13,27 @@ from lptn import CopperLosses, Inputs, Network, Sensor, Trace, block_means, simu
 from lptn.effects import AbstractEffect, build_all
 from lptn.effects.time_shift import TimeShift
 
-from ..bench.blocks import SLOW_LOGGER_S, Blocks, Observation
-from ..bench.channels.schema import BODIES
+from ..bench.blocks import Blocks, Observation
+from ..bench.channels.schema import BODIES, body_name
 from ..errors import InputError
 from ..motor import Motor
 from .catalogue import effects_named
 from .effect_needs import refuse_lacking, refuse_unplaced
 from .effect_parameters import effect_names, effect_parameters, qualified
+from .instruments import (
+    BODY_PARTS,
+    CURRENT_GAIN,
+    INSTRUMENTS,
+    body_errors,
+    shaft_errors,
+    timing_error,
+    torque_error,
+)
 from .networks import BUILT_IN, NetworkForm, network_named
 from .networks.scale import scale_of_tests, scaled
-from .parameters import Parameter, ParameterSet, Transform, check_names, collect, override
+from .parameters import Parameter, ParameterSet, check_names, collect, override
 
 Values = Mapping[str, Float[Array, ""]]
-
-INSTRUMENTS = (
-    Parameter("power_gain", "1", "relative error of the losses", "instrument", "linear", 0.0, 0.01,
-              "losses as input minus output with instruments of class 0.1 at 90 % efficiency: 1 %"),
-    Parameter("sensor_gain", "1", "relative error of the measured rise", "instrument", "linear",
-              0.0, 0.005, "class 2 thermocouple (IEC 60584-1: 0.75 % at the limit, k = 1.7)"),
-    Parameter("sensor_offset", "K", "offset of the winding sensor", "instrument", "linear", 0.0,
-              0.5, "thermocouple and cold junction, agreement at rest within 1 K"),
-    Parameter("ambient_offset", "K", "offset of the sink temperature", "instrument", "linear", 0.0,
-              0.5, "one point of the room or duct stands for the whole sink"),
-)  # fmt: skip
-"""Type B uncertainties: temperatures alone cannot tell them, so they enter C and R."""
-
-CURRENT_GAIN = Parameter(
-    "current_gain", "1", "relative error of the current", "instrument", "linear", 0.0, 0.005,
-    "current transducers of class 0.5",
-)  # fmt: skip
-"""Likewise, where the copper loss enters: it goes with its square."""
-
-BODY_ERRORS: tuple[tuple[str, str, str, Transform, float, float, str], ...] = (
-    ("gain", "1", "relative error of the rise", "linear", 0.0, 0.02,
-     "one point stands for the mean of a body: 2 % of the rise"),
-    ("offset", "K", "offset", "linear", 0.0, 0.5,
-     "thermocouple and cold junction, agreement at rest within 1 K"),
-    ("lag", "s", "time constant", "log", 10.0, 1.0,
-     "a sensor glued or bolted on: some seconds to a minute"),
-)  # fmt: skip
-"""Errors of the sensor of a body: name, unit, meaning, prior and what it rests on."""
-
-BODY_PARTS = tuple(part for part, *_ in BODY_ERRORS)
 
 COLD_START_K = 2.0
 """Start within this of the sink [K] and at rest: stator and winding count as one temperature."""
@@ -287,15 +265,15 @@ def parameters(
     model.refuse_unusable(tests, searched)
     check_names((*override_names(model.form), *effect_names(model.effects)), motor)
     shared = [*model.form.parameters, *_resistance(model, motor, tests), *INSTRUMENTS]
-    shared += _bodies(tests)
-    shared += _shaft(motor, tests)
+    shared += body_errors(tests)
+    shared += shaft_errors(motor, tests)
     if "torque_offset" in motor.parameters:
-        shared.append(_torque(motor, tests))
+        shared.append(torque_error(motor, tests))
     by_test = [
         override(
             [
                 *shared,
-                *_timing(test),
+                *timing_error(test),
                 *_start(model, test),
                 *effect_parameters(model.effects, test.duration_s, searched),
             ],
@@ -304,22 +282,6 @@ def parameters(
         for test in tests
     ]
     return collect([test.name for test in tests], by_test)
-
-
-def body_name(channel: str) -> str:
-    """Return the name of a measured body, such as `"stator"` for its channel."""
-    return channel.removesuffix("_degC")
-
-
-def _bodies(tests: Sequence[Blocks]) -> list[Parameter]:
-    """Return the errors of the sensors of measured bodies."""
-    channels = [channel for channel in BODIES if any(channel in test.fitted for test in tests)]
-    return [
-        Parameter(f"{body_name(channel)}_{part}", unit, f"{meaning} of the {body_name(channel)} "
-                  "sensor", "instrument", transform, centre, sd, basis)
-        for channel in channels
-        for part, unit, meaning, transform, centre, sd, basis in BODY_ERRORS
-    ]  # fmt: skip
 
 
 def override_names(*networks: NetworkForm) -> tuple[str, ...]:
@@ -356,57 +318,6 @@ def _resistance(model: Model, motor: Motor, tests: Sequence[Blocks]) -> list[Par
             "four-wire measurement, winding temperature known to 2 K (0.4 %/K)",
         ),
         CURRENT_GAIN,
-    ]  # fmt: skip
-
-
-def _torque(motor: Motor, tests: Sequence[Blocks]) -> Parameter:
-    """Return the offset of the torque, which only the user can size."""
-    if motor.losses != "balance" or any(test.inputs.speed is None for test in tests):
-        raise InputError(
-            "[parameters.torque_offset] needs losses from a balance and a speed in every test.",
-            where=motor.path or motor.name,
-            remedy="Map speed_rpm, or drop the section.",
-        )
-    return Parameter("torque_offset", "N m", "offset of the torque transducer", "instrument",
-                     "linear", 0.0, 0.1, "0.1 % of a 100 N m transducer")  # fmt: skip
-
-
-def _shaft(motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:
-    """Return the errors of the mechanical power, where a balance was made with it.
-
-    They are no share of the losses: where the machine turns from motor to generator, they change
-    their sign.
-    """
-    powers = [test.inputs.shaft_power for test in tests if test.inputs.shaft_power is not None]
-    largest = max((float(jnp.max(jnp.abs(power))) for power in powers), default=0.0)
-    if motor.losses != "balance" or largest == 0.0:
-        return []
-    return [
-        Parameter(
-            "shaft_power_gain", "1", "relative error of the mechanical power", "instrument",
-            "linear", 0.0, 0.01, "torque and electrical power of class 0.5 to 1 against each other",
-        ),
-        Parameter(
-            "shaft_power_offset", "W", "offset of the mechanical power", "instrument", "linear",
-            0.0, 1e-3 * largest, "zero of the torque: 0.1 % of the largest mechanical power",
-        ),
-    ]  # fmt: skip
-
-
-def _timing(test: Blocks) -> list[Parameter]:
-    """Return the moment of the load steps, where the logger is too slow to tell it.
-
-    Samples are joined by straight lines, so a step that falls on a sample comes half a period
-    early.
-    """
-    if test.sample_s < SLOW_LOGGER_S:
-        return []
-    return [
-        Parameter(
-            "load_timing", "s", "load later than halfway between two samples", "instrument",
-            "linear", 0.0, test.sample_s / math.sqrt(12.0),
-            f"samples every {test.sample_s:.3g} s: anywhere between two of them", per_test=True,
-        )
     ]  # fmt: skip
 
 

@@ -13,13 +13,15 @@ from jaxtyping import Array, Float
 from scipy.stats import norm
 
 from ..bench.blocks import Blocks, Observation
+from ..bench.channels.schema import body_name
 from . import noise as noise_module
 from .bodies import BodyCourse, body_courses
 from .discrepancy import heat_columns
 from .draws import Draws
 from .effect_parameters import null_values
+from .instruments import BODY_PARTS
 from .loggers import scales_of
-from .model import BODY_PARTS, Model, body_name, parameters
+from .model import Model, parameters
 from .noise import Noise
 from .plausible_effects import PlausibleEffects
 from .posterior import Posterior

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..inference.model import body_name
+from ..bench.channels.schema import body_name
 from ..inference.networks.form import WINDING
 from ..inference.noise import NOISE
 from ..inference.parameters import Parameter, ParameterSet

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..inputs import Inputs
+from ..sensor import lagged
 from .base import EffectCard, Quantity, SensorEffect
 
 
@@ -46,17 +46,4 @@ class SensorLag(SensorEffect):
         inputs: Inputs,
     ) -> Float[Array, " edge"]:
         """As `SensorEffect.observe`."""
-        step = jnp.diff(inputs.edges())
-        # the summand keeps value and one-sided gradient finite at tau = 0, where Tm = Tw
-        ratio = step / (self.tau + 1e-9 * step)
-        decay = jnp.exp(-ratio)
-        lag = -jnp.expm1(-ratio) / ratio  # mean of the decay over the interval
-
-        def advance(sensed, x):
-            before, after, decay, lag = x
-            # response to a ramp from `before` to `after`
-            sensed = decay * sensed + (lag - decay) * before + (1.0 - lag) * after
-            return sensed, sensed
-
-        _, sensed = jax.lax.scan(advance, reading[0], (reading[:-1], reading[1:], decay, lag))
-        return jnp.concatenate([reading[:1], sensed])
+        return lagged(reading, self.tau, jnp.diff(inputs.edges()))

@@ -73,6 +73,12 @@ BODIES: tuple[str, ...] = (
 )
 """Temperatures of bodies beside the winding."""
 
+
+def body_name(channel: str) -> str:
+    """Return the name of a measured body, such as `"stator"` for its channel."""
+    return channel.removesuffix("_degC")
+
+
 CHANNEL: dict[str, Channel] = {channel.name: channel for channel in CHANNELS}
 """The same by name."""
 
