@@ -1,6 +1,7 @@
 """The cases of the study of misfit, and what `heatrun calibrate` made of each.
 
-One cause that the network does not have, mild enough to pass for noise, in one test of 90 minutes.
+One cause that the network does not have, mild enough to pass for noise, in one test of 90 minutes
+or in two of two hours.
 Each case is written as CSV files and a motor file, goes through the command, and is read back from
 its run folder.
 """
@@ -34,27 +35,69 @@ KINDS: dict[str, dict[str, Any]] = {
     "ac_copper_loss": {"target_K": 0.12},
     "iron_loss_in_winding": {"target_K": 0.12},
     "insulation_conductivity": {"target_K": 0.12},
+    "radiation": {"target_K": 0.12},
+    "fan_cooling": {"target_K": 0.12},
+    "cooling_step": {"target_K": 0.12},
+    "coolant_sink": {"target_K": 0.12},
+    "end_winding_node": {"target_K": 0.12},
+    "bearing_friction": {"target_K": 0.12},
+    "stray_load_loss": {"target_K": 0.12},
+    "contact_drift": {"target_K": 0.12},
+    "sensor_contact": {"target_K": 0.12},
+    "standby_loss": {"amplitude": 0.3},
+    "ambient_recirculation": {"amplitude": 0.2},
+    "unknown:heat_step": {"target_K": 0.15},
     "unknown:periodic_source": {"target_K": 0.15},
     "unknown:thermostat": {"target_K": 0.15},
+    "unknown:sensor_wander": {"target_K": 0.15},
+    "loss_gain": {"amplitude": 0.3},
+    "sensor_gain": {"amplitude": 0.6},
+    "winding_resistance": {"amplitude": 0.06},
+    "copper_coefficient": {"amplitude": -0.68},
     "current scale 3 %": {},
     "torque offset 0.2 %": {},
 }
-"""What is hidden, by amplitude (lag of 20 s, drift of 3 K in 90 minutes, clocks 5 s apart) or
-by its visible misfit [K]."""
+"""What is hidden, by amplitude (lag of 20 s, drift of 3 K in 90 minutes, clocks 5 s apart, losses
+3 %, rise 1.5 % and resistance 3 % off, aluminium taken for copper) or by its visible misfit [K]."""
+
+IN_TWO_TESTS = ("nothing", "natural_convection", "speed_cooling", "rotor_node", "ambient_drift",
+                "time_shift")  # fmt: skip
+"""Kinds that are also looked at in a staircase and a drive cycle of two hours each."""
 
 INSTRUMENTS = ("current_gain", "power_gain", "sensor_gain", "sensor_offset", "ambient_offset",
                "load_timing")  # fmt: skip
 
-OF_AN_INSTRUMENT = ("current scale 3 %", "torque offset 0.2 %")
+BY_HAND = ("current scale 3 %", "torque offset 0.2 %")
+
+OF_AN_INSTRUMENT = ("loss_gain", "sensor_gain", "winding_resistance", "copper_coefficient",
+                    *BY_HAND)  # fmt: skip
+"""Errors of instruments and of the motor file: two or three times what they are declared to be."""
+
+WOULD_TELL = {
+    "current scale 3 %": "a second transducer, or voltage and current at standstill",
+    "torque offset 0.2 %": "the torque read with the coupling open, before and after",
+    "loss_gain": "a loss measurement of another kind at one load, or direct current at standstill",
+    "sensor_gain": "the sensor in a bath, or the resistance method at the hot end",
+    "winding_resistance": "four-wire resistance at a known temperature",
+    "copper_coefficient": "the resistance, cold and hot",
+    "standby_loss": "a spell with the inverter on and no current",
+    "ambient_recirculation": "a second sensor of the air, farther away",
+}
+"""Measurement that would show what one test of this kind cannot."""
 
 REDEFINES = {
     "natural_convection": "Req_sr",
     "speed_cooling": "Req_sr",
+    "radiation": "Req_sr",
+    "fan_cooling": "Req_sr",
+    "cooling_step": "Req_sr",
+    "ambient_recirculation": "Req_sr",
     "insulation_conductivity": "Req_w",
+    "contact_drift": "Req_w",
 }
 """Parameter that has another meaning under an effect: there is no one true value of it."""
 
-REFERENCES = 5
+REFERENCES = 2
 """Machines for each cause that are also calibrated with the effect that is hidden in them."""
 
 POWER = 15.0
@@ -63,12 +106,14 @@ POWER = 15.0
 
 def jobs(first_seed: int, repeats: int, num_clean: int) -> list[dict[str, Any]]:
     """Return all cases in the order in which they are run, which is by chance."""
-    kinds = [(kind, n) for kind in KINDS if kind != "nothing" for n in range(repeats)]
-    kinds += [("nothing", REFERENCES)] * num_clean
+    kinds = [(kind, n, "duty") for kind in KINDS if kind != "nothing" for n in range(repeats)]
+    kinds += [("nothing", REFERENCES, "duty")] * num_clean
+    kinds += [(kind, REFERENCES, "two_tests") for kind in IN_TWO_TESTS for _ in range(repeats)]
     rows = [
-        {"kind": kind, "seed": first_seed + place, "with_truth": number < REFERENCES}
-        for place, (kind, number) in enumerate(kinds)
-    ]
+        {"kind": kind, "seed": first_seed + place, "with_truth": number < REFERENCES,
+         "tests": tests}
+        for place, (kind, number, tests) in enumerate(kinds)
+    ]  # fmt: skip
     return [rows[place] for place in np.random.default_rng(first_seed).permutation(len(rows))]
 
 
@@ -80,9 +125,9 @@ def is_in_machine(kind: str) -> bool:
 def run(job: dict[str, Any]) -> dict[str, Any]:
     """Run one case through the command and return its row."""
     kind = job["kind"]
-    hidden = (kind,) if is_in_machine(kind) else ()
+    hidden = () if kind in ("nothing", *BY_HAND) else (kind,)
     case = hidden_bench().make_case(
-        hidden, job["seed"], kind="duty", resolution_K=0.1, **KINDS[kind]
+        hidden, job["seed"], kind=job["tests"], resolution_K=0.1, **KINDS[kind]
     )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -93,7 +138,7 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         if code != 0:
             return {**row, "failure": said[-800:]}
         row |= {"visible_K": case.visible_misfit_K, **described(folder / "run", case)}
-        if job["with_truth"] and hidden and ":" not in kind:
+        if job["with_truth"] and is_in_machine(kind) and ":" not in kind:
             arguments[-1] = str(folder / "reference")
             code, said = command([*arguments, "--with", kind])
             row["failure_with_truth"] = "" if code == 0 else said[-800:]
@@ -117,7 +162,8 @@ def write_bench(case: Any, folder: Path, kind: str) -> list[str]:
         paths.append(folder / f"{test.name}.csv")
         table.to_csv(paths[-1], index=False, float_format="%.6g")
     return [
-        "calibrate", str(folder / "motor.toml"), str(paths[0]), "--holdout", str(paths[1]),
+        "calibrate", str(folder / "motor.toml"), *map(str, paths[:-1]),
+        "--holdout", str(paths[-1]),
         "--model", "second", "--quick", "--out", str(folder / "run"),
     ]  # fmt: skip
 
@@ -164,7 +210,7 @@ def described(folder: Path, case: Any) -> dict[str, Any]:
         "sd": {name: entry.sd for name, entry in entries.items()},
         "interval_95": {name: list(entry.interval_95) for name, entry in entries.items()},
         "measures": measures(model),
-        "rmse_K": next(r for r in model.residuals if r.role == "calibration").rmse_K,
+        "rmse_K": max(r.rmse_K for r in model.residuals if r.role == "calibration"),
         "holdout_rmse_K": held_out.rmse_K,
         "holdout_coverage_95": held_out.coverage_95,
         "findings": [[f.id, f.message] for f in run.result.findings if f.severity == "warning"],
