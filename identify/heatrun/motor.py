@@ -27,6 +27,20 @@ class ParameterOverride:
 
 
 @dataclass(frozen=True)
+class Adequacy:
+    """How far a network of a few nodes is trusted: the prior of the heat that it misses.
+
+    Attributes:
+        unmodelled_heat: Median of the prior of its standard deviation, over the mean loss [1].
+        heat_time_s: Its correlation time [s]: between the time constants of a winding and of a
+            machine.
+    """
+
+    unmodelled_heat: float = 0.0015
+    heat_time_s: float = 1200.0
+
+
+@dataclass(frozen=True)
 class Motor:
     """The machine under test and how its bench measures it.
 
@@ -50,6 +64,7 @@ class Motor:
         sensors: Node that a measured body is fitted as, by its channel; `"none"`: it is held
             against the model and not fitted. Where nothing is said, the network decides.
         effects: Ids of known effects that every model of this machine has.
+        adequacy: How far its networks are trusted.
         raster_s: Step that MDF and TDMS channels are averaged to [s], or None for the samples of
             the winding.
         decimal: Decimal sign of the bench's text tables, `"."` or `","`; the other one then
@@ -74,6 +89,7 @@ class Motor:
     parameters: Mapping[str, ParameterOverride] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
+    adequacy: Adequacy = field(default_factory=Adequacy)
     raster_s: float | None = None
     decimal: Literal[".", ","] | None = None
     sha256: str = ""

@@ -13,7 +13,7 @@ from .bench.channels.schema import BODIES, CHANNEL
 from .bench.readers.open_file import read_start
 from .errors import InputError, did_you_mean
 from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
-from .motor import Motor, ParameterOverride
+from .motor import Adequacy, Motor, ParameterOverride
 from .plausible import RANGES, UNITS, refuse_implausible
 
 COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
@@ -41,6 +41,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "reference_temperature_degC",
     ),
     "vehicle": ("gear_ratio", "wheel_radius_m"),
+    "adequacy": ("unmodelled_heat", "heat_time_s"),
 }
 """Sections with a fixed set of keys; `[columns]` and `[parameters.NAME]` have their own."""
 
@@ -58,6 +59,8 @@ Limits = tuple[float, float, str]
 POSITIVE: Limits = (0.0, math.inf, "above 0")
 ANY_NUMBER: Limits = (-1e30, 1e30, "between -1e30 and 1e30")
 COEFFICIENT_RANGE: Limits = (100.0, 400.0, "between 100 and 400 degC (copper 234.5)")
+HEAT_RANGE: Limits = (1e-5, 0.05, "between 1e-5 and 0.05 of the mean loss (usual: 0.0015)")
+HEAT_TIME_RANGE: Limits = (60.0, 86400.0, "between 60 and 86400 s (usual: 1200)")
 REFERENCE_RANGE: Limits = (-60.0, 250.0, "between -60 and 250 degC")
 
 
@@ -66,7 +69,7 @@ def load_motor(path: str | Path) -> Motor:
 
     Args:
         path: A TOML file with `[motor]` and optionally `[winding]`, `[vehicle]`, `[columns]`,
-            `[constants]`, `[sensors]`, `[model]` and `[parameters.NAME]`.
+            `[constants]`, `[sensors]`, `[model]`, `[adequacy]` and `[parameters.NAME]`.
 
     Raises:
         InputError: If the file cannot be read, has a section or key that is not known (with the
@@ -89,14 +92,14 @@ def parse_motor(data: bytes, where: str) -> Motor:
     sections = {name: _section(content, name, where) for name in KEYS}
     for name, keys in KEYS.items():
         check_keys(sections[name], keys, f"{where}, [{name}]", "key")
-    motor, winding, vehicle = sections["motor"], sections["winding"], sections["vehicle"]
+    motor, winding, vehicle, adequacy = (sections[name] for name in KEYS)
     if "name" not in motor:
         raise InputError(
             "Expected the name of the motor, found none.",
             where=f"{where}, [motor]",
             remedy='Add: name = "…".',
         )
-    at, at_winding, at_vehicle = (f"{where}, [{name}]" for name in KEYS)
+    at, at_winding, at_vehicle, at_adequacy = (f"{where}, [{name}]" for name in KEYS)
     return Motor(
         name=_text(motor, "name", at),
         phases=_phases(motor, at),
@@ -122,6 +125,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
         parameters=_parameters(_section(content, "parameters", where), where),
         sensors=_sensors(_section(content, "sensors", where), where),
         effects=_effects(_section(content, "model", where), where),
+        adequacy=_adequacy(adequacy, at_adequacy),
         raster_s=_number(motor, "raster_s", POSITIVE, at),
         decimal=cast(Literal[".", ","] | None, _choice(motor, "decimal", (".", ","), at)),
         sha256=hashlib.sha256(data).hexdigest(),
@@ -256,6 +260,18 @@ def _sensors(section: Mapping[str, Any], where: str) -> dict[str, str]:
     at = f"{where}, [sensors]"
     check_keys(section, BODIES, at, "channel")
     return {channel: _text(section, channel, at) for channel in section}
+
+
+def _adequacy(section: Mapping[str, Any], where: str) -> Adequacy:
+    usual = Adequacy()
+    return Adequacy(
+        unmodelled_heat=_or_default(
+            _number(section, "unmodelled_heat", HEAT_RANGE, where), usual.unmodelled_heat
+        ),
+        heat_time_s=_or_default(
+            _number(section, "heat_time_s", HEAT_TIME_RANGE, where), usual.heat_time_s
+        ),
+    )
 
 
 def _columns(section: Mapping[str, Any], where: str) -> dict[str, str]:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
-from heatrun.inference.discrepancy import HEAT_TIME_S, block_responses, heat_columns
+from heatrun.inference.discrepancy import block_responses, heat_columns
 from heatrun.inference.model import Model
+from heatrun.motor import Adequacy
 from lptn import second_order
 
 C_W, C_S, R_W, R_S = 700.0, 15000.0, 0.145, 0.116
@@ -37,14 +41,16 @@ def test_responses_are_those_of_an_integrated_network():
         np.testing.assert_allclose(means[:, 0], exact, atol=2e-4 * np.max(np.abs(exact)))
 
 
-def test_columns_have_the_variance_of_drawn_heat(motor, blocks):
+@pytest.mark.parametrize("said", [Adequacy(), Adequacy(unmodelled_heat=0.003, heat_time_s=600.0)])
+def test_columns_have_the_variance_of_drawn_heat(motor, blocks, said):
     """Heat drawn as a Gauss-Markov process step by step, through the integrated network."""
     values = {"Ceq_w": C_W, "Ceq_sr": C_S, "Req_w": R_W, "Req_sr": R_S, "Rs0": 0.006}
-    columns = heat_columns(Model.of("second", motor), values, blocks)
+    columns = heat_columns(Model.of("second", replace(motor, adequacy=said)), values, blocks)
     rng = np.random.default_rng(1)
-    loss = float(np.mean(np.asarray(blocks.inputs.losses)))
+    wider = said.unmodelled_heat / Adequacy().unmodelled_heat
+    loss = wider * float(np.mean(np.asarray(blocks.inputs.losses)))
     edges = blocks.block_s * np.arange(blocks.measured.size + 1)
-    decay = np.exp(-blocks.block_s / HEAT_TIME_S)
+    decay = np.exp(-blocks.block_s / said.heat_time_s)
     drawn = []
     for _ in range(150):
         total = np.zeros(blocks.measured.size)

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from heatrun.errors import InputError
 from heatrun.io import toml_text
-from heatrun.motor import Motor, ParameterOverride
-from heatrun.motorfile import load_motor
+from heatrun.motor import Adequacy, Motor, ParameterOverride
+from heatrun.motorfile import load_motor, parse_motor
+from heatrun.runs.motor_text import motor_text
 
 FULL = """
 [motor]
@@ -221,3 +222,12 @@ def test_a_motor_file_that_is_no_file_is_refused(tmp_path):
         load_motor(pipe)
     with pytest.raises(InputError, match="got a device"):
         load_motor("/dev/zero")
+
+
+def test_the_heat_that_a_network_may_miss_is_read_and_written_back():
+    text = b'[motor]\nname = "m"\n[adequacy]\nunmodelled_heat = 0.004\n'
+    found = parse_motor(text, "m.toml")
+    assert found.adequacy == Adequacy(unmodelled_heat=0.004, heat_time_s=1200.0)
+    assert parse_motor(motor_text(found), "m.toml").adequacy == found.adequacy
+    with pytest.raises(InputError, match="between 60 and 86400 s"):
+        parse_motor(text + b"heat_time_s = 20", "m.toml")

@@ -14,7 +14,7 @@ from heatrun.inference.model import Model, parameters
 from heatrun.inference.networks import BUILT_IN, network_named, networks_of
 from heatrun.inference.networks.text import network_of, network_text, read_network
 from heatrun.inference.problem import Problem, predictions
-from heatrun.motor import Motor, ParameterOverride
+from heatrun.motor import Adequacy, Motor, ParameterOverride
 from heatrun.runs.model_text import ModelOfRun, model_text, read_model
 
 FOUR = """
@@ -66,7 +66,7 @@ def test_a_network_has_a_parameter_for_every_part():
 
 def test_a_model_with_effects_and_fixed_values_reads_back_to_the_same_value(blocks):
     motor = Motor(
-        "m", phase_resistance_ohm=0.0062, sink="coolant",
+        "m", phase_resistance_ohm=0.0062, sink="coolant", adequacy=Adequacy(heat_time_s=600.0),
         parameters={"Ceq_tooth": ParameterOverride(fixed=900.0),
                     "speed_cooling.g": ParameterOverride(value=0.4, sd=0.1)},
     )  # fmt: skip

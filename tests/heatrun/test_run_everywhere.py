@@ -31,6 +31,8 @@ effects = ["speed_cooling"]
 fixed = 0.02
 [parameters."speed_cooling.m"]
 fixed = 0.8
+[adequacy]
+unmodelled_heat = 0.003
 """
 FOUR = Path(__file__).with_name("four.toml").read_text("utf-8")
 LAG_S = 12.0
@@ -84,6 +86,15 @@ def test_every_command_gives_one_rmse_for_one_test(day, capsys, monkeypatch):
         report = json_of(capsys, "report", "--type", "thermal", "--run", "run", "motor.toml",
                          f"{name}.csv", "--out", "reports")  # fmt: skip
         assert rmse_of(report) == pytest.approx(rmse[name], rel=1e-9)
+
+
+def test_unmodelled_heat_stands_in_the_run_in_its_unit(day):
+    """As the share of the loss that the motor file speaks of, whatever it is computed with."""
+    run = heatrun.open_run(day / "run")
+    stored = np.asarray(run.posterior("four")["posterior"]["unmodelled_heat"]).ravel()
+    np.testing.assert_allclose(stored, 2.0 * np.asarray(run.draws().noise().heat), rtol=1e-9)
+    said = run.result.models["four"].noise.prior["unmodelled_heat"]
+    assert said == pytest.approx([0.003 * np.exp(f * 1.96 * 1.2) for f in (-1, 1)])
 
 
 def rmse_of(report):

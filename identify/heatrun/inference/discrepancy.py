@@ -5,7 +5,8 @@ and goes over minutes: on each node that losses heat, a Gauss-Markov process
 
 $$ \mathrm{E}[q(t)\,q(t')] = (s\,\bar P)^2 \exp(-|t - t'| / \tau) $$
 
-with the mean loss $\bar P$ of the test, $\tau$ of twenty minutes, and $s$ estimated with the noise.
+with the mean loss $\bar P$ of the test, $\tau$ of twenty minutes unless the motor file says
+otherwise, and $s$ estimated with the noise.
 Through the network it shows in the readings. The readings are linear in it, so it is integrated
 out: its responses join the covariance of the noise as columns of a low rank.
 
@@ -29,10 +30,8 @@ from lptn import Network
 from ..bench.blocks import Blocks
 from .draws import NUM_NOISE, Draws
 from .model import Model
+from .noise import HEAT
 from .problem import Problem
-
-HEAT_TIME_S = 1200.0
-"""Correlation time of the heat [s]: between the time constants of a winding and of a machine."""
 
 NUM_COLUMNS = 16
 """Columns that stand for the heat of one test [1]. For the reference motor they hold 99.9 % of its
@@ -55,15 +54,17 @@ def heat_columns(
 
     Returns:
         Derivatives of the block means [K] by independent standard normals, for heat whose standard
-        deviation is the mean loss.
+        deviation is the mean loss where the prior of the heat is the usual one, and as many times
+        that as the prior of the model is wider.
     """
     network = model.network(values)
     edges = test.block_s * np.arange(test.num_blocks + 1)
     num = max(3, round(edges[-1] / SPACING_S) + 1)
     knots = np.linspace(0.0, edges[-1], num)
     hats = np.maximum(0.0, 1.0 - np.abs(edges[:, None] - knots) / (knots[1] - knots[0]))
-    factor = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots) / HEAT_TIME_S))
-    size = _mean_loss(model, values, test)
+    said = model.adequacy
+    factor = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots) / said.heat_time_s))
+    size = _mean_loss(model, values, test) * said.unmodelled_heat / HEAT.centre
     read = [model.form.measured_node, *map(model.form.sensed, test.fitted)]
     responses = block_responses(network, read, hats @ factor, test.block_s)
     joined = size * np.concatenate(list(responses.values()), axis=1)

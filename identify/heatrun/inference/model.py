@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ from lptn.effects.time_shift import TimeShift
 from ..bench.blocks import Blocks, Observation
 from ..bench.channels.schema import BODIES, body_name
 from ..errors import InputError
-from ..motor import Motor
+from ..motor import Adequacy, Motor
 from .catalogue import effects_named
 from .effect_needs import refuse_lacking, refuse_unplaced
 from .effect_parameters import effect_names, effect_parameters, qualified
@@ -56,6 +56,7 @@ class Model:
         reference_temperature: Temperature that Rs0 holds for [degC].
         coefficient: B of the winding's material [degC].
         effects: Effects that extend the network, in order.
+        adequacy: How far the network is trusted.
     """
 
     form: NetworkForm
@@ -64,6 +65,7 @@ class Model:
     reference_temperature: float
     coefficient: float
     effects: tuple[type[AbstractEffect], ...] = ()
+    adequacy: Adequacy = field(default_factory=Adequacy)
 
     @classmethod
     def of(
@@ -99,6 +101,7 @@ class Model:
             reference_temperature=motor.reference_temperature_degC,
             coefficient=motor.resistance_coefficient_degC,
             effects=(*own, *(kind for kind in effects if kind not in own)),
+            adequacy=motor.adequacy,
         )
 
     def scaled(self, motor: Motor, tests: Sequence[Blocks]) -> Model:

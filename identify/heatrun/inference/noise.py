@@ -18,6 +18,7 @@ $H$ of a low rank, taken out exactly at a cost that is linear in the number of b
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -27,6 +28,7 @@ from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Bool, Float
 
 from ..bench.blocks import BLOCK_S, Observation
+from ..motor import Adequacy
 from .parameters import Parameter
 
 NOISE = (
@@ -42,6 +44,17 @@ NOISE = (
 )  # fmt: skip
 """The parameters of the noise and of what the network misses, with priors that only exclude the
 absurd."""
+
+HEAT = NOISE[3]
+
+
+def noise_parameters(adequacy: Adequacy) -> tuple[Parameter, ...]:
+    """Return `NOISE` with the prior of the heat that the motor file gives.
+
+    The noise is computed with `NOISE`; where the prior is another, the columns of the heat are
+    larger or smaller by as much (`discrepancy`).
+    """
+    return (*NOISE[:3], replace(HEAT, centre=adequacy.unmodelled_heat))
 
 
 LARGEST = (20.0, 160.0, 20.0, 0.05)

@@ -12,6 +12,7 @@ from ..inference.model import Model
 from ..inference.networks.text import network_of, network_text
 from ..inference.parameters import Parameter, ParameterSet, collect
 from ..io.toml_text import parse_toml
+from ..motor import Adequacy
 
 FORMAT = "heatrun-model/1"
 
@@ -54,6 +55,7 @@ def model_text(found: ModelOfRun) -> bytes:
             "reference_temperature_degC": float(model.reference_temperature),
             "coefficient_degC": float(model.coefficient),
         },
+        "adequacy": asdict(model.adequacy),
         "fitted": {"parameters": [_entry(each) for each in distinct], "tests": tests},
     }
     return tomli_w.dumps(content).encode()
@@ -82,6 +84,7 @@ def read_model(data: bytes, where: str, files: Sequence[Path] = ()) -> ModelOfRu
         reference_temperature=losses["reference_temperature_degC"],
         coefficient=losses["coefficient_degC"],
         effects=effects_named([*form.effects, *content["effects"]], where, files),
+        adequacy=Adequacy(**content.get("adequacy", {})),  # runs of old do not say
     )
     distinct = [Parameter(**{"fixed": None, **entry}) for entry in fitted["parameters"]]
     by_test = [

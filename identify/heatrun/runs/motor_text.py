@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from ..motor import Motor
+from ..motor import Adequacy, Motor
 
 MOTOR = ("name", "phases", "losses", "sink", "insulation_class", "rated_speed_rpm", "raster_s",
          "decimal")  # fmt: skip
@@ -22,6 +22,8 @@ def motor_text(motor: Motor) -> bytes:
         values = {key: getattr(motor, key) for key in keys}
         content[section] = {key: value for key, value in values.items() if value is not None}
     content["model"] = {"effects": list(motor.effects)} if motor.effects else {}
+    if motor.adequacy != Adequacy():
+        content["adequacy"] = asdict(motor.adequacy)
     content["columns"] = dict(motor.columns)
     content["constants"] = dict(motor.constants)
     content["sensors"] = dict(motor.sensors)

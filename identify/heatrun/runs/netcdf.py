@@ -13,13 +13,14 @@ from jaxtyping import Float
 
 from ..bench.channels.schema import body_name
 from ..inference.networks.form import WINDING
-from ..inference.noise import NOISE
+from ..inference.noise import NOISE, noise_parameters
 from ..inference.parameters import Parameter, ParameterSet
 from ..inference.plausible_effects import PlausibleEffect, PlausibleEffects
 from ..inference.posterior import Posterior
 from ..inference.sampling.diagnostics import load_arviz
 from ..io.moment import stated_moment
 from ..io.whole_files import write_whole
+from ..motor import Adequacy
 from .densities import DEPENDENCE, LEFT_OUT, PRIOR, densities
 
 ABSENT = -12.0
@@ -46,8 +47,10 @@ def groups(posterior: Posterior, *, with_densities: bool = True) -> Any:
     arviz = load_arviz()
     tests = posterior.fit.problem.tests
     names = [test.name for test in tests]
+    of_noise = noise_parameters(posterior.fit.problem.model.adequacy)
     noise = [
-        np.asarray(p.value(posterior.vectors[..., i - len(NOISE)])) for i, p in enumerate(NOISE)
+        np.asarray(p.value(posterior.vectors[..., i - len(of_noise)]))
+        for i, p in enumerate(of_noise)
     ]
     columns = [*posterior.values().values(), *noise]
     variables, dims, coords = _variables(posterior, columns, names)
@@ -121,12 +124,15 @@ def as_arviz(data: bytes) -> Any:
     return arviz.InferenceData(**{name: group.to_dataset() for name, group in tree.items()})
 
 
-def vectors(tree: Any, parameters: ParameterSet) -> Float[np.ndarray, "chain draw all"]:
+def vectors(
+    tree: Any, parameters: ParameterSet, adequacy: Adequacy
+) -> Float[np.ndarray, "chain draw all"]:
     """Return the scores of parameters and noise of the draws in the groups of a run.
 
     Args:
         tree: From `read`.
         parameters: What stands in which place.
+        adequacy: Prior of the heat.
     """
     group = tree["posterior"]
     columns = []
@@ -136,7 +142,7 @@ def vectors(tree: Any, parameters: ParameterSet) -> Float[np.ndarray, "chain dra
             held = [s.name for s in parameters.slots if s.parameter.name == slot.parameter.name]
             values = values[..., held.index(slot.name)]
         columns.append(slot.parameter.score(values))
-    columns += [_noise_scores(group, parameter) for parameter in NOISE]
+    columns += [_noise_scores(group, parameter) for parameter in noise_parameters(adequacy)]
     return np.stack(columns, axis=-1)
 
 

@@ -12,11 +12,11 @@ from lptn.effects import AbstractEffect
 from ..bench.blocks import Blocks
 from ..bench.channels.column_mapping import describe_mapping
 from ..bench.record import Finding, Record
-from ..inference import noise
 from ..inference.comparison import body_rows, compare, residual_row, verdict
 from ..inference.effect_parameters import qualified
 from ..inference.fitting.fit_result import Fit
 from ..inference.fitting.identifiability import forecast, state
+from ..inference.noise import noise_parameters
 from ..inference.parameters import Parameter, Slot
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
@@ -97,6 +97,7 @@ def describe_model(
     fit = posterior.fit
     model = fit.problem.model
     main, nuisances = _parameters(posterior)
+    of_noise = noise_parameters(model.adequacy)
     return FittedModel(
         title=model.title,
         nodes=tuple(model.form.nodes),
@@ -112,9 +113,9 @@ def describe_model(
             sd_K=float(fit.noise.sd),
             time_s=float(fit.noise.time),
             white_K=float(fit.noise.white),
-            unmodelled_heat=float(fit.noise.heat),
+            unmodelled_heat=float(of_noise[-1].value(fit.noise_z[-1])),
             loggers=_loggers(fit),
-            prior={p.name: p.prior_interval_95() for p in noise.NOISE},
+            prior={p.name: p.prior_interval_95() for p in of_noise},
         ),
         residuals=tuple(
             residual_row(prediction, role)

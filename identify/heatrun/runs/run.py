@@ -189,7 +189,8 @@ class Run:
         found = self.model(network)
         tree = self.posterior(network)
         name = draws_name(self.choose(network))
-        vectors = _whole(self, name, lambda: netcdf.vectors(tree, found.parameters))
+        adequacy = found.model.adequacy
+        vectors = _whole(self, name, lambda: netcdf.vectors(tree, found.parameters, adequacy))
         flat = vectors.reshape(-1, vectors.shape[-1])
         effects = self._maybe_missing(self.choose(network))
         behind = _whole(self, name, lambda: netcdf.plausible(tree, effects))

@@ -21,7 +21,7 @@ from ...bench.record import Finding
 from ...errors import InputError
 from ..batches import at_once
 from ..discrepancy import NUM_COLUMNS, with_heat
-from ..noise import NOISE, Noise, from_scores
+from ..noise import Noise, from_scores, noise_parameters
 from ..problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
 from .adequacy import low_frequency_excess
 from .fit_result import RESULT, Fit, failed
@@ -289,7 +289,8 @@ def _misfit(problem: Problem, state: _State) -> list[Finding]:
     noise = from_scores(state.noise_z)
     rmse = _rmse(problem, state.residual)
     excess, is_flagged = _excess(problem, state)
-    heat, usual = float(noise.heat), NOISE[3].prior_interval_95()[1]
+    of_heat = noise_parameters(problem.model.adequacy)[-1]
+    heat, usual = float(of_heat.value(state.noise_z[3])), of_heat.prior_interval_95()[1]
     reasons = []
     if state.noise_z[3] > MUCH_HEAT:
         reasons.append(
