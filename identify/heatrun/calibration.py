@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -23,6 +24,7 @@ from .inference.fitting.fit import fit
 from .inference.fitting.fit_checks import fit_findings
 from .inference.fitting.fit_result import Fit
 from .inference.fitting.reduction_checks import check_reduction
+from .inference.fitting.test_to_test import changes_finding, fit_with_changes
 from .inference.model import Model
 from .inference.networks import NetworkForm
 from .inference.posterior import HARDLY, Posterior, sample, weighted_draws
@@ -162,6 +164,13 @@ def calibrate(
         if is_last:
             say(f"{model.title}: looking for effects that it misses")
             screened = missing(found, seed=seed)
+            if len(rows) > 1:
+                say(f"{model.title}: comparing the tests with each other")
+                others = () if screened is None else screened.alternatives
+                best = max((each.log_evidence for each in others), default=-math.inf)
+                together, found = found, fit_with_changes(found, beyond=best, seed=seed)
+                if found is not together:
+                    screened = missing(found, seed=seed)
         say(f"{model.title}: sampling the posterior")
 
         def report(sentence: str, share: float) -> None:
@@ -173,7 +182,7 @@ def calibrate(
         shares[model.name] = 1.0
         seen = [*found.findings, *_sampling_findings(posterior)]
         finding = None if screened is None else missing_finding(found, screened)
-        seen += [] if finding is None else [finding]
+        seen += [each for each in (finding, changes_finding(posterior)) if each is not None]
         predicted = [predict(posterior, test.blocks, seed=seed) for test in tests]
         described = describe_model(posterior, predicted, roles, duties)
         if screened is not None:

@@ -76,6 +76,7 @@ class Alternative:
             for the tests to be explained as well, shape (parameter, amplitude). Its mean over the
             tests does not change along this line.
         noise_z: Scores of noise and unmodelled heat.
+        log_evidence: Marginal likelihood, up to what all models of these tests share [nat].
     """
 
     effect: PlausibleEffect
@@ -86,6 +87,7 @@ class Alternative:
     shift: Float[np.ndarray, " parameter"]
     slope: Float[np.ndarray, "parameter amplitude"]
     noise_z: Float[np.ndarray, " noise"]
+    log_evidence: float
 
     @property
     def strong(self) -> list[int]:
@@ -245,6 +247,7 @@ def _alternative(engine: Engine, refitted: _Refitted, probability: float) -> Alt
         shift=shift,
         slope=slope,
         noise_z=refitted.noise_z,
+        log_evidence=refitted.log_evidence,
     )
 
 

@@ -57,6 +57,8 @@ class Model:
         coefficient: B of the winding's material [degC].
         effects: Effects that extend the network, in order.
         adequacy: How far the network is trusted.
+        change_sd: Standard deviation of the logarithm by which capacities and resistances change
+            from test to test [1]; 0 where they are the same in all.
     """
 
     form: NetworkForm
@@ -66,6 +68,7 @@ class Model:
     coefficient: float
     effects: tuple[type[AbstractEffect], ...] = ()
     adequacy: Adequacy = field(default_factory=Adequacy)
+    change_sd: float = 0.0
 
     @classmethod
     def of(
@@ -133,7 +136,14 @@ class Model:
         return f"{self.title.replace(' order', '-order')} network" if is_order else self.title
 
     def network(self, values: Values) -> Network:
-        """Return the network for values by name."""
+        """Return the network for values by name; a change in the test is part of its values."""
+        if self.change_sd:
+            values = {
+                name: value * jnp.exp(values[change_name(name)])
+                if change_name(name) in values
+                else value
+                for name, value in values.items()
+            }
         return self.form.build(values)
 
     def topology(self) -> Network:
@@ -278,6 +288,7 @@ def parameters(
                 *shared,
                 *timing_error(test),
                 *_start(model, test),
+                *(_changes(model, motor) if model.change_sd else ()),
                 *effect_parameters(model.effects, test.duration_s, searched),
             ],
             motor,
@@ -285,6 +296,27 @@ def parameters(
         for test in tests
     ]
     return collect([test.name for test in tests], by_test)
+
+
+def change_name(name: str) -> str:
+    """Return the name of the change of a parameter in a test."""
+    return f"{name}_change"
+
+
+def changing(model: Model, motor: Motor) -> list[Parameter]:
+    """Return the parameters that may change from test to test: free capacities and resistances."""
+    free = override(model.form.parameters, motor).values()
+    return [p for p in free if p.unit in ("J/K", "K/W") and p.fixed is None and not p.per_test]
+
+
+def _changes(model: Model, motor: Motor) -> list[Parameter]:
+    return [
+        Parameter(
+            change_name(each.name), "1", f"change of ln {each.name} in this test", "change",
+            "linear", 0.0, model.change_sd, "as the tests differ from each other", per_test=True,
+        )
+        for each in changing(model, motor)
+    ]  # fmt: skip
 
 
 def override_names(*networks: NetworkForm) -> tuple[str, ...]:

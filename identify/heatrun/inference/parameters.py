@@ -23,7 +23,8 @@ from ..motor import Motor, ParameterOverride
 from ..plausible import RANGES, UNITS, limits_around, refuse_implausible
 
 Transform = Literal["log", "linear"]
-Role = Literal["network", "resistance", "start", "instrument", "effect", "known", "noise"]
+Role = Literal["network", "resistance", "start", "instrument", "change", "effect", "known",
+             "noise"]  # fmt: skip
 """`"effect"` is one of an effect, `"known"` one of an effect that a search takes as given."""
 
 

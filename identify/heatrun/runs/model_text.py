@@ -56,6 +56,7 @@ def model_text(found: ModelOfRun) -> bytes:
             "coefficient_degC": float(model.coefficient),
         },
         "adequacy": asdict(model.adequacy),
+        "change_sd": model.change_sd,
         "fitted": {"parameters": [_entry(each) for each in distinct], "tests": tests},
     }
     return tomli_w.dumps(content).encode()
@@ -85,6 +86,7 @@ def read_model(data: bytes, where: str, files: Sequence[Path] = ()) -> ModelOfRu
         coefficient=losses["coefficient_degC"],
         effects=effects_named([*form.effects, *content["effects"]], where, files),
         adequacy=Adequacy(**content.get("adequacy", {})),  # runs of old do not say
+        change_sd=content.get("change_sd", 0.0),
     )
     distinct = [Parameter(**{"fixed": None, **entry}) for entry in fitted["parameters"]]
     by_test = [
