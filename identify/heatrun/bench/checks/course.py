@@ -26,6 +26,9 @@ machine."""
 LEAD_DRIFT_K = 1.0
 """Change of the winding before heat flows that says the machine is still cooling."""
 
+STATOR = ("stator_degC", "tooth_degC", "yoke_degC")
+"""Sensors that tell where the stator starts."""
+
 DRIFT_K = 2.0
 DRIFT_K_PER_H = 1.0
 MIN_DRIFT_K = 0.5
@@ -106,15 +109,22 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...
     is_drifting = abs(drift) > LEAD_DRIFT_K + step
     if not (is_hot or is_drifting):
         return ()
+    if any(body in record for body in STATOR):
+        meaning = "Bodies that no sensor reads then start at an unknown temperature."
+        remedy = "Start the next test after a soak."
+    else:
+        meaning = (
+            "The start temperature of the stator is then unknown and estimated with a wide prior."
+        )
+        remedy = "Map `stator_degC` if it was measured, or start the next test after a soak."
     return (
         Finding(
             "start_not_in_equilibrium",
             "warning",
             f"Expected the winding within {EQUILIBRIUM_K:.0f} K of {sink_name} at the start; it is "
-            f"{excess:+.1f} K away and drifts by {drift:+.1f} K before the load. The start "
-            "temperature of the stator is then unknown and estimated with a wide prior.",
+            f"{excess:+.1f} K away and drifts by {drift:+.1f} K before the load. {meaning}",
             place(record, "winding_degC", float(time_s[0]), float(time_s[lead - 1])),
-            "Map `stator_degC` if it was measured, or start the next test after a soak.",
+            remedy,
             values={
                 "excess_K": excess,
                 "drift_K": drift,
