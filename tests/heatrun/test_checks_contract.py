@@ -128,6 +128,7 @@ LOCKED = changed(
         HEATED, 3.0 * 0.0062 * (234.5 + CLEAN["winding_degC"]) / 259.5 * 100.0**2, CLEAN["losses_W"]
     ),
 )  # a speed controller: the link holds its voltage, and the shaft takes seven eighths of the power
+RIPPLE = np.random.default_rng(3).uniform(7.0, 10.0, TIME.size)
 LINK = changed(CLEAN, dc_voltage_V=300.0 + 0.0 * TIME, dc_current_A=8.0 * CLEAN["losses_W"] / 300.0)
 
 # id: record with the fault, motor, severity, value that says where or how much, its bounds
@@ -319,6 +320,15 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         MOTOR, None,
     ),
     "copper alone": ("losses_absent", changed(CLEAN, losses_W=0.0 * TIME), NO_BALANCE, None),
+    "link whose current varies from sample to sample": (
+        "losses_of_dc_link",
+        changed(
+            CLEAN,
+            phase_current_A=0.0 * TIME,
+            losses_W=300.0 * RIPPLE, dc_voltage_V=300.0 + 0.0 * TIME, dc_current_A=RIPPLE,
+        ),
+        MOTOR, "warning",
+    ),
     "balance behind a link": ("losses_of_dc_link", LINK, MOTOR, None),
     "coil under direct current": (
         "losses_of_dc_link",
@@ -326,6 +336,16 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
             CLEAN,
             dc_voltage_V=CLEAN["losses_W"] / np.maximum(CLEAN["phase_current_A"], 1.0),
             dc_current_A=np.maximum(CLEAN["phase_current_A"], 1.0),
+        ),
+        MOTOR, None,
+    ),
+    "coil at a held voltage": (
+        "losses_of_dc_link",
+        changed(
+            CLEAN,
+            losses_W=300.0 * 2000.0 / (234.5 + CLEAN["winding_degC"]),
+            dc_voltage_V=300.0 + 0.0 * TIME,
+            dc_current_A=2000.0 / (234.5 + CLEAN["winding_degC"]),
         ),
         MOTOR, None,
     ),

@@ -25,6 +25,10 @@ VARYING_CURRENT = 1.5
 """Ratio of its 90 % to its 10 % quantile [1] from which on a current varies: that of a coil follows
 its voltage, that of a link does not."""
 
+HOPS = 0.02
+"""Median change of the current from sample to sample over its mean [1] that commutation leaves on
+a link and no coil shows."""
+
 BODIES = ("stator_degC", "tooth_degC", "yoke_degC", "housing_degC", "rotor_degC", "magnet_degC")
 """Bodies that may warm a winding."""
 
@@ -75,18 +79,18 @@ def losses_of_dc_link(record: Record, motor: Motor) -> tuple[Finding, ...]:
         time_s, voltage, current, losses = samples(record, "dc_voltage_V", name, "losses_W")
         if time_s.size < 3:
             continue
-        _, voltage, current, losses, power = block_means(
-            time_s, BLOCK_S, voltage, current, losses, voltage * current
-        )
         loaded = is_loaded(losses)
-        if np.sum(loaded) < 3:
+        if not loaded.any():
             continue
         low, high = np.quantile(current[loaded], [0.1, 0.9])
-        is_link = (
-            np.std(voltage[loaded]) < HELD_VOLTAGE * np.mean(voltage[loaded])
-            and high > VARYING_CURRENT * low
+        is_held = np.std(voltage[loaded]) < HELD_VOLTAGE * np.mean(voltage[loaded])
+        hops = np.median(np.abs(np.diff(current[loaded]))) if np.sum(loaded) > 1 else 0.0
+        is_link = is_held and (
+            high > VARYING_CURRENT * low or hops > HOPS * np.mean(current[loaded])
         )
-        ratio = losses[loaded] / np.maximum(power[loaded], 1e-9)
+        _, means, power = block_means(time_s, BLOCK_S, losses, voltage * current)
+        loaded = is_loaded(means)
+        ratio = means[loaded] / np.maximum(power[loaded], 1e-9)
         if not is_link or np.quantile(np.abs(ratio - 1.0), 0.9) > SAME_POWER:
             continue
         return (
