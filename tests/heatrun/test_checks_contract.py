@@ -433,6 +433,13 @@ def test_a_missing_loss_is_told_beside_the_power_of_the_link():
     assert "torque_Nm" not in plain[0].remedy
 
 
+def test_a_test_of_seconds_is_told_that_it_is_short():
+    cooling = heat_run(start=90.0, currents=(0.0, 0.0), minutes=0.12)
+    (finding,) = named(check_record(cooling, MOTOR), "no_heating")
+    assert finding.severity == "error"
+    assert "lasts 7 s" in finding.message
+
+
 def test_a_measured_stator_is_not_called_unknown():
     warm = heat_run(start=35.0)
     (alone,) = named(check_record(warm, MOTOR), "start_not_in_equilibrium")

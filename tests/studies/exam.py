@@ -207,7 +207,14 @@ class Bench:
         return first_sentence(errors[0]) if errors else ""
 
 
-def examined(bench: Bench, train: Sequence[int], tests: Sequence[int], network: str) -> Outcome:
+def examined(
+    bench: Bench,
+    train: Sequence[int],
+    tests: Sequence[int],
+    network: str,
+    *,
+    out: Path | None = None,
+) -> Outcome:
     """Return how a network predicts profiles that it was not calibrated on.
 
     Args:
@@ -215,6 +222,7 @@ def examined(bench: Bench, train: Sequence[int], tests: Sequence[int], network: 
         train: Ids that are fitted; those that a check refuses are left out, and named.
         tests: Ids that are predicted.
         network: Name of a shipped network, or its file.
+        out: Where the run goes; None for one that does not stay.
     """
     began, processor = time.monotonic(), time.process_time()
     refusals = {number: bench.refusal(number) for number in train}
@@ -227,6 +235,7 @@ def examined(bench: Bench, train: Sequence[int], tests: Sequence[int], network: 
             run = heatrun.calibrate(
                 bench.motor, [bench.test(number) for number in fitted],
                 holdout=[bench.test(number) for number in tests], model=network, method="quick",
+                out=out,
             )  # fmt: skip
             scores = tuple(_score(run, bench, number) for number in tests)
         except (Refused, InputError) as error:

@@ -62,6 +62,8 @@ def no_heating(record: Record, motor: Motor) -> tuple[Finding, ...]:
     if time_s.size < 3:
         return ()
     means_s, means = block_means(time_s, max(10.0, float(np.ptp(time_s)) / 200.0), winding)
+    if means_s.size < 2:
+        return (_no_time(record, time_s),)
     limit = max(HEATED_STEPS * (rounding_step(winding) or 0.0), HEATED_K)
     lowest = np.minimum.accumulate(means)
     rise = float(np.max(means - lowest))
@@ -86,6 +88,20 @@ def no_heating(record: Record, motor: Motor) -> tuple[Finding, ...]:
             else "Check which column is mapped as winding_degC, and whether the load was on.",
             values={"rise_K": rise, "fall_K": fall, "limit_K": limit},
         ),
+    )
+
+
+def _no_time(record: Record, time_s: np.ndarray) -> Finding:
+    """Return the finding on a test in which no winding has time to show anything."""
+    lasts_s = float(np.ptp(time_s))
+    return Finding(
+        "no_heating",
+        "error",
+        f"Expected a test of minutes; this one lasts {lasts_s:.0f} s, too short for a winding to "
+        "show a thermal parameter.",
+        place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
+        "Record the whole heat run, or the cooling until it settles.",
+        values={"duration_s": lasts_s},
     )
 
 
