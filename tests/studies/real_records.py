@@ -64,14 +64,16 @@ should say so.
   refuses the runs as recorded. An electrical speed without pole pairs and a modulation are no shaft
   power.
 - *DC power taken as losses* is an upper bound: the losses of the controller and what the shaft
-  takes out are in it. The fit may look good all the same, since a share of the power that is no heat
-  scales all capacities up and all resistances down together; only time constants are left. The
-  warning `losses_of_dc_link` says so.
+  takes out are in it. The fit may look good all the same, since power that is no heat
+  scales all capacities up and all resistances down together; only time constants are left. For
+  run 3 the warning `losses_of_dc_link` says so. In run 13 the voltage holds and the current falls
+  as copper's resistance rises, to 3 %, as under a locked rotor: no warning, and nothing in the
+  record says whether the shaft stood still; the controller's losses are in it either way.
 - *Run 2*: the two clocks cannot be joined. A step of the load in both logs, or one clock, is
   missing.
 - *The measured stator body* tells where the stator starts and how heat divides between the bodies,
   in time constants. It is no substitute for watts.
-- *Cooling alone* needs no losses: with `losses_W = 0` and `phase_current_A = 0` under `[constants]`,
+- *Cooling alone* needs no losses: with `losses_W` and `phase_current_A` 0 under `[constants]`,
   the part after the stop gives time constants (`Ceq` times `Req` of the first order), never `Ceq`
   and `Req` apart. These runs end when the motor stops: one of them has 7 s of cooling, the others
   none. Ten minutes more of logging after the stop would have given a time constant.
@@ -116,11 +118,11 @@ def main() -> None:
         for job in (*small_motor(options.bench / "tass"), *paderborn(options.bench / PADERBORN)):
             rows.append(calibrated(job, Path(name)))
             print(line(rows[-1]), flush=True)
+            # what is done stays, where the study is stopped
+            options.out.mkdir(parents=True, exist_ok=True)
+            (options.out / "table.md").write_text(table(rows), encoding="utf-8")
     if not rows:
         print(f"{options.bench} holds no real records: nothing is done.")
-        return
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "table.md").write_text(table(rows), encoding="utf-8")
 
 
 @dataclass(frozen=True)

@@ -21,13 +21,9 @@ SAME_POWER = 0.03
 HELD_VOLTAGE = 0.05
 """A DC link holds its voltage to this share [1]."""
 
-VARYING_CURRENT = 1.5
-"""Ratio of its 90 % to its 10 % quantile [1] from which on a current varies: that of a coil follows
-its voltage, that of a link does not."""
-
-HOPS = 0.02
-"""Median change of the current from sample to sample over its mean [1] that commutation leaves on
-a link and no coil shows."""
+FOLLOWS = 1.15
+"""Ratio of the 90 % to the 10 % quantile of voltage over current over copper's factor [1] that a
+coil keeps within: leads that stay cold, and its instruments."""
 
 BODIES = ("stator_degC", "tooth_degC", "yoke_degC", "housing_degC", "rotor_degC", "magnet_degC")
 """Bodies that may warm a winding."""
@@ -72,25 +68,26 @@ def losses_absent(record: Record, motor: Motor) -> tuple[Finding, ...]:
 def losses_of_dc_link(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Warn of losses that are all the power of a DC link.
 
-    A link holds its voltage while its current follows the load; the voltage of a coil under direct
-    current follows its current, and there all power is heat.
+    A link holds its voltage while its current follows the load. In a coil under direct current,
+    where all power is heat, voltage over current follows the temperature of the copper.
     """
     for name in ("dc_current_A", "phase_current_A"):
-        time_s, voltage, current, losses = samples(record, "dc_voltage_V", name, "losses_W")
+        time_s, voltage, current, losses, winding = samples(
+            record, "dc_voltage_V", name, "losses_W", "winding_degC"
+        )
         if time_s.size < 3:
             continue
-        loaded = is_loaded(losses)
-        if not loaded.any():
-            continue
-        low, high = np.quantile(current[loaded], [0.1, 0.9])
-        is_held = np.std(voltage[loaded]) < HELD_VOLTAGE * np.mean(voltage[loaded])
-        hops = np.median(np.abs(np.diff(current[loaded]))) if np.sum(loaded) > 1 else 0.0
-        is_link = is_held and (
-            high > VARYING_CURRENT * low or hops > HOPS * np.mean(current[loaded])
+        _, voltage, current, losses, winding, power = block_means(
+            time_s, BLOCK_S, voltage, current, losses, winding, voltage * current
         )
-        _, means, power = block_means(time_s, BLOCK_S, losses, voltage * current)
-        loaded = is_loaded(means)
-        ratio = means[loaded] / np.maximum(power[loaded], 1e-9)
+        loaded = is_loaded(losses) & (power > 0.0)
+        if np.sum(loaded) < 3:
+            continue
+        voltage, current, winding = voltage[loaded], np.abs(current[loaded]), winding[loaded]
+        ratio = losses[loaded] / power[loaded]
+        factor = voltage / current / (motor.resistance_coefficient_degC + winding)
+        low, high = np.quantile(factor, [0.1, 0.9])
+        is_link = np.std(voltage) < HELD_VOLTAGE * np.mean(voltage) and high > FOLLOWS * low
         if not is_link or np.quantile(np.abs(ratio - 1.0), 0.9) > SAME_POWER:
             continue
         return (
