@@ -125,7 +125,10 @@ def test_the_exam_on_a_simulated_machine(simulated, tmp_path):
         assert score.mse_K2 == pytest.approx(of_blocks + 0.05**2, rel=0.1)
         low = course["second_total_95_low_degC"]
         high = course["second_total_95_high_degC"]
-        assert score.coverage_95 == pytest.approx(np.mean((means >= low) & (means <= high)))
+        # a mean that a sample at the edge of its block moves may lie on the other side of a limit
+        seen = course["measured_degC"]
+        np.testing.assert_allclose(means, seen, atol=0.2)
+        assert score.coverage_95 == pytest.approx(np.mean((seen >= low) & (seen <= high)))
         assert score.mse_K2 < 9.0, "four bodies are not two, but no worse than 3 K"
 
 
