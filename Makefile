@@ -6,7 +6,8 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo test test-slow test-latest lint types check bench study-coverage study-crosschecks \
-  study-discovery study-faults study-fuzz study-misfit study-paderborn study-readings study-view \
+  study-discovery study-exam study-faults study-fuzz study-misfit study-paderborn study-readings \
+  study-real study-view \
   audit notebooks schemas lock clean
 
 demo: $(VENV)/ready
@@ -49,6 +50,15 @@ study-misfit: $(VENV)/ready
 
 study-paderborn: $(VENV)/ready
 	$(BIN)/python tests/studies/paderborn.py
+
+# Real records where they are at hand, under ../shared/bench.
+study-real: $(VENV)/ready
+	$(BIN)/python tests/studies/real_records.py
+
+# make study-exam FILE=measures_v2.csv, the public "Electric Motor Temperature"; TRAIN=24 or all.
+FILE ?= measures_v2.csv
+study-exam: $(VENV)/ready
+	$(BIN)/python tests/studies/exam.py "$(FILE)" $(if $(TRAIN),--train "$(TRAIN)")
 
 study-view: $(VENV)/ready
 	$(BIN)/python tests/studies/view_speed.py

@@ -136,7 +136,9 @@ LOCKED = changed(
     losses_W=np.where(
         HEATED, 3.0 * 0.0062 * (234.5 + CLEAN["winding_degC"]) / 259.5 * 100.0**2, CLEAN["losses_W"]
     ),
-)
+)  # a speed controller: the link holds its voltage, and the shaft takes seven eighths of the power
+RIPPLE = np.random.default_rng(3).uniform(7.0, 10.0, TIME.size)
+LINK = changed(CLEAN, dc_voltage_V=300.0 + 0.0 * TIME, dc_current_A=8.0 * CLEAN["losses_W"] / 300.0)
 
 # id: record with the fault, motor, severity, value that says where or how much, its bounds
 FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
@@ -206,6 +208,13 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "standstill_losses": (
         edited(LOCKED, "losses_W", 600.0, 900.0, lambda P: 1.06 * P),
         MOTOR, "warning", "ratio", (1.055, 1.065),
+    ),
+    "losses_absent": (
+        changed(CLEAN, losses_W=0.0 * TIME, phase_current_A=0.0 * TIME),
+        MOTOR, "error", "rise_K", (30, 150),
+    ),
+    "losses_of_dc_link": (
+        changed(LINK, losses_W=8.0 * CLEAN["losses_W"]), MOTOR, "warning", "ratio", (0.99, 1.01)
     ),
     "shaft_power_disagrees": (
         motor_and_generator(0.03), MOTOR, "warning", "gain", (0.028, 0.032)
@@ -304,6 +313,62 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "ambient of 300 degC": (
         "ambient_implausible", changed(CLEAN, ambient_degC=TIME * 0.0 + 340.0), MOTOR, "error"
     ),
+    "no losses, warmed by the room": (
+        "losses_absent",
+        changed(
+            CLEAN,
+            losses_W=0.0 * TIME,
+            phase_current_A=0.0 * TIME,
+            ambient_degC=CLEAN["winding_degC"] + 3.0,
+        ),
+        MOTOR, None,
+    ),
+    "no losses, cooling curve": (
+        "losses_absent",
+        changed(
+            heat_run(start=90.0, currents=(0.0, 0.0), minutes=30.0),
+            losses_W=np.zeros(18000), phase_current_A=np.zeros(18000),
+        ),
+        MOTOR, None,
+    ),
+    "copper alone": ("losses_absent", changed(CLEAN, losses_W=0.0 * TIME), NO_BALANCE, None),
+    "link whose current varies from sample to sample": (
+        "losses_of_dc_link",
+        changed(
+            CLEAN,
+            phase_current_A=0.0 * TIME,
+            losses_W=300.0 * RIPPLE, dc_voltage_V=300.0 + 0.0 * TIME, dc_current_A=RIPPLE,
+        ),
+        MOTOR, "warning",
+    ),
+    "balance behind a link": ("losses_of_dc_link", LINK, MOTOR, None),
+    "coil under direct current": (
+        "losses_of_dc_link",
+        changed(
+            CLEAN,
+            dc_voltage_V=CLEAN["losses_W"] / np.maximum(CLEAN["phase_current_A"], 1.0),
+            dc_current_A=np.maximum(CLEAN["phase_current_A"], 1.0),
+        ),
+        MOTOR, None,
+    ),
+    "coil at a held voltage": (
+        "losses_of_dc_link",
+        changed(
+            CLEAN,
+            losses_W=300.0 * 2000.0 / (234.5 + CLEAN["winding_degC"]),
+            dc_voltage_V=300.0 + 0.0 * TIME,
+            dc_current_A=2000.0 / (234.5 + CLEAN["winding_degC"]),
+        ),
+        MOTOR, None,
+    ),
+    "phase current read from the link": (
+        "losses_of_dc_link",
+        changed(
+            without(LINK, "dc_current_A"),
+            phase_current_A=LINK["dc_current_A"], losses_W=8.0 * CLEAN["losses_W"],
+        ),
+        MOTOR, "warning",
+    ),
     "cooling curve": (
         "no_heating", heat_run(start=90.0, currents=(0.0, 0.0), minutes=30.0), MOTOR, "warning"
     ),
@@ -390,6 +455,33 @@ def test_reader_findings_come_first():
     found = check_record(replace(CLEAN, findings=(own,)), MOTOR)
     assert found[0] == replace(own, test="run")
     assert len(found) > 1
+
+
+def test_a_missing_loss_is_told_beside_the_power_of_the_link():
+    record = without(without(LINK, "losses_W"), "phase_current_A")
+    found = {f.where: f.remedy for f in named(check_record(record, MOTOR), "missing_channel")}
+    assert "torque_Nm" in found["run, losses_W"]
+    assert "not the loss" in found["run, losses_W"]
+    assert "dc_current_A is not" in found["run, phase_current_A"]
+    plain = named(check_record(without(CLEAN, "losses_W"), MOTOR), "missing_channel")
+    assert "torque_Nm" not in plain[0].remedy
+
+
+def test_a_test_of_seconds_is_told_that_it_is_short():
+    cooling = heat_run(start=90.0, currents=(0.0, 0.0), minutes=0.12)
+    (finding,) = named(check_record(cooling, MOTOR), "no_heating")
+    assert finding.severity == "error"
+    assert "lasts 7 s" in finding.message
+
+
+def test_a_measured_stator_is_not_called_unknown():
+    warm = heat_run(start=35.0)
+    (alone,) = named(check_record(warm, MOTOR), "start_not_in_equilibrium")
+    assert "is then unknown" in alone.message
+    known = changed(warm, stator_degC=warm["winding_degC"])
+    (beside,) = named(check_record(known, MOTOR), "start_not_in_equilibrium")
+    assert "the stator" not in beside.message
+    assert "Map `stator_degC`" not in beside.remedy
 
 
 def test_coolant_replaces_ambient_where_it_is_the_sink():

@@ -102,8 +102,17 @@ def calibrated(
     """
     first, last = PARTS[part]
     chosen = record[(record.time_s >= first) & (record.time_s < last)]
+    motor, test = folder / "motor.toml", folder / f"{part}.csv"
+    motor.write_text(MOTOR + sensors, encoding="utf-8")
+    pd.DataFrame(columns_of(chosen)).to_csv(test, index=False)
+    out = folder / f"run_{len(list(folder.iterdir()))}"
+    return heatrun.calibrate(motor, test, model=network, method="quick", out=out)
+
+
+def columns_of(chosen: pd.DataFrame) -> dict[str, pd.Series]:
+    """Return rows of the recording as channels of heatrun, time from their first one."""
     shaft = chosen.torque_Nm * chosen.speed_rpm * np.pi / 30.0
-    columns = {
+    return {
         "time_s": chosen.time_s - chosen.time_s.iloc[0],
         "phase_current_A": np.hypot(chosen.i_d_A, chosen.i_q_A) / np.sqrt(2.0),
         "losses_W": 1.5 * (chosen.u_d_V * chosen.i_d_A + chosen.u_q_V * chosen.i_q_A) - shaft,
@@ -116,11 +125,6 @@ def calibrated(
         "yoke_degC": chosen.stator_yoke_degC,
         "magnet_degC": chosen.pm_degC,
     }
-    motor, test = folder / "motor.toml", folder / f"{part}.csv"
-    motor.write_text(MOTOR + sensors, encoding="utf-8")
-    pd.DataFrame(columns).to_csv(test, index=False)
-    out = folder / f"run_{len(list(folder.iterdir()))}"
-    return heatrun.calibrate(motor, test, model=network, method="quick", out=out)
 
 
 def warnings(run: heatrun.Run) -> list[str]:

@@ -15,6 +15,7 @@ from ...motor import Motor
 from ..record import Finding, Record
 from .course import ambient_moving, no_heating, start_not_in_equilibrium
 from .excitation import single_step, too_short
+from .heat import losses_absent, losses_of_dc_link
 from .losses import current_amplitude, losses_below_copper, losses_negative
 from .presence import missing_channel, nan_block, too_few_samples
 from .resolution import resolution, truncation
@@ -51,6 +52,8 @@ CHECKS: tuple[Check, ...] = (
     losses_below_copper,
     current_amplitude,
     standstill_losses,
+    losses_absent,
+    losses_of_dc_link,
     shaft_power_disagrees,
     no_heating,
     start_not_in_equilibrium,

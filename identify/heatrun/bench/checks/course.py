@@ -26,6 +26,9 @@ machine."""
 LEAD_DRIFT_K = 1.0
 """Change of the winding before heat flows that says the machine is still cooling."""
 
+STATOR = ("stator_degC", "tooth_degC", "yoke_degC")
+"""Sensors that tell where the stator starts."""
+
 DRIFT_K = 2.0
 DRIFT_K_PER_H = 1.0
 MIN_DRIFT_K = 0.5
@@ -59,6 +62,8 @@ def no_heating(record: Record, motor: Motor) -> tuple[Finding, ...]:
     if time_s.size < 3:
         return ()
     means_s, means = block_means(time_s, max(10.0, float(np.ptp(time_s)) / 200.0), winding)
+    if means_s.size < 2:
+        return (_no_time(record, time_s),)
     limit = max(HEATED_STEPS * (rounding_step(winding) or 0.0), HEATED_K)
     lowest = np.minimum.accumulate(means)
     rise = float(np.max(means - lowest))
@@ -86,6 +91,20 @@ def no_heating(record: Record, motor: Motor) -> tuple[Finding, ...]:
     )
 
 
+def _no_time(record: Record, time_s: np.ndarray) -> Finding:
+    """Return the finding on a test in which no winding has time to show anything."""
+    lasts_s = float(np.ptp(time_s))
+    return Finding(
+        "no_heating",
+        "error",
+        f"Expected a test of minutes; this one lasts {lasts_s:.0f} s, too short for a winding to "
+        "show a thermal parameter.",
+        place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
+        "Record the whole heat run, or the cooling until it settles.",
+        values={"duration_s": lasts_s},
+    )
+
+
 def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Warn if the machine is not at the temperature of its sink when the test begins.
 
@@ -106,15 +125,22 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...
     is_drifting = abs(drift) > LEAD_DRIFT_K + step
     if not (is_hot or is_drifting):
         return ()
+    if any(body in record for body in STATOR):
+        meaning = "Bodies that no sensor reads then start at an unknown temperature."
+        remedy = "Start the next test after a soak."
+    else:
+        meaning = (
+            "The start temperature of the stator is then unknown and estimated with a wide prior."
+        )
+        remedy = "Map `stator_degC` if it was measured, or start the next test after a soak."
     return (
         Finding(
             "start_not_in_equilibrium",
             "warning",
             f"Expected the winding within {EQUILIBRIUM_K:.0f} K of {sink_name} at the start; it is "
-            f"{excess:+.1f} K away and drifts by {drift:+.1f} K before the load. The start "
-            "temperature of the stator is then unknown and estimated with a wide prior.",
+            f"{excess:+.1f} K away and drifts by {drift:+.1f} K before the load. {meaning}",
             place(record, "winding_degC", float(time_s[0]), float(time_s[lead - 1])),
-            "Map `stator_degC` if it was measured, or start the next test after a soak.",
+            remedy,
             values={
                 "excess_K": excess,
                 "drift_K": drift,

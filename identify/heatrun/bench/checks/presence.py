@@ -21,6 +21,9 @@ CONSTANT = ("phase_current_A", "losses_W", "ambient_degC", "coolant_degC")
 """Needed channels that may be the same all the time: no current under a heater, no losses but
 copper under direct current, a room that is held."""
 
+LINK_POWER = ("dc_power_W", "dc_current_A")
+"""What a speed controller records of its supply."""
+
 MAX_MISSING_SHARE = 0.1
 """Share of missing samples above which even isolated ones are an error [1]: the logger failed."""
 
@@ -57,9 +60,22 @@ def missing_channel(record: Record, motor: Motor) -> tuple[Finding, ...]:
         remedy = f'Name its column in the motor file: [columns] {channel} = "column [unit]".'
         if channel in CONSTANT:
             remedy += f" Where it is the same all the time: [constants] {channel} = NUMBER."
+        remedy += _beside_a_link(channel, record)
         where = ", ".join(part for part in (record.name, channel) if part)
         found.append(Finding("missing_channel", "error", message, where, remedy))
     return tuple(found)
+
+
+def _beside_a_link(channel: str, record: Record) -> str:
+    """Return what a record of the DC link lacks, empty without one."""
+    if channel == "losses_W" and any(name in record for name in LINK_POWER):
+        return (
+            " The power of the DC link is not the loss: inverter and shaft take their part. With "
+            "torque_Nm and speed_rpm beside it heatrun forms the losses."
+        )
+    if channel == "phase_current_A" and "dc_current_A" in record:
+        return " dc_current_A is not the current of a phase."
+    return ""
 
 
 def too_few_samples(record: Record, motor: Motor) -> tuple[Finding, ...]:
