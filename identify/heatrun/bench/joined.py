@@ -36,6 +36,20 @@ def read_test(path: Path | str, motor: Motor) -> Record:
     return _with_constants(_read_files(str(path), motor), motor)
 
 
+def files_of(path: Path | str) -> tuple[Path, ...]:
+    """Return the files of a test as the command line names it, without their rates.
+
+    Args:
+        path: As `read_test`.
+    """
+    text = str(path)
+    parts = (text,) if _exists(text) else tuple(text.split("+"))
+    rates = (None if _exists(part) else RATE.match(part) for part in parts)
+    return tuple(
+        Path(rate["path"] if rate else part) for part, rate in zip(parts, rates, strict=True)
+    )
+
+
 def _read_files(text: str, motor: Motor) -> Record:
     if _exists(text) or "+" not in text:
         return _read(text, motor)
