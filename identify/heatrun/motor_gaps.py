@@ -25,9 +25,6 @@ WHY = {
 }
 """Why a channel that a calibration needs matters."""
 
-CONSTANT = ("phase_current_A", "losses_W", "ambient_degC")
-"""Needed channels that may be the same throughout a test."""
-
 NUMBER = re.compile(r"(?<![\w.,])[+-]?[0-9]{1,4}(?:[.,][0-9]+)?(?![\w.,]*[0-9])")
 COLDEST, HOTTEST = -40.0, 60.0
 """Range of rooms in which motors are tested [°C]."""
@@ -125,9 +122,9 @@ def _channel(name: str, surveys: Sequence[Survey]) -> Gap:
         key=lambda row: row[:2],
     )
     candidates = tuple(dict.fromkeys((line, note) for _, _, line, note in ranked))
-    if not candidates and name != "time_s":
+    constants = _constants(name, surveys)
+    if not candidates and not constants and name != "time_s":
         sentence += " No column has a unit or a name that speaks for it."
-    constants = _constants(name, surveys) if name in CONSTANT else ()
     return Gap(name, "", sentence, candidates[:MOST_CANDIDATES], constants)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import gzip
 import json
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -14,6 +16,7 @@ import pytest
 import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mdf_files import signal, written
 
 from heatrun import cli
 from heatrun.bench.joined import read_test
@@ -99,7 +102,7 @@ def test_foreign_names_become_lines_to_uncomment(here, table, capsys):
     said = capsys.readouterr().out
     assert "No channel claims, in prüfstand: Pumpe" in said
     assert "This record will do for a second-order calibration" in said
-    assert said.endswith("Next: heatrun calibrate motor.toml prüfstand.csv\n")
+    assert said.endswith("Next: heatrun calibrate motor.toml 'prüfstand.csv'\n")
     record = read_test("prüfstand.csv", motor)
     np.testing.assert_allclose(record["losses_W"], table["Pd"], rtol=1e-12)
 
@@ -193,7 +196,7 @@ def test_the_mean_of_the_room_in_a_title_row_is_offered(here, table):
     (here / "head.csv").write_text(f"Tamb med;19,36\n{rows}")
     assert init("head.csv") == 0
     text = Path("motor.toml").read_text()
-    constants = text[text.index("[constants]") :]
+    constants = text[text.index("\n[constants]\n") :]
     Path("motor.toml").write_text(text.replace(constants, uncommented(constants, "ambient_degC")))
     assert load_motor("motor.toml").constants == {"ambient_degC": 19.36}
     assert cli.main(["check", "motor.toml", "head.csv"]) == 0
@@ -226,16 +229,17 @@ def test_the_worksheet_of_the_thesis_is_recognised_as_printed():
         "losses_W": "P [W]",
         "winding_degC": "Tw [degC]",
     }
-    text = uncommented(draft("m", [found]).split("[constants]")[1], "ambient_degC")
-    assert tomllib.loads(text)["ambient_degC"] == 19.35772099
+    made = draft("m", [found])
+    text = made.split("\n[constants]\n")[1].split("\n[sensors]\n")[0]
+    assert tomllib.loads(uncommented(text, "ambient_degC"))["ambient_degC"] == 19.35772099
 
 
 def test_a_worksheet_needs_two_numbers_and_no_column(here, table, capsys):
     as_worksheet(table, here / "sheet.csv")
     assert init("sheet.csv") == 0
     text = uncommented(Path("motor.toml").read_text(), "phase_resistance_ohm")
-    head, _, tail = text.partition("[constants]")
-    Path("motor.toml").write_text(f"{head}[constants]{uncommented(tail, 'ambient_degC')}")
+    head, _, tail = text.partition("\n[constants]\n")
+    Path("motor.toml").write_text(f"{head}\n[constants]\n{uncommented(tail, 'ambient_degC')}")
     capsys.readouterr()
     assert cli.main(["check", "motor.toml", "sheet.csv"]) == 0
     assert "will do for a second-order calibration" in capsys.readouterr().out
@@ -269,6 +273,27 @@ def test_any_name_out_of_a_file_leaves_a_file_that_loads(name, text, unit, quest
         line = uncommented(columns, "winding_degC").split("\n")
         (said,) = [each for each in line if each.startswith("winding_degC")]
         assert tomllib.loads(said)["winding_degC"] == name
+
+
+def test_channels_of_a_measurement_file_are_proposed(here):
+    time = np.arange(0.0, 60.0, 0.5)
+    logged = [signal("T_coil", 20.0 + time, time, "°C"), signal("Pump", 0.0 * time, time, "bar")]
+    written(here / "bench.mf4", ("Logger", logged))
+    found = survey(here / "bench.mf4")
+    free = {column.name: column for column in found.free}
+    assert (free["T_coil"].low, free["T_coil"].high) == (20.0, 79.5)
+    assert free["T_coil"].proposals[0] == Proposal("winding_degC", "T_coil", "stated", True)
+    assert free["Pump"].proposals == ()
+    assert {one.channel for one in found.recognised} == {"time_s"}
+
+
+def test_a_pipe_is_looked_at_once(here, table):
+    text = table.to_csv(index=False).encode()
+    command = [sys.executable, "-m", "heatrun.cli", "init", "/dev/stdin", "--json"]
+    done = subprocess.run(command, input=text, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+    assert len(json.loads(done.stdout)["tests"][0]["recognised"]) == 6
+    load_motor("motor.toml")
 
 
 def test_the_version_is_printed(capsys):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +19,9 @@ from .channels.likely_names import likely_channels
 from .channels.schema import CHANNEL
 from .readers.formats import opened
 from .readers.measurement import Measurement, header_of
+from .readers.multirate import read_all
 from .readers.open_file import open_input
-from .readers.read import read_raw
+from .readers.read import read_whole
 from .readers.table import Column, Table
 from .record import ColumnReading, UnitSource
 
@@ -131,7 +132,7 @@ def survey(path: Path) -> Survey:
     with open_input(path) as stream, opened(stream, where) as measurement:
         if measurement is not None:
             return _of_measurement(measurement, where)
-    return _of_table(read_raw(path), where)
+        return _of_table(read_whole(stream, where), where)
 
 
 def _of_table(table: Table, where: str) -> Survey:
@@ -151,21 +152,20 @@ def _of_table(table: Table, where: str) -> Survey:
 def _of_measurement(measurement: Measurement, where: str) -> Survey:
     header = header_of(measurement, {})
     if not header.channels:
-        return _of_table(read_raw(Path(where)), where)  # it says what is wrong
+        read_all(measurement, where=where)  # it says what is wrong
     readings, derived, questions = _mapped(header.table(1), where)
     used = {one.column for one in readings}
     free = []
-    for name, stored in header.channels.items():
-        if name in used:
+    for column in header.table(1).columns:
+        stored = header.channels.get(column.name)
+        if stored is None or column.name in used:
             continue
-        values = np.empty(0)
-        is_looked_at = stored.refusal is None and len(free) < MOST_SAMPLED
-        if is_looked_at:
+        if stored.refusal is None and len(free) < MOST_SAMPLED:
             (series,) = measurement.read([stored])
-            values = series.values
-        column = next(one for one in header.table(1).columns if one.name == name)
-        found = _free(column, where, values)
-        free.append(found if is_looked_at else _unseen(found))
+            free.append(_free(column, where, series.values))
+        else:
+            found = _free(column, where)
+            free.append(replace(found, low=None, high=None, num_values=None))
     free += [FreeColumn(name, None, None, None, 0, text) for name, text in header.texts.items()]
     return Survey(where, measurement.reader, readings, derived, tuple(free), questions)
 
@@ -209,10 +209,6 @@ def _free(column: Column, where: str, values: np.ndarray | None = None) -> FreeC
         int(numbers.size),
         proposals=tuple(_proposals(column, where)),
     )
-
-
-def _unseen(column: FreeColumn) -> FreeColumn:
-    return FreeColumn(column.name, column.unit, None, None, None, proposals=column.proposals)
 
 
 def _proposals(column: Column, where: str) -> list[Proposal]:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -77,7 +78,20 @@ def read_raw(path: str | Path) -> Table:
     with open_input(path) as stream, opened(stream, where) as measurement:
         if measurement is not None:
             return read_all(measurement, where=where)
-        return _read_bytes(read_stream(stream, where), where, NO_HINTS)
+        return read_whole(stream, where)
+
+
+def read_whole(stream: BinaryIO, where: str) -> Table:
+    """Read an open bench file that is no measurement file, under its own column names.
+
+    Args:
+        stream: What `heatrun.bench.readers.open_file.open_input` gave.
+        where: The file, for messages.
+
+    Raises:
+        InputError: As `read_raw`.
+    """
+    return _read_bytes(read_stream(stream, where), where, NO_HINTS)
 
 
 def read_record(
