@@ -13,13 +13,11 @@ from pathlib import Path
 from .bench.channels.schema import CHANNEL
 from .bench.survey import Survey, flat
 from .io.printable import printable
-from .motor_gaps import Gap, found_resistance, gaps
+from .motor_gaps import LONGEST_LINE, Gap, found_resistance, gaps
 from .motor_keys import COLUMNS, CONSTANTS, PARAMETERS, SECTIONS, SENSORS, Key, Section
 from .version import __version__
 
 WIDTH = 96
-LONGEST_NAME = 400
-"""Characters; the motor file takes 500 on a right-hand side."""
 
 
 def draft(name: str, surveys: Sequence[Survey]) -> str:
@@ -137,7 +135,7 @@ def _free(one: Survey, settled: Set[str]) -> list[str]:
     lines = ["#", *_comment(f"Columns of {Path(one.path).name} that no channel claims:")]
     for column in one.free:
         likely = [p for p in column.proposals if p.is_likely and p.channel not in settled]
-        if likely and len(column.name) <= LONGEST_NAME:
+        if likely and len(likely[0].line) <= LONGEST_LINE:
             lines.append(_line(likely[0].channel, likely[0].line, column.shown()))
         else:
             lines.append(f"#   {printable(flat(column.name))}: {column.shown()}")

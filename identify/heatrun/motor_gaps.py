@@ -30,6 +30,8 @@ COLDEST, HOTTEST = -40.0, 60.0
 """Range of rooms in which motors are tested [°C]."""
 
 MOST_CANDIDATES = 12
+LONGEST_LINE = 450
+"""Characters; the motor file takes 500 on a right-hand side."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,10 @@ def _channel(name: str, surveys: Sequence[Survey]) -> Gap:
             for each in surveys
             for column in each.free
             for one in column.proposals
-            if one.channel == name and len(one.line) <= 480
+            if one.channel == name
+            and len(one.line) <= LONGEST_LINE
+            # a column whose name speaks of another channel is none of this one
+            and (one.is_likely or not any(other.is_likely for other in column.proposals))
         ),
         key=lambda row: row[:2],
     )

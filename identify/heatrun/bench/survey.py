@@ -119,11 +119,12 @@ def flat(text: str) -> str:
     return " ".join(text.split())
 
 
-def survey(path: Path) -> Survey:
+def survey(path: Path, sheet: str | None = None) -> Survey:
     """Look at a file.
 
     Args:
         path: A bench file of any format that is read.
+        sheet: Sheet of a workbook; by default the one with the channels.
 
     Raises:
         InputError: If it cannot be read as a table of numbers.
@@ -132,7 +133,7 @@ def survey(path: Path) -> Survey:
     with open_input(path) as stream, opened(stream, where) as measurement:
         if measurement is not None:
             return _of_measurement(measurement, where)
-        return _of_table(read_whole(stream, where), where)
+        return _of_table(read_whole(stream, where, sheet), where)
 
 
 def _of_table(table: Table, where: str) -> Survey:

@@ -111,7 +111,8 @@ def _next(
     again = shlex.join(["heatrun", "check", *words])
     errors = [finding for finding in findings if finding.severity == "error"]
     if any(finding.id == "missing_channel" for finding in errors):
-        return f"name the missing channels in {options.motor}, then: {again}"
+        draft = shlex.join(["heatrun", "init", *map(str, options.tests), "--out", "draft.toml"])
+        return f"name the missing channels in {options.motor} ({draft} proposes), then: {again}"
     if errors:
         return f"do what the errors above say, then: {again}"
     if lacks:

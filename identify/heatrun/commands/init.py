@@ -56,15 +56,15 @@ def run(options: argparse.Namespace) -> int:
             where=str(out),
             remedy="Choose another name with --out, or replace it with --force.",
         )
-    if any(out.exists() and file.exists() and out.samefile(file) for file in files):
+    if any(out.exists() and file.exists() and out.samefile(file) for file, _ in files):
         raise InputError("This is one of the tests.", where=str(out), remedy="Choose another name.")
     surveys = []
-    for file in files:
-        found = survey(file)
+    for file, sheet in files:
+        found = survey(file, sheet)
         say(f"{file}: {found.reader}, {len(found.recognised)} columns recognised, "
             f"{len(found.free)} not")  # fmt: skip
         surveys.append(found)
-    content = draft(_name_of(files[0]), surveys).encode()
+    content = draft(_name_of(files[0][0]), surveys).encode()
     parse_motor(content, str(out))  # what is written can be read
     with writable("The motor file", out):
         write_whole(out, content)
