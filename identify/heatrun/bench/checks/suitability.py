@@ -46,7 +46,7 @@ def suitability(
     if errors:
         return Suitability(test, False, f"This record will not do for {aim}: {_reasons(errors)}")
     if refusal is not None:
-        reason = refusal.message.rpartition(": ")[2]
+        reason = refusal.message.partition(": ")[2] or refusal.message
         sentence = f"This record will do for {aim} once the motor file is complete: {reason}"
         return Suitability(test, False, sentence)
     warnings = {finding.id for finding in findings if finding.severity == "warning"}

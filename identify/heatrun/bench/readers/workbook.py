@@ -25,6 +25,12 @@ DAY_S = 86400.0
 FIRST_YEAR = 1900
 """Times beyond 24 h that are formatted as times of day come as dates of this year."""
 
+MOST_ROWS = 2**20
+"""As many as a sheet may have."""
+
+MOST_CELLS = LARGEST_NUMBERS // 8
+"""Each takes some hundred bytes of memory until the table is read."""
+
 HEADER_ROWS = 40
 """Merged cells are looked at as far down as names and units stand."""
 
@@ -178,8 +184,10 @@ def _lines(sheet: Sheet, most: int | None) -> Lines:
                 if text:
                     held.setdefault(row, {})[place] = text
                     num_cells += 1
-            if num_cells > LARGEST_NUMBERS:
-                raise BrokenFileError(f"more than the {LARGEST_NUMBERS} cells that are read")
+            if row > MOST_ROWS or num_cells > MOST_CELLS:
+                raise BrokenFileError(
+                    f"more than the {MOST_ROWS} rows or {MOST_CELLS} cells that are read"
+                )
         merged = parser.merged_cells
     if formulas and not uncalculated and _is_left_to_open(book):
         # a program that leaves the calculation to Excel writes 0 into each
