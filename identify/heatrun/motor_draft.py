@@ -89,14 +89,22 @@ def _section(
         return [*lines, '# tooth_degC = "stator"', '# stator_degC = "none"']
     known = {"name": toml_text(name)} | found_resistance(surveys)
     for key in section.keys:
-        lines += _key(key, known.get(key.name))
-        lines += [line for gap in missing if gap.key == key.name for line in gap.lines]
+        gap = next((gap for gap in missing if gap.key == key.name), None)
+        lines += _comment(f"{key.meaning} Default: {key.default}.")
+        lines += gap.lines if gap else ()
+        lines.append(_key(key, known.get(key.name), is_missing=gap is not None))
     return lines
 
 
-def _key(key: Key, value: str | None) -> list[str]:
-    said = _comment(f"{key.meaning} Default: {key.default}.")
-    return [*said, f"{key.name} = {value}" if value else f"# {key.name} = {key.example}"]
+def _key(key: Key, value: str | None, *, is_missing: bool) -> str:
+    if value:
+        return f"{key.name} = {value}"
+    return _blank(key.name, key.example) if is_missing else f"# {key.name} = {key.example}"
+
+
+def _blank(name: str, example: str) -> str:
+    """Return a line that no file loads with before a number was put in: an example is none."""
+    return f"# {name} =    # put in the number, such as {example}"
 
 
 def _columns(surveys: Sequence[Survey], missing: Sequence[Gap]) -> list[str]:
@@ -145,7 +153,8 @@ def _free(one: Survey, settled: Set[str]) -> list[str]:
 def _constants(missing: Sequence[Gap]) -> list[str]:
     lines = [line for gap in missing for line in gap.constants]
     if not any(line.startswith("# ambient_degC") for line in lines):
-        lines.append("# ambient_degC = 22.0")
+        is_missing = any(gap.channel == "ambient_degC" for gap in missing)
+        lines.append(_blank("ambient_degC", "22.0") if is_missing else "# ambient_degC = 22.0")
     return lines
 
 

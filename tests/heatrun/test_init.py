@@ -21,6 +21,7 @@ from mdf_files import signal, written
 from heatrun import cli
 from heatrun.bench.joined import read_test
 from heatrun.bench.survey import FreeColumn, Proposal, Survey, survey
+from heatrun.errors import InputError
 from heatrun.motor_draft import draft
 from heatrun.motorfile import load_motor, parse_motor
 
@@ -51,6 +52,13 @@ def uncommented(text: str, *keys: str) -> str:
         text, count = re.subn(rf"^# ({key} = )", r"\1", text, count=1, flags=re.MULTILINE)
         assert count == 1, f"{key} has no line"
     return text
+
+
+def with_resistance(text: str) -> str:
+    """Put in the resistance of the reference motor, as a person would."""
+    line = "# phase_resistance_ohm =    # put in the number, such as 0.0062"
+    assert line in text
+    return text.replace(line, "phase_resistance_ohm = 0.0062")
 
 
 GERMAN = {
@@ -89,7 +97,7 @@ def test_foreign_names_become_lines_to_uncomment(here, table, capsys):
     load_motor("motor.toml")
     text = Path("motor.toml").read_text(encoding="utf-8")
     needed = ("phase_current_A", "losses_W", "ambient_degC", "winding_degC")
-    Path("motor.toml").write_text(uncommented(text, "phase_resistance_ohm", *needed), "utf-8")
+    Path("motor.toml").write_text(with_resistance(uncommented(text, *needed)), "utf-8")
     motor = load_motor("motor.toml")
     assert motor.columns == {
         "phase_current_A": "I_Strang [A]",
@@ -105,6 +113,16 @@ def test_foreign_names_become_lines_to_uncomment(here, table, capsys):
     assert said.endswith("Next: heatrun calibrate motor.toml 'prüfstand.csv'\n")
     record = read_test("prüfstand.csv", motor)
     np.testing.assert_allclose(record["losses_W"], table["Pd"], rtol=1e-12)
+
+
+def test_an_example_is_never_taken_for_a_number_that_is_missing(here, table):
+    table[["t", "Is", "Pd", "Tw_m"]].to_csv(here / "test.csv", index=False)
+    assert init("test.csv") == 0
+    text = Path("motor.toml").read_text(encoding="utf-8")
+    for key in ("phase_resistance_ohm", "ambient_degC"):
+        Path("motor.toml").write_text(uncommented(text, key), encoding="utf-8")
+        with pytest.raises(InputError, match="no valid TOML"):
+            load_motor("motor.toml")
 
 
 def test_what_lacks_a_unit_is_proposed_by_its_name_and_says_so(here, table):
@@ -237,7 +255,7 @@ def test_the_worksheet_of_the_thesis_is_recognised_as_printed():
 def test_a_worksheet_needs_two_numbers_and_no_column(here, table, capsys):
     as_worksheet(table, here / "sheet.csv")
     assert init("sheet.csv") == 0
-    text = uncommented(Path("motor.toml").read_text(), "phase_resistance_ohm")
+    text = with_resistance(Path("motor.toml").read_text())
     head, _, tail = text.partition("\n[constants]\n")
     Path("motor.toml").write_text(f"{head}\n[constants]\n{uncommented(tail, 'ambient_degC')}")
     capsys.readouterr()
