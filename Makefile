@@ -6,9 +6,8 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo test test-slow test-latest lint types check bench study-coverage study-crosschecks \
-  study-discovery study-exam study-faults study-fuzz study-misfit study-paderborn study-readings \
-  study-real study-view \
-  audit notebooks schemas lock clean
+  study-bodies study-discovery study-exam study-faults study-fuzz study-misfit study-paderborn \
+  study-readings study-real study-view audit docs notebooks schemas lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -86,6 +85,10 @@ notebooks: $(VENV)/ready
 # The JSON schemas of fit.json and discovery.json, from the types in identify/heatrun/results.
 schemas: $(VENV)/ready
 	$(BIN)/python -m heatrun.results.schema
+
+# The reference page of the motor file, from the meanings that `heatrun init` writes.
+docs: $(VENV)/ready
+	$(BIN)/python -m heatrun.motor_page notebooks/motor_file.md
 
 # Hashes for every platform and Python from 3.11 on, no index addresses.
 lock:

@@ -238,7 +238,11 @@ def identity(motor: Motor, tests: Sequence[BenchTest], **settings: Any) -> dict[
     """Return what makes an unfinished run the same as this one: inputs, settings and versions."""
     return {
         "motor": motor.sha256,
-        "tests": [[s.sha256 for s in test.record.sources] + [test.role] for test in tests],
+        # the reader names the sheet of a workbook, which holds several tests
+        "tests": [
+            [part for s in test.record.sources for part in (s.sha256, s.reader)] + [test.role]
+            for test in tests
+        ],
         **settings,
         **environment(),
     }

@@ -19,6 +19,7 @@ from .io.caches import damaged_are_replaced, use_caches
 from .io.moment import check_stated_moment
 from .memory_limit import is_for_lack_of_memory, prepare_for_limit
 from .runtime import one_thread_for_small_matrices
+from .version import __version__
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -100,6 +101,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="heatrun",
         description="Thermal networks of motors from bench transients, with 95 % intervals.",
     )
+    parser.add_argument("--version", action="version", version=f"heatrun {__version__}")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name in COMMANDS:
         command = import_module(f".commands.{name}", __package__)

@@ -14,7 +14,10 @@ from ..runs.run_folder import MANIFEST
 from .server.confined import is_inside, open_inside, outside
 
 SUFFIXES = frozenset(
-    (".csv", ".tsv", ".txt", ".dat", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms")
+    (
+        *(".csv", ".tsv", ".txt", ".dat", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms"),
+        *(".xlsx", ".xlsm"),
+    )
 )
 """Endings of the files that are offered as tests, also with .gz behind them."""
 

@@ -15,6 +15,7 @@ from .readers.read import read_record
 from .record import Record
 
 RATE = re.compile(r"^(?P<path>.*)@(?P<rate>[^@/\\]*)Hz$", re.DOTALL)
+SHEET = re.compile(r"^(?P<path>.+\.xls[xm](?:\.gz)?)#(?P<sheet>.+)$", re.DOTALL | re.IGNORECASE)
 NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?|\.[0-9]+")
 
 
@@ -24,7 +25,8 @@ def read_test(path: Path | str, motor: Motor) -> Record:
     Args:
         path: A file; or `TEMPERATURES+DRIVE`, two files of loggers that were not started
             together, whose offset is then estimated. A file without a time column carries its
-            sampling rate behind it, as in `drive.csv@10Hz`.
+            sampling rate behind it, as in `drive.csv@10Hz`; a sheet of a workbook is named as in
+            `tests.xlsx#Cold start`.
         motor: The machine.
 
     Returns:
@@ -34,6 +36,25 @@ def read_test(path: Path | str, motor: Motor) -> Record:
         InputError: If a file cannot be read or the two cannot be joined.
     """
     return _with_constants(_read_files(str(path), motor), motor)
+
+
+def files_of(path: Path | str) -> tuple[tuple[Path, str | None], ...]:
+    """Return the files of a test as the command line names it, each with its sheet if it names one.
+
+    Args:
+        path: As `read_test`.
+    """
+    text = str(path)
+    files = []
+    for part in (text,) if _exists(text) else text.split("+"):
+        rate = None if _exists(part) else RATE.match(part)
+        files.append(_with_sheet(rate["path"] if rate else part))
+    return tuple(files)
+
+
+def _with_sheet(text: str) -> tuple[Path, str | None]:
+    found = None if _exists(text) else SHEET.match(text)
+    return (Path(text), None) if found is None else (Path(found["path"]), found["sheet"])
 
 
 def _read_files(text: str, motor: Motor) -> Record:
@@ -69,7 +90,8 @@ def _with_constants(record: Record, motor: Motor) -> Record:
 def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:
     found = None if _exists(text) else RATE.match(text)
     if found is None:
-        return read_record(Path(text), motor, is_part=is_part)
+        path, sheet = _with_sheet(text)
+        return read_record(path, motor, is_part=is_part, sheet=sheet)
     rate = found["rate"].strip()
     if not found["path"] or not NUMBER.fullmatch(rate):
         raise InputError(
@@ -77,7 +99,8 @@ def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:
             where=text,
             remedy="Write the rate as a number with a point, such as 10 or 0.5.",
         )
-    return read_record(Path(found["path"]), motor, rate_Hz=float(rate), is_part=is_part)
+    path, sheet = _with_sheet(found["path"])
+    return read_record(path, motor, rate_Hz=float(rate), is_part=is_part, sheet=sheet)
 
 
 def _exists(text: str) -> bool:

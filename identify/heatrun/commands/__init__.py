@@ -5,7 +5,7 @@ slow to import inside `run`, so that `heatrun --help` answers at once.
 """
 
 COMMANDS = (
-    "check", "calibrate", "compare", "discover", "simulate", "report", "sheet", "export", "view",
-    "demo",
+    "init", "check", "calibrate", "compare", "discover", "simulate", "report", "sheet", "export",
+    "view", "demo",
 )  # fmt: skip
 """Names of the commands in the order of the help; each is a module of this package."""

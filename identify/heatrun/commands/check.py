@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+import shlex
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from . import words
 from .console import printable, say
 from .exit_codes import DONE, NOT_ALLOWED
+
+if TYPE_CHECKING:
+    from ..bench import Finding
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -26,15 +31,15 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Print the findings about every test; they forbid a calibration if one is an error."""
-    from ..bench import Finding
     from ..bench.channels.column_mapping import (
         ReadColumns,
         describe_columns,
         mapping_text,
     )
     from ..bench.checks import check_record
+    from ..bench.checks.suitability import suitability
     from ..bench.joined import read_test
-    from ..inference.model_check import check_model
+    from ..inference.model_check import check_model, check_second_order
     from ..motorfile import load_motor
     from ..reports.terminal import findings_text
     from ..results import to_json
@@ -56,11 +61,60 @@ def run(options: argparse.Namespace) -> int:
     if all(finding.severity != "error" for finding in findings):
         findings += check_model(options.model, options.effects_known, motor, records)
     has_error = any(finding.severity == "error" for finding in findings)
+    # what the second order lacks is no error of the records: another network may not need it
+    lacks: dict[str, Finding] = {}
+    if options.model is None and not has_error:
+        lacks = check_second_order(options.effects_known, motor, records)
+    answers = [
+        suitability(
+            record.name,
+            [finding for finding in findings if finding.test == record.name],
+            _aim(options.model),
+            lacks.get(record.name),
+        )
+        for record in records
+    ]
+    following = _next(options, findings, list(lacks.values()))
     if options.json:
-        print(to_json({"findings": findings, "tests": tests}))
-    else:
-        columns = mapping_text(tests)
-        if columns:
-            print("\n".join(printable(line) for line in columns.split("\n")), end="\n\n")
-        print(findings_text(findings))
+        unclaimed = {record.name: record.unused for record in records}
+        print(to_json({"findings": findings, "tests": tests, "unclaimed": unclaimed,
+                       "suitability": answers, "next": following}))  # fmt: skip
+        return NOT_ALLOWED if has_error else DONE
+    columns = mapping_text(tests)
+    if columns:
+        print("\n".join(printable(line) for line in columns.split("\n")), end="\n\n")
+    for record in records:
+        if record.unused:
+            names = ", ".join(" ".join(name.split()) for name in record.unused)
+            print(printable(f"No channel claims, in {record.name}: {names}"), end="\n\n")
+    print(findings_text(findings), end="\n\n")
+    for answer in answers:
+        print(printable(f"{answer.test}: {answer.sentence}" if len(answers) > 1
+                        else answer.sentence))  # fmt: skip
+    print(printable(f"Next: {following}"))
     return NOT_ALLOWED if has_error else DONE
+
+
+def _aim(model: str | None) -> str:
+    orders = {"first": "a first-order calibration", "second": "a second-order calibration"}
+    name = model or "second"
+    return orders["second"] if name == "both" else orders.get(name, f"a calibration of {name}")
+
+
+def _next(
+    options: argparse.Namespace, findings: Sequence[Finding], lacks: Sequence[Finding]
+) -> str:
+    """Return what to do next, with the command in full."""
+    words = [str(options.motor), *map(str, options.tests)]
+    words += ["--model", options.model] if options.model else []
+    words += ["--with", options.effects_known] if options.effects_known else []
+    again = shlex.join(["heatrun", "check", *words])
+    errors = [finding for finding in findings if finding.severity == "error"]
+    if any(finding.id == "missing_channel" for finding in errors):
+        draft = shlex.join(["heatrun", "init", *map(str, options.tests), "--out", "draft.toml"])
+        return f"name the missing channels in {options.motor} ({draft} proposes), then: {again}"
+    if errors:
+        return f"do what the errors above say, then: {again}"
+    if lacks:
+        return f"{options.motor}: {lacks[0].remedy} Then: {again}"
+    return shlex.join(["heatrun", "calibrate", *words])

@@ -47,6 +47,21 @@ def check_model(
     return tuple(findings)
 
 
+def check_second_order(effects: str, motor: Motor, records: Sequence[Record]) -> dict[str, Finding]:
+    """Return what the second order lacks, by the name of the record.
+
+    Args:
+        effects: As `check_model`.
+        motor: The machine; where its file is for another network alone, nothing is lacking.
+        records: Records without errors of their own.
+    """
+    try:
+        found = check_model("second", effects, motor, records)
+    except InputError:
+        return {}
+    return {finding.test: finding for finding in found}
+
+
 def _refusal(error: InputError, record: Record) -> Finding:
     return Finding(
         id="model_refused",

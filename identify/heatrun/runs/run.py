@@ -31,7 +31,7 @@ from ..results.values import Role, known
 from . import netcdf
 from .model_text import ModelOfRun, read_model
 from .run_folder import MANIFEST, read_listed
-from .sources import SourceFile, refuse_changed, with_rate
+from .sources import SourceFile, as_named, refuse_changed
 
 MOTOR = "motor.toml"
 
@@ -140,7 +140,7 @@ class Run:
         return self.result.findings
 
     def source(self, test: RunTest) -> str:
-        """Return a test as the command line names it: its files, with the rates they were given.
+        """Return a test as the command line names it: its files, with sheets and rates as given.
 
         Raises:
             InputError: If a file is gone or has changed since the run.
@@ -148,7 +148,7 @@ class Run:
         for file in test.files:
             refuse_changed(file, self.path, "record")
         command = self.result.command
-        return "+".join(with_rate(file.path, command) for file in test.files)
+        return "+".join(as_named(file.path, test.name, command) for file in test.files)
 
     def choose(self, network: str | None = None) -> str:
         """Return the name of a network of the run: the one asked for, or the last one.

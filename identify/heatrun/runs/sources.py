@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,10 +24,27 @@ class SourceFile:
     sha256: str
 
 
-def with_rate(path: str, command: str) -> str:
-    """Return a path with the sampling rate that the run's command gave it, if it did."""
-    found = re.search(re.escape(path) + r"@[0-9.]+\s*Hz", command)
-    return path if found is None else found[0]
+def as_named(path: str, test: str, command: str) -> str:
+    """Return a path with the sheet and the sampling rate that the run's command gave it, if it did.
+
+    Args:
+        path: The file.
+        test: Name of the test; it tells sheets of one workbook apart.
+        command: Of the run.
+    """
+    try:
+        words = shlex.split(command)
+    except ValueError:
+        return path
+    form = re.compile(re.escape(path) + r"(?:#(?P<sheet>.+?))?(?:@[0-9.]+\s*Hz)?", re.DOTALL)
+    found = [
+        named
+        for word in words
+        for part in (word, *word.split("+"))
+        if part != path and (named := form.fullmatch(part))
+    ]
+    of_test = [one for one in found if one["sheet"] and test.endswith(f"_{one['sheet']}")]
+    return next((one[0] for one in (*of_test, *found)), path)
 
 
 def refuse_changed(file: SourceFile, run: Path, kind: str) -> None:

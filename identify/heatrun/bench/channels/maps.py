@@ -43,6 +43,23 @@ THESIS = ColumnMap(
     num_needed=3,
 )
 
+COMPUTED = "the worksheet computes it from the measured columns"
+
+WORKSHEET = ColumnMap(
+    "worksheet of the thesis (t, Tw, P, Is)",
+    {
+        "t": "time_s",
+        "Is": "phase_current_A",
+        "P": "losses_W",
+        "Tw": "winding_degC",
+    },
+    num_needed=7,
+    refused={
+        "Tw mod": "it holds the mean of the ambient in its first row alone",
+        **dict.fromkeys(("Req DC", "Rs", "Pjs", "Pol"), COMPUTED),
+    },
+)
+
 PADERBORN = ColumnMap(
     "Paderborn electric motor temperature",
     {
@@ -110,6 +127,7 @@ TIME_NAMES = ColumnMap(
 
 COLUMN_MAPS: tuple[ColumnMap, ...] = (
     THESIS,
+    WORKSHEET,
     PADERBORN,
     THERMOCOUPLES,
     SPEED_CONTROLLER,

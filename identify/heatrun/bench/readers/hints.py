@@ -18,10 +18,12 @@ class Hints:
     Attributes:
         claims: The lines of `[columns]`.
         decimal: Decimal sign of the text tables, or None to find it.
+        sheet: Sheet of a workbook that the test names, or None to choose it.
     """
 
     claims: tuple[Claim, ...] = ()
     decimal: Decimal | None = None
+    sheet: str | None = None
 
     def unit_of(self, name: str, label: str) -> str | None:
         """Return the unit text that `[columns]` states for a column, or None.
@@ -41,7 +43,11 @@ class Hints:
 
 
 def hints_of(
-    columns: Mapping[str, str] | None, decimal: Decimal | None = None, *, where: str
+    columns: Mapping[str, str] | None,
+    decimal: Decimal | None = None,
+    *,
+    where: str,
+    sheet: str | None = None,
 ) -> Hints:
     """Return what a motor file says about reading.
 
@@ -49,11 +55,12 @@ def hints_of(
         columns: Its `[columns]`.
         decimal: Its `decimal`.
         where: The file that is read, for messages.
+        sheet: Sheet that the test names.
 
     Raises:
         InputError: If `[columns]` names a channel that is not known.
     """
-    return Hints(parse_claims(columns or {}, where), decimal)
+    return Hints(parse_claims(columns or {}, where), decimal, sheet)
 
 
 NO_HINTS = Hints()

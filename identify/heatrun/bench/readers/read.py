@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -25,13 +26,13 @@ from .open_file import digest_of, open_input, read_stream, unzip
 from .table import Table
 from .text.missing_rows import missing_rows, with_missing_rows
 
+ZIP = b"PK\x03\x04"
 GZIP = b"\x1f\x8b"
 HDF5 = b"\x89HDF\r\n\x1a\n"
 NETCDF3 = (b"CDF\x01", b"CDF\x02")
 HDF5_OFFSET = 512  # MATLAB writes its own header of this size in front
 OTHER_FORMATS = {
-    b"PK\x03\x04": "a zip archive or spreadsheet",
-    b"\xd0\xcf\x11\xe0": "an old spreadsheet",
+    b"\xd0\xcf\x11\xe0": "an old spreadsheet, or one with a password",
     b"MDF     ": "a packed MDF measurement file",
     b"UnFinMF ": "a packed MDF measurement file",
     b"TDSm": "a packed TDMS measurement file",
@@ -49,6 +50,7 @@ OTHER_FORMATS = {
 """First bytes of files that are no table for heatrun, and what they are."""
 
 REMEDIES = {
+    b"\xd0\xcf\x11\xe0": "Save it as .xlsx without a password.",
     b"MDF     ": "Unpack it first.",
     b"UnFinMF ": "Unpack it first.",
     b"TDSm": "Unpack it first.",
@@ -62,7 +64,7 @@ def read_raw(path: str | Path) -> Table:
     """Read a bench file under its own column names.
 
     The format is told from the content: text (CSV and the like), MATLAB 5 and 7.3, HDF5, netCDF 3
-    and 4, Parquet; each of them also compressed by gzip; MDF 4 and TDMS.
+    and 4, Parquet, Excel; each of them also compressed by gzip; MDF 4 and TDMS.
 
     Args:
         path: The file.
@@ -77,7 +79,21 @@ def read_raw(path: str | Path) -> Table:
     with open_input(path) as stream, opened(stream, where) as measurement:
         if measurement is not None:
             return read_all(measurement, where=where)
-        return _read_bytes(read_stream(stream, where), where, NO_HINTS)
+        return read_whole(stream, where)
+
+
+def read_whole(stream: BinaryIO, where: str, sheet: str | None = None) -> Table:
+    """Read an open bench file that is no measurement file, under its own column names.
+
+    Args:
+        stream: What `heatrun.bench.readers.open_file.open_input` gave.
+        where: The file, for messages.
+        sheet: As `read_record`.
+
+    Raises:
+        InputError: As `read_raw`.
+    """
+    return _read_bytes(read_stream(stream, where), where, replace(NO_HINTS, sheet=sheet))
 
 
 def read_record(
@@ -87,6 +103,7 @@ def read_record(
     rate_Hz: float | None = None,
     name: str | None = None,
     is_part: bool = False,
+    sheet: str | None = None,
 ) -> Record:
     """Read a bench file as a test with canonical channels.
 
@@ -98,6 +115,7 @@ def read_record(
         name: Name of the test; by default the file's stem.
         is_part: The file is one of several of this test: columns that `[columns]` names may be in
             the others.
+        sheet: Sheet of a workbook; by default the one with the channels.
 
     Returns:
         The record, its time counted from the first sample [s]. Gaps, repeats and backward steps
@@ -129,7 +147,8 @@ def read_record(
         else:
             data = read_stream(stream, where)
             sha256 = hashlib.sha256(data).hexdigest()
-            hints = hints_of(columns, motor.decimal if motor else None, where=where)
+            decimal = motor.decimal if motor else None
+            hints = hints_of(columns, decimal, where=where, sheet=sheet)
             table = _read_bytes(data, where, hints)
             mapped = map_columns(table, columns, where=where, is_part=is_part)
             if raster_s is not None:
@@ -142,7 +161,8 @@ def read_record(
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
     channels, derived = derive(channels, phases=phases, losses=losses)
     # a name goes on to figures, tables and the terminal, where a control character would act
-    test = name or "".join(c if c.isprintable() else "?" for c in _stem(Path(path)))
+    stem = _stem(Path(path)) if sheet is None else f"{_stem(Path(path))}_{sheet}"
+    test = name or "".join(c if c.isprintable() else "?" for c in stem)
     conflict = resistance_conflict(table.constants, motor, where)
     findings = (*table.findings, *missing, *mapped.findings, *conflict)
     return Record(
@@ -175,10 +195,20 @@ def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Tab
     for start, kind in OTHER_FORMATS.items():
         if data.startswith(start):
             raise InputError(
-                f"Expected CSV, MAT, Parquet, MDF or TDMS, got {kind}.",
+                f"Expected CSV, MAT, Parquet, MDF, TDMS or Excel, got {kind}.",
                 where=where,
                 remedy=REMEDIES.get(start, "Export the recording as CSV; only gzip is unpacked."),
             )
+    if data.startswith(ZIP):
+        from .excel import read_excel
+
+        return partial(read_excel, hints=hints)
+    if hints.sheet is not None:
+        raise InputError(
+            f"The sheet '{hints.sheet}' is asked for, and the file is no Excel workbook.",
+            where=where,
+            remedy="Give the file without a sheet.",
+        )
     if data.startswith(HDF5) or data[HDF5_OFFSET:].startswith(HDF5):
         from .mat import read_hdf5
 

@@ -11,11 +11,21 @@ from ...bench.record import Record
 from ...errors import InputError
 from .card import TEST_TYPES
 
-ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms")
+ENDINGS = (
+    *(".csv", ".txt", ".dat", ".tsv", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms"),
+    *(".xlsx", ".xlsm"),
+)
 """Endings of bench files, alone or with `.gz`."""
 
-NO_TESTS = ("readme", "license", *(card.stem.lower() for card in TEST_TYPES.values()))
-"""Beginnings of names beside bench files that are none: notes, and the reports themselves."""
+NO_TESTS = (
+    "readme",
+    "license",
+    "sheet.xlsx",
+    "~$",
+    *(card.stem.lower() for card in TEST_TYPES.values()),
+)
+"""Beginnings of names beside bench files that are none: notes, parameter sheets, locks of Excel,
+and the reports themselves."""
 
 
 @dataclass(frozen=True)

@@ -62,13 +62,19 @@ class Layout:
         return SPOKEN[self.delimiter] + (", decimal comma" if self.decimal == "," else "")
 
 
-def find_layout(text: str, where: str, stated_decimal: str | None = None) -> Layout:
+def find_layout(
+    text: str,
+    where: str,
+    stated_decimal: str | None = None,
+    delimiters: Sequence[str] = DELIMITERS,
+) -> Layout:
     r"""Return the layout of a text table.
 
     Args:
         text: The whole text, with `\n` line ends.
         where: The file, for messages.
         stated_decimal: Decimal sign that the motor file states, or None.
+        delimiters: Those of `DELIMITERS` that come into question.
 
     Raises:
         InputError: If there is no table of numbers, only one column, no header or no data.
@@ -79,7 +85,7 @@ def find_layout(text: str, where: str, stated_decimal: str | None = None) -> Lay
     if not lines:
         raise InputError("Expected a table, got an empty file.", where=where, remedy=_COPY_AGAIN)
     signs = (".", ",") if stated_decimal is None else (stated_decimal,)
-    delimiter, decimal, width = _best_split(lines, signs, where)
+    delimiter, decimal, width = _best_split(lines, signs, delimiters, where)
     if (
         stated_decimal is None
         and delimiter != ","
@@ -130,13 +136,15 @@ def find_layout(text: str, where: str, stated_decimal: str | None = None) -> Lay
 _COPY_AGAIN = "Copy the file again from the bench; it may have been cut."
 
 
-def _best_split(lines: Sequence[str], signs: Sequence[str], where: str) -> tuple[str, str, int]:
+def _best_split(
+    lines: Sequence[str], signs: Sequence[str], delimiters: Sequence[str], where: str
+) -> tuple[str, str, int]:
     """Return delimiter, decimal sign and width under which most cells are numbers."""
     step = max(1, len(lines) // SCORED_LINES)
     sample = lines[::step] if step > 1 else lines
     best, best_score = None, 0.0
     single = False
-    for delimiter in DELIMITERS:
+    for delimiter in delimiters:
         rows = [split_line(line, delimiter) for line in sample]
         for decimal in signs:
             score_of: defaultdict[int, float] = defaultdict(float)

@@ -20,7 +20,7 @@ from ..hints import NO_HINTS, Hints
 from ..table import Column, Question, Stated, Table
 from .cells import MISSING
 from .encoding import decode
-from .layout import Layout, find_layout
+from .layout import DELIMITERS, Layout, find_layout
 from .lines import DataLines, data_lines, ragged_lines
 from .remarks import units_of_remarks
 from .values import doubtful, read_values, unreadable_cells, unsettled_cells
@@ -38,13 +38,20 @@ EXACT: dict[str, Any] = (
 )
 
 
-def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
+def read_text(
+    data: bytes,
+    where: str,
+    hints: Hints = NO_HINTS,
+    *,
+    delimiters: Sequence[str] = DELIMITERS,
+) -> Table:
     """Read a text table.
 
     Args:
         data: The bytes of the file.
         where: The file, for messages.
         hints: What the motor file says about reading.
+        delimiters: What may stand between the cells.
 
     Returns:
         The columns under their names in the file. Cells that are no numbers are NaN and lines
@@ -55,7 +62,7 @@ def read_text(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
         InputError: If the file holds no table with a header and at least one line of numbers.
     """
     text, encoding = decode(data, where)
-    layout = find_layout(text, where, hints.decimal)
+    layout = find_layout(text, where, hints.decimal, delimiters)
     body = data_lines(text, layout, where)
     del text  # a gigabyte of it would be held while the cells are read
     frame = _parse(body.text, layout, where)

@@ -1,0 +1,184 @@
+"""What each key of the motor file means: the one text behind `heatrun init` and the reference page.
+
+`heatrun.motorfile` decides what is accepted; a test holds the two together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of the motor file.
+
+    Attributes:
+        name: As it is written.
+        meaning: One or two sentences, with the unit.
+        example: Right-hand side as TOML.
+        default: What holds where it is not given, in words.
+    """
+
+    name: str
+    meaning: str
+    example: str
+    default: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the motor file.
+
+    Attributes:
+        name: As it stands in brackets; `parameters.NAME` for one section for each parameter.
+        meaning: What it is for.
+        keys: Its keys; empty where they are names of channels.
+    """
+
+    name: str
+    meaning: str
+    keys: tuple[Key, ...] = ()
+
+
+MOTOR = Section(
+    "motor",
+    "The machine under test and its bench.",
+    (
+        Key("name", "Name of the machine, as it stands on the sheet.", '"IPM-SynRel 2022"',
+            "none: this key alone must be given"),
+        Key("phases", "Number of phases.", "3", "3"),
+        Key("losses", 'What losses_W is: "balance" for the total Pd, electrical power in minus '
+            'mechanical power out; "map" for the losses other than copper alone, from a map or a '
+            "model. The copper loss is then added from the current.", '"balance"', '"balance"'),
+        Key("sink", 'What the stator loses its heat to: "ambient" (ambient_degC) or "coolant" '
+            "(coolant_degC).", '"ambient"', '"ambient"'),
+        Key("insulation_class", "Letter of IEC 60085 (A, E, B, F, H, N, R). With it come the "
+            "continuous current and the time to the limit.", '"F"', "no ratings"),
+        Key("rated_speed_rpm", "Speed that effects of the speed are scaled with [rpm].", "6000",
+            "the largest speed in the records"),
+        Key("raster_s", "Step that MDF and TDMS channels are averaged to [s].", "1.0",
+            "the samples of the winding"),
+        Key("decimal", 'Decimal sign of text tables, "." or ","; the other one then separates '
+            "thousands.", '","', "found in each file, and asked for where a file leaves it open"),
+    ),
+)  # fmt: skip
+
+WINDING = Section(
+    "winding",
+    "The winding's resistance, from which the copper loss follows.",
+    (
+        Key("material", '"copper" (B = 234.5 °C) or "aluminium" (B = 225 °C), for '
+            "R(T) = R (B + T)/(B + Tref).", '"copper"', '"copper"'),
+        Key("resistance_coefficient_degC", "B itself [°C], from 100 to 400, in place of the "
+            "material.", "234.5", "that of the material"),
+        Key("phase_resistance_ohm", "Resistance of one phase at the reference temperature [Ω]; "
+            "half of what is measured between two terminals of a star. The copper loss "
+            "3 I² R(T), which heats the winding itself, follows from it.", "0.0062",
+            "none: a calibration needs it, unless the current is 0 throughout"),
+        Key("reference_temperature_degC", "Temperature at which the resistance was measured [°C].",
+            "25.0", "25"),
+    ),
+)  # fmt: skip
+
+VEHICLE = Section(
+    "vehicle",
+    "For energy, distance and consumption in reports; a calibration needs none of it.",
+    (
+        Key("gear_ratio", "Motor speed over wheel speed.", "9.1", "no distance from the speed"),
+        Key("wheel_radius_m", "Rolling radius of the wheel [m].", "0.3",
+            "no distance from the speed"),
+    ),
+)  # fmt: skip
+
+COLUMNS = Section(
+    "columns",
+    'Which column of the file is which channel: CHANNEL = "COLUMN [UNIT]". Only for columns that '
+    "heatrun does not recognise or reads in another way than you want. The unit in brackets may be "
+    "left out where the file gives it; it decides where the file gives another. Currents are rms; "
+    'write [A_peak] for amplitudes. "none" leaves a channel out; time_s = "rate 10 Hz" stands for '
+    'a column of times. In MDF, TDMS and workbooks "GROUP/COLUMN" names a column of a group or '
+    "sheet.",
+)
+
+CONSTANTS = Section(
+    "constants",
+    "Channels that the record does not have because they do not change: CHANNEL = NUMBER in the "
+    "channel's unit. The mean temperature of the room takes the place of a sensor in it.",
+)
+
+SENSORS = Section(
+    "sensors",
+    "Which node of the network a measured body is fitted as: CHANNEL = \"NODE\". \"none\" holds it "
+    "against the model without fitting it. Where nothing is said, the network decides.",
+)  # fmt: skip
+
+MODEL = Section(
+    "model",
+    "What every model of this machine has.",
+    (
+        Key("effects", "Ids of known physical effects; `heatrun discover` finds those that are not "
+            "known.", '["speed_cooling"]', "none"),
+    ),
+)  # fmt: skip
+
+ADEQUACY = Section(
+    "adequacy",
+    "How far a network of a few nodes is trusted.",
+    (
+        Key("unmodelled_heat", "Median of the prior of the heat that the network misses, as a "
+            "share of the mean loss, from 0.00001 to 0.05.", "0.0015", "0.0015"),
+        Key("heat_time_s", "How long such heat lasts [s], from 60 to 86400.", "1200", "1200"),
+    ),
+)  # fmt: skip
+
+PARAMETERS = Section(
+    "parameters.NAME",
+    "What is known beforehand of a parameter, in its unit: either fixed, or the value of its prior "
+    "with one of the two widths. Where nothing is said, the priors are wide. Parameters of effects "
+    'are written in quotes: [parameters."speed_cooling.g"].',
+    (
+        Key("fixed", "The parameter is not estimated but held at this value.", "0.11625",
+            "estimated"),
+        Key("value", "Centre of the prior.", "667.0", "the prior of the model"),
+        Key("relative_sd", "Standard deviation of the prior, relative to the value (0.2 is 20 %).",
+            "0.2", "that of the model"),
+        Key("sd", "Standard deviation of the prior in the unit of the parameter.", "100.0",
+            "that of the model"),
+        Key("per_test", "true: estimated for each test apart; false: one value for all tests.",
+            "true", "as the model has it"),
+    ),
+)  # fmt: skip
+
+SECTIONS: tuple[Section, ...] = (
+    MOTOR, WINDING, VEHICLE, COLUMNS, CONSTANTS, SENSORS, MODEL, ADEQUACY, PARAMETERS,
+)  # fmt: skip
+"""Every section, in the order of the file."""
+
+PARAMETER_MEANINGS: dict[str, str] = {
+    "Ceq": "Heat capacity of the machine (first order)",
+    "Req": "Thermal resistance from the machine to its sink (first order)",
+    "Ceq_w": "Heat capacity of the winding",
+    "Ceq_sr": "Heat capacity of stator and rotor",
+    "Req_w": "Thermal resistance from winding to stator",
+    "Req_sr": "Thermal resistance from stator to sink",
+    "Rs0": "Phase resistance at the reference temperature",
+    "Tw_start": "Temperature of the winding at the start of a test",
+    "Tsr_start": "Temperature of the stator at the start of a test",
+    "sensor_offset": "Offset of the winding's sensor",
+    "sensor_gain": "Relative error of the winding's sensor, of the rise above the sink",
+    "ambient_offset": "Offset of the sink's sensor",
+    "power_gain": "Relative error of the losses",
+    "current_gain": "Relative error of the current",
+    "torque_offset": "Offset of the torque",
+    "shaft_power_gain": "Relative error of the mechanical power",
+    "shaft_power_offset": "Offset of the mechanical power",
+    "load_timing": "Moment of the load steps between samples",
+}
+"""Parameters that `[parameters.NAME]` may name, beside those of sensors, effects and networks."""
+
+BODY_PARTS: dict[str, str] = {
+    "gain": "relative error of the sensor of a measured body",
+    "offset": "offset of the sensor of a measured body",
+    "lag": "time constant of the sensor of a measured body",
+}
+"""The same for each measured body BODY, as `BODY_gain` and so on."""

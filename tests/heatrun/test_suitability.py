@@ -1,0 +1,120 @@
+"""Whether a record will do, and what comes next: from the findings, as text and as JSON."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from heatrun import cli
+from heatrun.bench import Finding
+from heatrun.bench.checks.suitability import suitability
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+AIM = "a second-order calibration"
+
+
+def finding(id: str, severity: str, where: str = "t", message: str = "Too hot.") -> Finding:
+    return Finding(id, severity, message, where)
+
+
+@pytest.mark.parametrize(
+    ("findings", "will_do", "sentence"),
+    [
+        ([], True, f"This record will do for {AIM}."),
+        ([finding("sampling", "note")], True, f"This record will do for {AIM}."),
+        (
+            [finding("too_short", "warning"), finding("single_step", "warning")],
+            True,
+            f"This record will do for {AIM}, with wide intervals: it is too short for the slow "
+            "time constant and it holds a single load step.",
+        ),
+        ([finding("too_short", "note")], True, f"This record will do for {AIM}."),
+        (
+            [finding("too_short", "warning"), finding("nan_block", "warning")],
+            True,
+            f"This record will do for {AIM}, with wide intervals: it is too short for the slow "
+            "time constant; read the warnings first (nan_block).",
+        ),
+        (
+            [finding("missing_channel", "error", "t, losses_W"), finding("kelvin", "error")],
+            False,
+            f"This record will not do for {AIM}: it has no losses_W.",
+        ),
+        (
+            [finding("sensor_stuck", "error"), finding("kelvin", "error", message="Cold.")],
+            False,
+            f"This record will not do for {AIM}: Too hot. (sensor_stuck) And 1 more.",
+        ),
+    ],
+)
+def test_the_answer_follows_from_the_findings(findings, will_do, sentence):
+    answer = suitability("t", findings, AIM)
+    assert (answer.will_do, answer.sentence) == (will_do, sentence)
+
+
+def test_what_the_network_lacks_is_said_and_no_error():
+    lacking = finding("model_refused", "error", message="This test cannot be used: no Rs0.")
+    answer = suitability("t", [], AIM, lacking)
+    assert not answer.will_do
+    assert answer.sentence.endswith("once the motor file is complete: no Rs0.")
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "motor.toml").write_text((DATA / "motor.toml").read_text())
+    with gzip.open(DATA / "duty_90min.csv.gz", "rt") as file:
+        table = pd.read_csv(file).iloc[::10]
+    table["spare"] = 1
+    table["door\n"] = "open"
+    table.to_csv("duty.csv", index=False)
+    table.drop(columns="Is").to_csv("no current.csv", index=False)
+    return tmp_path
+
+
+def said(capsys, *words: str) -> tuple[int, str]:
+    capsys.readouterr()
+    code = cli.main(["check", "motor.toml", *words])
+    return code, capsys.readouterr().out
+
+
+def test_a_good_record_ends_with_the_command_that_calibrates_it(here, capsys):
+    code, out = said(capsys, "duty.csv", "--model", "first")
+    assert code == 0
+    assert "No channel claims, in duty: spare, door" in out
+    last = out.rstrip("\n").split("\n")[-2:]
+    assert last == [
+        "This record will do for a first-order calibration.",
+        "Next: heatrun calibrate motor.toml duty.csv --model first",
+    ]
+
+
+def test_a_record_that_lacks_a_channel_says_so_for_itself(here, capsys):
+    code, out = said(capsys, "duty.csv", "no current.csv")
+    assert code == 1
+    assert "duty: This record will do for a second-order calibration." in out
+    assert "no current: This record will not do for a second-order calibration: it has no " in out
+    assert out.rstrip("\n").endswith("then: heatrun check motor.toml duty.csv 'no current.csv'")
+
+
+def test_the_same_stands_in_the_json(here, capsys):
+    code, out = said(capsys, "duty.csv", "--json")
+    assert code == 0
+    content = json.loads(out)
+    assert content["unclaimed"]["duty"][0] == "spare"
+    assert content["suitability"][0]["will_do"] is True
+    assert content["next"] == "heatrun calibrate motor.toml duty.csv"
+
+
+def test_a_motor_file_for_another_network_is_said_to_be_one(here, capsys):
+    text = Path("motor.toml").read_text() + "\n[parameters.Ceq_tooth]\nfixed = 100.0\n"
+    Path("motor.toml").write_text(text)
+    code, out = said(capsys, "duty.csv")
+    assert code == 0
+    assert "will not do for a second-order calibration once" not in out
+    assert "Ceq_tooth" in out.rstrip("\n").split("\n")[-2]
+    assert out.rstrip("\n").endswith("Then: heatrun check motor.toml duty.csv")
