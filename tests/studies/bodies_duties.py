@@ -79,6 +79,4 @@ def _after_rest(
     lengths: np.ndarray, current: np.ndarray, speed: np.ndarray, sign: np.ndarray | None = None
 ) -> Duty:
     sign = np.ones_like(current) if sign is None else sign
-    return duty_of(
-        np.r_[REST_S, lengths], np.r_[0.0, current], np.r_[0.0, speed], np.r_[1.0, sign]
-    )
+    return duty_of(np.r_[REST_S, lengths], np.r_[0.0, current], np.r_[0.0, speed], np.r_[1.0, sign])
