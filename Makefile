@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # A second Python for `make test-latest`: the newest there is above 3.11.
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
-.PHONY: demo test test-slow test-latest lint types check bench study-coverage study-crosschecks \
+.PHONY: demo test test-slow test-latest lint types check bench study-bodies study-coverage study-crosschecks \
   study-discovery study-faults study-fuzz study-misfit study-paderborn study-readings study-view \
   audit notebooks schemas lock clean
 
@@ -36,6 +36,9 @@ check: lint types test
 
 bench: $(VENV)/ready
 	$(BIN)/python tests/benchmarks/run.py
+
+study-bodies: $(VENV)/ready
+	$(BIN)/python tests/studies/bodies.py
 
 study-crosschecks: $(VENV)/ready
 	$(BIN)/python tests/crosschecks/study.py
