@@ -83,8 +83,9 @@ def lagging(degC: np.ndarray, lag_s: float) -> np.ndarray:
 def rounded(rng: np.random.Generator, degC: np.ndarray) -> np.ndarray:
     """Return readings with noise that is correlated over a minute, rounded [degC]."""
     step = np.exp(-1.0 / NOISE_S)
-    slow = lfilter([np.sqrt(1.0 - step**2)], [1.0, -step], rng.standard_normal(degC.size + 300))
-    noisy = degC + 0.06 * slow[300:] + 0.05 * rng.standard_normal(degC.size)
+    white = rng.standard_normal(degC.size + 300)
+    slow = np.asarray(lfilter([np.sqrt(1.0 - step**2)], [1.0, -step], white))[300:]
+    noisy = degC + 0.06 * slow + 0.05 * rng.standard_normal(degC.size)
     return RESOLUTION_K * np.rint(noisy / RESOLUTION_K)
 
 
