@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun.bench.checks import CHECKS, check_record
+from heatrun.bench.checks import CHECKS, check_record, excitation
+from heatrun.bench.checks.crude_fit import crude_fit
 from heatrun.bench.record import ColumnReading, Finding, Record
 from heatrun.motor import Motor
 
@@ -116,6 +117,14 @@ def clipped(record: Record, channel: str, limit: float) -> Record:
     return changed(record, **{channel: np.minimum(record[channel], limit)})
 
 
+def motor_and_generator(gain: float) -> Record:
+    """The heat run with a torque that drives and brakes in turns; its scale is off by a gain."""
+    way = np.where((CLEAN.time_s // 150.0) % 2 < 1, 1.0, -1.0)
+    power = way * 15.0 * CLEAN["losses_W"] * (CLEAN["phase_current_A"] > 0.0)
+    torque = power / (CLEAN["speed_rpm"] * np.pi / 30.0)
+    return changed(CLEAN, torque_Nm=torque, losses_W=CLEAN["losses_W"] + gain * power)
+
+
 TIME = CLEAN.time_s
 JITTER = TIME + 0.03 * np.random.default_rng(1).uniform(-1.0, 1.0, TIME.size)
 NO_BALANCE = replace(MOTOR, losses="map")
@@ -197,6 +206,9 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "standstill_losses": (
         edited(LOCKED, "losses_W", 600.0, 900.0, lambda P: 1.06 * P),
         MOTOR, "warning", "ratio", (1.055, 1.065),
+    ),
+    "shaft_power_disagrees": (
+        motor_and_generator(0.03), MOTOR, "warning", "gain", (0.028, 0.032)
     ),
     "no_heating": (
         changed(CLEAN, winding_degC=CLEAN["ambient_degC"]), MOTOR, "error", "rise_K", (0, 1)
@@ -301,6 +313,14 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "one level for 15 min": (
         "too_short", heat_run(currents=(130.0,), minutes=15.0), MOTOR, "warning"
     ),
+    "torque of one scale": ("shaft_power_disagrees", motor_and_generator(0.0), MOTOR, None),
+    "generator half a percent off": (
+        "shaft_power_disagrees", motor_and_generator(-0.005), MOTOR, None
+    ),
+    "generator 4 % off": ("shaft_power_disagrees", motor_and_generator(-0.04), MOTOR, "warning"),
+    "map of losses": (
+        "shaft_power_disagrees", motor_and_generator(0.03), replace(MOTOR, losses="map"), None
+    ),
     "settled": ("too_short", heat_run(currents=(100.0,), minutes=170.0, step_s=1.0), MOTOR, None),
 }  # fmt: skip
 
@@ -323,6 +343,20 @@ def named(findings: tuple[Finding, ...], id: str) -> list[Finding]:
 def test_clean_heat_run_gives_notes_only(record):
     doubts = [f.sentence() for f in check_record(record, MOTOR) if f.severity != "note"]
     assert doubts == []
+
+
+def test_a_long_test_is_not_called_too_short_for_its_length(monkeypatch):
+    """Sixty minutes, a constant of some 900 s known to a factor of 1.6: four of them, not two."""
+    record = heat_run(4, 60.0, step_s=1.0)
+    crude = crude_fit(record, MOTOR)
+    assert crude is not None
+    unsure = replace(crude, tau_s=900.0, log_sd=0.5)
+    monkeypatch.setattr(excitation, "crude_fit", lambda *_: unsure)
+    monkeypatch.setattr(excitation, "settling_constants", lambda *_: 0.0)
+    (finding,) = named(check_record(record, MOTOR), "too_short")
+    assert finding.severity == "warning"
+    assert "at least two" not in finding.message
+    assert "between 331 and 2446 s" in finding.message
 
 
 def test_every_check_has_its_fault():

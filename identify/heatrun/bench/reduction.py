@@ -25,6 +25,11 @@ thousandths of a kelvin for a while, everything else far less."""
 LONGEST_STEP_S = 5.0
 """Slower records are stepped through at most this far at once [s]."""
 
+MOST_STEPS, LONGEST_OF_DAYS_S = 8_000, 60.0
+"""Records of days, sampled every few minutes, have longer steps: as many as these at most [1], of
+at most a minute [s]. A machine that is logged so slowly takes hours, its winding minutes; a network
+with a faster node is refused (`inference.steps`)."""
+
 FEWEST_BLOCKS = 90
 """A short test gets shorter blocks, so that at least this many remain for the noise model."""
 
@@ -116,7 +121,8 @@ def _step_length(sample_s: float, duration_s: float) -> float:
     target = min(STEP_S, duration_s / (10 * FEWEST_BLOCKS))
     if sample_s <= target:
         return sample_s * max(1, round(target / sample_s))
-    return sample_s / math.ceil(sample_s / LONGEST_STEP_S - 1e-9)
+    longest = min(max(LONGEST_STEP_S, duration_s / MOST_STEPS), LONGEST_OF_DAYS_S)
+    return sample_s / math.ceil(sample_s / longest - 1e-9)
 
 
 def _steps_per_block(step: float, sample_s: float, duration_s: float, block_s: float | None) -> int:

@@ -13,14 +13,14 @@ from ..bench.channels.schema import body_name
 from .networks.form import NetworkForm
 
 STANDS_FOR = {
-    "tooth_degC": "stator",
-    "yoke_degC": "stator",
-    "housing_degC": "stator",
-    "rotor_degC": "stator",
-    "magnet_degC": "stator",
+    "tooth_degC": ("stator",),
+    "yoke_degC": ("stator",),
+    "housing_degC": ("stator",),
+    "rotor_degC": ("stator",),
+    "magnet_degC": ("rotor", "stator"),
 }
-"""Node that a body is held against where the network has none of its own: the stator node of the
-second order stands for stator and rotor."""
+"""Nodes that a body is held against where the network has none of its own, the first that it has:
+the stator node of the second order stands for stator and rotor."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class BodyCourse:
 def node_of(form: NetworkForm, channel: str) -> str | None:
     """Return the node that a body is compared with, None if the network has none for it."""
     own = form.sensed(channel)
-    for node in (own, body_name(channel), STANDS_FOR.get(channel)):
+    for node in (own, body_name(channel), *STANDS_FOR.get(channel, ())):
         if node in form.nodes:
             return node
     return None

@@ -19,6 +19,7 @@ from .losses import current_amplitude, losses_below_copper, losses_negative
 from .presence import missing_channel, nan_block, too_few_samples
 from .resolution import resolution, truncation
 from .sensor import sensor_detached, temperature_jump
+from .shaft_power import shaft_power_disagrees
 from .standstill import current_scale_unchecked, standstill_losses
 from .stillness import saturation, sensor_stuck
 from .suspicion import referred, unit_suspected
@@ -50,6 +51,7 @@ CHECKS: tuple[Check, ...] = (
     losses_below_copper,
     current_amplitude,
     standstill_losses,
+    shaft_power_disagrees,
     no_heating,
     start_not_in_equilibrium,
     ambient_moving,

@@ -95,6 +95,8 @@ def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
     is_enough = constants >= ENOUGH_CONSTANTS and not is_short
     if is_enough or settling_constants(record, motor) >= ENOUGH_CONSTANTS:
         return ()
+    if constants >= ENOUGH_CONSTANTS:
+        return (_unseen_constant(record, from_s, to_s, constants, fit.tau_s, fit.log_sd),)
     now, later = expected_sd(constants), expected_sd(TWO_HOURS_S / fit.tau_s)
     at_least = "more than " if constants < KNOWN_CONSTANTS[0] else "about "
     return (
@@ -115,6 +117,27 @@ def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 "tau_log_sd": fit.log_sd,
             },
         ),
+    )
+
+
+def _unseen_constant(
+    record: Record, from_s: float, to_s: float, constants: float, tau_s: float, log_sd: float
+) -> Finding:
+    """Return the warning that a long test leaves its slow constant unknown."""
+    return Finding(
+        "too_short",
+        "warning",
+        f"Expected a slow time constant that the record shows; in {(to_s - from_s) / 60.0:.0f} min "
+        f"it stays open between {tau_s * np.exp(-2.0 * log_sd):.0f} and "
+        f"{tau_s * np.exp(2.0 * log_sd):.0f} s.",
+        place(record, "winding_degC", from_s, to_s),
+        "Hold one load until the temperature settles, and record the cool-down.",
+        values={
+            "duration_s": to_s - from_s,
+            "time_constants": constants,
+            "tau_s": tau_s,
+            "tau_log_sd": log_sd,
+        },
     )
 
 
