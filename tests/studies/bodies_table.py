@@ -13,8 +13,8 @@ from misfit import _band, _gate, _least
 TELLS = (
     "misfit", "missing_effect", "instrument_beyond_prior", "prior_conflict", "body_disagrees",
     "not_converged", "several_optima", "sampling_not_converged", "standstill_losses",
-    "losses_below_copper", "losses_negative", "losses_disagree", "power_from_nothing",
-    "too_efficient", "little_efficiency",
+    "losses_below_copper", "losses_negative", "losses_disagree", "shaft_power_disagrees",
+    "power_from_nothing", "too_efficient", "little_efficiency",
 )  # fmt: skip
 """Findings that speak against the fit or the powers. `too_short` and others that say what a test
 can tell are not counted, nor what a held-out test shows: most benches have a single record."""
