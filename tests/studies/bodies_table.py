@@ -60,8 +60,8 @@ def table(rows: Sequence[dict[str, Any]], command: str, seed: int, planned: int)
         "the truth, median.",
         "",
         "| record | cases | refused | off | silent | a finding | 95 % intervals that cover | width "
-        "| held-out points in the band, mean / worst |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| held-out points in the band, mean / worst | processor time, median / longest |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for kind, variants in KINDS.items():
         for variant in variants:
@@ -122,6 +122,7 @@ def _line(words: str, rows: Sequence[dict[str, Any]]) -> str:
         np.ptp(r["interval_95"][name]) / r["truth"][name] for r in done for name in r["truth"]
     ]
     held = [100.0 * r["holdout_coverage_95"] for r in done if r["holdout_coverage_95"] is not None]
+    seconds = [row["processor_s"] for row in rows]
     cells = [
         words, str(len(rows)), refused,
         f"{sum(map(_far, done))} ({sum(map(_outside, done))})",
@@ -130,6 +131,7 @@ def _line(words: str, rows: Sequence[dict[str, Any]]) -> str:
         f"{100.0 * np.mean(hits):.0f} % ({sum(hits)} of {len(hits)})" if hits else "–",
         f"{100.0 * np.median(widths):.0f} %" if widths else "–",
         f"{np.mean(held):.0f} / {np.min(held):.0f} %" if held else "–",
+        f"{np.median(seconds):.0f} / {np.max(seconds):.0f} s",
     ]  # fmt: skip
     return f"| {' | '.join(cells)} |"
 

@@ -165,7 +165,8 @@ def test_the_table_counts_off_silent_and_covered(written):
         return [cell.strip() for cell in line.split("|")][2:-1]
 
     assert cells("second body: as declared |") == [
-        "2", "0", "1 (1)", "1 (1) of 2", "0", "75 % (3 of 4)", "22 %", "95 / 95 %"
+        "2", "0", "1 (1)", "1 (1) of 2", "0", "75 % (3 of 4)", "22 %", "95 / 95 %",
+        "5 / 5 s",
     ]  # fmt: skip
     assert cells("second body: housing")[2:5] == ["1 (2)", "0 (1) of 2", "1"]
     assert cells("short test: 2 min |")[:3] == ["2", "1", "0 (1)"]
