@@ -36,9 +36,11 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--minutes", type=float, default=float("inf"),
                         help="no case is begun after this; their order is by chance")  # fmt: skip
+    parser.add_argument("--limit-s", type=float, default=600.0,
+                        help="processor time after which a command is interrupted")  # fmt: skip
     parser.add_argument("--out", type=Path, default=Path("results") / "bodies")
     options = parser.parse_args()
-    listed = jobs(options.seed, options.repeats)
+    listed = jobs(options.seed, options.repeats, options.limit_s)
     options.out.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
     rows: list[dict[str, Any]] = []
@@ -55,7 +57,8 @@ def main() -> None:
                 names = [finding[0] for finding in row.get("findings", [])]
                 print(
                     f"{len(rows)}/{len(listed)} {row['kind']}, {row['variant']}, {row['seed']}: "
-                    f"{names} {row['processor_s']:.0f} s {row.get('failure', '')}",
+                    f"{names} {row['processor_s']:.0f} s {row.get('failure', '')} "
+                    f"{row.get('stopped_in', '')}",
                     flush=True,
                 )
             write(rows, options, len(listed))

@@ -6,9 +6,12 @@ its run folder.
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import tempfile
 import time
-from collections.abc import Callable
+import traceback
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -42,6 +45,9 @@ KINDS: dict[str, tuple[str, ...]] = {
 LEADS_SHARE = 0.35
 """Resistance of the leads, which stay cold, over that of the coil [1]."""
 
+STOPPED = 130
+"""Exit code of a command that was interrupted, here because it took too long."""
+
 Channels = dict[str, np.ndarray]
 
 
@@ -62,12 +68,13 @@ class Case:
     truth: dict[str, float]
 
 
-def jobs(first_seed: int, repeats: int) -> list[dict[str, Any]]:
+def jobs(first_seed: int, repeats: int, limit_s: float = 600.0) -> list[dict[str, Any]]:
     """Return all cases in the order in which they are run, which is by chance.
 
     Args:
         first_seed: Seed of the first.
         repeats: Records of each kind, at least.
+        limit_s: Processor time after which a command is interrupted [s].
     """
     named = [
         (kind, variant)
@@ -76,7 +83,7 @@ def jobs(first_seed: int, repeats: int) -> list[dict[str, Any]]:
         for _ in range(-(-repeats // len(variants)))
     ]
     rows = [
-        {"kind": kind, "variant": variant, "seed": first_seed + place}
+        {"kind": kind, "variant": variant, "seed": first_seed + place, "limit_s": limit_s}
         for place, (kind, variant) in enumerate(named)
     ]
     return [rows[place] for place in np.random.default_rng(first_seed).permutation(len(rows))]
@@ -246,12 +253,39 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         folder = Path(name)
         arguments = write_case(case, folder)
         begin = time.process_time()
-        code, said = command(arguments)
+        with interrupted_after(job["limit_s"]) as places:
+            code, said = command(arguments)
         row = {**job, "exit_code": code, "processor_s": time.process_time() - begin,
                "truth": case.truth}  # fmt: skip
         if code != 0:
-            return {**row, "failure": said[-1200:]}
+            return {**row, "failure": said[-1200:], "stopped_in": places}
         return {**row, **described(folder / "run", case)}
+
+
+@contextlib.contextmanager
+def interrupted_after(processor_s: float) -> Iterator[list[str]]:
+    """Interrupt what takes more processor time, as Ctrl-C does.
+
+    Args:
+        processor_s: Time that it may take [s].
+
+    Yields:
+        Where it was then: functions of heatrun, the innermost last.
+    """
+    places: list[str] = []
+
+    def interrupt(_signal, frame):
+        inside = [f for f in traceback.extract_stack(frame) if "/heatrun/" in f.filename]
+        places.extend(f"{Path(f.filename).stem}.{f.name}:{f.lineno}" for f in inside[-6:])
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGPROF, interrupt)
+    signal.setitimer(signal.ITIMER_PROF, processor_s)
+    try:
+        yield places
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def described(folder: Path, case: Case) -> dict[str, Any]:
