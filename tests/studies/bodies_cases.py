@@ -6,12 +6,9 @@ its run folder.
 
 from __future__ import annotations
 
-import contextlib
-import signal
 import tempfile
 import time
-import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +28,7 @@ from bodies_machines import (
     two_nodes,
     with_housing,
 )
+from interrupted import interrupted_after
 from misfit_cases import command
 
 KINDS: dict[str, tuple[str, ...]] = {
@@ -260,32 +258,6 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         if code != 0:
             return {**row, "failure": said[-1200:], "stopped_in": places}
         return {**row, **described(folder / "run", case)}
-
-
-@contextlib.contextmanager
-def interrupted_after(processor_s: float) -> Iterator[list[str]]:
-    """Interrupt what takes more processor time, as Ctrl-C does.
-
-    Args:
-        processor_s: Time that it may take [s].
-
-    Yields:
-        Where it was then: functions of heatrun, the innermost last.
-    """
-    places: list[str] = []
-
-    def interrupt(_signal, frame):
-        inside = [f for f in traceback.extract_stack(frame) if "/heatrun/" in f.filename]
-        places.extend(f"{Path(f.filename).stem}.{f.name}:{f.lineno}" for f in inside[-6:])
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGPROF, interrupt)
-    signal.setitimer(signal.ITIMER_PROF, processor_s)
-    try:
-        yield places
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-        signal.signal(signal.SIGPROF, before)
 
 
 def described(folder: Path, case: Case) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from bodies_cases import KINDS, STOPPED, interrupted_after, jobs, make, run
+from bodies_cases import KINDS, STOPPED, jobs, make, run
 from bodies_duties import both_ways, cycle, duty_of, heated, on_and_off, short, staircase
 from bodies_instruments import lagging
 from bodies_machines import (
@@ -25,6 +25,7 @@ from bodies_machines import (
     two_nodes,
     with_housing,
 )
+from interrupted import interrupted_after
 
 ROOM = 22.0
 
