@@ -28,7 +28,6 @@ from bodies_machines import (
     two_nodes,
     with_housing,
 )
-from interrupted import interrupted_after
 from misfit_cases import command
 
 KINDS: dict[str, tuple[str, ...]] = {
@@ -42,9 +41,6 @@ KINDS: dict[str, tuple[str, ...]] = {
 
 LEADS_SHARE = 0.35
 """Resistance of the leads, which stay cold, over that of the coil [1]."""
-
-STOPPED = 130
-"""Exit code of a command that was interrupted, here because it took too long."""
 
 Channels = dict[str, np.ndarray]
 
@@ -66,13 +62,12 @@ class Case:
     truth: dict[str, float]
 
 
-def jobs(first_seed: int, repeats: int, limit_s: float = 600.0) -> list[dict[str, Any]]:
+def jobs(first_seed: int, repeats: int) -> list[dict[str, Any]]:
     """Return all cases in the order in which they are run, which is by chance.
 
     Args:
         first_seed: Seed of the first.
         repeats: Records of each kind, at least.
-        limit_s: Processor time after which a command is interrupted [s].
     """
     named = [
         (kind, variant)
@@ -81,7 +76,7 @@ def jobs(first_seed: int, repeats: int, limit_s: float = 600.0) -> list[dict[str
         for _ in range(-(-repeats // len(variants)))
     ]
     rows = [
-        {"kind": kind, "variant": variant, "seed": first_seed + place, "limit_s": limit_s}
+        {"kind": kind, "variant": variant, "seed": first_seed + place}
         for place, (kind, variant) in enumerate(named)
     ]
     return [rows[place] for place in np.random.default_rng(first_seed).permutation(len(rows))]
@@ -251,12 +246,11 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         folder = Path(name)
         arguments = write_case(case, folder)
         begin = time.process_time()
-        with interrupted_after(job["limit_s"]) as places:
-            code, said = command(arguments)
+        code, said = command(arguments)
         row = {**job, "exit_code": code, "processor_s": time.process_time() - begin,
                "truth": case.truth}  # fmt: skip
         if code != 0:
-            return {**row, "failure": said[-1200:], "stopped_in": places}
+            return {**row, "failure": said[-1200:]}
         return {**row, **described(folder / "run", case)}
 
 

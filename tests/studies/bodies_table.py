@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from bodies_cases import KINDS, STOPPED
+from bodies_cases import KINDS
 from discovery_gates import limits_95
 from misfit import _band, _gate, _least
 
@@ -42,15 +42,13 @@ def table(rows: Sequence[dict[str, Any]], command: str, seed: int, planned: int)
     """
     done = [row for row in rows if row["exit_code"] == 0]
     refused = [row for row in rows if _is_refused(row)]
-    stopped = [row for row in rows if row["exit_code"] == STOPPED]
     broken = [row for row in rows if row["exit_code"] is None]
     lines = [
         "# Measured bodies, shaft power, heat or copper only, and short tests",
         "",
         f"`make study-bodies` ({command.split('/')[-1]}), seeds from {seed} on; {len(rows)} of "
         f"{planned} cases were run, in an order by chance; {len(refused)} were refused, "
-        f"{len(broken)} ended in a traceback, {len(stopped)} were interrupted after "
-        f"{rows[0]['limit_s'] if rows else 0.0:g} s of processor time. Machines "
+        f"{len(broken)} ended in a traceback. Machines "
         "and bodies at random from 1 W to 1 MW of losses, simulated by SciPy, instruments with "
         "errors drawn from what is declared of them, noise correlated over a minute, readings "
         "rounded to 0.1 K, a wattmeter that wanders by "
@@ -75,7 +73,7 @@ def table(rows: Sequence[dict[str, Any]], command: str, seed: int, planned: int)
     lines += _gates(rows)
     lines += _calls(done)
     lines += _parameters(done)
-    lines += _refusals(refused, broken, stopped)
+    lines += _refusals(refused, broken)
     seconds = [row["processor_s"] for row in rows]
     lines += ["", f"Median {np.median(seconds) if seconds else 0.0:.0f} s of processor time for a "
               "command in a warm process.", ""]  # fmt: skip
@@ -95,7 +93,7 @@ def told(row: dict[str, Any]) -> list[str]:
 
 
 def _is_refused(row: dict[str, Any]) -> bool:
-    return row["exit_code"] not in (0, None, STOPPED)
+    return row["exit_code"] not in (0, None)
 
 
 def covers(row: dict[str, Any], name: str) -> bool:
@@ -123,8 +121,6 @@ def _line(words: str, rows: Sequence[dict[str, Any]]) -> str:
     refused = f"{sum(map(_is_refused, rows))}"
     if broken := sum(row["exit_code"] is None for row in rows):
         refused += f", {broken} tracebacks"
-    if stopped := sum(row["exit_code"] == STOPPED for row in rows):
-        refused += f", {stopped} interrupted"
     quiet = [row for row in done if not told(row)]
     hits = [covers(row, name) for row in done for name in row["truth"]]
     widths = [
@@ -153,8 +149,6 @@ def _gates(rows: Sequence[dict[str, Any]]) -> list[str]:
     leads = [row for row in rows if row["variant"] == "coil with leads"]
     return [
         _gate("tracebacks", 0.0, [row["exit_code"] is None for row in rows]),
-        _gate("interrupted because they took too long", 0.0,
-              [row["exit_code"] == STOPPED for row in rows]),
         _gate("refused, bench as declared", 0.0,
               [_is_refused(row) for row in rows if not is_trouble(row)]),
         _gate("silent by more than 3 sds, all", 0.08,
@@ -231,12 +225,8 @@ def _parameters(rows: Sequence[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def _refusals(
-    refused: Sequence[dict[str, Any]],
-    broken: Sequence[dict[str, Any]],
-    stopped: Sequence[dict[str, Any]],
-) -> list[str]:
-    """Return the sentences of refusals, the last line of tracebacks, and what took too long."""
+def _refusals(refused: Sequence[dict[str, Any]], broken: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the sentences of refusals, and the last line of tracebacks."""
     lines = []
     if refused:
         lines += ["", "Refused:", ""]
@@ -246,10 +236,6 @@ def _refusals(
         lines += ["", "Tracebacks:", ""]
         lines += [f"- {r['kind']}, {r['variant']}, seed {r['seed']}: "
                   f"{r['failure'].strip().splitlines()[-1][:300]}" for r in broken]  # fmt: skip
-    if stopped:
-        lines += ["", "Interrupted:", ""]
-        lines += [f"- {r['kind']}, {r['variant']}, seed {r['seed']}: in "
-                  f"{' > '.join(r['stopped_in'])}" for r in stopped]  # fmt: skip
     return lines
 
 
