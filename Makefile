@@ -37,6 +37,9 @@ check: lint types test
 bench: $(VENV)/ready
 	$(BIN)/python tests/benchmarks/run.py
 
+study-bodies: $(VENV)/ready
+	$(BIN)/python tests/studies/bodies.py
+
 study-crosschecks: $(VENV)/ready
 	$(BIN)/python tests/crosschecks/study.py
 

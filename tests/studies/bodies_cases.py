@@ -1,0 +1,279 @@
+"""The cases of the study of measured bodies, and what `heatrun calibrate` made of each.
+
+Each case is written as CSV files and a motor file, goes through the command, and is read back from
+its run folder.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from bodies_duties import both_ways, cycle, heated, on_and_off, short, staircase
+from bodies_instruments import Bench, Sensor, channels, drawn_bench, drawn_sensor, losses
+from bodies_machines import (
+    SINK,
+    Courses,
+    Duty,
+    Machine,
+    four_nodes,
+    one_node,
+    simulate,
+    two_nodes,
+    with_housing,
+)
+from misfit_cases import command
+
+KINDS: dict[str, tuple[str, ...]] = {
+    "second body": ("as declared", "lag 30 s", "offset 2 K", "housing named stator"),
+    "torque gain": ("1 %", "2 %", "5 %"),
+    "heat or copper only": ("heater", "coil", "coil with power", "coil with leads"),
+    "short test": ("2 min", "9 min"),
+    "four nodes": ("tooth and yoke",),
+}
+"""What is looked at, and its variants."""
+
+LEADS_SHARE = 0.35
+"""Resistance of the leads, which stay cold, over that of the coil [1]."""
+
+Channels = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A machine on a bench.
+
+    Attributes:
+        tests: Columns of each test; the last is held out if there are two.
+        motor: Text of the motor file.
+        model: Network that is fitted.
+        truth: True values of its parameters.
+    """
+
+    tests: list[Channels]
+    motor: str
+    model: str
+    truth: dict[str, float]
+
+
+def jobs(first_seed: int, repeats: int) -> list[dict[str, Any]]:
+    """Return all cases in the order in which they are run, which is by chance.
+
+    Args:
+        first_seed: Seed of the first.
+        repeats: Records of each kind, at least.
+    """
+    named = [
+        (kind, variant)
+        for kind, variants in KINDS.items()
+        for variant in variants
+        for _ in range(-(-repeats // len(variants)))
+    ]
+    rows = [
+        {"kind": kind, "variant": variant, "seed": first_seed + place}
+        for place, (kind, variant) in enumerate(named)
+    ]
+    return [rows[place] for place in np.random.default_rng(first_seed).permutation(len(rows))]
+
+
+def make(kind: str, variant: str, seed: int) -> Case:
+    """Return the case of a seed."""
+    return MAKERS[kind](variant, np.random.default_rng(seed))
+
+
+def second_body(variant: str, rng: np.random.Generator) -> Case:
+    """Return a machine whose stator, or what is named so, is measured too."""
+    machine = two_nodes(rng)
+    truth = second_order(machine)
+    body = "stator"
+    if variant == "housing named stator":
+        machine, body = with_housing(machine, rng), "housing"
+        del truth["Ceq_sr"]  # of three nodes: there is no one true value of it
+    bench, sensor = drawn_bench(rng), drawn_sensor(rng)
+    if variant == "lag 30 s":
+        sensor = replace(sensor, lag_s=30.0)
+    if variant == "offset 2 K":
+        sensor = replace(sensor, offset_K=float(rng.choice([-2.0, 2.0])))
+    tests = read(machine, (staircase(rng), cycle(rng)), bench, rng, {"stator_degC": (body, sensor)})
+    return Case(tests, motor_text(machine, bench), "second", truth)
+
+
+def torque_gain(variant: str, rng: np.random.Generator) -> Case:
+    """Return a drive that motors and generates, with losses from electrical power and torque."""
+    machine, bench = two_nodes(rng), drawn_bench(rng)
+    gain = 0.01 * float(variant.split()[0]) * rng.choice([-1.0, 1.0])
+    shaft = rng.uniform(10.0, 20.0) * machine.watts
+    tests = []
+    for duty in (both_ways(rng), both_ways(rng, 3600.0)):
+        courses = simulated(machine, duty, rng)
+        seen = channels(rng, courses, bench)
+        rated = machine.rated_rpm * np.pi / 30.0
+        torque = shaft / rated * courses.torque
+        power = torque * courses.speed_rpm * np.pi / 30.0
+        noise = 2e-4 * shaft * rng.standard_normal(power.size) * (courses.current_A > 0.0)
+        seen["torque_Nm"] = (1.0 + gain) * torque
+        seen["electrical_power_W"] = power + losses(rng, courses, bench) + noise
+        tests.append(seen)
+    return Case(tests, motor_text(machine, bench), "second", second_order(machine))
+
+
+def heat_or_copper(variant: str, rng: np.random.Generator) -> Case:
+    """Return a block with a heater, or a coil under direct current."""
+    bench = drawn_bench(rng)
+    if variant == "heater":
+        machine = one_node(rng)
+        duties = heated(on_and_off(rng)), heated(on_and_off(rng, 3600.0))
+        tests = read(machine, duties, bench, rng)
+        for test in tests:
+            del test["phase_current_A"], test["speed_rpm"]
+        truth = {"Ceq": machine.capacity["block"], "Req": machine.resistance["block", SINK]}
+        text = '[motor]\nname = "block"\n[constants]\nphase_current_A = 0\n'
+        return Case(tests, text, "first", truth)
+    machine = replace(two_nodes(rng, copper_share=1.0), phases=1)
+    room = round(rng.uniform(15.0, 30.0), 1)
+    tests = []
+    for duty in (on_and_off(rng), on_and_off(rng, 3600.0)):
+        courses = simulated(machine, duty, rng, room - bench.sink_offset_K)
+        seen = channels(rng, courses, bench)
+        del seen["ambient_degC"], seen["speed_rpm"]
+        if variant != "coil":
+            seen["losses_W"] = losses(rng, courses, bench)
+        if variant == "coil with leads":
+            seen["losses_W"] += LEADS_SHARE * machine.ohm * courses.current_A**2
+        tests.append(seen)
+    constants = "losses_W = 0" if variant == "coil" else "speed_rpm = 0"
+    words = "map" if variant == "coil" else "balance"
+    text = motor_text(machine, bench, words) + f"[constants]\nambient_degC = {room}\n{constants}\n"
+    return Case(tests, text, "second", second_order(machine))
+
+
+def short_test(variant: str, rng: np.random.Generator) -> Case:
+    """Return a machine that was tested for some minutes."""
+    machine, bench = two_nodes(rng), drawn_bench(rng)
+    tests = read(machine, (short(rng, 60.0 * float(variant.split()[0])),), bench, rng)
+    return Case(tests, motor_text(machine, bench), "second", second_order(machine))
+
+
+def four(variant: str, rng: np.random.Generator) -> Case:
+    """Return a machine of four nodes of which winding, tooth and yoke are measured."""
+    machine, bench = four_nodes(rng), drawn_bench(rng)
+    bodies = {f"{node}_degC": (node, drawn_sensor(rng)) for node in ("tooth", "yoke")}
+    tests = read(machine, (staircase(rng), cycle(rng)), bench, rng, bodies)
+    truth = {f"Ceq_{node}": value for node, value in machine.capacity.items()}
+    for (a, b), value in machine.resistance.items():
+        truth[f"Req_{a}_{'ambient' if b == SINK else b}"] = value
+    return Case(tests, motor_text(machine, bench), "four", truth)
+
+
+MAKERS: dict[str, Callable[[str, np.random.Generator], Case]] = {
+    "second body": second_body,
+    "torque gain": torque_gain,
+    "heat or copper only": heat_or_copper,
+    "short test": short_test,
+    "four nodes": four,
+}
+
+
+def read(
+    machine: Machine,
+    duties: tuple[Duty, ...],
+    bench: Bench,
+    rng: np.random.Generator,
+    bodies: dict[str, tuple[str, Sensor]] | None = None,
+) -> list[Channels]:
+    """Return tests with losses as a balance, and with the bodies that are measured."""
+    tests = []
+    for duty in duties:
+        courses = simulated(machine, duty, rng)
+        seen = channels(rng, courses, bench) | {"losses_W": losses(rng, courses, bench)}
+        for channel, (node, sensor) in (bodies or {}).items():
+            seen[channel] = sensor.read(rng, courses, courses.nodes_degC[node])
+        tests.append(seen)
+    return tests
+
+
+def simulated(
+    machine: Machine, duty: Duty, rng: np.random.Generator, room_degC: float | None = None
+) -> Courses:
+    """Return a test in a room whose air swings by 0.3 K, or by 0.1 K if it is held."""
+    swing, period = (0.3 if room_degC is None else 0.1), rng.uniform(1200.0, 5000.0)
+    room = rng.uniform(15.0, 30.0) if room_degC is None else room_degC
+    return simulate(machine, duty, lambda t: room + swing * np.sin(2.0 * np.pi * t / period))
+
+
+def second_order(machine: Machine) -> dict[str, float]:
+    """Return the true parameters of the two-node network."""
+    return {
+        "Ceq_w": machine.capacity["winding"],
+        "Ceq_sr": machine.capacity["stator"],
+        "Req_w": machine.resistance["winding", "stator"],
+        "Req_sr": machine.resistance["stator", SINK],
+    }
+
+
+def motor_text(machine: Machine, bench: Bench, losses: str = "balance") -> str:
+    """Return the motor file, with the resistance as it was measured."""
+    return (
+        f'[motor]\nname = "study"\nphases = {machine.phases}\nlosses = "{losses}"\n'
+        f"rated_speed_rpm = {machine.rated_rpm:.1f}\n[winding]\n"
+        f"phase_resistance_ohm = {machine.ohm * (1.0 + bench.ohm_gain):.6g}\n"
+    )
+
+
+def write_case(case: Case, folder: Path) -> list[str]:
+    """Write motor file and records of a case; return the arguments of the command."""
+    (folder / "motor.toml").write_text(case.motor, encoding="utf-8")
+    paths = [folder / f"test_{number + 1}.csv" for number in range(len(case.tests))]
+    for path, test in zip(paths, case.tests, strict=True):
+        pd.DataFrame(test).to_csv(path, index=False, float_format="%.8g")
+    held_out = ["--holdout", str(paths[1])] if len(paths) > 1 else []
+    return [
+        "calibrate", str(folder / "motor.toml"), str(paths[0]), *held_out,
+        "--model", case.model, "--quick", "--out", str(folder / "run"),
+    ]  # fmt: skip
+
+
+def run(job: dict[str, Any]) -> dict[str, Any]:
+    """Run one case through the command and return its row."""
+    case = make(job["kind"], job["variant"], job["seed"])
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        arguments = write_case(case, folder)
+        begin = time.process_time()
+        code, said = command(arguments)
+        row = {**job, "exit_code": code, "processor_s": time.process_time() - begin,
+               "truth": case.truth}  # fmt: skip
+        if code != 0:
+            return {**row, "failure": said[-1200:]}
+        return {**row, **described(folder / "run", case)}
+
+
+def described(folder: Path, case: Case) -> dict[str, Any]:
+    """Return what a run says of the parameters and of the held-out test."""
+    import heatrun
+
+    run = heatrun.open_run(folder)
+    model = run.result.models[case.model]
+    entries = {name: model.parameters[name] for name in case.truth}
+    held_out = [row for row in model.residuals if row.role == "holdout"]
+    return {
+        "value": {name: entry.value for name, entry in entries.items()},
+        "sd": {name: entry.sd for name, entry in entries.items()},
+        "interval_95": {name: list(entry.interval_95) for name, entry in entries.items()},
+        "prior_95": {name: list(entry.prior_95) for name, entry in entries.items()},
+        "identifiability": {
+            name: entry.identifiability if isinstance(entry.identifiability, str) else ""
+            for name, entry in entries.items()
+        },
+        "nuisances": {name: [e.value, e.sd] for name, e in model.nuisances.items()},
+        "rmse_K": max(row.rmse_K for row in model.residuals if row.role == "calibration"),
+        "holdout_rmse_K": held_out[0].rmse_K if held_out else None,
+        "holdout_coverage_95": held_out[0].coverage_95 if held_out else None,
+        "findings": [[f.id, f.message] for f in run.result.findings if f.severity == "warning"],
+    }

@@ -1,0 +1,232 @@
+"""Machines and bodies at random from 1 W to 1 MW, and their temperatures by SciPy's LSODA.
+
+Nothing here knows of the packages under test: conductances and capacities in NumPy, integrated from
+load step to load step, the copper's resistance followed as it warms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+SINK = "sink"
+COPPER_DEGC, REFERENCE_DEGC = 234.5, 25.0
+HOT_DEGC = 100.0
+"""Temperature at which the copper loss at rated current is what the machine was drawn with."""
+
+Sink = Callable[[float], float]
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A body of several nodes.
+
+    Attributes:
+        watts: Losses at rated load [W].
+        capacity: Heat capacity by node [J/K].
+        resistance: Resistance by pair of nodes, one of which may be the sink [K/W].
+        shares: Where the losses other than copper enter [1].
+        copper_share: Share of the copper loss at rated load [1].
+        phases: Number of phases.
+        rated_rpm: Rated speed [rpm].
+    """
+
+    watts: float
+    capacity: Mapping[str, float]
+    resistance: Mapping[tuple[str, str], float]
+    shares: Mapping[str, float]
+    copper_share: float
+    phases: int = 3
+    rated_rpm: float = 3000.0
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Its nodes, the winding first."""
+        return tuple(self.capacity)
+
+    @property
+    def rated_A(self) -> float:
+        """Rated phase current [A]."""
+        return float(np.sqrt(self.watts))
+
+    @property
+    def ohm(self) -> float:
+        """Resistance of a phase at the reference temperature [ohm]."""
+        warm = (COPPER_DEGC + HOT_DEGC) / (COPPER_DEGC + REFERENCE_DEGC)
+        return self.copper_share * self.watts / (self.phases * self.rated_A**2 * warm)
+
+    def copper_W(self, current_A: np.ndarray, winding_degC: np.ndarray) -> np.ndarray:
+        """Return the copper loss [W]."""
+        warm = (COPPER_DEGC + winding_degC) / (COPPER_DEGC + REFERENCE_DEGC)
+        return self.phases * current_A**2 * self.ohm * warm
+
+
+@dataclass(frozen=True)
+class Duty:
+    """Loads that are held from one moment to the next.
+
+    Attributes:
+        edges_s: Where each begins, and the end of the last [s], shape (load + 1,).
+        current: Phase current over rated [1], shape (load,).
+        speed: Speed over rated [1].
+        torque: Torque over rated, negative as a generator [1].
+        other: Losses other than copper over rated [1].
+    """
+
+    edges_s: np.ndarray
+    current: np.ndarray
+    speed: np.ndarray
+    torque: np.ndarray
+    other: np.ndarray
+
+    def held(self, time_s: np.ndarray) -> np.ndarray:
+        """Return which load is on at each time."""
+        place = np.searchsorted(self.edges_s, time_s, side="right") - 1
+        return np.minimum(place, self.current.size - 1)
+
+
+@dataclass(frozen=True)
+class Courses:
+    """What happens, once a second.
+
+    Attributes:
+        time_s: Time [s], shape (sample,).
+        sink_degC: Temperature of the sink [degC].
+        nodes_degC: Temperature by node [degC].
+        current_A: Phase current [A].
+        other_W: Losses other than copper [W].
+        copper_W: Copper loss [W].
+        speed_rpm: Speed [rpm].
+        torque: Torque over rated [1].
+    """
+
+    time_s: np.ndarray
+    sink_degC: np.ndarray
+    nodes_degC: Mapping[str, np.ndarray]
+    current_A: np.ndarray
+    other_W: np.ndarray
+    copper_W: np.ndarray
+    speed_rpm: np.ndarray
+    torque: np.ndarray
+
+
+def simulate(machine: Machine, duty: Duty, sink: Sink) -> Courses:
+    """Integrate a machine from equilibrium with its sink, exactly from step to step of the load.
+
+    Args:
+        machine: The machine.
+        duty: Its loads.
+        sink: Temperature of the sink over time [degC].
+    """
+    nodes = machine.nodes
+    capacity = np.array([machine.capacity[node] for node in nodes])
+    share = np.array([machine.shares.get(node, 0.0) for node in nodes])
+    loss_matrix, to_sink = conductances(machine)
+    other = duty.other * (1.0 - machine.copper_share) * machine.watts
+    current = duty.current * machine.rated_A
+
+    def slope(time_s, T, load):
+        heat = share * other[load] - loss_matrix @ T + to_sink * sink(time_s)
+        heat[0] += machine.copper_W(current[load], T[0])
+        return heat / capacity
+
+    time = np.arange(0.0, duty.edges_s[-1] + 1e-9, 1.0)
+    T = np.empty((len(nodes), time.size))
+    now = np.full(len(nodes), sink(0.0))
+    T[:, 0] = now
+    for load, (begin, end) in enumerate(zip(duty.edges_s[:-1], duty.edges_s[1:], strict=True)):
+        inside = np.flatnonzero((time > begin) & (time <= end))
+        at = np.unique([*time[inside], end])
+        found = solve_ivp(slope, (begin, end), now, "LSODA", at, args=(load,), rtol=1e-8, atol=1e-7)
+        T[:, inside] = found.y[:, : inside.size]
+        now = found.y[:, -1]
+    held = duty.held(time)
+    return Courses(
+        time, np.array([sink(t) for t in time]), dict(zip(nodes, T, strict=True)), current[held],
+        other[held], machine.copper_W(current[held], T[0]),
+        duty.speed[held] * machine.rated_rpm, duty.torque[held],
+    )  # fmt: skip
+
+
+def conductances(machine: Machine) -> tuple[np.ndarray, np.ndarray]:
+    """Return the matrix of conductances, shape (node, node), and those to the sink [W/K]."""
+    nodes = machine.nodes
+    matrix, to_sink = np.zeros((len(nodes), len(nodes))), np.zeros(len(nodes))
+    for pair, resistance in machine.resistance.items():
+        inner = [nodes.index(node) for node in pair if node != SINK]
+        for i in inner:
+            matrix[i, i] += 1.0 / resistance
+            if SINK in pair:
+                to_sink[i] += 1.0 / resistance
+        if len(inner) == 2:
+            matrix[inner[0], inner[1]] -= 1.0 / resistance
+            matrix[inner[1], inner[0]] -= 1.0 / resistance
+    return matrix, to_sink
+
+
+def drawn_size(rng: np.random.Generator) -> tuple[float, float, float]:
+    """Return losses [W], heat capacity [J/K] and resistance to the sink [K/W] of a machine."""
+    decades = rng.uniform(0.0, 6.0)
+    slow = np.exp(np.interp(decades, [0.0, 6.0], np.log([600.0, 7200.0])) + rng.normal(0.0, 0.2))
+    watts = 10.0**decades
+    resistance = rng.uniform(30.0, 100.0) / watts
+    return watts, float(np.clip(slow, 600.0, 7200.0)) / resistance, resistance
+
+
+def one_node(rng: np.random.Generator) -> Machine:
+    """Return a block with a heater."""
+    watts, capacity, resistance = drawn_size(rng)
+    return Machine(watts, {"block": capacity}, {("block", SINK): resistance}, {"block": 1.0}, 0.0)
+
+
+def two_nodes(rng: np.random.Generator, *, copper_share: float | None = None) -> Machine:
+    """Return a machine of winding and stator."""
+    watts, capacity, resistance = drawn_size(rng)
+    copper_share = rng.uniform(0.3, 0.7) if copper_share is None else copper_share
+    in_winding = rng.uniform(0.03, 0.10)
+    return Machine(
+        watts,
+        {"winding": in_winding * capacity, "stator": (1.0 - in_winding) * capacity},
+        {("winding", "stator"): rng.uniform(10.0, 40.0) / (copper_share * watts),
+         ("stator", SINK): resistance},
+        {"stator": 1.0},
+        copper_share,
+    )  # fmt: skip
+
+
+def with_housing(machine: Machine, rng: np.random.Generator) -> Machine:
+    """Return a machine whose stator loses its heat through a housing of 5 % of its capacity."""
+    whole, capacity = machine.resistance["stator", SINK], machine.capacity["stator"]
+    inner = rng.uniform(0.15, 0.5)
+    return Machine(
+        machine.watts,
+        {**machine.capacity, "stator": 0.95 * capacity, "housing": 0.05 * capacity},
+        {("winding", "stator"): machine.resistance["winding", "stator"],
+         ("stator", "housing"): inner * whole, ("housing", SINK): (1.0 - inner) * whole},
+        machine.shares,
+        machine.copper_share,
+    )  # fmt: skip
+
+
+def four_nodes(rng: np.random.Generator) -> Machine:
+    """Return a machine of winding, tooth, yoke and rotor."""
+    watts, capacity, resistance = drawn_size(rng)
+    copper_share = rng.uniform(0.3, 0.7)
+    winding, tooth, rotor = rng.uniform([0.03, 0.15, 0.2], [0.10, 0.25, 0.35])
+    others = (1.0 - copper_share) * watts
+    yoke_share, rotor_share = np.clip(rng.normal(1.0 / 3.0, 1.0 / 6.0, 2), 0.1, 0.45)
+    through_yoke = copper_share * watts + (1.0 - yoke_share) * others
+    rises = rng.uniform([10.0, 3.0, 5.0], [40.0, 15.0, 20.0])
+    return Machine(
+        watts,
+        {"winding": winding * capacity, "tooth": tooth * capacity,
+         "yoke": (1.0 - winding - tooth - rotor) * capacity, "rotor": rotor * capacity},
+        {("winding", "tooth"): rises[0] / (copper_share * watts),
+         ("tooth", "yoke"): rises[1] / through_yoke,
+         ("tooth", "rotor"): rises[2] / (rotor_share * others), ("yoke", SINK): resistance},
+        {"tooth": 1.0 - yoke_share - rotor_share, "yoke": yoke_share, "rotor": rotor_share},
+        copper_share,
+    )  # fmt: skip
