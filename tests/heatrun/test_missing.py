@@ -44,6 +44,7 @@ def of_kind(run, name):
     return [finding for finding in run.result.findings if finding.id == name]
 
 
+@pytest.mark.slow
 def test_an_effect_too_small_to_see_is_told_and_the_intervals_allow_for_it(calibrated):
     run, case = calibrated(("external_loss",), 7)
     model = run.result.models["second"]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import arviz
 import numpy as np
+import pytest
 
 import heatrun
 from heatrun.cli import main
@@ -14,6 +15,7 @@ from heatrun.cli import main
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 
 
+@pytest.mark.slow
 def test_a_10_Hz_and_a_2_s_file_are_calibrated_together(tmp_path):
     with gzip.open(DATA / "duty_30min.csv.gz", "rt") as file:
         lines = file.read().splitlines()
