@@ -250,7 +250,8 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         row = {**job, "exit_code": code, "processor_s": time.process_time() - begin,
                "truth": case.truth}  # fmt: skip
         if code != 0:
-            return {**row, "failure": said[-1200:]}
+            told = [line for line in said.splitlines() if not line.startswith(("note", "warn"))]
+            return {**row, "failure": "\n".join(told)[-1200:]}
         return {**row, **described(folder / "run", case)}
 
 

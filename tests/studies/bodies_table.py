@@ -241,4 +241,4 @@ def _refusals(refused: Sequence[dict[str, Any]], broken: Sequence[dict[str, Any]
 
 def _sentence(row: dict[str, Any]) -> str:
     found = " ".join(row["failure"].split())
-    return found if len(found) < 300 else f"…{found[-300:]}"
+    return found if len(found) < 300 else f"{found[:300]}…"
