@@ -59,7 +59,8 @@ def disagreeing(joint):
     return joint(MOUNTED)
 
 
-def test_mounted_tests_one_machine_agree(joint):
+@pytest.mark.slow
+def test_tests_of_one_machine_agree(joint):
     found, _ = joint((1.0,) * 4)
     assert changes.test_to_test(found).gain < changes.CLEAR
     assert changes.fit_with_changes(found) is found
@@ -114,5 +115,6 @@ def test_a_change_belongs_to_one_test_and_to_the_network_alone(blocks, motor):
     assert float(changed.resistance["stator", "ambient"]) == pytest.approx(0.15)
     assert float(changed.resistance["winding", "stator"]) == pytest.approx(0.15)
     assert float(model.network(values).resistance["stator", "ambient"]) == pytest.approx(0.1)
+    assert model.in_general({**values, "Req_sr_change": 0.4}) == values
     again = read_model(model_text(ModelOfRun(model, known)), "model.toml")
     assert again == ModelOfRun(model, known)

@@ -146,6 +146,11 @@ class Model:
             }
         return self.form.build(values)
 
+    def in_general(self, values: Values) -> dict[str, Float[Array, ""]]:
+        """Return values without what changed in one test: those of the machine in general."""
+        changes = {change_name(parameter.name) for parameter in self.form.parameters}
+        return {name: value for name, value in values.items() if name not in changes}
+
     def topology(self) -> Network:
         """Return the network with all parameters 1: for questions that need no values."""
         return self.network({p.name: jnp.asarray(1.0) for p in self.form.parameters})

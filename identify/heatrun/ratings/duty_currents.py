@@ -117,7 +117,7 @@ def _highest(
     standing = None if loaded.speed is None else zero
 
     def one(z, other, factor):
-        values = priors.values(structure.form, z, 0)
+        values = structure.model.in_general(priors.values(structure.form, z, 0))
         network, effects = structure.model.network(values), structure.model.built_effects(values)
         losses = fixed_losses(structure.model.losses(values))
         under_load = replace(loaded.scale_current(factor), losses=other)

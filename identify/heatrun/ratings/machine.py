@@ -89,7 +89,7 @@ def machines(
     """
 
     def one(z: Float[Array, " parameter"]) -> Machine:
-        values = priors.values(structure.form, z, 0)
+        values = structure.model.in_general(priors.values(structure.form, z, 0))
         model = structure.model
         network, losses = model.network(values), model.losses(values)
         effects = model.built_effects(values)

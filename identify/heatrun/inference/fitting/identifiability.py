@@ -78,7 +78,7 @@ def state(
     if relative_sd <= IDENTIFIED:
         return Statement("identified", _basis(posterior))
     verdict: Verdict = "weak" if relative_sd <= WEAK else "not identifiable"
-    return Statement(verdict, f"{_blocking(posterior, parameter)}{hint}")
+    return Statement(verdict, f"{_blocking(posterior, parameter, relative_sd)}{hint}")
 
 
 def forecast(fit: Fit) -> dict[str, float]:
@@ -90,6 +90,8 @@ def forecast(fit: Fit) -> dict[str, float]:
     problem = fit.problem
     longest = int(np.argmax([test.duration_s for test in problem.tests]))
     test = problem.tests[longest]
+    if problem.model.change_sd:  # no length of one test tells what the next one will be
+        return {}
     if test.duration_s >= LONGER_S or fit.result.name == "no_start":
         return {}
     tests = list(problem.tests)
@@ -152,10 +154,13 @@ def _basis(posterior: Posterior) -> str:
     return f"the longest test spans {spans:.1f} slow time constants."
 
 
-def _blocking(posterior: Posterior, parameter: Parameter) -> str:
+def _blocking(posterior: Posterior, parameter: Parameter, relative_sd: float) -> str:
     spans = _spans(posterior)
     if parameter.name in posterior.fit.problem.model.form.body and spans < 2.5:
         return f"the longest test spans only {spans:.1f} slow time constants."
+    change_sd = posterior.fit.problem.model.change_sd
+    if change_sd > 0.5 * relative_sd:
+        return f"the tests differ in it by some {100.0 * change_sd:.0f} %."
     rival = _partner(posterior, parameter)
     if rival is not None:
         return f"hardly distinguishable from {rival}."
