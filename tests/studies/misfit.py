@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import kstest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -157,9 +158,7 @@ def table(
         "the run folder. *Off*: a parameter is more than 3 of its standard deviations from the "
         "truth, in brackets: outside at least one of its 95 % intervals, which chance alone does "
         "to 10…15 % of machines. A parameter that the effect redefines is left out. *Silent*: off, "
-        f"and no finding on the fit ({', '.join(NOW)}). *Before*: the same cases by commit "
-        "5b18c64, before unmodelled heat and averaging, of whose findings those count that "
-        f"calibrations always had ({', '.join(BEFORE)}). "
+        f"and no finding on the fit ({', '.join(NOW)}). {_of_before(before)}"
         "*Width*: of the 95 % intervals over those of a fit with the effect that is hidden, "
         f"median of {REFERENCES} machines' parameters.",
         "",
@@ -199,6 +198,12 @@ def table(
         _band("held-out points in the 95 % band, causes in the machine or its sensor", hidden),
         _band("held-out points in the 95 % band, clean machines", clean),
     ]  # fmt: skip
+    chances = [p for row in clean if (p := row["measures"]["missing_effect_p"]) is not None]
+    if chances:
+        same = kstest(chances, "uniform").pvalue
+        lines += ["", "Chance that a clean record scores as high, `missing_effect_p`, over clean "
+                  f"machines: uniform with p = {same:.2g} (Kolmogorov-Smirnov, {len(chances)} "
+                  "machines)."]  # fmt: skip
     shown = sorted({row["kind"] for row in done} & set(WOULD_TELL))
     lines += ["", "What one test cannot show, and the measurement that would:", ""]
     lines += [f"- {kind}: {WOULD_TELL[kind]}" for kind in shown]
@@ -207,6 +212,15 @@ def table(
     lines += ["", f"Median {np.median(seconds) if seconds else 0.0:.0f} s of processor time for a "
               "command in a warm process.", ""]  # fmt: skip
     return "\n".join(lines)
+
+
+def _of_before(before: Sequence[dict[str, Any]]) -> str:
+    if not before:
+        return "An earlier release on cases of the same kinds: `against_release_before/table.md`. "
+    return (
+        "*Before*: the same cases by commit 5b18c64, before unmodelled heat and averaging, of "
+        f"whose findings those count that calibrations always had ({', '.join(BEFORE)}). "
+    )
 
 
 def thresholds(rows: Sequence[dict[str, Any]]) -> list[str]:
