@@ -10,7 +10,7 @@ import pytest
 from heatrun.bench.checks import CHECKS, check_record, excitation
 from heatrun.bench.checks.crude_fit import crude_fit
 from heatrun.bench.record import ColumnReading, Finding, Record
-from heatrun.motor import Motor
+from heatrun.motor import Motor, ParameterOverride
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
 
@@ -117,9 +117,9 @@ def clipped(record: Record, channel: str, limit: float) -> Record:
     return changed(record, **{channel: np.minimum(record[channel], limit)})
 
 
-def motor_and_generator(gain: float) -> Record:
+def motor_and_generator(gain: float, *, brakes: bool = True) -> Record:
     """The heat run with a torque that drives and brakes in turns; its scale is off by a gain."""
-    way = np.where((CLEAN.time_s // 150.0) % 2 < 1, 1.0, -1.0)
+    way = np.where((CLEAN.time_s // 150.0) % 2 < 1, 1.0, -1.0 if brakes else 1.0)
     power = way * 15.0 * CLEAN["losses_W"] * (CLEAN["phase_current_A"] > 0.0)
     torque = power / (CLEAN["speed_rpm"] * np.pi / 30.0)
     return changed(CLEAN, torque_Nm=torque, losses_W=CLEAN["losses_W"] + gain * power)
@@ -383,6 +383,13 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         "shaft_power_disagrees", motor_and_generator(-0.005), MOTOR, None
     ),
     "generator 4 % off": ("shaft_power_disagrees", motor_and_generator(-0.04), MOTOR, "warning"),
+    "torque 5 % off": (
+        "losses_below_copper", motor_and_generator(-0.05, brakes=False), MOTOR, "error"
+    ),
+    "torque 5 % off, and allowed to be": (
+        "losses_below_copper", motor_and_generator(-0.05, brakes=False),
+        replace(MOTOR, parameters={"shaft_power_gain": ParameterOverride(sd=0.04)}), "warning"
+    ),
     "map of losses": (
         "shaft_power_disagrees", motor_and_generator(0.03), replace(MOTOR, losses="map"), None
     ),

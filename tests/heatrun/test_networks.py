@@ -126,20 +126,3 @@ def test_networks_by_name_and_file(tmp_path):
     assert [f.name for f in networks_of(f"second,{tmp_path / 'four.toml'}")] == ["second", "four"]
     with pytest.raises(InputError, match="no network 'third'"):
         networks_of("third")
-
-
-def test_shares_are_positive_and_take_an_sd_in_their_unit():
-    text = {
-        "name": "n",
-        "nodes": ["w", "a", "b"],
-        "links": [["w", "a"], ["a", "b"], ["b", "ambient"]],
-        "losses": {"copper": "w", "iron": ["a", "b"]},
-        "sensors": {"winding_degC": "w"},
-    }
-    said = {"share_b": {"value": 0.4, "sd": 0.1}}
-    for given, centre, sd in (({}, 0.5, 0.5), (said, 0.4, np.log(1.25))):
-        form = network_of({"network": text, "parameters": given}, "n.toml")
-        (share,) = [p for p in form.parameters if p.name == "share_b"]
-        assert (share.transform, share.centre) == ("log", centre)
-        assert share.sd == pytest.approx(sd)
-        assert share.prior_interval_95()[0] > 0.0

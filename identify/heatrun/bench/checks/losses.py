@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from ...motor import Motor
+from ...motor import Motor, ParameterOverride
+from ..channels.derive import recorded_shaft_power
 from ..record import Finding, Record
 from .samples import block_means, is_loaded, place, runs, samples
 
@@ -26,6 +29,12 @@ NEGATIVE_SHARE = 0.03
 
 NOISE_SIGMAS = 6.0
 """Gaussian noise exceeds six standard deviations once in 5e8 samples."""
+
+SHAFT_GAIN_SD = 0.01
+"""Prior of `shaft_power_gain` [1], where the motor file gives no other."""
+
+EXPLAINED = 0.9
+"""Part of the blocks [1] in which an explanation must hold."""
 
 AMPLITUDE_SQUARED = 2.0
 """The square of amplitude over rms of a sine [1]."""
@@ -70,7 +79,8 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report a measured total that is less than the copper loss alone.
 
     Needs `phase_resistance_ohm` and losses that are a balance. An error if it holds for most of the
-    time under current, a warning if for 30 s or more.
+    time under current, a warning if for 30 s or more, or where the error that is allowed for the
+    mechanical power (`shaft_power_gain`) explains it: a fit estimates that.
     """
     time_s, share = copper_shares(record, motor)
     below = share > 1.0 + COPPER_TOLERANCE
@@ -86,14 +96,15 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
     return (
         Finding(
             "losses_below_copper",
-            "error" if is_most else "warning",
+            "error" if is_most and not _shaft_explains(record, motor) else "warning",
             f"Expected losses above the copper loss; in {100.0 * np.mean(below):.0f} % of the time "
             f"under current they are {100.0 / typical:.0f} % of it. Every thermal resistance and "
             "capacity would be biased.",
             place(record, "losses_W", from_s, to_s),
             "Check whether phase_current_A is an amplitude (factor 2 in the copper loss), whether "
             "phase_resistance_ohm was measured between terminals (factor 2 in star, 2/3 in delta), "
-            "and whether the losses are complete.",
+            "whether the losses are complete, and whether torque and power have one scale "
+            "([parameters.shaft_power_gain] sd says how far they may differ).",
             values={
                 "share_of_time": float(np.mean(below)),
                 "copper_share": typical,
@@ -102,6 +113,30 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
             },
         ),
     )
+
+
+def _shaft_explains(record: Record, motor: Motor) -> bool:
+    """Return whether the error allowed for the mechanical power explains losses below copper's."""
+    shaft = recorded_shaft_power(record.channels)
+    _, copper, total = _copper_and_total(record, motor)
+    if shaft is None or total.size == 0:
+        return False
+    channels = {**record.channels, "mechanical_power_W": np.abs(shaft)}
+    time_s, power, *_ = samples(
+        replace(record, channels=channels),
+        "mechanical_power_W", "phase_current_A", "losses_W", "winding_degC",
+    )  # fmt: skip
+    _, power = block_means(time_s, BLOCK_S, power)
+    if power.size != total.size:  # the mechanical power is missing where the losses are not
+        return False
+    said = motor.parameters.get("shaft_power_gain", ParameterOverride())
+    if said.fixed is not None:
+        gain = abs(said.fixed)
+    else:
+        gain = abs(said.value or 0.0) + 2.0 * (SHAFT_GAIN_SD if said.sd is None else said.sd)
+    gap = copper - total
+    is_below = gap > COPPER_TOLERANCE * total
+    return bool(np.mean(gap[is_below] <= gain * power[is_below]) > EXPLAINED)
 
 
 def current_amplitude(record: Record, motor: Motor) -> tuple[Finding, ...]:

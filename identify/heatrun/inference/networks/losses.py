@@ -10,7 +10,7 @@ from ...errors import InputError
 from ..parameters import Parameter
 from .priors import prior, said_of
 
-_SHARE = "equal shares, known to a factor of 1.6"
+_SHARE = "equal shares, known to half of that"
 
 Shares = tuple[tuple[str, float | Parameter | None], ...]
 
@@ -75,7 +75,7 @@ def losses_of(
         name = said_of(said, "share", node) or f"share_{node}"
         default = Parameter(
             name, "1", f"share of the losses other than copper that heats {node}", "network",
-            "log", equal, 0.5, _SHARE,
+            "linear", equal, 0.5 * equal, _SHARE,
         )  # fmt: skip
         at_parameter = f"{where}, [parameters.{name}]"
         shares.append((node, prior(default, said.get(name, {}), at_parameter)))

@@ -59,15 +59,13 @@ def prior(default: Parameter, keys: Mapping[str, Any], where: str) -> Parameter:
         if key in keys and not isinstance(keys[key], str):
             raise InputError(f"{key}: expected a text.", where=where)
     is_log = default.transform == "log"
-    wrong = [] if is_log else [key for key in numbers if key in ("sd_log", "relative_sd")]
+    wrong = [key for key in numbers if key in (("sd",) if is_log else ("sd_log", "relative_sd"))]
     if wrong:
         raise InputError(
             f"{wrong[0]} has no meaning for {default.name}.",
             where=where,
-            remedy="Give sd.",
+            remedy="Give relative_sd = 0.5, for example." if is_log else "Give sd.",
         )
-    if is_log and "sd" in numbers:
-        numbers.setdefault("relative_sd", numbers["sd"] / numbers.get("value", default.centre))
     sd = numbers.get("sd_log" if is_log else "sd", default.sd)
     if "relative_sd" in numbers:
         sd = math.log1p(numbers["relative_sd"])
