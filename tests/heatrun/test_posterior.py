@@ -42,6 +42,7 @@ def test_known_parameters_are_inside_the_intervals(posterior, truth):
         assert low < true < high
 
 
+@pytest.mark.slow
 def test_weighted_draws_agree_with_the_ensemble(blocks, motor):
     """On the first order, whose posterior is wide and round enough for the guard to hold."""
     first = fit(Problem.of(Model.of("first", motor), motor, [blocks]))

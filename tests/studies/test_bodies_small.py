@@ -184,6 +184,7 @@ def test_the_gates_count_what_they_say(written):
     assert "seed 8: ValueError: b" in written
 
 
+@pytest.mark.slow
 def test_a_case_goes_through_the_command():
     found = run({"kind": "heat or copper only", "variant": "heater", "seed": 200_000})
     assert found["exit_code"] == 0, found.get("failure")
