@@ -24,7 +24,7 @@ def draft(name: str, surveys: Sequence[Survey]) -> str:
     """Return the text of a commented motor file that loads as it is.
 
     Args:
-        name: Of the machine.
+        name: Of the machine; a blank one becomes "motor".
         surveys: What the files hold, from `heatrun.bench.survey.survey`.
     """
     missing = gaps(surveys)
@@ -87,7 +87,7 @@ def _section(
         return lines + _constants(missing)
     if section is SENSORS:
         return [*lines, '# tooth_degC = "stator"', '# stator_degC = "none"']
-    known = {"name": toml_text(name)} | found_resistance(surveys)
+    known = {"name": toml_text(name.strip() or "motor")} | found_resistance(surveys)
     for key in section.keys:
         gap = next((gap for gap in missing if gap.key == key.name), None)
         lines += _comment(f"{key.meaning} Default: {key.default}.")

@@ -293,6 +293,11 @@ def test_any_name_out_of_a_file_leaves_a_file_that_loads(name, text, unit, quest
         assert tomllib.loads(said)["winding_degC"] == name
 
 
+def test_a_file_without_a_name_drafts_a_motor_that_has_one():
+    one = Survey(" .csv", "text", (), {}, (), (), {}, ())
+    assert parse_motor(draft(" ", [one]).encode(), "motor.toml").name == "motor"
+
+
 def test_channels_of_a_measurement_file_are_proposed(here):
     time = np.arange(0.0, 60.0, 0.5)
     logged = [signal("T_coil", 20.0 + time, time, "°C"), signal("Pump", 0.0 * time, time, "bar")]

@@ -351,6 +351,9 @@ class FourNodes(NamedTuple):
             share={"tooth": jnp.asarray(0.7), "yoke": jnp.asarray(0.3)},
         )
 
+    def in_general(self, values):
+        return values
+
     def losses(self, values):
         return CopperLosses(Rs0=jnp.asarray(RS0), kind="balance")
 

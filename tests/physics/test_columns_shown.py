@@ -76,7 +76,7 @@ def test_check_prints_the_columns_and_marks_what_was_assumed(bench, capsys):
 def test_check_as_json_keeps_its_findings_and_adds_the_columns(bench, capsys):
     _, out = check(bench(), capsys, "--json")
     said = json.loads(out)
-    assert {"findings", "tests"} == set(said)
+    assert {"findings", "tests", "unclaimed", "suitability", "next"} == set(said)
     (test,) = said["tests"]
     rows = {row["channel"]: row for row in test["mapping"]}
     assert rows["time_s"]["unit_from"] == "assumed"
