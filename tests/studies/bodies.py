@@ -9,14 +9,7 @@ reports use seeds from there on, each once.
 from __future__ import annotations
 
 import argparse
-import json
-import multiprocessing
-import platform
 import sys
-import time
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from importlib.metadata import version
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from bodies_cases import jobs, run
 from bodies_table import table
+from study_runs import rows_as_they_come, said_of, write_rows
 
 REPORTING_SEED = 300_000
 
@@ -40,42 +34,21 @@ def main() -> None:
     options = parser.parse_args()
     listed = jobs(options.seed, options.repeats)
     options.out.mkdir(parents=True, exist_ok=True)
-    begin = time.monotonic()
     rows: list[dict[str, Any]] = []
-    context = multiprocessing.get_context("spawn")  # JAX must not be forked
-    left = iter(listed)
-    with ProcessPoolExecutor(options.processes, mp_context=context) as pool:
-        pending = {pool.submit(run, job) for job in islice(left, options.processes)}
-        while pending:
-            done, pending = wait(pending, return_when=FIRST_COMPLETED)
-            if time.monotonic() - begin < 60.0 * options.minutes:
-                pending |= {pool.submit(run, job) for job in islice(left, len(done))}
-            for row in (future.result() for future in done):
-                rows.append(row)
-                names = [finding[0] for finding in row.get("findings", [])]
-                print(
-                    f"{len(rows)}/{len(listed)} {row['kind']}, {row['variant']}, {row['seed']}: "
-                    f"{names} {row['processor_s']:.0f} s {row.get('failure', '')}",
-                    flush=True,
-                )
-            write(rows, options, len(listed))
+    for finished in rows_as_they_come(
+        listed, run, processes=options.processes, minutes=options.minutes
+    ):
+        for row in finished:
+            rows.append(row)
+            words = f"{row['kind']}, {row['variant']}, {row['seed']}"
+            print(f"{len(rows)}/{len(listed)} {words}: {said_of(row)}", flush=True)
+        write(rows, options, len(listed))
 
 
 def write(rows: list[dict[str, Any]], options: argparse.Namespace, planned: int) -> None:
     """Write rows and table."""
     rows = sorted(rows, key=lambda row: row["seed"])
-    content = {
-        "command": " ".join(sys.argv),
-        "seed": options.seed,
-        "planned": planned,
-        "python": platform.python_version(),
-        "versions": {
-            name: version(name) for name in ("heatrun", "jax", "numpy", "scipy", "optimistix")
-        },
-        "rows": rows,
-    }
-    text = json.dumps(content, indent=1) + "\n"
-    (options.out / "study.json").write_text(text, encoding="utf-8")
+    write_rows(options.out / "study.json", rows, seed=options.seed, planned=planned)
     written = table(rows, " ".join(sys.argv), options.seed, planned)
     (options.out / "table.md").write_text(written, encoding="utf-8")
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from bodies_cases import KINDS
 from discovery_gates import limits_95
-from misfit import _band, _gate, _least
+from gate_rows import at_least, at_most, in_band
 
 TELLS = (
     "misfit", "missing_effect", "instrument_beyond_prior", "prior_conflict", "body_disagrees",
@@ -148,29 +148,29 @@ def _gates(rows: Sequence[dict[str, Any]]) -> list[str]:
     wrong = [row for row in rows if row["variant"] == "housing named stator"]
     leads = [row for row in rows if row["variant"] == "coil with leads"]
     return [
-        _gate("tracebacks", 0.0, [row["exit_code"] is None for row in rows]),
-        _gate("refused, bench as declared", 0.0,
+        at_most("tracebacks", 0.0, [row["exit_code"] is None for row in rows]),
+        at_most("refused, bench as declared", 0.0,
               [_is_refused(row) for row in rows if not is_trouble(row)]),
-        _gate("silent by more than 3 sds, all", 0.08,
+        at_most("silent by more than 3 sds, all", 0.08,
               [row["exit_code"] == 0 and _far(row) and not told(row) for row in rows]),
-        *(_gate(f"silent by more than 3 sds, {kind}", 0.08,
+        *(at_most(f"silent by more than 3 sds, {kind}", 0.08,
                 [row["exit_code"] == 0 and _far(row) and not told(row)
                  for row in rows if row["kind"] == kind])
           for kind in KINDS),
-        _gate("a finding, bench as declared", 0.05, [bool(told(row)) for row in declared]),
-        _least("95 % intervals that cover, bench as declared", 0.90, _hits(declared)),
-        *(_least(f"95 % intervals that cover, bench as declared, {kind}", 0.90,
+        at_most("a finding, bench as declared", 0.05, [bool(told(row)) for row in declared]),
+        at_least("95 % intervals that cover, bench as declared", 0.90, _hits(declared)),
+        *(at_least(f"95 % intervals that cover, bench as declared, {kind}", 0.90,
                  _hits([row for row in declared if row["kind"] == kind]))
           for kind in KINDS),
-        _least("95 % intervals that cover, no finding", 0.90, _hits(silent)),
-        _gate("called identified, outside the 95 % interval, short tests", 0.10,
+        at_least("95 % intervals that cover, no finding", 0.90, _hits(silent)),
+        at_most("called identified, outside the 95 % interval, short tests", 0.10,
               [not covers(row, name) for row in done if row["kind"] == "short test"
                for name in row["truth"] if row["identifiability"][name] == "identified"]),
-        _least("a finding or a refusal, housing named stator", 0.90,
+        at_least("a finding or a refusal, housing named stator", 0.90,
                [bool(told(row)) for row in wrong]),
-        _least("a finding or a refusal, leads in the measured power", 0.90,
+        at_least("a finding or a refusal, leads in the measured power", 0.90,
                [bool(told(row)) for row in leads]),
-        *(_band(f"held-out points in the 95 % band, bench as declared, {kind}", members)
+        *(in_band(f"held-out points in the 95 % band, bench as declared, {kind}", members)
           for kind in KINDS
           if (members := [row for row in declared if row["kind"] == kind
                           and row["holdout_coverage_95"] is not None])),

@@ -14,16 +14,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import multiprocessing
-import platform
 import sys
-import time
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from functools import cache
-from importlib.metadata import version
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +26,7 @@ from scipy.stats import kstest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from discovery_gates import limits_95
+from gate_rows import at_least, at_most, in_band
 from misfit_cases import (
     KINDS,
     OF_AN_INSTRUMENT,
@@ -44,6 +38,7 @@ from misfit_cases import (
     jobs,
     run,
 )
+from study_runs import rows_as_they_come, said_of, write_rows
 
 REPORTING_SEED = 230_000
 
@@ -80,42 +75,23 @@ def main() -> None:
     if options.as_before:
         listed = [{**job, "with_truth": False} for job in listed]
     options.out.mkdir(parents=True, exist_ok=True)
-    begin = time.monotonic()
     rows: list[dict[str, Any]] = []
-    context = multiprocessing.get_context("spawn")  # JAX must not be forked
-    left = iter(listed)
-    with ProcessPoolExecutor(options.processes, mp_context=context) as pool:
-        pending = {pool.submit(run, job) for job in islice(left, options.processes)}
-        while pending:
-            done, pending = wait(pending, return_when=FIRST_COMPLETED)
-            if time.monotonic() - begin < 60.0 * options.minutes:
-                pending |= {pool.submit(run, job) for job in islice(left, len(done))}
-            for row in (future.result() for future in done):
-                rows.append(row)
-                names = [f[0] for f in row.get("findings", [])]
-                print(
-                    f"{len(rows)}/{len(listed)} {row['kind']} {row['seed']}: {names} "
-                    f"{row['processor_s']:.0f} s {row.get('failure', '')}",
-                    flush=True,
-                )
-            write(rows, options, len(listed))
+    for finished in rows_as_they_come(
+        listed, run, processes=options.processes, minutes=options.minutes
+    ):
+        for row in finished:
+            rows.append(row)
+            print(f"{len(rows)}/{len(listed)} {row['kind']} {row['seed']}: {said_of(row)}",
+                  flush=True)  # fmt: skip
+        write(rows, options, len(listed))
 
 
 def write(rows: list[dict[str, Any]], options: argparse.Namespace, planned: int) -> None:
     """Write rows and table."""
     out, seed, command = options.out, options.seed, " ".join(sys.argv)
     rows = sorted(rows, key=lambda row: row["seed"])
-    packages = ("heatrun", "jax", "numpy", "scipy", "optimistix")
-    content = {
-        "command": command,
-        "seed": seed,
-        "planned": planned,
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in packages},
-        "rows": rows,
-    }
     name = "before.json" if options.as_before else "study.json"
-    (out / name).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_rows(out / name, rows, seed=seed, planned=planned)
     if not options.as_before:
         written = table(rows, command, seed, planned, rows_before(out, rows))
         (out / "table.md").write_text(written, encoding="utf-8")
@@ -174,29 +150,29 @@ def table(
     hidden = [row for row in done if is_in_machine(row["kind"])]
     lines += ["", "| what | gate | measured | 95 % limits | |", "|---|---|---|---|---|"]
     lines += [
-        _gate("clean machines with a finding", 0.05,
+        at_most("clean machines with a finding", 0.05,
               [bool(_said(r, NOW)) for r in done if r["kind"] == "nothing"]),
-        _gate(f"silent by more than 3 sds, visible above {VISIBLE_K:g} K", 0.03,
+        at_most(f"silent by more than 3 sds, visible above {VISIBLE_K:g} K", 0.03,
               [_far(r) and not _said(r, NOW) for r in hidden if r["visible_K"] > VISIBLE_K]),
-        _gate("silent by more than 3 sds, all causes in the machine or its sensor", 0.08,
+        at_most("silent by more than 3 sds, all causes in the machine or its sensor", 0.08,
               [_far(r) and not _said(r, NOW) for r in hidden]),
-        _gate("the same before", 0.08,
+        at_most("the same before", 0.08,
               [_far(r) and not _said(r, BEFORE) for r in before if is_in_machine(r["kind"])]),
-        _gate("silent by more than 3 sds, errors of current and torque", 0.08,
+        at_most("silent by more than 3 sds, errors of current and torque", 0.08,
               [_far(r) and not _said(r, NOW) for r in done if r["kind"] in OF_AN_INSTRUMENT]),
     ]  # fmt: skip
     clean = [row for row in done if row["kind"] == "nothing"]
     chance = sum(map(_outside, clean)) / max(len(clean), 1)
     lines += [
-        _gate("outside some 95 % interval without a finding (gate: clean machines + 10 points)",
+        at_most("outside some 95 % interval without a finding (gate: clean machines + 10 points)",
               chance + 0.10, [_outside(r) and not _said(r, NOW) for r in hidden]),
-        _least("95 % intervals that cover, causes in the machine or its sensor", 0.90,
+        at_least("95 % intervals that cover, causes in the machine or its sensor", 0.90,
                [hit for r in hidden for hit in _covered(r)]),
-        _least("95 % intervals that cover, clean machines", 0.90,
+        at_least("95 % intervals that cover, clean machines", 0.90,
                [hit for r in clean for hit in _covered(r)]),
         _width([r for r in hidden if r.get("interval_95_with_truth")]),
-        _band("held-out points in the 95 % band, causes in the machine or its sensor", hidden),
-        _band("held-out points in the 95 % band, clean machines", clean),
+        in_band("held-out points in the 95 % band, causes in the machine or its sensor", hidden),
+        in_band("held-out points in the 95 % band, clean machines", clean),
     ]  # fmt: skip
     chances = [p for row in clean if (p := row["measures"]["missing_effect_p"]) is not None]
     if chances:
@@ -343,44 +319,6 @@ def _width(rows: Sequence[dict[str, Any]]) -> str:
     return (
         f"| {what} | ≤ 2 | {middle:.2f} ({found.size} intervals of {len(rows)} machines) | "
         f"quartiles {low:.2f}…{high:.2f} | {'met' if middle <= 2.0 else '**missed**'} |"
-    )
-
-
-def _gate(what: str, most: float, cases: Sequence[bool]) -> str:
-    if not cases:
-        return f"| {what} | ≤ {100 * most:.0f} % | – | – | – |"
-    count, num = sum(cases), len(cases)
-    low, high = limits_95(count, num)
-    mark = "met" if high <= most else "met, too few cases to show it"
-    mark = mark if count <= most * num else "**missed**"
-    return (
-        f"| {what} | ≤ {100 * most:.0f} % | {100 * count / num:.1f} % ({count} of {num}) | "
-        f"{100 * low:.0f}…{100 * high:.0f} % | {mark} |"
-    )
-
-
-def _least(what: str, least: float, cases: Sequence[bool]) -> str:
-    if not cases:
-        return f"| {what} | ≥ {100 * least:.0f} % | – | – | – |"
-    count, num = sum(cases), len(cases)
-    low, high = limits_95(count, num)
-    mark = "met" if low >= least else "met, too few cases to show it"
-    mark = mark if count >= least * num else "**missed**"
-    return (
-        f"| {what} | ≥ {100 * least:.0f} % | {100 * count / num:.1f} % ({count} of {num}) | "
-        f"{100 * low:.0f}…{100 * high:.0f} % | {mark} |"
-    )
-
-
-def _band(what: str, rows: Sequence[dict[str, Any]]) -> str:
-    if not rows:
-        return f"| {what} | 90…98 % | – | – | – |"
-    found = np.array([row["holdout_coverage_95"] for row in rows])
-    mean, error = 100.0 * found.mean(), 196.0 * found.std() / np.sqrt(found.size)
-    mark = "met" if 90.0 <= mean <= 98.0 else "**missed**"
-    return (
-        f"| {what} | 90…98 % | mean {mean:.1f} %, {100 * np.mean(found < 0.85):.0f} % of the tests "
-        f"below 85 % | {mean - error:.0f}…{min(mean + error, 100.0):.0f} % | {mark} |"
     )
 
 

@@ -1,0 +1,61 @@
+"""The cases of a study in worker processes, and what is written of them."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import platform
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from importlib.metadata import version
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("heatrun", "jax", "numpy", "scipy", "optimistix")
+
+Row = dict[str, Any]
+
+
+def rows_as_they_come(
+    jobs: Sequence[Row], run: Callable[[Row], Row], *, processes: int, minutes: float
+) -> Iterator[list[Row]]:
+    """Yield the rows that were just finished.
+
+    Args:
+        jobs: The cases in the order in which they are begun.
+        run: Works out one; importable, for it runs in another process.
+        processes: So many at once.
+        minutes: No case is begun after this [min].
+    """
+    begin = time.monotonic()
+    context = multiprocessing.get_context("spawn")  # JAX must not be forked
+    left = iter(jobs)
+    with ProcessPoolExecutor(processes, mp_context=context) as pool:
+        pending = {pool.submit(run, job) for job in islice(left, processes)}
+        while pending:
+            done, pending = wait(pending, return_when=FIRST_COMPLETED)
+            if time.monotonic() - begin < 60.0 * minutes:
+                pending |= {pool.submit(run, job) for job in islice(left, len(done))}
+            yield [future.result() for future in done]
+
+
+def said_of(row: Row) -> str:
+    """Return what is printed behind the name of a finished case."""
+    names = [finding[0] for finding in row.get("findings", [])]
+    return f"{names} {row['processor_s']:.0f} s {row.get('failure', '')}"
+
+
+def write_rows(path: Path, rows: Sequence[Row], *, seed: int, planned: int) -> None:
+    """Write the rows of a study with command, seed and versions as JSON."""
+    content = {
+        "command": " ".join(sys.argv),
+        "seed": seed,
+        "planned": planned,
+        "python": platform.python_version(),
+        "versions": {name: version(name) for name in PACKAGES},
+        "rows": rows,
+    }
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
