@@ -44,7 +44,7 @@ study-crosschecks: $(VENV)/ready
 	$(BIN)/python tests/crosschecks/study.py
 
 study-discovery: $(VENV)/ready
-	$(BIN)/python tests/studies/discovery.py
+	$(BIN)/python tests/studies/discovery.py --clean 72 --unknown 32 --pairs 32
 	$(BIN)/python tests/studies/discovery_time.py
 
 study-misfit: $(VENV)/ready

@@ -51,8 +51,14 @@ MOST_STEPS, NUM_DRAWS = 250, 100
 names, verdicts and medians of predictions are looked at here, not intervals."""
 
 
-def jobs(first_seed: int, repeats: int, num_clean: int) -> list[dict[str, Any]]:
-    """Return all cases of a study in the order in which they are run, which is by chance."""
+def jobs(
+    first_seed: int, repeats: int, num_clean: int, num_unknown: int, num_pairs: int
+) -> list[dict[str, Any]]:
+    """Return all cases of a study in the order in which they are run, which is by chance.
+
+    The gates for clean machines, unknown causes and pairs of effects need the most cases to have
+    power; these have counts of their own.
+    """
     rows: list[dict[str, Any]] = []
 
     def add(group: str, hidden: tuple[str, ...], **more: Any) -> None:
@@ -62,6 +68,11 @@ def jobs(first_seed: int, repeats: int, num_clean: int) -> list[dict[str, Any]]:
 
     for _ in range(num_clean):
         add("clean", ())
+    unknown = hidden_bench().UNKNOWN_IDS
+    for place in range(num_unknown):
+        add("unknown", (unknown[place % len(unknown)],))
+    for place in range(num_pairs):
+        add("pair", PAIRS[place % len(PAIRS)])
     for _ in range(repeats):
         for effect in SHOWN:
             add("effect", (effect,))
@@ -69,10 +80,6 @@ def jobs(first_seed: int, repeats: int, num_clean: int) -> list[dict[str, Any]]:
         add("event", ("cooling_step",), only_test=1)
         for effect in IN_ONE_TEST:
             add("in one test", (effect,), only_test=1)
-        for pair in PAIRS:
-            add("pair", pair)
-        for cause in hidden_bench().UNKNOWN_IDS:
-            add("unknown", (cause,))
         for effect, target in TRACES:
             add("trace", (effect,), target_K=target)
         for hidden in ONE_NODE:

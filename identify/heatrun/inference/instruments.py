@@ -9,6 +9,7 @@ import jax.numpy as jnp
 
 from ..bench.blocks import SLOW_LOGGER_S, Blocks
 from ..bench.channels.schema import BODIES, body_name
+from ..bench.checks.losses import SHAFT_GAIN_SD
 from ..errors import InputError
 from ..motor import Motor
 from .parameters import Parameter, Transform
@@ -68,7 +69,8 @@ def shaft_errors(motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:
     return [
         Parameter(
             "shaft_power_gain", "1", "relative error of the mechanical power", "instrument",
-            "linear", 0.0, 0.01, "torque and electrical power of class 0.5 to 1 against each other",
+            "linear", 0.0, SHAFT_GAIN_SD,
+            "torque and electrical power of class 0.5 to 1 against each other",
         ),
         Parameter(
             "shaft_power_offset", "W", "offset of the mechanical power", "instrument", "linear",

@@ -95,21 +95,32 @@ def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
     is_enough = constants >= ENOUGH_CONSTANTS and not is_short
     if is_enough or settling_constants(record, motor) >= ENOUGH_CONSTANTS:
         return ()
+    lasts = f"{(to_s - from_s) / 60.0:.0f} min"
     if constants >= ENOUGH_CONSTANTS:
-        return (_unseen_constant(record, from_s, to_s, constants, fit.tau_s, fit.log_sd),)
-    now, later = expected_sd(constants), expected_sd(TWO_HOURS_S / fit.tau_s)
-    at_least = "more than " if constants < KNOWN_CONSTANTS[0] else "about "
+        low, high = fit.tau_s * np.exp([-2.0 * fit.log_sd, 2.0 * fit.log_sd])
+        message = (
+            f"Expected a slow time constant that the record shows; in {lasts} it stays open "
+            f"between {low:.0f} and {high:.0f} s."
+        )
+        remedy = "Hold one load until the temperature settles, and record the cool-down."
+    else:
+        now, later = expected_sd(constants), expected_sd(TWO_HOURS_S / fit.tau_s)
+        at_least = "more than " if constants < KNOWN_CONSTANTS[0] else "about "
+        message = (
+            f"Expected at least two slow time constants; the {lasts} of test are "
+            f"{constants:.2g} time constants of about {fit.tau_s:.0f} s. The standard "
+            f"uncertainties of Ceq_sr and Req_sr will be {at_least}{100.0 * now[0]:.0f} % and "
+            f"{100.0 * now[1]:.0f} %; "
+            f"after 2 h about {100.0 * later[0]:.1f} % and {100.0 * later[1]:.1f} %."
+        )
+        remedy = "Extend the load until the temperature settles, and record the cool-down."
     return (
         Finding(
             "too_short",
             "warning" if is_short else "note",
-            f"Expected at least two slow time constants; the {(to_s - from_s) / 60.0:.0f} min of "
-            f"test are {constants:.2g} time constants of about {fit.tau_s:.0f} s. The standard "
-            f"uncertainties of Ceq_sr and Req_sr will be {at_least}{100.0 * now[0]:.0f} % and "
-            f"{100.0 * now[1]:.0f} %; "
-            f"after 2 h about {100.0 * later[0]:.1f} % and {100.0 * later[1]:.1f} %.",
+            message,
             place(record, "winding_degC", from_s, to_s),
-            "Extend the load until the temperature settles, and record the cool-down.",
+            remedy,
             values={
                 "duration_s": to_s - from_s,
                 "time_constants": constants,
@@ -117,27 +128,6 @@ def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 "tau_log_sd": fit.log_sd,
             },
         ),
-    )
-
-
-def _unseen_constant(
-    record: Record, from_s: float, to_s: float, constants: float, tau_s: float, log_sd: float
-) -> Finding:
-    """Return the warning that a long test leaves its slow constant unknown."""
-    return Finding(
-        "too_short",
-        "warning",
-        f"Expected a slow time constant that the record shows; in {(to_s - from_s) / 60.0:.0f} min "
-        f"it stays open between {tau_s * np.exp(-2.0 * log_sd):.0f} and "
-        f"{tau_s * np.exp(2.0 * log_sd):.0f} s.",
-        place(record, "winding_degC", from_s, to_s),
-        "Hold one load until the temperature settles, and record the cool-down.",
-        values={
-            "duration_s": to_s - from_s,
-            "time_constants": constants,
-            "tau_s": tau_s,
-            "tau_log_sd": log_sd,
-        },
     )
 
 

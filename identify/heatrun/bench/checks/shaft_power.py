@@ -14,7 +14,7 @@ import numpy as np
 from ...motor import Motor
 from ..channels.derive import recorded_shaft_power
 from ..record import Finding, Record
-from .losses import BLOCK_S
+from .losses import BLOCK_S, SHAFT_GAIN_SD
 from .samples import block_means, place, samples
 
 LEAST_SHARE = 0.1
@@ -23,8 +23,8 @@ LEAST_SHARE = 0.1
 LEAST_POWER = 0.2
 """In parts of the largest mechanical power [1]: blocks below say nothing of its scale."""
 
-LARGEST_GAIN = 0.02
-"""Two standard deviations of `shaft_power_gain`, which every fit allows for [1]."""
+LARGEST_GAIN = 2.0 * SHAFT_GAIN_SD
+"""What every fit allows for [1]."""
 
 SIGMAS = 6.0
 """Standard deviations from which the gain is no matter of scatter [1]."""
