@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from .certificate import Certificate
+
 
 @dataclass(frozen=True)
 class ParameterOverride:
@@ -65,6 +67,7 @@ class Motor:
             against the model and not fitted. Where nothing is said, the network decides.
         effects: Ids of known effects that every model of this machine has.
         adequacy: How far its networks are trusted.
+        certificate: What a certificate of its tests says beside the results.
         raster_s: Step that MDF and TDMS channels are averaged to [s], or None for the samples of
             the winding.
         decimal: Decimal sign of the bench's text tables, `"."` or `","`; the other one then
@@ -90,6 +93,7 @@ class Motor:
     sensors: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
     adequacy: Adequacy = field(default_factory=Adequacy)
+    certificate: Certificate = field(default_factory=Certificate)
     raster_s: float | None = None
     decimal: Literal[".", ","] | None = None
     sha256: str = ""

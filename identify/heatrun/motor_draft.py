@@ -14,7 +14,7 @@ from .bench.channels.schema import CHANNEL
 from .bench.survey import Survey, flat
 from .io.printable import printable
 from .motor_gaps import LONGEST_LINE, Gap, found_resistance, gaps
-from .motor_keys import COLUMNS, CONSTANTS, PARAMETERS, SECTIONS, SENSORS, Key, Section
+from .motor_keys import COLUMNS, CONSTANTS, INSTRUMENTS, PARAMETERS, SECTIONS, SENSORS, Key, Section
 from .version import __version__
 
 WIDTH = 96
@@ -74,13 +74,13 @@ def _section(
     section: Section, name: str, surveys: Sequence[Survey], missing: Sequence[Gap]
 ) -> list[str]:
     lines = _comment(section.meaning)
-    if section is PARAMETERS:
-        lines.append("# [parameters.Ceq_w]")
+    if section in (PARAMETERS, INSTRUMENTS):  # each stands once for each of several things
+        lines.append(f"# {section.heading.replace('NAME', 'Ceq_w')}")
         for key in section.keys:
             lines += _comment(f"{key.meaning} Default: {key.default}.")
             lines.append(f"# {key.name} = {key.example}")
         return lines
-    lines.append(f"[{section.name}]")
+    lines.append(section.heading)
     if section is COLUMNS:
         return lines + _columns(surveys, missing)
     if section is CONSTANTS:

@@ -93,6 +93,8 @@ class Record:
         findings: What the readers found, before any check ran.
         unused: Columns of the files that were not mapped to a channel.
         mapping: How each column of the files became a channel, in the order of the mapping.
+        start: Day on which it began by the clock of the file, ISO 8601; empty where the file has
+            no date.
     """
 
     name: str
@@ -102,6 +104,7 @@ class Record:
     findings: tuple[Finding, ...] = ()
     unused: tuple[str, ...] = ()
     mapping: tuple[ColumnReading, ...] = ()
+    start: str = ""
 
     def __getitem__(self, channel: str) -> np.ndarray:
         return self.channels[channel]

@@ -32,6 +32,7 @@ class MappedColumns:
         rate_Hz: Sampling rate that `[columns]` gives in place of a time column [Hz], or None.
         columns: Canonical name to the name of the column that became it.
         readings: How each column became its channel.
+        start: When the times begin, as `Column.start`.
     """
 
     channels: Mapping[str, np.ndarray]
@@ -41,6 +42,7 @@ class MappedColumns:
     rate_Hz: float | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
     readings: tuple[ColumnReading, ...] = ()
+    start: str = ""
 
 
 def map_columns(
@@ -96,6 +98,7 @@ def map_columns(
         rate_Hz,
         {name: column.name for name, column in mapping.taken.items()},
         tuple(mapping.readings),
+        mapping.taken["time_s"].start if "time_s" in mapping.taken else "",
     )
 
 

@@ -17,6 +17,7 @@ from ..channels.channel_map import MappedColumns, map_columns
 from ..channels.claims import positive_rate
 from ..channels.constants import constant_notes, resistance_conflict
 from ..channels.derive import derive
+from ..clocks.day import day_of
 from ..clocks.timegrid import exact_grid, from_first_sample
 from ..record import Finding, Record, Source
 from .formats import opened
@@ -179,6 +180,7 @@ def read_record(
         findings=tuple(replace(finding, test=test) for finding in findings),
         unused=mapped.unused,
         mapping=mapped.readings,
+        start=day_of(mapped.start),
     )
 
 

@@ -112,7 +112,16 @@ def read_text(
         if values.is_time and (stated is not None or unit is None or find_unit(unit, "time")):
             unit = "s"
         columns.append(
-            Column(name, label, unit, values.numbers, values.note, beside, question=values.question)
+            Column(
+                name,
+                label,
+                unit,
+                values.numbers,
+                values.note,
+                beside,
+                question=values.question,
+                start=values.start,
+            )
         )
         found = (unreadable_cells(values, name, body.numbers, where), doubtful(values, name, where))
         findings += [finding for finding in found if finding is not None]
