@@ -11,6 +11,7 @@ from typing import Any
 from .bench.readers.open_file import read_start
 from .certificate import INSTRUMENT_KEYS, PLACES, Certificate, Instrument
 from .errors import InputError, did_you_mean
+from .io.printable import JOINERS
 from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
 from .io.toml_values import shown, text_of
 
@@ -40,9 +41,6 @@ DATES = ("received", "test_from", "test_until", "issue_date")
 KEYS = (*TEXTS, *DATES, "performed_at", "country", "instruments")
 
 MOST_INSTRUMENTS = 30
-
-JOINERS = "\u200c\u200d"
-"""Signs without a picture that names in Persian and in Indian scripts are written with."""
 
 
 def parse_certificate(section: Mapping[str, Any], where: str) -> Certificate:

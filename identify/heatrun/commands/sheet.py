@@ -1,4 +1,4 @@
-"""`heatrun sheet`: the regenerate the parameter sheet of a run."""
+"""`heatrun sheet`: regenerate the certificate and the parameter sheet of a run."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from .exit_codes import DONE
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
-    parser = commands.add_parser("sheet", help="regenerate the parameter sheet of a run")
+    parser = commands.add_parser(
+        "sheet", help="regenerate the certificate and the parameter sheet of a run"
+    )
     parser.add_argument("run", type=Path, metavar="RUN", help="run folder")
+    words.add_meta(parser)
     words.add_out(parser, "folder for the sheet (default: the run itself)")
     words.add_json(parser)
     return parser
@@ -25,7 +28,7 @@ def run(options: argparse.Namespace) -> int:
     from ..reports.sheet.of_run import rewrite_sheet
     from ..results import to_json
 
-    written = rewrite_sheet(options.run, options.out or options.run)
+    written = rewrite_sheet(options.run, options.out or options.run, options.meta)
     if options.json:
         print(to_json({"files": [str(path) for path in written]}))
     else:

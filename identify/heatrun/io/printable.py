@@ -1,4 +1,4 @@
-"""Text from files, made harmless for a terminal."""
+"""Text from files, made harmless for a terminal and for print."""
 
 from __future__ import annotations
 
@@ -6,3 +6,15 @@ from __future__ import annotations
 def printable(text: str) -> str:
     """Escape control characters, so that a file name cannot steer the terminal."""
     return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+
+
+JOINERS = "\u200c\u200d"
+"""Signs without a picture that names in Persian and in Indian scripts are written with."""
+
+LONGEST = 600
+"""Letters of a cell or sentence that a sheet has room for."""
+
+
+def clean(text: str) -> str:
+    """Return a text without control characters, of bounded length, for print."""
+    return "".join(c if c.isprintable() or c in JOINERS else " " for c in text)[:LONGEST]

@@ -16,6 +16,8 @@ import pandas as pd
 from ..bench.blocks import Logger
 from ..bench.joined import read_test
 from ..bench.record import Finding, Record
+from ..certificate import Certificate
+from ..certificate_file import parse_meta
 from ..errors import InputError
 from ..inference.catalogue import effects_named
 from ..inference.draws import Draws
@@ -34,6 +36,9 @@ from .run_folder import MANIFEST, read_listed
 from .sources import SourceFile, as_named, refuse_changed
 
 MOTOR = "motor.toml"
+
+CERTIFICATE = "certificate.toml"
+"""What `heatrun sheet --meta` stated of a run; it goes before what its motor file says."""
 
 Read = Callable[[Path], bytes]
 T = TypeVar("T")
@@ -118,6 +123,14 @@ class Run:
         said = self.result.motor
         found = _whole(self, MOTOR, lambda: parse_motor(self.file(MOTOR), str(self.path / MOTOR)))
         return replace(found, path=said.path, sha256=said.sha256)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """What the laboratory states of the tests, beside the results."""
+        if not self.is_finished or CERTIFICATE not in self.manifest["files"]:
+            return self.motor.certificate
+        stated = parse_meta(self.file(CERTIFICATE), str(self.path / CERTIFICATE))
+        return self.motor.certificate.beneath(stated)
 
     @property
     def networks(self) -> tuple[str, ...]:

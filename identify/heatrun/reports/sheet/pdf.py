@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from ...results import FitResult
-from .content import sheet_content
 from .typeset import typeset
 
+WIDE, NARROW = 82, 62
+"""Widths of figures in the annex [% of the line]: the square one would fill a page."""
 
-def write_pdf(result: FitResult, figures: Sequence[Path], path: Path) -> Path:
+
+def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
     """Write the sheet as PDF.
 
     Args:
-        result: What stands in `fit.json`.
-        figures: PNG files, in the order in which they are to appear.
+        content: From `sheet_content`.
+        figures: PNG files: that of page 1, then those of the annex.
         path: Where it goes; written whole or not at all.
     """
-    return typeset("sheet.typ", sheet_content(result), figures, path)
+    widths = [NARROW if each.name == "posterior.png" else WIDE for each in figures]
+    return typeset("sheet.typ", {**content, "widths": widths}, figures, path)

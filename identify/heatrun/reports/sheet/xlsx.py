@@ -17,7 +17,6 @@ from ...io.moment import NO_DATE, stated_moment
 from ...io.whole_files import write_whole
 from ...results import FitResult
 from ...results.values import known
-from .content import sheet_content
 
 CONSTANTS = ("B", "Ro_rif", "To_rif", "Rs", "Ts", "phases", "Tamb_med")
 FIRST_ROW = 12
@@ -25,16 +24,19 @@ FIRST_ROW = 12
 
 
 def write_xlsx(
-    result: FitResult, tables: Sequence[tuple[str, str, pd.DataFrame]], path: Path
+    result: FitResult,
+    content: Mapping[str, Any],
+    tables: Sequence[tuple[str, str, pd.DataFrame]],
+    path: Path,
 ) -> Path:
     """Write the sheet as XLSX.
 
     Args:
         result: What stands in `fit.json`.
+        content: The same from `sheet_content`.
         tables: Name, role and courses of each test; the first fills the worksheet.
         path: Where it goes; written whole or not at all.
     """
-    content = sheet_content(result)
     # text from outside is never a formula, a link or a number
     options = {
         "strings_to_formulas": False,
