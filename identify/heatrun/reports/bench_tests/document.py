@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ...io.printable import with_breaks
 from ...io.without_folders import without_folders
 from ..sheet.figures import save
 from ..sheet.typeset import typeset
@@ -23,9 +23,8 @@ LONGEST_TEXT = 900
 LONGEST_VALUE = 28
 """Characters of a word in the column of the values; a longer one stands among the notes."""
 
-LONG_WORD = re.compile(r"\S{20,}")
-BREAKS_AFTER = re.compile(r"([_\-./\\,;:=+@]|.{40})(?=.)")
-BREAK = "\u200b"  # a place where a line may break, without a sign
+BREAKS_EVERY = 40
+"""Letters of a long word after which it may break, where it has no sign to break behind."""
 
 SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e6
 """Numbers outside are written with a power of ten."""
@@ -108,7 +107,7 @@ def printed(text: str) -> str:
     plain = "".join(c if c.isprintable() else " " for c in text)
     if len(plain) > LONGEST_TEXT:
         plain = plain[: LONGEST_TEXT - 1] + "…"
-    return LONG_WORD.sub(lambda word: BREAKS_AFTER.sub(rf"\1{BREAK}", word[0]), plain)
+    return with_breaks(plain, BREAKS_EVERY)
 
 
 def _row(row: Row) -> list[str]:

@@ -25,6 +25,12 @@ JUDGEMENTS = {
 }
 """How well a parameter is known, in words."""
 
+MOST_ON_PAGE_1, MOST_LETTERS = 6, 450
+"""Instruments, and letters of all together, that page 1 has room for."""
+
+LONGEST_FOOT = 40
+"""Letters of the number of the certificate at the foot of a page."""
+
 GIVEN = "of the motor file, not measured"
 
 SCOPE = (
@@ -46,12 +52,14 @@ def certificate_content(result: FitResult, certificate: Certificate) -> dict[str
     return {
         "title": TITLE,
         "number": certificate.number,
+        "foot": _cut(certificate.number or clean(result.motor.name)),
         "identification": _identification(result, certificate),
         "dates": _dates(result, certificate),
         "instruments": [
             [one.quantity, one.instrument, one.accuracy_class, one.calibration, one.valid_until]
             for one in certificate.instruments
         ],
+        "instruments_in_annex": _is_long(certificate),
         "use": found.use,
         "headline": found.sentence,
         "reasons": [clean(reason) for reason in found.reasons],
@@ -87,6 +95,13 @@ def _identification(result: FitResult, certificate: Certificate) -> list[list[st
         ["Condition", certificate.condition],
     ]
     return rows + [row for row in seldom if row[1]]
+
+
+def _is_long(certificate: Certificate) -> bool:
+    """Return whether page 1 has no room for the instruments."""
+    rows = certificate.instruments
+    letters = sum(len(text) for one in rows for text in vars(one).values())
+    return len(rows) > MOST_ON_PAGE_1 or letters > MOST_LETTERS
 
 
 def _place(certificate: Certificate) -> str:
@@ -189,3 +204,7 @@ def _listed(words: list[str]) -> str:
 
 def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST_FOOT else f"{text[: LONGEST_FOOT - 1]}…"

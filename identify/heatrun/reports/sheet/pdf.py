@@ -6,7 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...io.printable import with_breaks
 from .typeset import typeset
+
+BREAKS_EVERY = 15
+"""Letters of a long word after which it may break in the narrow cells of page 1."""
 
 WIDE, NARROW = 82, 62
 """Widths of figures in the annex [% of the line]: the square one would fill a page."""
@@ -20,5 +24,15 @@ def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -
         figures: PNG files: that of page 1, then those of the annex.
         path: Where it goes; written whole or not at all.
     """
+    page_1 = _breakable(content["certificate"])
     widths = [NARROW if each.name == "posterior.png" else WIDE for each in figures]
-    return typeset("sheet.typ", {**content, "widths": widths}, figures, path)
+    return typeset("sheet.typ", {**content, "certificate": page_1, "widths": widths}, figures, path)
+
+
+def _breakable(value: Any) -> Any:
+    """Return texts whose long words may break, at any depth of lists and objects."""
+    if isinstance(value, str):
+        return with_breaks(value, BREAKS_EVERY)
+    if isinstance(value, Mapping):
+        return {key: _breakable(item) for key, item in value.items()}
+    return [_breakable(item) for item in value] if isinstance(value, list) else value
