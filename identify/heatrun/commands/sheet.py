@@ -18,6 +18,19 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     parser.add_argument("run", type=Path, metavar="RUN", help="run folder")
     words.add_meta(parser)
+    parser.add_argument(
+        "--dcc",
+        action="store_true",
+        help="write dcc.xml too, a Digital Calibration Certificate (DCC 3.3.0)",
+    )
+    parser.add_argument(
+        "--dcc-schema",
+        type=Path,
+        default=None,
+        metavar="DCC.xsd",
+        help="validate it against your copy of the schema, with SI_Format.xsd and "
+        "xmldsig-core-schema.xsd in the same folder (needs heatrun[dcc])",
+    )
     words.add_out(parser, "folder for the sheet (default: the run itself)")
     words.add_json(parser)
     return parser
@@ -28,7 +41,13 @@ def run(options: argparse.Namespace) -> int:
     from ..reports.sheet.of_run import rewrite_sheet
     from ..results import to_json
 
-    written = rewrite_sheet(options.run, options.out or options.run, options.meta)
+    written = rewrite_sheet(
+        options.run,
+        options.out or options.run,
+        options.meta,
+        with_dcc=options.dcc,
+        schema=options.dcc_schema,
+    )
     if options.json:
         print(to_json({"files": [str(path) for path in written]}))
     else:

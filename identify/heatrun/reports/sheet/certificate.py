@@ -34,7 +34,7 @@ LONGEST_FOOT = 40
 GIVEN = "of the motor file, not measured"
 
 SCOPE = (
-    "The results relate only to the machine named above, in the state in which it was tested, and "
+    "The results relate only to the machine named here, in the state in which it was tested, and "
     "hold within these conditions; beyond them the network is an extrapolation. No statement of "
     "conformity is made. This certificate may be passed on only as a whole."
 )
@@ -132,11 +132,15 @@ def _joined(parts: Iterable[str]) -> str:
     return ", ".join(dict.fromkeys(part for part in parts if part))
 
 
-def _row(name: str, entry: FittedParameter) -> list[str]:
+def judged(entry: FittedParameter) -> str:
+    """Return how well a parameter is known, in words; empty where nothing is said of it."""
     judgement = entry.identifiability or ""
     is_given = entry.unit == "ohm" and judgement == "not identifiable"
-    words = GIVEN if is_given else JUDGEMENTS.get(judgement, "")
-    return [clean(name), clean(entry.meaning), printed(entry).text, words]
+    return GIVEN if is_given else JUDGEMENTS.get(judgement, "")
+
+
+def _row(name: str, entry: FittedParameter) -> list[str]:
+    return [clean(name), clean(entry.meaning), printed(entry).text, judged(entry)]
 
 
 def _statement(result: FitResult) -> list[list[str]]:

@@ -80,7 +80,7 @@ def sheet_content(result: FitResult, certificate: Certificate | None = None) -> 
         ],
         "limits": list(LIMITS),
         "files": [
-            [clean(test.name), test.start or "–", test.sha256 or "in memory"]
+            [clean(test.name), known(test.start) or "–", test.sha256 or "in memory"]
             for test in result.tests
         ],
         "explained": EXPLAINED,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ...certificate import Certificate
 from ...results import FitResult
+from ...results.values import known
 
 DAY_S = 86400.0
 
@@ -54,12 +55,11 @@ def test_days(result: FitResult, certificate: Certificate) -> TestDays:
 
 def _by_clock(result: FitResult) -> tuple[str, str]:
     """Return first and last day by the clocks of the records; empty if one has no date."""
-    starts = [test.start for test in result.tests]
+    starts = [known(test.start) or "" for test in result.tests]
     if not all(starts):
         return "", ""
     ends = [
-        datetime.date.fromisoformat(test.start)
-        + datetime.timedelta(days=int(test.duration_s // DAY_S))
-        for test in result.tests
+        datetime.date.fromisoformat(start) + datetime.timedelta(days=int(test.duration_s // DAY_S))
+        for start, test in zip(starts, result.tests, strict=True)
     ]
     return min(starts), max(ends).isoformat()

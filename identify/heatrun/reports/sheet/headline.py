@@ -146,7 +146,7 @@ def _doubts(result: FitResult, model: FittedModel) -> list[str]:
             "predictions of other tests."
         )
     if not model.posterior.is_sound:
-        words.append("The sampling has not converged: the intervals are indicative.")
+        words.append("The intervals are indicative: the diagnostics of the sampling are not met.")
     words += _against_others(result)
     warnings = [f for f in result.findings if f.severity != "note" and _concerns(f, result, model)]
     if warnings:

@@ -19,10 +19,15 @@ from ...runs.run import CERTIFICATE, Run, open_run
 from ...runs.run_folder import MANIFEST, listed_anew
 from .certificate_figure import certificate_figure
 from .content import sheet_content
+from .dcc.document import dcc_text
+from .dcc.schema import validate
 from .figures import draw, save
 from .headline import favoured
 from .pdf import write_pdf
 from .xlsx import write_xlsx
+
+DCC = "dcc.xml"
+"""Name of the Digital Calibration Certificate."""
 
 
 def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) -> list[Path]:
@@ -73,7 +78,14 @@ def _first_figure(run: Run, tables: Sequence[tuple[str, str, pd.DataFrame]], fol
     return save(figure, folder / "certificate.png")
 
 
-def rewrite_sheet(run: Path, folder: Path, meta: Path | None = None) -> list[Path]:
+def rewrite_sheet(
+    run: Path,
+    folder: Path,
+    meta: Path | None = None,
+    *,
+    with_dcc: bool = False,
+    schema: Path | None = None,
+) -> list[Path]:
     """Write the sheet of a run again from its files.
 
     Args:
@@ -81,21 +93,34 @@ def rewrite_sheet(run: Path, folder: Path, meta: Path | None = None) -> list[Pat
         folder: Where the sheet and the figures go: all of them, or none.
         meta: File with the keys of `[certificate]`, before what the motor file says; the run keeps
             them where the sheet is written into it. None for what the run holds.
+        with_dcc: Write the Digital Calibration Certificate too; always where the run that the
+            sheet is written into has one.
+        schema: `dcc.xsd` to validate it with; None for no validation.
 
     Raises:
-        InputError: If the folder is no run, or misses one of its files.
+        InputError: If the folder is no run, or misses one of its files; if something is not given
+            that a Digital Calibration Certificate must say, or it violates the schema.
     """
     opened = open_run(run)
     certificate = opened.certificate
     if meta is not None:
         certificate = opened.motor.certificate.beneath(load_meta(meta))
+    is_own = folder.resolve() == run.resolve()
+    document = None
+    if with_dcc or schema is not None or (is_own and DCC in opened.manifest["files"]):
+        document = dcc_text(opened.result, certificate)
+    if document is not None and schema is not None:
+        validate(document, schema)
     # a damaged file is named before anything is written
     opened.posterior()
     opened.courses()
     try:
         with writable("the sheet", folder), together(folder, "sheet") as files:
             written = write_sheet(opened, files.aside, certificate)
-            if folder.resolve() == run.resolve():
+            if document is not None:
+                write_whole(files.aside / DCC, document)
+                written.append(files.aside / DCC)
+            if is_own:
                 if meta is not None:
                     text = tomli_w.dumps(certificate.as_section()).encode()
                     write_whole(files.aside / CERTIFICATE, text)
