@@ -8,6 +8,7 @@ folder or below it; nothing is fetched from the network.
 from __future__ import annotations
 
 import io
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -30,7 +31,7 @@ def validate(document: bytes, schema: Path) -> None:
             violates it.
     """
     try:
-        import xmlschema
+        xmlschema = import_module("xmlschema")
     except ImportError as error:
         raise InputError(
             "Validating a Digital Calibration Certificate needs xmlschema, which is not installed.",
