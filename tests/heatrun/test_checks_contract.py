@@ -241,7 +241,7 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         "nan_block", edited(CLEAN, "speed_rpm", 0.0, 900.0, np.nan), MOTOR, "note"
     ),
     "infinite losses": (
-        "nan_block", edited(CLEAN, "losses_W", 600.0, 610.0, np.inf), MOTOR, "error"
+        "nan_block", edited(CLEAN, "losses_W", 600.0, 640.0, np.inf), MOTOR, "error"
     ),
     "row written twice": (
         "time_duplicate", at(CLEAN, np.sort(np.append(np.arange(TIME.size), 999))),
