@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from test_checks_contract import FAULTS, VARIANTS, named
 
 from heatrun.bench.checks import check_record
 from heatrun.bench.joined import parts_of
+from heatrun.bench.record import Record
+from heatrun.motor import Motor
 from heatrun.motorfile import parse_motor
 
 LINE = re.compile(r"(\[tests\.[^\]]+\]) ((?:use|use_rows|mask) = \[\[.*?\]\])")
@@ -37,7 +40,6 @@ def test_the_checks_that_can_advise_a_line_do():
     advising = {case.values[2].id for case in ADVISED}
     assert advising >= {
         "time_gap", "time_backwards", "sensor_stuck", "sensor_detached", "temperature_jump",
-        "losses_absent",
     }  # fmt: skip
 
 
@@ -51,3 +53,24 @@ def test_the_advised_line_does_away_with_the_finding(record, motor, finding, sec
         assert all((one.values.get("from_s"), one.where) != before for one in left)
         if finding.severity == "error" and "use" in line:
             assert all(one.severity != "error" for one in left)
+
+
+def test_a_cooling_is_used_where_losses_are_absent():
+    time_s = np.arange(0.0, 3600.0, 1.0)
+    warm = 60.0 * (1.0 - np.exp(-time_s / 600.0))
+    cool = warm[1800] * np.exp(-(time_s - 1800.0) / 600.0)
+    channels = {
+        "time_s": time_s,
+        "phase_current_A": 0.0 * time_s,
+        "losses_W": 0.0 * time_s,
+        "ambient_degC": 20.0 + 0.0 * time_s,
+        "winding_degC": 20.0 + np.where(time_s < 1800.0, warm, cool),
+    }
+    (finding,) = named(check_record(Record("t", channels), Motor("M")), "losses_absent")
+    section, line = LINE.findall(finding.remedy)[0]
+    text = f'[motor]\nname = "M"\n{section}\n{line}\n'
+    (part,) = parts_of(Record("t", channels), parse_motor(text.encode(), "motor.toml"))
+    begin_s = -600.0 * np.log(np.exp(-3.0) + 5.0 / 60.0)  # from here on it warms by 5 K
+    assert part.time_s[0] == pytest.approx(begin_s, abs=15.0)
+    assert part.time_s[-1] == time_s[-1]
+    assert not named(check_record(part, Motor("M")), "losses_absent")
