@@ -16,6 +16,7 @@ from .errors import InputError, did_you_mean
 from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
 from .io.toml_values import shown, text_of
 from .motor import Adequacy, Motor, ParameterOverride
+from .motor_parts import parse_parts
 from .plausible import RANGES, UNITS, refuse_implausible
 
 COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
@@ -68,7 +69,7 @@ def load_motor(path: str | Path) -> Motor:
 
     Args:
         path: A TOML file with `[motor]` and optionally `[winding]`, `[vehicle]`, `[columns]`,
-            `[constants]`, `[sensors]`, `[model]`, `[adequacy]`, `[certificate]` and
+            `[constants]`, `[sensors]`, `[model]`, `[adequacy]`, `[tests.NAME]`, `[certificate]` and
             `[parameters.NAME]`.
 
     Raises:
@@ -88,7 +89,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
     content = parse_toml(data, where)
     check_keys(
         content,
-        (*KEYS, "model", "columns", "constants", "sensors", "parameters", "certificate"),
+        (*KEYS, "model", "columns", "constants", "sensors", "tests", "parameters", "certificate"),
         where,
         "section",
     )
@@ -127,6 +128,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
         constants=_constants(_section(content, "constants", where), where),
         parameters=_parameters(_section(content, "parameters", where), where),
         sensors=_sensors(_section(content, "sensors", where), where),
+        tests=parse_parts(_section(content, "tests", where), where),
         effects=_effects(_section(content, "model", where), where),
         adequacy=_adequacy(adequacy, at_adequacy),
         certificate=parse_certificate(_section(content, "certificate", where), where),

@@ -16,6 +16,7 @@ from heatrun.errors import InputError
 from heatrun.reports.sheet.of_run import rewrite_sheet, write_sheet
 from heatrun.runs.run import open_run
 from heatrun.runs.run_folder import RunFolder
+from heatrun.runs.stated import certificate_of
 from heatrun.runs.write import write_run
 
 
@@ -107,7 +108,7 @@ def test_the_run_keeps_what_the_sheet_was_told(own_run, few_figures, tmp_path, c
     other.write_text('number = "9"\n')
     assert cli.main(["sheet", str(own_run), "--meta", str(meta)]) == 0
     assert identification(own_run)["Certificate number"] == "2026-0147"
-    assert open_run(own_run).certificate.customer == "Example Motors"
+    assert certificate_of(open_run(own_run)).customer == "Example Motors"
     told = digests(own_run)
     rewrite_sheet(own_run, own_run)
     assert digests(own_run) == told

@@ -95,6 +95,8 @@ class Record:
         mapping: How each column of the files became a channel, in the order of the mapping.
         start: Day on which it began by the clock of the file, ISO 8601; empty where the file has
             no date.
+        stretch: The part of the files that this is, as it is written behind a file; empty for all.
+        masks: Windows whose readings are left out of the comparison, first and last time [s].
     """
 
     name: str
@@ -105,6 +107,8 @@ class Record:
     unused: tuple[str, ...] = ()
     mapping: tuple[ColumnReading, ...] = ()
     start: str = ""
+    stretch: str = ""
+    masks: tuple[tuple[float, float], ...] = ()
 
     def __getitem__(self, channel: str) -> np.ndarray:
         return self.channels[channel]

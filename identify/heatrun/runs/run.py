@@ -16,8 +16,6 @@ import pandas as pd
 from ..bench.blocks import Logger
 from ..bench.joined import read_test
 from ..bench.record import Finding, Record
-from ..certificate import Certificate
-from ..certificate_file import parse_meta
 from ..errors import InputError
 from ..inference.catalogue import effects_named
 from ..inference.draws import Draws
@@ -36,9 +34,6 @@ from .run_folder import MANIFEST, read_listed
 from .sources import SourceFile, as_named, refuse_changed
 
 MOTOR = "motor.toml"
-
-CERTIFICATE = "certificate.toml"
-"""What `heatrun sheet --meta` stated of a run; it goes before what its motor file says."""
 
 Read = Callable[[Path], bytes]
 T = TypeVar("T")
@@ -124,14 +119,6 @@ class Run:
         found = _whole(self, MOTOR, lambda: parse_motor(self.file(MOTOR), str(self.path / MOTOR)))
         return replace(found, path=said.path, sha256=said.sha256)
 
-    @cached_property
-    def certificate(self) -> Certificate:
-        """What the laboratory states of the tests, beside the results."""
-        if not self.is_finished or CERTIFICATE not in self.manifest["files"]:
-            return self.motor.certificate
-        stated = parse_meta(self.file(CERTIFICATE), str(self.path / CERTIFICATE))
-        return self.motor.certificate.beneath(stated)
-
     @property
     def networks(self) -> tuple[str, ...]:
         """Names of the networks that were fitted, as in `--model`."""
@@ -153,7 +140,7 @@ class Run:
         return self.result.findings
 
     def source(self, test: RunTest) -> str:
-        """Return a test as the command line names it: its files, with sheets and rates as given.
+        """Return a test as the command line names it: its files, sheets, rates and stretch.
 
         Raises:
             InputError: If a file is gone or has changed since the run.
@@ -161,7 +148,8 @@ class Run:
         for file in test.files:
             refuse_changed(file, self.path, "record")
         command = self.result.command
-        return "+".join(as_named(file.path, test.name, command) for file in test.files)
+        files = "+".join(as_named(file.path, test.name, command) for file in test.files)
+        return f"{files}@{test.said.stretch}" if test.said.stretch else files
 
     def choose(self, network: str | None = None) -> str:
         """Return the name of a network of the run: the one asked for, or the last one.
@@ -243,7 +231,8 @@ class Run:
         """Return the name under which a record was fitted, None if it was not."""
         digests = {source.sha256 for source in record.sources}
         for test in self.tests:
-            if test.role == "calibration" and digests == {file.sha256 for file in test.files}:
+            is_same = digests == {file.sha256 for file in test.files}
+            if test.role == "calibration" and is_same and test.said.stretch == record.stretch:
                 return test.name
         return None
 

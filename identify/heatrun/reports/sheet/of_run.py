@@ -15,8 +15,9 @@ from ...io.file_set import together
 from ...io.whole_files import writable, write_whole
 from ...ratings.at_limit import LIMIT_DEGC
 from ...results import to_json
-from ...runs.run import CERTIFICATE, Run, open_run
+from ...runs.run import Run, open_run
 from ...runs.run_folder import MANIFEST, listed_anew
+from ...runs.stated import CERTIFICATE, certificate_of
 from .certificate_figure import certificate_figure
 from .content import sheet_content
 from .dcc.document import dcc_text
@@ -56,7 +57,7 @@ def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) 
     titles = {name: model.title for name, model in result.models.items()}
     figures = draw(tables, draws, units, titles, folder / "figures")
     figures.insert(0, _first_figure(run, tables, folder / "figures"))
-    content = sheet_content(result, run.certificate if certificate is None else certificate)
+    content = sheet_content(result, certificate_of(run) if certificate is None else certificate)
     write_whole(folder / "sheet.json", (to_json(content) + "\n").encode())
     return [
         write_pdf(content, figures, folder / "sheet.pdf"),
@@ -102,7 +103,7 @@ def rewrite_sheet(
             that a Digital Calibration Certificate must say, or it violates the schema.
     """
     opened = open_run(run)
-    certificate = opened.certificate
+    certificate = certificate_of(opened)
     if meta is not None:
         certificate = opened.motor.certificate.beneath(load_meta(meta))
     is_own = folder.resolve() == run.resolve()
