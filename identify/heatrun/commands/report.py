@@ -42,7 +42,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="CHANNEL=VALUE",
-        help="tolerance of a signal, such as winding_degC=3 (virtual, real)",
+        help="absolute tolerance of a signal or figure, such as winding_degC=3 or energy_kWh=0.05 "
+        "(virtual, real); default: 5 %% of the rise or magnitude, or what the instruments leave "
+        "open",
     )
     parser.add_argument(
         "--offset",
@@ -59,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     """Write the reports and print their tables; one that failed makes the exit code 1."""
     from ..motorfile import load_motor
     from ..reports.bench_tests import make_report
-    from ..reports.bench_tests.analysis.tolerances import parse_tolerances
+    from ..reports.bench_tests.analysis.parse_tolerances import parse_tolerances
     from ..results import to_json
 
     tolerances = parse_tolerances(options.tolerance)

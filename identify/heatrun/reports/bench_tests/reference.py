@@ -44,6 +44,11 @@ class Reference:
     starts_at_s: float | None = None
     run: str = ""
 
+    @property
+    def is_simulated(self) -> bool:
+        """Whether heatrun simulated it."""
+        return self.starts_at_s is not None or bool(self.run)
+
 
 def read_reference(path: Path, motor: Motor) -> Reference:
     """Read the record of the other prototype.
