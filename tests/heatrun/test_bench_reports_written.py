@@ -17,7 +17,7 @@ from heatrun.bench.joined import read_test
 from heatrun.cli import main
 from heatrun.commands.report import TYPES
 from heatrun.motor import Motor
-from heatrun.reports.bench_tests import TEST_TYPES, job, make_report
+from heatrun.reports.bench_tests import CARDS, TEST_TYPES, job, make_report
 from heatrun.reports.bench_tests.csv_table import neutral
 from heatrun.reports.bench_tests.document import number, printed
 
@@ -50,7 +50,7 @@ def unset(monkeypatch):
 
 
 def test_the_cards_are_those_of_the_command_and_of_the_thesis():
-    assert tuple(TEST_TYPES) == TYPES
+    assert tuple(CARDS) == TYPES
     assert TEST_TYPES["general"].stem == "GeneralInformationTest"
     assert TEST_TYPES["energy"].missing({"speed_rpm", "dc_power_W"}) == ()
     (need,) = TEST_TYPES["energy"].missing({"speed_rpm", "dc_voltage_V"})

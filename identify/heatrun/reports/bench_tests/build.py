@@ -71,6 +71,8 @@ def check_use(
     Raises:
         UsageError: If something is given that the test type does not take, or lacks.
     """
+    if kind == "prototypes":
+        raise UsageError("a prototypes report takes records by role; see `confront`.")
     if kind not in TEST_TYPES:
         raise UsageError(f"no test type {kind!r}; there are {', '.join(TEST_TYPES)}.")
     takes_reference = TEST_TYPES[kind].needs_reference

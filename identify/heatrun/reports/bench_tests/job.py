@@ -111,13 +111,24 @@ def make_report(
                 offset_s=offset_s,
             )  # fmt: skip
             when = None if isinstance(test, Record) else date_of_test(test)
-            outcomes.append(_write(name, report, when, out))
+            outcomes.append(write_report(name, report, when, out))
         except InputError as error:
             outcomes.append(Outcome(name, error=error))
     return outcomes
 
 
-def _write(test: str, report: Report, when: DateOfTest | None, out: Path) -> Outcome:
+def write_report(test: str, report: Report, when: DateOfTest | None, out: Path) -> Outcome:
+    """Write a report as PDF, CSV and JSON, all or none.
+
+    Args:
+        test: As it was named.
+        report: What is written.
+        when: Date of the test, for the name.
+        out: Folder of the reports.
+
+    Raises:
+        InputError: If a file behind it has changed, or the folder cannot be written.
+    """
     refuse_changed(report.sources)
     identity = [source.sha256 for source in report.sources] or [report.test]
     content = report_content(report, when)

@@ -62,6 +62,7 @@ def compare_figures(
     motor: Motor,
     signals: Sequence[SignalComparison],
     given: Mapping[str, float],
+    inputs: Container[str] = (),
 ) -> tuple[FigureComparison, ...]:
     """Compare the General Information of two records, and the energies of other powers.
 
@@ -71,6 +72,8 @@ def compare_figures(
         motor: Gives gear ratio and wheel radius.
         signals: The comparison signal by signal.
         given: Tolerances of the user by name.
+        inputs: Channels of a test that drove the reference: what follows from its speed is no
+            evidence either.
 
     Returns:
         Figures that both records have, in the order of the table.
@@ -91,6 +94,8 @@ def compare_figures(
         elif "power" in NEEDS[name] and places[0] != places[1]:
             words = f"power of the test {places[0]}, of the reference {places[1]}"
             one = replace(one, verdict="not comparable", note=words)
+        elif "speed" in NEEDS[name] and "speed_rpm" in inputs:
+            one = replace(one, verdict="input")
         found.append(one)
     has_energy = any(one.name == "energy_kWh" for one in found)
     for signal in signals:

@@ -25,14 +25,14 @@ DecidedBy = Literal["given", "rise", "magnitude", "uncertainty", "nothing"]
 PERCENT = f"{100.0 * SHARE:.0f} %"
 
 RULE = (
-    f"The larger of two limits. First, {PERCENT} of the rise for a temperature of the machine (what "
-    "the reference's rise over the sink exceeds for a twentieth of the time; without a sink, over "
-    f"its lowest reading), {PERCENT} of the reference's largest magnitude for any other signal, no "
-    "such limit for air and coolant. Second, the combined uncertainty of both sides, "
-    f"k = {COVER:.0f}, from the classes of the sensors, the step of the readings and the 95 % band "
-    f"of a simulation, as far as they are known. Figures such as the energy may differ by {PERCENT} "
-    "of the reference's. The shares are ours and follow no standard; a tolerance that is given "
-    "(--tolerance NAME=VALUE) takes the place of both limits."
+    f"The larger of two limits. First, {PERCENT} of the rise for a temperature of the machine "
+    "(what the reference's rise over the sink exceeds for a twentieth of the time; without a sink, "
+    f"over its lowest reading), {PERCENT} of the reference's largest magnitude for any other "
+    "signal, no such limit for air and coolant. Second, the combined uncertainty of both sides, "
+    f"k = {COVER:.0f}, from the classes of the sensors, the step of the readings and the 95 % "
+    "band of a simulation, as far as they are known. Figures such as the energy may differ by "
+    f"{PERCENT} of the reference's. The shares are ours and follow no standard; a tolerance that "
+    "is given (--tolerance NAME=VALUE) takes the place of both limits."
 )
 """The rule in words of the report."""
 

@@ -67,16 +67,30 @@ def validate(
     Raises:
         InputError: If they share no signal or no time, or the offset cannot be found.
     """
-    pair = _aligned(test, reference, motor, offset_s)
+    pair = align(test, reference, motor, offset_s)
+    return judge(test, reference, motor, pair, tolerances or {})
+
+
+def judge(
+    test: Record, reference: Reference, motor: Motor, pair: Pair, given: Mapping[str, float]
+) -> Validation:
+    """Judge two aligned records signal by signal, and figure by figure.
+
+    Args:
+        test: The record whose clock the pair is on.
+        reference: The other prototype's.
+        motor: The machine.
+        pair: Both on one axis, or a part of it.
+        given: Tolerances of the user, as `validate`.
+    """
     bands = bands_on_axis(reference, pair)
-    given = tolerances or {}
     limits = _tolerances(test, reference, motor, pair, bands, given)
     signals = compare_signals(pair, limits, bands, reference.inputs)
     from_s, to_s = float(pair.time_s[0]), float(pair.time_s[-1])
     shift_s = pair.offset.offset_s
     figures = compare_figures(
         within(test, from_s, to_s), within(reference.record, from_s - shift_s, to_s - shift_s),
-        motor, signals, given,
+        motor, signals, given, reference.inputs,
     )  # fmt: skip
     findings = (*pair.findings, *_not_used(given, pair, figures))
     return Validation(pair, signals, figures, bands, findings)
@@ -101,12 +115,21 @@ def _tolerances(
     return found
 
 
-def _aligned(test: Record, reference: Reference, motor: Motor, offset_s: float | None) -> Pair:
-    """The pair at an offset that is given, brought along by the reference, or found.
+def align(test: Record, reference: Reference, motor: Motor, offset_s: float | None) -> Pair:
+    """Return the pair at an offset that is given, brought along by the reference, or found.
 
     The inputs in a simulated record are means over the step before each stamp, its temperatures
     those at the stamp: a search by the inputs is off by half a step for the temperatures. So the
     offset that such a record brings along holds where the search is within a step of it.
+
+    Args:
+        test: The record whose clock is kept.
+        reference: The other prototype's.
+        motor: The machine.
+        offset_s: As `validate`.
+
+    Raises:
+        InputError: As `validate`.
     """
     if offset_s is not None:
         return pair_records(test, reference.record, motor, offset_s=offset_s)

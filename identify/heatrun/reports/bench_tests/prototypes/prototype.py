@@ -1,0 +1,76 @@
+"""A prototype of a comparison: its role, and the record that stands for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ....bench.joined import read_test
+from ....bench.record import Record
+from ....errors import UsageError
+from ....motor import Motor
+from ..reference import Reference, read_reference, reference_of_run
+from ..simulated import Simulated, simulate_run
+
+
+@dataclass(frozen=True)
+class Prototype:
+    """One prototype.
+
+    Attributes:
+        role: As given on the command line, such as `"semi-real"`.
+        reference: Its record with bands, and what is known of how it came about.
+        simulated: The prediction, where a run stands for it.
+    """
+
+    role: str
+    reference: Reference
+    simulated: Simulated | None = None
+
+    @property
+    def record(self) -> Record:
+        """The record on its own clock."""
+        return self.reference.record
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether heatrun simulated it."""
+        return self.reference.is_simulated
+
+
+def read_prototypes(roles: Sequence[tuple[str, Path]], motor: Motor) -> tuple[Prototype, ...]:
+    """Read the record of each prototype; a run is driven by the first measured one.
+
+    Args:
+        roles: Role and file of each; the folder of a run stands for a virtual prototype.
+        motor: The machine.
+
+    Returns:
+        In the order given.
+
+    Raises:
+        InputError: If a file or run cannot be read.
+        UsageError: If there is a run and no measured record to drive it.
+    """
+    records = {
+        role: Prototype(role, _read(path, motor)) for role, path in roles if not path.is_dir()
+    }
+    measured = next((p for p in records.values() if not p.is_simulated), None)
+    found = []
+    for role, path in roles:
+        if role in records:
+            found.append(records[role])
+            continue
+        if measured is None:
+            raise UsageError(f"{role}: a run needs a measured record among the others to drive it.")
+        simulated = simulate_run(path, measured.record, motor)
+        found.append(Prototype(role, reference_of_run(simulated, path, motor), simulated))
+    return tuple(found)
+
+
+def _read(path: Path, motor: Motor) -> Reference:
+    """A file that is there is read with its bands; any other word is a test of several files."""
+    if path.exists():
+        return read_reference(path, motor)
+    return Reference(read_test(path, motor))
