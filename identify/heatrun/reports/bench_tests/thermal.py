@@ -19,6 +19,7 @@ from .analysis.thermal_behaviour import ThermalBehaviour, thermal_behaviour
 from .card import TEST_TYPES
 from .figures import thermal as figures
 from .figures.plot import wording
+from .independence import before, fitted_by
 from .report import Column, Drawing, Line, Report, Row, Table
 from .simulated import Simulated
 
@@ -93,7 +94,7 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
         title=TEST_TYPES["thermal"].title,
         test=record.name,
         motor=motor.name,
-        summary=_summary(record, found),
+        summary=before([] if run is None else [fitted_by(run, record)], _summary(record, found)),
         rows=tuple(rows),
         tables=tuple(tables),
         drawings=tuple(drawings),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from functools import partial
+from pathlib import Path
 from typing import Literal
 
 from ...bench.record import Record
@@ -16,6 +17,7 @@ from .analysis.validation import Validation, validate
 from .card import TEST_TYPES
 from .figures.pair import overlay
 from .figures.plot import unit, wording
+from .independence import before, fitted_by, same_file, simulated_as
 from .reference import Reference
 from .report import Column, Drawing, Line, Report, Row, Table
 
@@ -80,7 +82,7 @@ def validation_report(
         title=TEST_TYPES[kind].title,
         test=record.name,
         motor=motor.name,
-        summary=_summary(found),
+        summary=before(_first(kind, record, reference), _summary(found)),
         rows=_rows(found, reference),
         tables=_tables(found),
         drawings=tuple(
@@ -99,6 +101,16 @@ def validation_report(
         sources=(*record.sources, *reference.record.sources),
         result=found,
     )
+
+
+def _first(kind: Literal["virtual", "real"], record: Record, reference: Reference) -> list[str]:
+    """What makes the comparison weaker than it looks."""
+    sentences = [simulated_as("the test", record), same_file(record, reference.record)]
+    if kind == "real":
+        sentences.append(simulated_as("the reference", reference.record))
+    if reference.run:
+        sentences.append(fitted_by(Path(reference.run), record))
+    return sentences
 
 
 def _summary(found: Validation) -> str:

@@ -46,7 +46,7 @@ class Confrontation:
 
     Attributes:
         prototypes: In the order given.
-        base: The one whose clock is kept: the first that was measured.
+        base: The one whose clock is kept: the first that was measured, or what drove a run.
         shift_s: What is added to each prototype's clock to give the base's [s], by role.
         window_s: First and last moment common to all, on the base's clock [s].
         pairs: Every pair.
@@ -84,17 +84,18 @@ def confront(
     Raises:
         InputError: If a prototype cannot be aligned with the base, or there is no time in common.
     """
-    base = next((p for p in prototypes if not p.is_simulated), prototypes[0])
+    base = _base(prototypes)
     given, aligned, findings = tolerances or {}, {}, []
     couples = [_ordered(a, b) for a, b in combinations(prototypes, 2)]
     # those with the base first: the others may have to go by them
-    couples.sort(key=lambda couple: base not in couple)
+    couples.sort(key=lambda couple: all(each is not base for each in couple))
     shift_s = {base.role: 0.0}
     for later, earlier in couples:
+        driven_s = _driven_offset(later, earlier, base, shift_s)
         try:
-            pair = align(later.record, earlier.reference, motor, None)
+            pair = align(later.record, earlier.reference, motor, driven_s)
         except InputError as error:
-            if base in (later, earlier):
+            if base is later or base is earlier:
                 raise
             offset_s = shift_s[earlier.role] - shift_s[later.role]
             pair = align(later.record, earlier.reference, motor, offset_s)
@@ -116,6 +117,22 @@ def confront(
     return Confrontation(
         tuple(prototypes), base, shift_s, window_s, tuple(pairs), information, (), tuple(findings)
     )
+
+
+def _base(prototypes: Sequence[Prototype]) -> Prototype:
+    drivers = {p.driven_by for p in prototypes}
+    measured = [p for p in prototypes if not p.is_simulated]
+    driving = [p for p in measured if p.role in drivers]
+    return [*driving, *measured, *prototypes][0]
+
+
+def _driven_offset(
+    later: Prototype, earlier: Prototype, base: Prototype, shift_s: Mapping[str, float]
+) -> float | None:
+    """The offset of a run that the base drove: it is on the base's clock; None for a file."""
+    if not earlier.reference.run or base is later or base is earlier:
+        return None
+    return -shift_s[later.role]
 
 
 def _ordered(first: Prototype, second: Prototype) -> tuple[Prototype, Prototype]:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ....bench.checks.samples import sink_channel
 from ....bench.record import Finding
 from ....motor import Motor
 from ..analysis.compare_signals import SignalComparison
@@ -14,7 +13,7 @@ from ..analysis.drive import has
 from ..analysis.validation import Validation, validate
 from ..reference import reference_of_run
 from ..simulated import Simulated, simulate_run
-from .prototype import Prototype
+from .prototype import Prototype, drives
 
 
 @dataclass(frozen=True)
@@ -66,14 +65,14 @@ def judge_network(
     Raises:
         InputError: If the run cannot be read, or a prediction leaves all temperatures.
     """
-    needed = ("phase_current_A", "losses_W", sink_channel(motor))
     measured = [p for p in prototypes if not p.is_simulated]
-    drivers = [p for p in measured if has(p.record, *needed)]
+    drivers = [p for p in measured if drives(p.record, motor)]
     found, findings = [], []
     driven: dict[str, Simulated] = {}
     for prototype in measured:
         if not drivers or not has(prototype.record, "winding_degC"):
-            lacking = "winding_degC" if drivers else " or ".join(needed) + " of any of them"
+            load = "current, losses and sink, as do all the others"
+            lacking = "winding_degC" if drivers else load
             findings.append(_not_judged(prototype, lacking))
             continue
         driver = prototype if prototype in drivers else drivers[0]

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ....bench.checks.samples import sink_channel
 from ....bench.joined import read_test
 from ....bench.record import Record
 from ....errors import UsageError
 from ....motor import Motor
+from ..analysis.drive import has
 from ..reference import Reference, read_reference, reference_of_run
 from ..simulated import Simulated, simulate_run
 
@@ -22,11 +24,13 @@ class Prototype:
         role: As given on the command line, such as `"semi-real"`.
         reference: Its record with bands, and what is known of how it came about.
         simulated: The prediction, where a run stands for it.
+        driven_by: Role of the record that drove that run; empty for a file.
     """
 
     role: str
     reference: Reference
     simulated: Simulated | None = None
+    driven_by: str = ""
 
     @property
     def record(self) -> Record:
@@ -40,7 +44,7 @@ class Prototype:
 
 
 def read_prototypes(roles: Sequence[tuple[str, Path]], motor: Motor) -> tuple[Prototype, ...]:
-    """Read the record of each prototype; a run is driven by the first measured one.
+    """Read the record of each prototype; a run is driven by the first measured one that can.
 
     Args:
         roles: Role and file of each; the folder of a run stands for a virtual prototype.
@@ -56,17 +60,24 @@ def read_prototypes(roles: Sequence[tuple[str, Path]], motor: Motor) -> tuple[Pr
     records = {
         role: Prototype(role, _read(path, motor)) for role, path in roles if not path.is_dir()
     }
-    measured = next((p for p in records.values() if not p.is_simulated), None)
+    measured = [p for p in records.values() if not p.is_simulated]
+    driver = next((p for p in measured if drives(p.record, motor)), next(iter(measured), None))
     found = []
     for role, path in roles:
         if role in records:
             found.append(records[role])
             continue
-        if measured is None:
+        if driver is None:
             raise UsageError(f"{role}: a run needs a measured record among the others to drive it.")
-        simulated = simulate_run(path, measured.record, motor)
-        found.append(Prototype(role, reference_of_run(simulated, path, motor), simulated))
+        simulated = simulate_run(path, driver.record, motor)
+        reference = reference_of_run(simulated, path, motor)
+        found.append(Prototype(role, reference, simulated, driver.role))
     return tuple(found)
+
+
+def drives(record: Record, motor: Motor) -> bool:
+    """Return whether a record holds what drives a network: current, losses and sink."""
+    return has(record, "phase_current_A", "losses_W", sink_channel(motor))
 
 
 def _read(path: Path, motor: Motor) -> Reference:

@@ -17,6 +17,9 @@ from .on_network import OnNetwork
 DECIDED = {"uncertainty": "instruments"}
 """What decided a tolerance, where the word of the column is another one."""
 
+IN_FULL = 3
+"""So many pairs that do not agree are told in full on the first lines; the tables tell all."""
+
 PAIR_COLUMNS = (
     Column("clock offset", "s"),
     Column("bias"),
@@ -67,8 +70,11 @@ def signals_of(found: Confrontation) -> tuple[str, ...]:
 
 
 def summary(found: Confrontation) -> str:
-    """Return what came out, pair by pair, in sentences."""
-    sentences = [_pair_sentence(pair) for pair in found.pairs]
+    """Return what came out in sentences: which pairs agree, and where the others do not."""
+    agreeing = [p.name for p in found.pairs if _counts(p)[1] and _counts(p)[0] == _counts(p)[1]]
+    others = [pair for pair in found.pairs if pair.name not in agreeing]
+    sentences = [f"Agree in all that is judged: {', '.join(agreeing)}."] if agreeing else []
+    sentences += [_pair_sentence(pair, in_full=len(others) <= IN_FULL) for pair in others]
     sentences += [_network_sentence(one) for one in found.networks]
     return " ".join(sentences)
 
@@ -99,17 +105,16 @@ def tables(found: Confrontation) -> tuple[Table, ...]:
     return tuple(made)
 
 
-def _pair_sentence(pair: Compared) -> str:
+def _pair_sentence(pair: Compared, *, in_full: bool) -> str:
     agree, judged = _counts(pair)
     if not judged:
         return f"{pair.name}: nothing in common is evidence."
     signals = [s for s in pair.validation.judged if s.verdict != "agrees"]
     figures = [f for f in pair.validation.judged_figures if f.verdict != "agrees"]
-    if not signals and not figures:
-        return f"{pair.name}: {agree} of {judged} judged signals and figures agree."
     words = [f"{wording(s.channel)} ({_deviation(s)})" for s in signals]
     words += [disagreement(f) for f in figures]
-    return f"{pair.name}: {agree} of {judged} agree; not {', '.join(words)}."
+    head = f"{pair.name}: {agree} of {judged} agree"
+    return f"{head}; not {', '.join(words)}." if in_full else f"{head}."
 
 
 def _deviation(signal: SignalComparison) -> str:
@@ -121,7 +126,7 @@ def _deviation(signal: SignalComparison) -> str:
 
 def _network_sentence(one: OnNetwork) -> str:
     parts = [
-        f"{wording(s.channel)} {s.verdict} (bias {s.bias:+.2f} K, RMSE {s.rmse:.2f} K)"
+        f"{wording(s.channel)} {s.verdict} (bias {s.bias:+.1f} K, RMSE {s.rmse:.1f} K)"
         for s in one.temperatures
     ]
     return f"Network of the run on {one.prototype.role}: {', '.join(parts)}."
