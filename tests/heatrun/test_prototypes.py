@@ -59,7 +59,7 @@ def truth() -> dict[str, np.ndarray]:
 def folder(tmp_path_factory, truth) -> Path:
     """Virtual prototype, and a repeat on the bench with what was put into it."""
     at = tmp_path_factory.mktemp("prototypes")
-    virtual = {name: values[::10] for name, values in truth.items()}
+    virtual = {name: values[::20] for name, values in truth.items()}
     write(at / "Model_2024_03_05_001.csv", virtual)
     bench = columns(BENCH)
     later = bench["time_s"] >= LATER_S
@@ -160,8 +160,14 @@ def test_the_titles_are_the_roles_and_the_files_are_as_of_other_reports(report, 
     assert names == [f"PrototypesComparison_2024_03_05_001.{end}" for end in ("csv", "json", "pdf")]
     text = "".join(page.extract_text() for page in PdfReader(folder / "out" / names[2]).pages)
     assert "Semi-real against" not in text
-    assert "winding (biased by +2.5 K)" in " ".join(text.split())
-    assert report["summary"].count("semi-real-2 − semi-real:") == 1
+    # 11 signals and 7 figures: what was put in shows in the winding, and by way of the current in
+    # two energies and two consumptions
+    told = (
+        "semi-real-2 − semi-real: 13 of 18 agree; not winding, energy, energy without "
+        "regeneration, consumption, consumption without regeneration."
+    )
+    assert told in report["summary"]
+    assert told.replace(" ", "") in "".join(text.split())
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from ...bench.record import Record
@@ -54,6 +55,8 @@ def build_report(
     if reference is None:
         assert run is not None  # by check_use
         reference = reference_of_run(simulate_run(run, record, motor), run, motor)
+    if kind == "virtual":
+        reference = replace(reference, is_model=True)
     return validation_report(
         kind, motor, record, reference, tolerances=tolerances, offset_s=offset_s
     )

@@ -118,7 +118,7 @@ def _summary(found: Validation) -> str:
     if not judged and not figures:
         return "No signal in common is evidence: nothing is validated."
     agreeing = [wording(s.channel) for s in judged if s.verdict == "agrees"]
-    agreeing += [_lower(f.label) for f in figures if f.verdict == "agrees"]
+    agreeing += [lower(f.label) for f in figures if f.verdict == "agrees"]
     others = [f"{wording(s.channel)} ({s.verdict})" for s in judged if s.verdict != "agrees"]
     others += [disagreement(f) for f in figures if f.verdict != "agrees"]
     if not others:
@@ -132,11 +132,12 @@ def _summary(found: Validation) -> str:
 def disagreement(figure: FigureComparison) -> str:
     """Return a figure that does not agree, with its difference, in words."""
     if figure.difference_percent is None:
-        return f"{_lower(figure.label)} ({figure.verdict})"
-    return f"{_lower(figure.label)} ({figure.verdict} by {figure.difference_percent:+.1f} %)"
+        return f"{lower(figure.label)} ({figure.verdict})"
+    return f"{lower(figure.label)} ({figure.verdict} by {figure.difference_percent:+.1f} %)"
 
 
-def _lower(label: str) -> str:
+def lower(label: str) -> str:
+    """Return a label as it stands inside a sentence."""
     return label[0].lower() + label[1:]
 
 

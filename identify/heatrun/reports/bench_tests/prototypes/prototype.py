@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ....bench.checks.samples import sink_channel
@@ -39,7 +39,7 @@ class Prototype:
 
     @property
     def is_simulated(self) -> bool:
-        """Whether heatrun simulated it."""
+        """Whether it is a simulation, by heatrun or, as its role says, by another program."""
         return self.reference.is_simulated
 
 
@@ -58,7 +58,9 @@ def read_prototypes(roles: Sequence[tuple[str, Path]], motor: Motor) -> tuple[Pr
         UsageError: If there is a run and no measured record to drive it.
     """
     records = {
-        role: Prototype(role, _read(path, motor)) for role, path in roles if not path.is_dir()
+        role: Prototype(role, replace(_read(path, motor), is_model=is_virtual(role)))
+        for role, path in roles
+        if not path.is_dir()
     }
     measured = [p for p in records.values() if not p.is_simulated]
     driver = next((p for p in measured if drives(p.record, motor)), next(iter(measured), None))
@@ -73,6 +75,11 @@ def read_prototypes(roles: Sequence[tuple[str, Path]], motor: Motor) -> tuple[Pr
         reference = reference_of_run(simulated, path, motor)
         found.append(Prototype(role, reference, simulated, driver.role))
     return tuple(found)
+
+
+def is_virtual(role: str) -> bool:
+    """Return whether a role is that of a model."""
+    return role.lower().startswith("virtual")
 
 
 def drives(record: Record, motor: Motor) -> bool:

@@ -18,7 +18,7 @@ from ..independence import before, fitted_by, same_file, simulated_as
 from ..report import Drawing, Report
 from .confront import Confrontation, confront
 from .on_network import judge_network
-from .prototype import Prototype
+from .prototype import Prototype, is_virtual
 from .tables import rows, signals_of, summary, tables
 
 DEFINITIONS = (
@@ -86,7 +86,7 @@ def _first(found: Confrontation, run: Path | None) -> list[str]:
     """What makes the comparison weaker than it looks."""
     sentences = []
     for prototype in found.prototypes:
-        if not prototype.role.lower().startswith("virtual"):
+        if not is_virtual(prototype.role):
             sentences.append(simulated_as(prototype.role, prototype.record))
         if prototype.simulated is not None and prototype.simulated.is_seen:
             sentences.append(fitted_by(Path(prototype.reference.run), found.base.record))

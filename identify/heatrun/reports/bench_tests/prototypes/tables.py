@@ -10,15 +10,20 @@ from ..analysis.general_information import FIGURES
 from ..card import NOT_OF_THE_MACHINE
 from ..figures.plot import unit, wording
 from ..report import Column, Line, Row, Table
-from ..validation_report import disagreement
+from ..validation_report import disagreement, lower
 from .confront import Compared, Confrontation
 from .on_network import OnNetwork
+from .prototype import Prototype
 
 DECIDED = {"uncertainty": "instruments"}
 """What decided a tolerance, where the word of the column is another one."""
 
-IN_FULL = 3
-"""So many pairs that do not agree are told in full on the first lines; the tables tell all."""
+IN_FULL, NAMED = 3, 8
+"""So many pairs that do not agree are told in full on the first lines, so many by what does not;
+of more there is room for the counts, and the tables tell all."""
+
+AT_A_GLANCE = 6
+"""Pairs whose verdicts fit beside each other across a page."""
 
 PAIR_COLUMNS = (
     Column("clock offset", "s"),
@@ -74,7 +79,7 @@ def summary(found: Confrontation) -> str:
     agreeing = [p.name for p in found.pairs if _counts(p)[1] and _counts(p)[0] == _counts(p)[1]]
     others = [pair for pair in found.pairs if pair.name not in agreeing]
     sentences = [f"Agree in all that is judged: {', '.join(agreeing)}."] if agreeing else []
-    sentences += [_pair_sentence(pair, in_full=len(others) <= IN_FULL) for pair in others]
+    sentences += [_pair_sentence(pair, len(others)) for pair in others]
     sentences += [_network_sentence(one) for one in found.networks]
     return " ".join(sentences)
 
@@ -98,23 +103,27 @@ def rows(found: Confrontation) -> tuple[Row, ...]:
 
 def tables(found: Confrontation) -> tuple[Table, ...]:
     """Return all further tables."""
-    made = [_records(found), _clocks(found), _at_a_glance(found), *_signals(found)]
+    glance = [_at_a_glance(found)] if len(found.pairs) <= AT_A_GLANCE else []
+    made = [_records(found), _clocks(found), *glance, *_signals(found)]
     made += [_information(found), *_figures(found)]
     if found.networks:
         made.append(_networks(found))
     return tuple(made)
 
 
-def _pair_sentence(pair: Compared, *, in_full: bool) -> str:
+def _pair_sentence(pair: Compared, num_told: int) -> str:
     agree, judged = _counts(pair)
     if not judged:
         return f"{pair.name}: nothing in common is evidence."
     signals = [s for s in pair.validation.judged if s.verdict != "agrees"]
     figures = [f for f in pair.validation.judged_figures if f.verdict != "agrees"]
-    words = [f"{wording(s.channel)} ({_deviation(s)})" for s in signals]
-    words += [disagreement(f) for f in figures]
+    if num_told <= IN_FULL:
+        words = [f"{wording(s.channel)} ({_deviation(s)})" for s in signals]
+        words += [disagreement(f) for f in figures]
+    else:
+        words = [wording(s.channel) for s in signals] + [lower(f.label) for f in figures]
     head = f"{pair.name}: {agree} of {judged} agree"
-    return f"{head}; not {', '.join(words)}." if in_full else f"{head}."
+    return f"{head}; not {', '.join(words)}." if num_told <= NAMED else f"{head}."
 
 
 def _deviation(signal: SignalComparison) -> str:
@@ -148,14 +157,19 @@ def _records(found: Confrontation) -> Table:
                                                                 strict=True)]  # fmt: skip
     lines = (
         Line("record", "", tuple(p.record.name for p in found.prototypes)),
-        Line("came about", "", tuple("simulated by heatrun" if p.is_simulated else "file"
-                                     for p in found.prototypes)),
+        Line("came about", "", tuple(_origin(p) for p in found.prototypes)),
         Line("begins, on the clock kept", "s", tuple(from_s)),
         Line("lasts", "min", tuple(float(a[-1] - a[0]) / 60.0 for a in axes)),
         Line("sampling period", "s", tuple(median_step(a) for a in axes)),
         Line("samples", "1", tuple(float(a.size) for a in axes)),
     )  # fmt: skip
     return Table("Prototypes", columns, lines)
+
+
+def _origin(prototype: Prototype) -> str:
+    if prototype.reference.is_of_heatrun:
+        return "simulated by heatrun"
+    return "model, by its role" if prototype.is_simulated else "measured"
 
 
 def _clocks(found: Confrontation) -> Table:
