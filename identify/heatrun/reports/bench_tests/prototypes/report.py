@@ -19,7 +19,8 @@ from ..report import Drawing, Report
 from .confront import Confrontation, confront
 from .on_network import judge_network
 from .prototype import Prototype, is_virtual
-from .tables import rows, signals_of, summary, tables
+from .summary import summary
+from .tables import rows, signals_of, tables
 
 DEFINITIONS = (
     ("Difference", "The later prototype less the earlier one, as the pair is named; means are "

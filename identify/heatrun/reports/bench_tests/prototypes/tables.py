@@ -10,17 +10,12 @@ from ..analysis.general_information import FIGURES
 from ..card import NOT_OF_THE_MACHINE
 from ..figures.plot import unit, wording
 from ..report import Column, Line, Row, Table
-from ..validation_report import disagreement, lower
 from .confront import Compared, Confrontation
-from .on_network import OnNetwork
 from .prototype import Prototype
+from .summary import counts
 
 DECIDED = {"uncertainty": "instruments"}
 """What decided a tolerance, where the word of the column is another one."""
-
-IN_FULL, NAMED = 3, 8
-"""So many pairs that do not agree are told in full on the first lines, so many by what does not;
-of more there is room for the counts, and the tables tell all."""
 
 AT_A_GLANCE = 6
 """Pairs whose verdicts fit beside each other across a page."""
@@ -39,8 +34,7 @@ PAIR_COLUMNS = (
 CLOCK_COLUMNS = (
     Column("clock offset", "s"),
     Column("standard uncertainty", "s"),
-    Column("agree", "1"),
-    Column("judged", "1"),
+    Column("agree", ""),
 )
 FIGURE_COLUMNS = (
     Column("later"),
@@ -74,16 +68,6 @@ def signals_of(found: Confrontation) -> tuple[str, ...]:
     return tuple(sorted(shared, key=place))
 
 
-def summary(found: Confrontation) -> str:
-    """Return what came out in sentences: which pairs agree, and where the others do not."""
-    agreeing = [p.name for p in found.pairs if _counts(p)[1] and _counts(p)[0] == _counts(p)[1]]
-    others = [pair for pair in found.pairs if pair.name not in agreeing]
-    sentences = [f"Agree in all that is judged: {', '.join(agreeing)}."] if agreeing else []
-    sentences += [_pair_sentence(pair, len(others)) for pair in others]
-    sentences += [_network_sentence(one) for one in found.networks]
-    return " ".join(sentences)
-
-
 def rows(found: Confrontation) -> tuple[Row, ...]:
     """Return the main table: who stands where on which clock, and how many signals agree."""
     from_s, to_s = found.window_s
@@ -93,7 +77,7 @@ def rows(found: Confrontation) -> tuple[Row, ...]:
             f"from {from_s:.1f} s on the clock of {found.base.role}"),
     ]  # fmt: skip
     for pair in found.pairs:
-        agree, judged = _counts(pair)
+        agree, judged = counts(pair)
         main.append(
             Row(f"agree_{_name(pair)}", f"Agreement of {pair.name}", f"{agree} of {judged}", "",
                 "judged signals and figures")
@@ -111,41 +95,6 @@ def tables(found: Confrontation) -> tuple[Table, ...]:
     return tuple(made)
 
 
-def _pair_sentence(pair: Compared, num_told: int) -> str:
-    agree, judged = _counts(pair)
-    if not judged:
-        return f"{pair.name}: nothing in common is evidence."
-    signals = [s for s in pair.validation.judged if s.verdict != "agrees"]
-    figures = [f for f in pair.validation.judged_figures if f.verdict != "agrees"]
-    if num_told <= IN_FULL:
-        words = [f"{wording(s.channel)} ({_deviation(s)})" for s in signals]
-        words += [disagreement(f) for f in figures]
-    else:
-        words = [wording(s.channel) for s in signals] + [lower(f.label) for f in figures]
-    head = f"{pair.name}: {agree} of {judged} agree"
-    return f"{head}; not {', '.join(words)}." if num_told <= NAMED else f"{head}."
-
-
-def _deviation(signal: SignalComparison) -> str:
-    if signal.verdict != "biased":
-        return signal.verdict
-    symbol = unit(signal.channel, is_difference=True)
-    return f"biased by {signal.bias:+.2g} {symbol}"
-
-
-def _network_sentence(one: OnNetwork) -> str:
-    parts = [
-        f"{wording(s.channel)} {s.verdict} (bias {s.bias:+.1f} K, RMSE {s.rmse:.1f} K)"
-        for s in one.temperatures
-    ]
-    return f"Network of the run on {one.prototype.role}: {', '.join(parts)}."
-
-
-def _counts(pair: Compared) -> tuple[int, int]:
-    judged = [*pair.validation.judged, *pair.validation.judged_figures]
-    return sum(one.verdict == "agrees" for one in judged), len(judged)
-
-
 def _name(pair: Compared) -> str:
     return f"{pair.later.role} minus {pair.earlier.role}".replace(" ", "_")
 
@@ -158,12 +107,17 @@ def _records(found: Confrontation) -> Table:
     lines = (
         Line("record", "", tuple(p.record.name for p in found.prototypes)),
         Line("came about", "", tuple(_origin(p) for p in found.prototypes)),
-        Line("begins, on the clock kept", "s", tuple(from_s)),
+        Line("begins, on the clock kept", "s", tuple(map(_milliseconds, from_s))),
         Line("lasts", "min", tuple(float(a[-1] - a[0]) / 60.0 for a in axes)),
         Line("sampling period", "s", tuple(median_step(a) for a in axes)),
         Line("samples", "1", tuple(float(a.size) for a in axes)),
     )  # fmt: skip
     return Table("Prototypes", columns, lines)
+
+
+def _milliseconds(seconds: float) -> float:
+    """An offset to the millisecond, which no search finds: the rest would be printed as 4e-04."""
+    return round(seconds, 3) + 0.0
 
 
 def _origin(prototype: Prototype) -> str:
@@ -176,9 +130,9 @@ def _clocks(found: Confrontation) -> Table:
     lines = []
     for pair in found.pairs:
         offset = pair.validation.pair.offset
-        agree, judged = _counts(pair)
+        agree, judged = counts(pair)
         sd_s = offset.sd_s if offset.sd_s > 0.0 else None
-        cells = (offset.offset_s, sd_s, float(agree), float(judged))
+        cells = (_milliseconds(offset.offset_s), sd_s, f"{agree} of {judged}")
         lines.append(Line(pair.name, "", cells, offset.method))
     return Table("Clocks of the pairs", CLOCK_COLUMNS, tuple(lines))
 
@@ -212,7 +166,7 @@ def _signals(found: Confrontation) -> list[Table]:
 def _line(pair: Compared, signal: SignalComparison) -> Line:
     decided = signal.tolerance.decided_by
     cells = (
-        pair.validation.pair.offset.offset_s,
+        _milliseconds(pair.validation.pair.offset.offset_s),
         signal.bias,
         signal.rmse,
         signal.largest,
