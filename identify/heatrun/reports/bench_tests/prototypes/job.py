@@ -50,4 +50,5 @@ def make_prototypes_report(
     when = date_of_test(dict(roles)[report.result.base.role])
     with writable("the folder of the reports", out):
         out.mkdir(parents=True, exist_ok=True)
-    return write_report(report.test, report, when, out)
+    stretch = ", ".join(p.record.stretch for p in prototypes if p.record.stretch)
+    return write_report(report.test, report, when, out, stretch)
