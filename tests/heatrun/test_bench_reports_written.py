@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from pypdf import PdfReader
 
-from heatrun.bench.joined import read_tests
+from heatrun.bench.joined import read_test, read_tests
 from heatrun.cli import main
 from heatrun.commands.report import TYPES
 from heatrun.motor import Motor
