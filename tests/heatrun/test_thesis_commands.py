@@ -18,7 +18,7 @@ FOLDERS = {"$P": "data/synthetic/prototypes", "$D": "data/synthetic", "$O": "res
 
 def commands() -> list[str]:
     """The commands of the page that are written out."""
-    found = re.findall(r"`(heatrun [^`]+)`", PAGE)
+    found = re.findall(r"`(heatrun \S+ [^`]+)`", PAGE)
     return [text for text in dict.fromkeys(found) if "…" not in text and "\\|" not in text]
 
 
