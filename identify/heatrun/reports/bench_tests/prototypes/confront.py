@@ -49,7 +49,7 @@ class Confrontation:
         base: The one whose clock is kept: the first that was measured, or what drove a run.
         shift_s: What is added to each prototype's clock to give the base's [s], by role.
         window_s: First and last moment common to all, on the base's clock [s].
-        pairs: Every pair.
+        pairs: Every pair that shares a signal.
         information: General Information over the time in common, by role; None where the record
             does not allow it.
         networks: The same network against each measured winding.
@@ -98,7 +98,11 @@ def confront(
             if base is later or base is earlier:
                 raise
             offset_s = shift_s[earlier.role] - shift_s[later.role]
-            pair = align(later.record, earlier.reference, motor, offset_s)
+            try:
+                pair = align(later.record, earlier.reference, motor, offset_s)
+            except InputError:  # they have nothing in common, each only with the base
+                findings.append(_without(later, earlier, error))
+                continue
             findings.append(_by_base(later, earlier, base, error))
         aligned[later.role, earlier.role] = pair
         if earlier is base:
@@ -109,6 +113,8 @@ def confront(
     window_s = _window(prototypes, shift_s)
     pairs = []
     for later, earlier in (_ordered(a, b) for a, b in combinations(prototypes, 2)):
+        if (later.role, earlier.role) not in aligned:
+            continue
         from_s, to_s = (moment - shift_s[later.role] for moment in window_s)
         pair = aligned[later.role, earlier.role].within(from_s, to_s)
         found = judge(later.record, earlier.reference, motor, pair, given)
@@ -176,6 +182,17 @@ def _by_base(later: Prototype, earlier: Prototype, base: Prototype, error: Input
         f"{later.record.name}, {earlier.record.name}",
         "The uncertainties of both ways add up.",
         base.record.name,
+    )
+
+
+def _without(later: Prototype, earlier: Prototype, error: InputError) -> Finding:
+    return Finding(
+        "pair_not_compared",
+        "warning",
+        f"{later.role} and {earlier.role} are not compared: {error.problem}",
+        f"{later.record.name}, {earlier.record.name}",
+        error.remedy,
+        later.record.name,
     )
 
 

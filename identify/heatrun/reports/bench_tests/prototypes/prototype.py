@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ....bench.checks.samples import sink_channel
-from ....bench.joined import read_test
+from ....bench.joined import parts_of, read_test
 from ....bench.record import Record
-from ....errors import UsageError
+from ....errors import InputError, UsageError
 from ....motor import Motor
 from ..analysis.drive import has
 from ..reference import Reference, read_reference, reference_of_run
@@ -89,6 +89,16 @@ def drives(record: Record, motor: Motor) -> bool:
 
 def _read(path: Path, motor: Motor) -> Reference:
     """A file that is there is read with its bands; any other word is a test of several files."""
-    if path.exists():
-        return read_reference(path, motor)
-    return Reference(read_test(path, motor))
+    if not path.exists():
+        return Reference(read_test(path, motor))
+    reference = read_reference(path, motor)
+    parts = parts_of(reference.record, motor)
+    if len(parts) > 1:
+        raise InputError(
+            f"The motor file uses {len(parts)} stretches of this test: "
+            f"{', '.join(part.stretch for part in parts)}.",
+            where=str(path),
+            remedy=f"Name the one that is meant, such as {path}@{parts[0].stretch}.",
+        )
+    # a band is on the axis of the whole file
+    return reference if reference.bands else replace(reference, record=parts[0])
