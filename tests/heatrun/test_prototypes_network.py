@@ -89,6 +89,9 @@ def test_a_run_stands_for_the_virtual_prototype_on_the_clock_of_what_drove_it(ma
     assert pairs["semi-real − virtual"].pair.offset.offset_s == 0.0
     # a reader counts from the first sample, so the clock of the file begins at 0
     assert pairs["real − virtual"].pair.offset.offset_s == pytest.approx(-EARLY, abs=0.5)
+    offset = pairs["real − virtual"].pair.offset
+    assert offset.method == "by way of semi-real"
+    assert offset.sd_s == pairs["semi-real − real"].pair.offset.sd_s > 0.0
     (winding,) = pairs["real − virtual"].judged
     assert winding.bias == pytest.approx(BIAS_K, abs=0.6)
 

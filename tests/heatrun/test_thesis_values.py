@@ -60,11 +60,7 @@ def test_the_printed_first_order_is_five_kelvin_low_after_a_minute(constants, he
     first = AMBIENT_DEGC + LOSSES_W * one["Req"] * (1.0 - np.exp(-np.array(seconds) / tau_s))
     # as data/thesis/README.md says
     assert first - second == pytest.approx([-4.8, -9.4, -9.8], abs=0.05)
-    for network, names, expected in (
-        ("first", "first_order", first),
-        ("second", "second_order", second),
-    ):
-        made = simulate_values(MOTOR, constants[names], held, network)
-        # rows are means over steps of 6 s: the curvature in them is far below 0.1 K
-        ours = np.interp(seconds, made["time_s"], made["winding_degC"])
-        assert ours == pytest.approx(expected, abs=0.1)
+    made = simulate_values(MOTOR, one, held, "first")
+    # rows are means over steps of 2 s: the curvature in them is far below 0.05 K
+    ours = np.interp(seconds, made["time_s"], made["winding_degC"])
+    assert ours == pytest.approx(first, abs=0.05)

@@ -57,8 +57,9 @@ def build_report(
         reference = reference_of_run(simulate_run(run, record, motor), run, motor)
     if kind == "virtual":
         reference = replace(reference, is_model=True)
+    role = "virtual" if kind == "virtual" else "real"
     return validation_report(
-        kind, motor, record, reference, tolerances=tolerances, offset_s=offset_s
+        role, motor, record, reference, tolerances=tolerances, offset_s=offset_s
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 from ....bench.record import Finding
@@ -84,7 +84,7 @@ def confront(
     Raises:
         InputError: If a prototype cannot be aligned with the base, or there is no time in common.
     """
-    base = _base(prototypes)
+    base = base_of(prototypes)
     given, aligned, findings = tolerances or {}, {}, []
     couples = [_ordered(a, b) for a, b in combinations(prototypes, 2)]
     # those with the base first: the others may have to go by them
@@ -103,7 +103,10 @@ def confront(
             except InputError:  # they have nothing in common, each only with the base
                 findings.append(_without(later, earlier, error))
                 continue
+            pair = _by_way_of(base, later, earlier, aligned, pair)
             findings.append(_by_base(later, earlier, base, error))
+        if driven_s is not None:
+            pair = _by_way_of(base, later, earlier, aligned, pair)
         aligned[later.role, earlier.role] = pair
         if earlier is base:
             shift_s[later.role] = -pair.offset.offset_s
@@ -125,7 +128,8 @@ def confront(
     )
 
 
-def _base(prototypes: Sequence[Prototype]) -> Prototype:
+def base_of(prototypes: Sequence[Prototype]) -> Prototype:
+    """Return the prototype whose clock is kept: what drove a run, else the first measured one."""
     drivers = {p.driven_by for p in prototypes}
     measured = [p for p in prototypes if not p.is_simulated]
     driving = [p for p in measured if p.role in drivers]
@@ -139,6 +143,20 @@ def _driven_offset(
     if not earlier.reference.run or base is later or base is earlier:
         return None
     return -shift_s[later.role]
+
+
+def _by_way_of(
+    base: Prototype,
+    later: Prototype,
+    earlier: Prototype,
+    aligned: Mapping[tuple[str, str], Pair],
+    pair: Pair,
+) -> Pair:
+    """The pair with how its offset came about, and the uncertainties of both ways together."""
+    ways = [p.offset.sd_s for roles, p in aligned.items()
+            if base.role in roles and {later.role, earlier.role} & set(roles)]  # fmt: skip
+    sd_s = sum(sd_s**2 for sd_s in ways) ** 0.5
+    return replace(pair, offset=replace(pair.offset, sd_s=sd_s, method=f"by way of {base.role}"))
 
 
 def _ordered(first: Prototype, second: Prototype) -> tuple[Prototype, Prototype]:

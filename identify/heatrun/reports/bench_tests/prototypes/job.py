@@ -9,6 +9,7 @@ from ....io.whole_files import writable
 from ....motor import Motor
 from ..job import Outcome, write_report
 from ..report_name import date_of_test
+from .confront import base_of
 from .prototype import read_prototypes
 from .report import prototypes_report
 
@@ -47,7 +48,8 @@ def make_prototypes_report(
         say(f"prototypes report of {', '.join(role for role, _ in roles)}")
     prototypes = read_prototypes(roles, motor)
     report = prototypes_report(motor, prototypes, run=run, tolerances=tolerances)
-    when = date_of_test(dict(roles)[report.result.base.role])
+    base = base_of(prototypes)
+    when = date_of_test(dict(roles)[base.role])
     with writable("the folder of the reports", out):
         out.mkdir(parents=True, exist_ok=True)
     stretch = ", ".join(p.record.stretch for p in prototypes if p.record.stretch)

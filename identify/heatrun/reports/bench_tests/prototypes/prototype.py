@@ -92,13 +92,13 @@ def _read(path: Path, motor: Motor) -> Reference:
     if not path.exists():
         return Reference(read_test(path, motor))
     reference = read_reference(path, motor)
-    parts = parts_of(reference.record, motor)
-    if len(parts) > 1:
+    first, *others = parts_of(reference.record, motor)
+    if others:
         raise InputError(
-            f"The motor file uses {len(parts)} stretches of this test: "
-            f"{', '.join(part.stretch for part in parts)}.",
+            f"The motor file uses {1 + len(others)} stretches of this test: "
+            f"{', '.join(part.stretch for part in (first, *others))}.",
             where=str(path),
-            remedy=f"Name the one that is meant, such as {path}@{parts[0].stretch}.",
+            remedy=f"Name the one that is meant, such as {path}@{first.stretch}.",
         )
     # a band is on the axis of the whole file
-    return reference if reference.bands else replace(reference, record=parts[0])
+    return reference if reference.bands else replace(reference, record=first)
