@@ -13,7 +13,7 @@ from ...io.printable import with_breaks
 from ...io.without_folders import without_folders
 from ..sheet.figures import save
 from ..sheet.typeset import typeset
-from .card import TEST_TYPES
+from .card import CARDS
 from .report import Cell, Report, Row, Table
 
 TEMPLATE = "report.typ"
@@ -53,7 +53,7 @@ def document_content(report: Report, content: Mapping[str, Any]) -> dict[str, An
     texts = {
         "version": f"heatrun {version('heatrun')}",
         "title": report.title,
-        "heading": TEST_TYPES[report.kind].heading,
+        "heading": CARDS[report.kind].heading,
         "test": report.test,
         "summary": report.summary,
         "meta": [["Motor", report.motor], ["Date of the test", dated]]
@@ -118,10 +118,9 @@ def _row(row: Row) -> list[str]:
 
 
 def _table(table: Table) -> dict[str, Any]:
-    head = [f"{c.label} [{c.unit}]" if c.unit not in (None, "", "1") else c.label
-            for c in table.columns]  # fmt: skip
+    head = [_with_unit(column.label, column.unit) for column in table.columns]
     lines = [
-        [f"{line.name} [{line.unit}]", *(_short(cell) for cell in line.cells)]
+        [_with_unit(line.name, line.unit), *(_short(cell) for cell in line.cells)]
         for line in table.lines
     ]
     notes = [f"{line.name}: {line.note}" for line in table.lines if line.note]
@@ -131,6 +130,10 @@ def _table(table: Table) -> dict[str, Any]:
         "lines": lines,
         "notes": [*notes, table.note] if table.note else notes,
     }
+
+
+def _with_unit(name: str, unit: str | None) -> str:
+    return name if unit in (None, "", "1") else f"{name} [{unit}]"
 
 
 def _short(value: Cell) -> str:

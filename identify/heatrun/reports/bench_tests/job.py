@@ -112,13 +112,27 @@ def make_report(
                     kind, motor, record, run=run, reference=other, tolerances=tolerances,
                     offset_s=offset_s,
                 )  # fmt: skip
-                outcomes.append(_write(name, report, when, out, record.stretch))
+                outcomes.append(write_report(name, report, when, out, record.stretch))
         except InputError as error:
             outcomes.append(Outcome(name, error=error))
     return outcomes
 
 
-def _write(test: str, report: Report, when: DateOfTest | None, out: Path, stretch: str) -> Outcome:
+def write_report(
+    test: str, report: Report, when: DateOfTest | None, out: Path, stretch: str
+) -> Outcome:
+    """Write a report as PDF, CSV and JSON, all or none.
+
+    Args:
+        test: As it was named.
+        report: What is written.
+        when: Date of the test, for the name.
+        out: Folder of the reports.
+        stretch: Part of the file that it is of; empty for all.
+
+    Raises:
+        InputError: If a file behind it has changed, or the folder cannot be written.
+    """
     refuse_changed(report.sources)
     identity = [source.sha256 for source in report.sources] or [report.test]
     identity += [stretch] if stretch else []

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ...bench.record import Record
 from ...errors import InputError
-from .card import TEST_TYPES
+from .card import CARDS
 
 ENDINGS = (
     *(".csv", ".txt", ".dat", ".tsv", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms"),
@@ -22,7 +22,7 @@ NO_TESTS = (
     "license",
     "sheet.xlsx",
     "~$",
-    *(card.stem.lower() for card in TEST_TYPES.values()),
+    *(card.stem.lower() for card in CARDS.values()),
 )
 """Beginnings of names beside bench files that are none: notes, parameter sheets, locks of Excel,
 and the reports themselves."""
