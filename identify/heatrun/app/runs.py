@@ -16,7 +16,7 @@ from ..runs.run import Run as OpenedRun
 from ..runs.run import course_name, open_run
 from ..runs.run_folder import MANIFEST
 from .folder import Stamp
-from .plots import Band
+from .plotting.linked import Band
 from .server.confined import is_inside, read_inside
 from .store import Opened
 
