@@ -64,18 +64,17 @@ def _either(light: str, dark: str) -> str:
 
 
 SCHEME = f"""
-    color-scheme: light dark;
-    --hr-paper: {_either(LIGHT.paper, DARK.paper)};
-    --hr-ink: {_either(LIGHT.ink, DARK.ink)};
-    --hr-faint: {_either(LIGHT.faint, DARK.faint)};
-    --panel-background-color: var(--hr-paper);
-    --panel-on-background-color: var(--hr-ink);
-    --panel-surface-color: {_either("#f3f4f6", "#20262d")};
-    --panel-on-surface-color: var(--hr-ink);
-    --panel-secondary-color: {_either("#e1e4e8", "#323a43")};
-    --panel-on-secondary-color: var(--hr-ink);
-    --panel-border-color: {_either("#d5dade", "#3a434d")};
-    --panel-shadow-color: {_either("rgba(60, 64, 67, 0.18)", "rgba(10, 14, 18, 0.6)")};
+    --hr-paper: {_either(LIGHT.paper, DARK.paper)} !important;
+    --hr-ink: {_either(LIGHT.ink, DARK.ink)} !important;
+    --hr-faint: {_either(LIGHT.faint, DARK.faint)} !important;
+    --panel-background-color: var(--hr-paper) !important;
+    --panel-on-background-color: var(--hr-ink) !important;
+    --panel-surface-color: {_either("#f3f4f6", "#20262d")} !important;
+    --panel-on-surface-color: var(--hr-ink) !important;
+    --panel-secondary-color: {_either("#e1e4e8", "#323a43")} !important;
+    --panel-on-secondary-color: var(--hr-ink) !important;
+    --panel-border-color: {_either("#d5dade", "#3a434d")} !important;
+    --panel-shadow-color: {_either("rgba(60, 64, 67, 0.18)", "rgba(10, 14, 18, 0.6)")} !important;
 """
 """The colours as the browser's `prefers-color-scheme` has them; the page's button sets
 `color-scheme` on the root, which all of them follow without a reload."""
@@ -84,7 +83,7 @@ SCHEME = f"""
 def css() -> str:
     """Return the style sheet of the page; it loads nothing from elsewhere."""
     return f"""
-    :root {{ {SCHEME} }}
+    :root {{ color-scheme: light dark; {SCHEME} }}
     :root, :host {{ --bokeh-base-font: {FONT}; --bokeh-font-size: 14px; }}
     body {{ font-family: {FONT}; background: var(--hr-paper); color: var(--hr-ink); }}
     #header {{ box-shadow: none; border-bottom: 1px solid var(--hr-faint); padding: 2px 12px; }}
@@ -97,6 +96,9 @@ def css() -> str:
     }}
     """
 
+
+PART_CSS = f":host {{ {SCHEME} }}"
+"""Style of each part of the page, to which the plain design gives colours for light alone."""
 
 TABS_CSS = """
     .bk-tab { color: var(--hr-ink); }

@@ -14,6 +14,7 @@ from bokeh.models import BoxSelectTool, ColumnDataSource, CustomJS, Div, Range1d
 from bokeh.plotting import figure
 
 from ...bench.channels.schema import CHANNELS
+from ...io.quantities import printed_unit
 from ..look import Look
 from .cursors import Cursors
 from .painting import add_legends, paint
@@ -209,7 +210,7 @@ class Plots:
     def _figure(self, unit: str) -> Any:
         plot = figure(
             width=NARROWEST_PX, height=LEAST_PX, sizing_mode="stretch_width", x_range=self.x_range,
-            y_axis_label=f"[{unit}]" if unit else None,
+            y_axis_label=f"[{printed_unit(unit)}]" if unit else None,
             tools="xpan,xwheel_zoom,xbox_zoom,box_zoom,reset,save", active_scroll="xwheel_zoom",
             active_drag="xbox_zoom", output_backend="canvas", min_border_left=70,
             min_border_top=2, min_border_bottom=2, name=f"plot {unit}",
@@ -232,7 +233,12 @@ class Plots:
         hover = CustomJS(
             args={
                 "lines": [
-                    [escape(label_of(trace, self.traces)), escape(trace.unit), piece, source]
+                    [
+                        escape(label_of(trace, self.traces)),
+                        escape(trace.printed_unit),
+                        piece,
+                        source,
+                    ]
                     for trace, piece, source in zip(
                         self.traces, self._samples, self._sources, strict=True
                     )

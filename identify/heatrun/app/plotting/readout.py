@@ -81,7 +81,7 @@ def cursor_table(
 
 
 def _cell(trace: Trace, traces: Sequence[Trace]) -> str:
-    name = escape(f"{trace.name} [{trace.unit}]")
+    name = escape(f"{trace.name} [{trace.printed_unit}]")
     if all(other.test == trace.test for other in traces):
         return name
     return f"{name}<br><span class='faded'>{escape(trace.test)}</span>"

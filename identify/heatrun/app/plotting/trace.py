@@ -8,6 +8,7 @@ import numpy as np
 from tsdownsample import MinMaxLTTBDownsampler
 
 from ...bench.channels.schema import CHANNEL
+from ...io.quantities import printed_unit
 
 GAP = 5.0
 """Steps without a reading, in medians of the signal's own step, that break the line."""
@@ -35,6 +36,11 @@ class Trace:
     value: np.ndarray
     step_s: float
     unit: str
+
+    @property
+    def printed_unit(self) -> str:
+        """The unit as it is written on the page."""
+        return printed_unit(self.unit) if self.channel in CHANNEL else self.unit
 
     @property
     def name(self) -> str:
