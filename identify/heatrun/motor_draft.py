@@ -14,7 +14,7 @@ from .bench.channels.schema import CHANNEL
 from .bench.survey import Survey, flat
 from .io.printable import printable
 from .motor_gaps import LONGEST_LINE, Gap, found_resistance, gaps
-from .motor_keys import COLUMNS, CONSTANTS, PARAMETERS, SECTIONS, SENSORS, Key, Section
+from .motor_keys import COLUMNS, CONSTANTS, PARAMETERS, SECTIONS, SENSORS, TESTS, Key, Section
 from .version import __version__
 
 WIDTH = 96
@@ -74,8 +74,9 @@ def _section(
     section: Section, name: str, surveys: Sequence[Survey], missing: Sequence[Gap]
 ) -> list[str]:
     lines = _comment(section.meaning)
-    if section is PARAMETERS:
-        lines.append("# [parameters.Ceq_w]")
+    shown_as = {PARAMETERS: "parameters.Ceq_w", TESTS: "tests.NAME"}.get(section)
+    if shown_as:
+        lines.append(f"# [{shown_as}]")
         for key in section.keys:
             lines += _comment(f"{key.meaning} Default: {key.default}.")
             lines.append(f"# {key.name} = {key.example}")

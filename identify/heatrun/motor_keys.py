@@ -112,6 +112,23 @@ SENSORS = Section(
     "against the model without fitting it. Where nothing is said, the network decides.",
 )  # fmt: skip
 
+TESTS = Section(
+    "tests.NAME",
+    "Which parts of a test count; NAME is the file without its ending, in quotes where it has "
+    "other characters than letters, digits, - and _. Times are in seconds from the first sample "
+    'of the file, or texts such as "90 min". Behind a file on the command line, '
+    "FILE@10min..90min says the same for once.",
+    (
+        Key("use", "Stretches that are used. Each of several becomes a test with temperatures of "
+            "its own at the start: so a record is split at a gap.", "[[600, 5400], [7200, 9000]]",
+            "the whole record"),
+        Key("use_rows", "The same by samples, counted from 1: for a clock that was set back.",
+            "[[1, 5000], [5001, 9000]]", "the whole record"),
+        Key("mask", "Windows whose readings of winding and bodies are not compared with the model; "
+            "current and losses are simulated through.", "[[1800, 1920]]", "none"),
+    ),
+)  # fmt: skip
+
 MODEL = Section(
     "model",
     "What every model of this machine has.",
@@ -150,7 +167,7 @@ PARAMETERS = Section(
 )  # fmt: skip
 
 SECTIONS: tuple[Section, ...] = (
-    MOTOR, WINDING, VEHICLE, COLUMNS, CONSTANTS, SENSORS, MODEL, ADEQUACY, PARAMETERS,
+    MOTOR, WINDING, VEHICLE, COLUMNS, CONSTANTS, SENSORS, TESTS, MODEL, ADEQUACY, PARAMETERS,
 )  # fmt: skip
 """Every section, in the order of the file."""
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..bench import Record
 from ..bench.following import FollowedTest
-from ..bench.joined import read_test
+from ..bench.joined import read_whole_test
 from ..bench.other_columns import Other, other_columns
 from ..bench.readers.open_file import LARGEST_BYTES
 from ..bench.readers.read import read_record
@@ -158,7 +158,7 @@ class RecordStore:
         return stamp
 
     def _read(self, path: Path, motor: Motor | None, stamp: Stamp) -> Opened:
-        record = read_test(path, motor) if motor else read_record(path)
+        record = read_whole_test(path, motor) if motor else read_record(path)
         if Stamp.of(path) != stamp:
             raise InputError(
                 "The file changed while it was read.",

@@ -21,7 +21,7 @@ from ..io.opening import Opener, opening_by
 from ..motor import Motor
 from .further import Conversion, agrees, is_steady
 from .growing_columns import GrowingColumns
-from .joined import read_test
+from .joined import read_whole_test
 from .other_columns import Other, others_of
 from .readers.hints import hints_of
 from .readers.read import is_text_table, read_record, read_whole
@@ -148,7 +148,7 @@ class FollowedTest:
         begun_s = time.monotonic()
         where, motor = str(self._path), self._motor
         with opening_by(lambda _: io.BytesIO(data)):
-            record = read_test(where, motor) if motor else read_record(where)
+            record = read_whole_test(where, motor) if motor else read_record(where)
         table = read_whole(io.BytesIO(data), where)
         hints = hints_of(
             motor.columns if motor else None, motor.decimal if motor else None, where=where

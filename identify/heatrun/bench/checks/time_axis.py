@@ -8,7 +8,7 @@ from ...motor import Motor
 from ..blocks import SLOW_LOGGER_S
 from ..channels.header import split_name
 from ..record import Finding, Record
-from .samples import is_measured, median_step, place, samples
+from .samples import is_measured, median_step, place, samples, section_of
 
 GAP_STEPS = 3.0
 """A distance above this many usual steps is a gap [1]: a logger that skips one sample makes two."""
@@ -49,6 +49,8 @@ def time_backwards(record: Record, motor: Motor) -> tuple[Finding, ...]:
     if back.size == 0:
         return ()
     first = int(back[0])
+    measured = np.flatnonzero(is_measured(np.asarray(record.time_s, dtype=float)))
+    row, rows = int(measured[first]) + 1, len(record.time_s)
     return (
         Finding(
             "time_backwards",
@@ -57,7 +59,9 @@ def time_backwards(record: Record, motor: Motor) -> tuple[Finding, ...]:
             f"to {time_s[first + 1]:.3f} s ({back.size} such steps): the order of the samples is "
             "not known.",
             place(record, "time_s", float(time_s[first])),
-            "Check whether the clock was set, or the file holds two tests; split it there.",
+            f"Check whether the clock was set, or the file holds two tests. If so, split it: "
+            f"{section_of(record)} use_rows = [[1, {row}], [{row + 1}, {rows}]] in the "
+            "motor file.",
             values={
                 "num_steps": float(back.size),
                 "sample": float(first + 1),
@@ -123,7 +127,11 @@ def time_gap(record: Record, motor: Motor) -> tuple[Finding, ...]:
             f"gap is {steps[longest]:.1f} s. "
             "The load in a gap is not known, and is interpolated.",
             place(record, "time_s", float(time_s[longest]), float(time_s[longest + 1])),
-            "Split the test at the gap." if is_error else "Check the logger and its storage.",
+            f"Split the test at the gap: {section_of(record)} "
+            f"use = [[{time_s[0]:.0f}, {time_s[longest]:.3f}], "
+            f"[{time_s[longest + 1]:.3f}, {time_s[-1]:.3f}]] in the motor file."
+            if is_error
+            else "Check the logger and its storage.",
             values={
                 "num_gaps": float(gaps.size),
                 "missing_s": missing_s,

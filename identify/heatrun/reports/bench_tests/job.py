@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...bench.joined import read_test
+from ...bench.joined import read_tests
 from ...bench.record import Record
 from ...errors import InputError
 from ...io.file_set import together
@@ -105,21 +105,23 @@ def make_report(
         if say is not None:
             say(f"{kind} report of {name}")
         try:
-            record = test if isinstance(test, Record) else read_test(test, motor)
-            report = build_report(
-                kind, motor, record, run=run, reference=other, tolerances=tolerances,
-                offset_s=offset_s,
-            )  # fmt: skip
+            records = (test,) if isinstance(test, Record) else read_tests(test, motor)
             when = None if isinstance(test, Record) else date_of_test(test)
-            outcomes.append(_write(name, report, when, out))
+            for record in records:
+                report = build_report(
+                    kind, motor, record, run=run, reference=other, tolerances=tolerances,
+                    offset_s=offset_s,
+                )  # fmt: skip
+                outcomes.append(_write(name, report, when, out, record.stretch))
         except InputError as error:
             outcomes.append(Outcome(name, error=error))
     return outcomes
 
 
-def _write(test: str, report: Report, when: DateOfTest | None, out: Path) -> Outcome:
+def _write(test: str, report: Report, when: DateOfTest | None, out: Path, stretch: str) -> Outcome:
     refuse_changed(report.sources)
     identity = [source.sha256 for source in report.sources] or [report.test]
+    identity += [stretch] if stretch else []
     content = report_content(report, when)
 
     def chosen() -> str:
