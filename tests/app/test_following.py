@@ -223,7 +223,9 @@ def test_a_clock_goes_over_midnight(path):
 
 def test_a_column_that_begins_to_hold_numbers_is_found(path, monkeypatch):
     monkeypatch.setattr("heatrun.bench.following.BUSY_SHARE", 1e9)
-    path.write_text("time_s,losses_W,phase_current_A,ambient_degC,winding_degC\n0,1,2,3,\n1,1,2,3,\n")
+    path.write_text(
+        "time_s,losses_W,phase_current_A,ambient_degC,winding_degC\n0,1,2,3,\n1,1,2,3,\n"
+    )
     test = FollowedTest(path, None)
     assert "winding_degC" not in test.look(_open).record
     with path.open("a") as file:

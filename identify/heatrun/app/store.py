@@ -139,7 +139,10 @@ class RecordStore:
                 key, (threading.Lock(), FollowedTest(path, motor))
             )
             self._followed.move_to_end(key)
-            while len(self._followed) > MAX_FOLLOWED:
+            while len(self._followed) > 1 and (
+                len(self._followed) > MAX_FOLLOWED
+                or sum(each.num_bytes for _, each in self._followed.values()) > MAX_STORED_BYTES
+            ):
                 self._followed.popitem(last=False)
         with turn:
             seen = test.look(opener)

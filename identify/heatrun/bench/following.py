@@ -59,6 +59,7 @@ class _Known:
     """What is known of the file since it was read whole."""
 
     record: Record
+    num_rows: int
     conversion: Conversion
     form: TextForm | None
     channels: GrowingColumns
@@ -90,6 +91,12 @@ class FollowedTest:
         self._notice = ""
         self._is_behind = False
         self._read_at_s, self._took_s = 0.0, 0.0
+
+    @property
+    def num_bytes(self) -> int:
+        """Memory that the rows take [byte]."""
+        known = self._known
+        return 0 if known is None else known.channels.num_bytes + known.others.num_bytes
 
     def look(self, opener: Opener) -> Followed:
         """Return the test with what was written since the last look.
@@ -156,6 +163,7 @@ class FollowedTest:
         others = others_of(table, record)
         known = _Known(
             record,
+            record.time_s.size,
             Conversion.of(record, motor),
             form_of(data, where, hints),
             GrowingColumns(record.channels),
@@ -163,6 +171,7 @@ class FollowedTest:
             {name: other.unit for name, other in others.items()},
         )
         self._try(known, data)
+        known.record = replace(record, channels={})  # the rows stand in `channels`
         self._read_at_s, self._is_behind = time.monotonic(), False
         self._took_s = self._read_at_s - begun_s
         return known
@@ -233,7 +242,7 @@ class FollowedTest:
             if known.num_lost
             else ()
         )
-        is_grown = known.channels.num_rows > known.record.time_s.size
+        is_grown = known.channels.num_rows > known.num_rows
         first = known.record
         record = replace(
             first,

@@ -27,6 +27,11 @@ class GrowingColumns:
         """How many rows there are."""
         return self._num_rows
 
+    @property
+    def num_bytes(self) -> int:
+        """Memory that they take [byte]."""
+        return sum(held.nbytes for held in self._held.values())
+
     def add(self, rows: Mapping[str, np.ndarray], num_rows: int) -> None:
         """Add rows.
 
