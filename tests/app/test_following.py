@@ -31,8 +31,11 @@ def _open(path: Path) -> io.BufferedReader:
 
 
 def _lines(first: int, last: int) -> str:
-    return "".join(f"{k // 2},{5 * (k % 2)};{k % 50},25;{500 + k % 9};21,0;{20 + k % 70},5;{k % 4}\n"
-                   for k in range(first, last))  # fmt: skip
+    rows = (
+        (f"{k // 2},{5 * (k % 2)}", f"{k % 50},25", 500 + k % 9, "21,0", f"{20 + k % 70},5", k % 4)
+        for k in range(first, last)
+    )
+    return "".join(";".join(map(str, row)) + "\n" for row in rows)
 
 
 HEAD = "time_s;phase_current_A;losses_W;ambient_degC;winding_degC;oil [bar]\n"
@@ -253,8 +256,7 @@ def test_calibration_still_refuses_a_file_that_changes(path, monkeypatch):
 
     def changing(descriptor: int) -> os.stat_result:
         found = list(real(descriptor))
-        status = os.stat_result(found, {"st_mtime_ns": next(stamps)})
-        return status
+        return os.stat_result(found, {"st_mtime_ns": next(stamps)})
 
     monkeypatch.setattr("heatrun.bench.readers.open_file.os.fstat", changing)
     with pytest.raises(InputError, match="changed while it was read"):

@@ -1,4 +1,4 @@
-"""The live view beside a running bench: it follows, compares two times, cuts, and changes colours."""
+"""The live view beside a running bench: followed tests, two cursors, cuts, colours, room."""
 
 from __future__ import annotations
 

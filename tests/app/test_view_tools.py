@@ -26,6 +26,7 @@ from heatrun.app.plotting.time_axis import spoken, unit_of
 from heatrun.app.plotting.trace import Trace
 from heatrun.app.server.confined import replace_inside
 from heatrun.app.store import Opened
+from heatrun.app.tabs.aligning import shifts_of
 from heatrun.app.tabs.cutting import Cutting
 from heatrun.bench import Record
 from heatrun.errors import InputError
@@ -113,7 +114,7 @@ def test_the_form_cuts_and_writes(tmp_path):
     motor.write_bytes(MOTOR)
     form = Cutting(SimpleNamespace(motor_path=motor, root=tmp_path))
     record = Record("step", {"time_s": np.arange(1000.0)})
-    form.offer([Opened(record, tmp_path / "step.csv", Stamp(1, 1))])
+    form.offer([Opened(record, tmp_path / "step.csv", Stamp(1, 1))], {})
     form.select(900.04, -5.0)
     form._leave.clicks += 1
     form.select(100.0, 200.0)
@@ -123,8 +124,11 @@ def test_the_form_cuts_and_writes(tmp_path):
     form._write.clicks += 1
     assert "Written into motor.toml" in form._result.object
     assert windows_of(motor.read_bytes(), "step", "m") == [(100.0, 200.0), (900.0, 999.0)]
+    form.offer([Opened(record, tmp_path / "step.csv", Stamp(1, 1))], {"step": 50.0})
+    form.select(150.0, 250.0)  # shown 50 s later than in its own time
+    assert form._selected == (100.0, 200.0)
     sent = Cutting(SimpleNamespace(motor_path=motor, root=tmp_path / "elsewhere"))
-    sent.offer([Opened(record, tmp_path / "step.csv", Stamp(1, 1))])
+    sent.offer([Opened(record, tmp_path / "step.csv", Stamp(1, 1))], {})
     sent.select(1.0, 2.0)
     sent._keep.clicks += 1
     written = motor.read_bytes()
@@ -193,3 +197,22 @@ def test_what_no_browser_tells_is_not_taken(told):
 def test_the_browser_tells_its_colours_and_size():
     assert Screen.of([1, 1400, 900, 0]) == Screen(DARK, 1400, 900, False)
     assert Screen.of([0, 50, 50, 1]) == Screen(LIGHT, 200, 200, True)
+
+
+def test_two_prototypes_are_laid_on_one_clock():
+    rng = np.random.default_rng(5)
+    time_s = np.arange(0.0, 1800.0, 0.5)
+
+    def record(name: str, start_s: float) -> Record:
+        t = time_s + start_s
+        speed = 3000.0 + 1500.0 * np.sign(np.sin(2 * np.pi * t / 310.0))
+        noisy = speed + 20.0 * rng.standard_normal(t.size)
+        return Record(name, {"time_s": time_s, "speed_rpm": noisy, "torque_Nm": noisy / 50.0})
+
+    shifts, said = shifts_of([record("bench", 0.0), record("<road>", 42.0)])
+    assert shifts["<road>"] == pytest.approx(42.0, abs=1.0)
+    assert "&lt;road&gt;" in said
+    still = Record("still", {"time_s": time_s, "speed_rpm": rng.standard_normal(time_s.size)})
+    shifts, said = shifts_of([record("bench", 0.0), still])
+    assert shifts == {}
+    assert "one manoeuvre" in said

@@ -10,7 +10,8 @@ import numpy as np
 from ..motor import Motor
 from .channels.derive import derive
 from .channels.schema import CHANNEL
-from .channels.units import Unit, find_unit, to_canonical
+from .channels.unit_table import Unit
+from .channels.units import find_unit, to_canonical
 from .readers.text.rows import Rows
 from .record import Record
 

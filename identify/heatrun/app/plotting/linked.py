@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
-import numpy as np
 from bokeh.events import MouseLeave, MouseMove, SelectionGeometry, Tap
 from bokeh.layouts import gridplot
 from bokeh.models import BoxSelectTool, ColumnDataSource, CustomJS, Div, Range1d
@@ -16,6 +15,7 @@ from bokeh.plotting import figure
 from ...bench.channels.schema import CHANNELS
 from ...io.quantities import printed_unit
 from ..look import Look
+from .band import Band, draw_band
 from .cursors import Cursors
 from .painting import add_legends, paint
 from .readout import HELP, HOVER, label_of
@@ -38,25 +38,6 @@ AT_END = 0.002
 
 ROOM = 0.02
 """Share of the record that can be seen before its first and behind its last sample."""
-
-
-@dataclass(frozen=True)
-class Band:
-    """A predicted course with its 95 % band, in a plot of temperatures.
-
-    Attributes:
-        label: For the legend.
-        time_s: Times [s], shape (block,).
-        median: Predicted reading [degC], shape (block,).
-        low: Lower limit [degC], shape (block,).
-        high: Upper limit [degC], shape (block,).
-    """
-
-    label: str
-    time_s: np.ndarray
-    median: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -225,7 +206,7 @@ class Plots:
         last = list(self._figures.values())[-1]
         last.xaxis.visible = True
         for band in self._bands if "degC" in self._figures else ():
-            _draw_band(self._figures["degC"], band)
+            draw_band(self._figures["degC"], band)
         for trace, dash, source in zip(self.traces, self._dashes, self._sources, strict=True):
             plot = self._figures[trace.unit]
             self._lines.append(plot.line("t", "v", source=source, line_dash=dash, line_width=1.5))
@@ -283,14 +264,6 @@ def _span(traces: Sequence[Trace]) -> tuple[float, float]:
 
 def _bounds(start: float, end: float) -> tuple[float, float]:
     return start - ROOM * (end - start), end + ROOM * (end - start)
-
-
-def _draw_band(plot: Any, band: Band) -> None:
-    source = ColumnDataSource(
-        {"t": band.time_s, "v": band.median, "low": band.low, "high": band.high}, name="band"
-    )
-    plot.varea("t", "low", "high", source=source, fill_alpha=0.18, tags=["ink"])
-    plot.line("t", "v", source=source, line_width=1.2, tags=["ink"])
 
 
 def _place(unit: str) -> tuple[int, str]:

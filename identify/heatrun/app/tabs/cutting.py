@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Protocol
@@ -53,6 +53,7 @@ class Cutting:
     def __init__(self, page: MotorChoice) -> None:
         self._page = page
         self._spans: dict[str, Window] = {}
+        self._shifts_s: Mapping[str, float] = {}
         self._selected: Window | None = None
         self._windows: list[Window] = []
         self._test = pn.widgets.Select(name="Test", sizing_mode="stretch_width")
@@ -82,12 +83,14 @@ class Cutting:
         self._clear.on_click(lambda _: self._start_again())
         self._write.on_click(lambda _: self._write_file())
 
-    def offer(self, tests: Sequence[Opened]) -> None:
+    def offer(self, tests: Sequence[Opened], shifts_s: Mapping[str, float]) -> None:
         """Take the tests that are shown.
 
         Args:
             tests: As they were read.
+            shifts_s: By name of the test, by how much later than in its own time it is shown [s].
         """
+        self._shifts_s = shifts_s
         self._spans = {
             each.record.name: (float(each.record.time_s[0]), float(each.record.time_s[-1]))
             for each in tests
@@ -99,14 +102,15 @@ class Cutting:
             self._test.value = chosen if chosen in names else (names[0] if names else None)
 
     def select(self, start_s: float, end_s: float) -> None:
-        """Take a window that was selected with the mouse.
+        """Take a window that was selected with the mouse, in the times of the plots.
 
         Args:
             start_s: Its begin [s]; before its end or behind it.
             end_s: Its end [s].
         """
         first, last = self._spans.get(str(self._test.value), (0.0, 0.0))
-        low, high = sorted((start_s, end_s))
+        shift_s = self._shifts_s.get(str(self._test.value), 0.0)
+        low, high = sorted((start_s - shift_s, end_s - shift_s))
         window = tuple(round(round(min(max(at, first), last) / STEP_S) * STEP_S, 1)
                        for at in (low, high))  # fmt: skip
         if window[1] <= window[0]:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
-import panel as pn
-
+from ..background import in_background
 from ..reading import Reader, Reading, Refused
 from ..store import Opened
 
@@ -61,7 +58,7 @@ class Tests:
         generation, wanted = self._generation, list(names)
         self._num_reading += 1
 
-        _in_background(
+        in_background(
             lambda: self._reader.read(wanted, motor_name),
             lambda reading: self._take(reading, generation, is_growth=False),
         )
@@ -77,7 +74,7 @@ class Tests:
         before: dict[str, Opened | Refused] = {**self.opened, **self._refused}
         self._num_reading += 1
         generation = self._generation
-        _in_background(
+        in_background(
             lambda: self._reader.follow(before, motor_name),
             lambda reading: self._take(reading, generation, is_growth=True),
         )
@@ -89,18 +86,3 @@ class Tests:
             self._changed(reading, is_growth)
         elif self._waiting is not None:
             self.open(*self._waiting)
-
-
-def _in_background(work: Callable[[], Any], show: Callable[[Any], None]) -> None:
-    """Do work in a thread of its own and show what came of it in the page's turn."""
-    document = pn.state.curdoc
-    if document is None:
-        show(work())
-        return
-    threading.Thread(
-        target=lambda: _hand_over(document, work(), show), daemon=True, name="heatrun reader"
-    ).start()
-
-
-def _hand_over(document: Any, found: Any, show: Callable[[Any], None]) -> None:
-    document.add_next_tick_callback(lambda: show(found))

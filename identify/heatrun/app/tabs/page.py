@@ -11,7 +11,7 @@ from typing import Any
 
 import panel as pn
 
-from ...errors import InputError, of_file
+from ...errors import InputError
 from ...reports.bench_tests import TEST_TYPES, Kind
 from ..folder import Folder
 from ..frame import Screen, asked_theme, framed
@@ -21,15 +21,17 @@ from ..pane import text_pane
 from ..reading import Reader, Reading, problem
 from ..runs import Run, runs_under
 from ..store import Opened, RecordStore
-from ..uploads import BoundedDropper, UploadRoom, keep_upload
+from ..uploads import UploadRoom
 from ..words import error_message, message
 from .calibrating import calibrating
 from .cutting import Cutting
 from .discovering import discovering
 from .following import Tests
 from .reporting import Reporting
+from .sending import Sending
 from .sidebar import Sidebar
 from .signals import Signals
+from .using import Using
 
 WATCH_MS = 1000
 """How often the files that are shown are looked at for changes."""
@@ -50,7 +52,6 @@ class Page:
         self, folder: Folder, out: Path, room: UploadRoom, store: RecordStore, queue: JobQueue
     ) -> None:
         self.folder, self.out, self.root = folder, out, folder.root
-        self._room = room
         self._uploads = Folder(room.folder)
         self._store = store
         self._runs: dict[str, Run] = {}
@@ -58,26 +59,26 @@ class Page:
         self._tests = Tests(Reader(self.path, store, self._open), self._take)
 
         self._sidebar = Sidebar()
-        self._dropper = BoundedDropper(room, self._refuse, height=90, sizing_mode="stretch_width")
+        self._sending = Sending(room, self.list_folder)
         self._banner = text_pane()
-        self._upload_problem = text_pane()
-        self.signals = Signals(Cutting(self))
+        self.signals = Signals(Cutting(self), lambda: self._draw())
         self._checks = text_pane(message("note", "Choose tests on the left."))
         self.calibrating = calibrating(self, queue)
         self.discovering = discovering(self, queue)
         self.reporting = Reporting(self, queue)
+        self.using = Using(self, queue)
         self._tabs = pn.Tabs(
             ("Signals", self.signals.view),
             ("Checks", self._checks),
             ("Calibration", self.calibrating.view),
             ("Discovery", self.discovering.view),
             ("Report", self.reporting.view),
+            ("Simulate and export", self.using.view),
             sizing_mode="stretch_width",
             dynamic=False,
             stylesheets=[TABS_CSS],
         )
-        below = [text_pane("<h3>Other files</h3>"), self._dropper, self._upload_problem]
-        left = self._sidebar.view(folder.root.name, str(folder.root), below)
+        left = self._sidebar.view(folder.root.name, str(folder.root), [self._sending.view])
         self.view = framed(left, [self._banner, self._tabs], self._look_like)
         self.list_folder()
         self._sidebar.take_address()
@@ -100,10 +101,9 @@ class Page:
         ):
             widget.param.watch(_without_event(act), "value")
         left.refresh.on_click(lambda _: self._look_again())
-        self._dropper.param.watch(self._keep, "value")
         if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
             pn.state.add_periodic_callback(self._watch, period=WATCH_MS)
-            pn.state.on_session_destroyed(lambda _: self._dropper.close())
+            pn.state.on_session_destroyed(lambda _: self._sending.close())
 
     @property
     def opened(self) -> tuple[Opened, ...]:
@@ -282,21 +282,6 @@ class Page:
         self._sidebar.status.object = (
             f"<p class='faded'>Following {'<br>'.join(rows)}{said}</p>" if is_on else ""
         )
-
-    def _keep(self, _: Any) -> None:
-        problems = ""
-        for name, content in self._dropper.arrived().items():
-            try:
-                keep_upload(self._room.folder, name, content)
-            except InputError as error:
-                problems += error_message(error)
-            except OSError as error:
-                problems += error_message(of_file(error))
-        self._upload_problem.object = problems
-        self.list_folder()
-
-    def _refuse(self, error: InputError) -> None:
-        self._upload_problem.object = error_message(error)
 
     def _say_of_folder(self, is_cut: bool, has_tests: bool) -> None:
         if is_cut:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,13 @@ from ...errors import InputError
 from ..frame import Screen
 from ..look import NARROW_PX
 from ..pane import text_pane
-from ..plotting.linked import Band, Plots, Told
+from ..plotting.band import Band
+from ..plotting.linked import Plots, Told
 from ..plotting.readout import cursor_table
 from ..plotting.trace import Trace
 from ..store import Opened
 from ..words import message
+from .aligning import Aligning
 from .cutting import Cutting
 
 SETTLE_MS = 30
@@ -42,14 +45,15 @@ class Signals:
         view: What goes on the page.
     """
 
-    def __init__(self, cutting: Cutting) -> None:
-        """Take the form that selected windows go to."""
+    def __init__(self, cutting: Cutting, redraw: Callable[[], None]) -> None:
+        """Take the form that selected windows go to, and what shows everything again."""
         self._screen = Screen()
         self._traces: list[Trace] = []
         self._shown: list[tuple[str, str]] = []
         self._plots: Plots | None = None
         self._is_scheduled = False
         self._cutting = cutting
+        self._aligning = Aligning(redraw)
         self._plot_place = pn.Column(sizing_mode="stretch_width")
         self._read_place = pn.Column(sizing_mode="stretch_width")
         self._csv = pn.widgets.FileDownload(
@@ -61,7 +65,8 @@ class Signals:
         self._cursor_table = text_pane()
         self._problem = text_pane(visible=False)
         self._side = pn.Column(
-            pn.FlexBox(self._csv, self._no_cursors), self._problem, self._read_place,
+            pn.FlexBox(self._csv, self._no_cursors), self._problem, self._aligning.view,
+            self._read_place,
             self._cursor_table, cutting.view, visible=False,
         )  # fmt: skip
         self.view = pn.Column(sizing_mode="stretch_width")
@@ -87,8 +92,9 @@ class Signals:
             others: Names of columns that are no channel.
             bands: Predicted courses.
         """
+        self._aligning.offer(tests)
+        self._cutting.offer(tests, self._aligning.shifts_s)
         self._traces = self._traces_of(tests, channels, others)
-        self._cutting.offer(tests)
         if not self._traces:
             words = "Choose tests on the left." if not tests else "Choose signals on the left."
             self._plots, self._side.visible, self._shown = None, False, []
@@ -96,6 +102,8 @@ class Signals:
             return
         before = self._plots
         told = Told(self._schedule, self._tapped, self._selected)
+        shifts_s = self._aligning.shifts_s
+        bands = [replace(band, time_s=band.time_s + shifts_s.get(band.test, 0.0)) for band in bands]
         plots = Plots(self._traces, bands, self._screen.look, self._height, told)
         if before is not None and before.x_range.bounds == plots.x_range.bounds:
             plots.move_to(*before.window)
@@ -119,6 +127,7 @@ class Signals:
         if self._plots is None or _identities(traces) != self._shown:
             return False
         self._traces = traces
+        self._cutting.offer(tests, self._aligning.shifts_s)
         self._plots.grow(traces)
         self._say_cursors()
         return True
@@ -138,23 +147,28 @@ class Signals:
         if not self.view or not isinstance(self.view[0], kind):
             self.view[:] = [kind(*parts, sizing_mode="stretch_width")]
 
-    @staticmethod
     def _traces_of(
-        tests: Sequence[Opened], channels: Sequence[str], others: Sequence[str]
+        self, tests: Sequence[Opened], channels: Sequence[str], others: Sequence[str]
     ) -> list[Trace]:
+        time_s = {id(each): self._time_of(each) for each in tests}
         traces = [
-            Trace.of(each.record.name, channel, each.record.time_s, each.record[channel])
+            Trace.of(each.record.name, channel, time_s[id(each)], each.record[channel])
             for channel in _in_order(channels)
             for each in tests
             if channel in each.record
         ]
         traces += [
-            Trace.of(each.record.name, name, each.record.time_s, other.values, other.unit)
+            Trace.of(each.record.name, name, time_s[id(each)], other.values, other.unit)
             for name in others
             for each in tests
             if each.others is not None and (other := each.others.get(name)) is not None
         ]
         return [trace for trace in traces if trace.time_s.size]
+
+    def _time_of(self, test: Opened) -> np.ndarray:
+        """Return the times at which a test is shown [s], shape (time,)."""
+        shift_s = self._aligning.shifts_s.get(test.record.name, 0.0)
+        return test.record.time_s + shift_s if shift_s else test.record.time_s
 
     def _schedule(self, update: Callable[[], None]) -> None:
         if self._is_scheduled or pn.state.curdoc is None:
