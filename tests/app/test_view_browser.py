@@ -99,15 +99,6 @@ def test_calibrate_and_download_the_sheet_and_a_report(served, tab):
     _text(tab, "The bench beside a simulation")
     tab.get_by_role("button", name="Make report").click()  # the run of above is still selected
     _text(tab, "SemiRealVsVirtualModelValidation")
-
-    _tab(tab, "Simulate and export")
-    tab.get_by_role("button", name="Simulate").click()
-    _text(tab, "duty_30min_virtual.csv")
-    with tab.expect_download() as download:
-        tab.get_by_text("duty_30min_virtual.csv").first.click()
-    assert b"winding_degC" in download.value.path().read_bytes().splitlines()[0]
-    tab.get_by_role("button", name="Export").click()
-    _text(tab, "prova.mat")
     assert tab.problems == []
 
 

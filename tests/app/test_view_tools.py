@@ -205,7 +205,7 @@ def test_two_prototypes_are_laid_on_one_clock():
 
     def record(name: str, start_s: float) -> Record:
         t = time_s + start_s
-        speed = 3000.0 + 1500.0 * np.sign(np.sin(2 * np.pi * t / 310.0))
+        speed = 3000.0 + 1500.0 * np.sign(np.sin(2 * np.pi * (t / 310.0 + (t / 900.0) ** 2)))
         noisy = speed + 20.0 * rng.standard_normal(t.size)
         return Record(name, {"time_s": time_s, "speed_rpm": noisy, "torque_Nm": noisy / 50.0})
 

@@ -97,7 +97,11 @@ def css() -> str:
     """
 
 
-PART_CSS = f":host {{ {SCHEME} }}"
+PART_CSS = f"""
+    :host {{ {SCHEME} }}
+    select.bk-input:not([multiple]) {{ appearance: auto; background-image: none; }}
+    .filepond--drop-label label {{ font-size: 13px; }}
+"""
 """Style of each part of the page, to which the plain design gives colours for light alone."""
 
 TABS_CSS = """
@@ -118,7 +122,7 @@ PANE_CSS = """
     th, td { border-bottom: 1px solid var(--hr-faint); vertical-align: top; }
     td.number { text-align: right; }
     code, pre { background: var(--hr-faint); padding: 1px 4px; word-break: break-all; }
-    pre { white-space: pre-wrap; padding: 6px; margin: 0.3em 0; }
+    pre { white-space: pre-wrap; word-break: normal; padding: 6px; margin: 0.3em 0; }
     .error { border-left: 4px solid #c92a2a; padding: 6px 10px; background: var(--hr-faint); }
     .warning { border-left: 4px solid #e0a100; padding: 6px 10px; background: var(--hr-faint); }
     .note { border-left: 4px solid #4f8fca; padding: 6px 10px; background: var(--hr-faint); }

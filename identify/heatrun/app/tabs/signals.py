@@ -95,6 +95,7 @@ class Signals:
         self._aligning.offer(tests)
         self._cutting.offer(tests, self._aligning.shifts_s)
         self._traces = self._traces_of(tests, channels, others)
+        self._say_undrawn(tests, others)
         if not self._traces:
             words = "Choose tests on the left." if not tests else "Choose signals on the left."
             self._plots, self._side.visible, self._shown = None, False, []
@@ -164,6 +165,13 @@ class Signals:
             if each.others is not None and (other := each.others.get(name)) is not None
         ]
         return [trace for trace in traces if trace.time_s.size]
+
+    def _say_undrawn(self, tests: Sequence[Opened], others: Sequence[str]) -> None:
+        held = {name for each in tests for name in each.others or ()}
+        names = [name for name in others if name not in held]
+        words = f"{', '.join(names)}: no numbers on the test's time axis, nothing to draw."
+        self._problem.object = message("note", words) if names else ""
+        self._problem.visible = bool(names)
 
     def _time_of(self, test: Opened) -> np.ndarray:
         """Return the times at which a test is shown [s], shape (time,)."""
