@@ -127,22 +127,25 @@ def _columns(surveys: Sequence[Survey], missing: Sequence[Gap]) -> list[str]:
             lines += [_line(gap.channel, side, note) for side, note in gap.candidates]
     settled = {channel for one in surveys for channel in one.channels}
     settled |= {gap.channel for gap in missing}
+    shown = {side for gap in missing for side, _ in gap.candidates}
     for one in surveys:
-        lines += _free(one, settled)
+        lines += _free(one, settled, shown)
     return lines
 
 
-def _free(one: Survey, settled: Set[str]) -> list[str]:
+def _free(one: Survey, settled: Set[str], shown: Set[str]) -> list[str]:
     """Return the columns that no channel claims, with a line for what each may be.
 
     Args:
         one: What a file holds.
         settled: Channels that are recognised, or whose candidates stand above.
+        shown: Right-hand sides that stand above.
     """
-    if not one.free:
+    free = [c for c in one.free if not shown & {c.name, *(p.line for p in c.proposals)}]
+    if not free:
         return []
     lines = ["#", *_comment(f"Columns of {Path(one.path).name} that no channel claims:")]
-    for column in one.free:
+    for column in free:
         likely = [p for p in column.proposals if p.is_likely and p.channel not in settled]
         if likely and len(likely[0].line) <= LONGEST_LINE:
             lines.append(_line(likely[0].channel, likely[0].line, column.shown()))

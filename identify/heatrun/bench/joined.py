@@ -34,7 +34,20 @@ def read_tests(path: Path | str, motor: Motor) -> tuple[Record, ...]:
         InputError: As `read_test`.
     """
     text, stretch = _with_stretch(str(path))
-    record = read_whole_test(text, motor)
+    return parts_of(read_whole_test(text, motor), motor, stretch)
+
+
+def parts_of(record: Record, motor: Motor, stretch: Stretch | None = None) -> tuple[Record, ...]:
+    """Return the parts of a record that count.
+
+    Args:
+        record: The whole.
+        motor: Its `[tests.NAME]` say which parts are used, and what is masked.
+        stretch: The part that is asked for in place of those.
+
+    Raises:
+        InputError: If a part or a mask holds no sample, or a mask covers the first one.
+    """
     parts = motor.tests.get(record.name)
     if parts is None and stretch is None:
         return (record,)

@@ -9,7 +9,8 @@ from ..blocks import BLOCK_S
 from ..channels.schema import BODIES
 from ..record import Finding, Record, Severity
 from ..stretch import masked
-from .samples import is_measured, median_step, needed_channels, place, runs, samples, section_of
+from .advice import section_of
+from .samples import is_measured, median_step, needed_channels, place, runs, samples
 
 MIN_SAMPLES = 20
 """Four parameters, the start temperature and three of the noise are eight unknowns; fewer than two

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...io.toml_text import toml_key
 from ...motor import Motor
 from ..record import Record
 
@@ -121,8 +120,3 @@ def place(record: Record, channel: str, from_s: float, to_s: float | None = None
     """Return test, channel and time or time span in words."""
     moment = f"t = {from_s:.1f} s" if to_s is None else f"{from_s:.1f} s to {to_s:.1f} s"
     return ", ".join(part for part in (record.name, channel, moment) if part)
-
-
-def section_of(record: Record) -> str:
-    """Return the section of the motor file that says which parts of a record are used."""
-    return "[tests.NAME]" if record.stretch else f"[tests.{toml_key(record.name)}]"

@@ -8,7 +8,8 @@ from ...motor import Motor
 from ..blocks import SLOW_LOGGER_S
 from ..channels.header import split_name
 from ..record import Finding, Record
-from .samples import is_measured, median_step, place, samples, section_of
+from .advice import section_of, use_line
+from .samples import is_measured, median_step, place, samples
 
 GAP_STEPS = 3.0
 """A distance above this many usual steps is a gap [1]: a logger that skips one sample makes two."""
@@ -118,6 +119,8 @@ def time_gap(record: Record, motor: Motor) -> tuple[Finding, ...]:
     missing_s = float(np.sum(steps[gaps] - usual))
     share = missing_s / float(time_s[-1] - time_s[0])
     is_error = steps[longest] > MAX_GAP_S or share > MAX_GAP_SHARE
+    ends = [float(time_s[k]) for k in (0, longest, longest + 1, -1)]
+    parts = (ends[0], ends[1]), (ends[2], ends[3])
     return (
         Finding(
             "time_gap",
@@ -127,9 +130,7 @@ def time_gap(record: Record, motor: Motor) -> tuple[Finding, ...]:
             f"gap is {steps[longest]:.1f} s. "
             "The load in a gap is not known, and is interpolated.",
             place(record, "time_s", float(time_s[longest]), float(time_s[longest + 1])),
-            f"Split the test at the gap: {section_of(record)} "
-            f"use = [[{time_s[0]:.0f}, {time_s[longest]:.3f}], "
-            f"[{time_s[longest + 1]:.3f}, {time_s[-1]:.3f}]] in the motor file."
+            f"Split the test at the gap: {use_line(record, *parts)}."
             if is_error
             else "Check the logger and its storage.",
             values={
