@@ -103,14 +103,18 @@ def test_a_torn_last_line_waits_for_its_end(path):
     assert record.time_s.tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
 
 
-@pytest.mark.parametrize("motor", [None, parse_motor(MOTOR, "motor.toml")])
-def test_piece_by_piece_is_as_whole(path, motor):
+SEVERAL = MOTOR + b'[columns]\nwinding_degC = "mean(winding_degC, ambient_degC)"\n'
+
+
+@pytest.mark.parametrize("motor", [None, *(parse_motor(m, "motor.toml") for m in (MOTOR, SEVERAL))])
+def test_piece_by_piece_is_as_whole(path, motor, monkeypatch):
+    monkeypatch.setattr("heatrun.bench.following.BUSY_SHARE", 1e-9)  # nothing is read whole again
     path.write_text(HEAD)
     test = FollowedTest(path, motor)
     with pytest.raises(InputError):
         test.look(_open)
     first = 0
-    for num in (1, 1, 2, 30, 3000, 1, 5):
+    for num in (3, 1, 2, 30, 3000, 1, 5):
         with path.open("a") as file:
             file.write(_lines(first, first + num))
         first += num

@@ -161,11 +161,12 @@ class FollowedTest:
             motor.columns if motor else None, motor.decimal if motor else None, where=where
         )
         others = others_of(table, record)
+        form = form_of(data, where, hints)
         known = _Known(
             record,
             record.time_s.size,
-            Conversion.of(record, motor),
-            form_of(data, where, hints),
+            Conversion.of(record, motor, form.heads if form else ()),
+            form,
             GrowingColumns(record.channels),
             GrowingColumns({name: other.values for name, other in others.items()}),
             {name: other.unit for name, other in others.items()},

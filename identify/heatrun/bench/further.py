@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..motor import Motor
+from .channels.combined import COMBINED, combine, split_parts
 from .channels.derive import derive
 from .channels.schema import CHANNEL
 from .channels.unit_table import Unit
 from .channels.units import find_unit, to_canonical
+from .readers.text.reader import ColumnHead
 from .readers.text.rows import Rows
-from .record import Record
+from .record import ColumnReading, Record
 
 SAME_CLOCK_S = 1e-3
 """Rounding of a 32-bit clock after hours [s]; a larger shift is a clock that was wrapped."""
@@ -23,39 +25,55 @@ LONGEST_STEP_S = 43_200.0
 
 
 @dataclass(frozen=True)
+class Origin:
+    """What a channel is read from.
+
+    Attributes:
+        columns: One column, or those that are combined.
+        unit: Their unit.
+        how: As `heatrun.bench.channels.combined.combine`; empty for one column.
+    """
+
+    columns: tuple[str, ...]
+    unit: Unit
+    how: str = ""
+
+
+@dataclass(frozen=True)
 class Conversion:
     """What turns columns of a file into the channels of a record.
 
     Attributes:
-        units: Canonical name to the column that it is read from, and its unit.
+        origins: Canonical name to what it is read from.
         constants: Channels that do not change, in their canonical unit.
         step_s: Step of a time that is made from a rate [s], None for a file with its own.
         phases: Number of phases.
         losses: Meaning of `losses_W`, as in `heatrun.motor.Motor`.
     """
 
-    units: Mapping[str, tuple[str, Unit]]
+    origins: Mapping[str, Origin]
     constants: Mapping[str, float]
     step_s: float | None
     phases: int
     losses: str
 
     @classmethod
-    def of(cls, record: Record, motor: Motor | None) -> Conversion:
+    def of(cls, record: Record, motor: Motor | None, heads: Sequence[ColumnHead]) -> Conversion:
         """Take how a record came about.
 
         Args:
             record: Read from the beginning of the file.
             motor: The machine that it was read for, or None.
+            heads: What stands over the columns of the file.
         """
-        units = {
-            one.channel: (one.column, unit)
+        origins = {
+            one.channel: origin
             for one in record.mapping
-            if (unit := find_unit(one.unit, CHANNEL[one.channel].quantity)) is not None
+            if (origin := _origin(one, heads)) is not None
         }
-        has_rate = "time_s" not in units and record.time_s.size > 1
+        has_rate = "time_s" not in origins and record.time_s.size > 1
         return cls(
-            units,
+            origins,
             motor.constants if motor else {},
             record.duration_s / (record.time_s.size - 1) if has_rate else None,
             motor.phases if motor else 3,
@@ -65,7 +83,7 @@ class Conversion:
     @property
     def columns(self) -> frozenset[str]:
         """The columns of the file that are channels."""
-        return frozenset(column for column, _ in self.units.values())
+        return frozenset(name for origin in self.origins.values() for name in origin.columns)
 
     def channels(
         self, rows: Rows, last_s: float, shift_s: float
@@ -81,9 +99,9 @@ class Conversion:
             Canonical name to values, shape (row,), the first included, and the shift [s].
         """
         found = {
-            name: to_canonical(rows.values[column], unit)
-            for name, (column, unit) in self.units.items()
-            if column in rows.values
+            name: _values(name, origin, rows)
+            for name, origin in self.origins.items()
+            if all(column in rows.values for column in origin.columns)
         }
         if self.step_s is not None:
             found["time_s"] = last_s + self.step_s * np.arange(rows.num_rows)
@@ -97,6 +115,24 @@ class Conversion:
         for name, value in self.constants.items():
             found.setdefault(name, np.full(rows.num_rows, value))
         return found, shift_s
+
+
+def _origin(reading: ColumnReading, heads: Sequence[ColumnHead]) -> Origin | None:
+    """Return what a channel is read from; None where that cannot be told from its reading."""
+    unit = find_unit(reading.unit, CHANNEL[reading.channel].quantity)
+    several = COMBINED.fullmatch(reading.column)
+    if unit is None or several is None:
+        return None if unit is None else Origin((reading.column,), unit)
+    parts = [part.partition("[")[0].strip() for part in split_parts(several["parts"])]
+    names = [
+        next((head.name for head in heads if part in (head.name, head.label)), "") for part in parts
+    ]
+    return Origin(tuple(names), unit, several["how"]) if all(names) else None
+
+
+def _values(channel: str, origin: Origin, rows: Rows) -> np.ndarray:
+    parts = [to_canonical(rows.values[column], origin.unit) for column in origin.columns]
+    return combine(channel, origin.how, parts) if origin.how else parts[0]
 
 
 def agrees(found: Mapping[str, np.ndarray], record: Record, num_rows: int) -> bool:
