@@ -32,7 +32,7 @@ ROOM = """
     }
   };
   walk(document.body);
-  return found.length > 3 && found.every((r) => r.right <= width && r.width > 350)
+  return found.length > 3 && found.every((r) => r.right <= width && r.width > 0.48 * width)
     && Math.max(...found.map((r) => r.bottom)) <= 900;
 }
 """
@@ -97,12 +97,21 @@ def test_room_cursors_a_cut_for_the_motor_file_and_colours_without_a_reload(serv
     motor = served.folder / "motor.toml"
     shutil.copy(motor, served.folder / "mine.toml")
     before = (served.folder / "mine.toml").read_bytes()
-    _open(tab, served, "test=duty_30min.csv.gz&motor=mine.toml&type=general")
+    rows = "".join(f"{t},1,2,20,{20 + t / 60}\n" for t in range(0, 600, 10))
+    head = "time_s,phase_current_A,losses_W,ambient_degC,winding_degC\n"
+    (served.folder / "short.csv").write_text(head + rows)
+    _open(tab, served, "test=duty_30min.csv.gz&test=short.csv&motor=mine.toml&type=general")
     for width in (800, 1400):
         tab.set_viewport_size({"width": width, "height": 900})
         tab.wait_for_function(ROOM, arg=width)
     box = tab.locator(".bk-Figure").first.bounding_box()
     y = box["y"] + box["height"] / 2
+    tab.mouse.move(box["x"] + 0.2 * box["width"], y)
+    tab.get_by_text("winding · short").first.wait_for()
+    assert tab.locator("td b", has_text="–").count() == 0
+    tab.mouse.move(box["x"] + 0.8 * box["width"], y)  # behind the end of the shorter test
+    tab.locator("td b", has_text="–").first.wait_for()
+    assert tab.locator("td b", has_text="–").count() == 4
     tab.mouse.click(box["x"] + 0.4 * box["width"], y)
     tab.get_by_text("Shift and click sets cursor B").first.wait_for()
     tab.mouse.move(0, 0)

@@ -35,10 +35,12 @@ SHOWN = """
   return plots.flatMap((plot) => plot.renderers)
     .filter((r) => r.type === "GlyphRenderer" && r.data_source.name === "signal")
     .map((r) => { const t = Array.from(r.data_source.data.t).filter(Number.isFinite);
-                  return [t.length, t[t.length - 1], r.glyph.line_dash.length]; });
+                  const dash = r.glyph.line_dash?.value ?? r.glyph.line_dash;
+                  const solid = dash === "solid" || dash.length === 0;
+                  return [t.length, t[t.length - 1], solid]; });
 }
 """
-"""Points, time of the newest and dash of each line; the second test's lines are dashed."""
+"""Points, time of the newest, and if it is solid, of each line; the second test's are not."""
 
 
 def main() -> None:
@@ -110,8 +112,8 @@ def follow(folder: Path, url: str, server: Any, duration_s: float, out: Path) ->
             row: dict[str, float] = {"at_s": round(time.monotonic() - begin, 1)}
             files = {name: written(folder / name) for name in RATES}
             lines = page.evaluate(SHOWN)
-            for name, dashed in (("fast.csv", False), ("slow.csv", True)):
-                own = [line for line in lines if bool(line[2]) == dashed]
+            for name, is_solid in (("fast.csv", True), ("slow.csv", False)):
+                own = [line for line in lines if line[2] == is_solid]
                 row |= {
                     f"{name} rows": files[name][0],
                     f"{name} points": own[0][0],

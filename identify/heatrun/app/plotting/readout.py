@@ -16,7 +16,8 @@ HOVER = (
 const t = cb_obj.x;
 const nearest = (xs) => {
   let low = 0, high = xs.length - 1;
-  if (high < 0) return -1;
+  const room = 0.005 * span;
+  if (high < 0 || t < xs[0] - room || t > xs[high] + room) return -1;
   while (high - low > 1) {
     const mid = (low + high) >> 1;
     if (xs[mid] <= t) low = mid; else high = mid;
