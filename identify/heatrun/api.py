@@ -22,6 +22,7 @@ from .inference.networks import NetworkForm, network_named, networks_of, pair_of
 from .jobs import calibrate_into, discover_into
 from .motor import Motor
 from .motorfile import load_motor
+from .parameter_files import read_parameters
 from .results import DiscoveryResult
 from .runs.run import Run, open_run
 from .simulation import simulate_values
@@ -215,7 +216,7 @@ def simulate(
 
     Args:
         motor: How the bench of the test measures.
-        source: A run or its folder; or parameters by name.
+        source: A run or its folder; or parameters by name, or a file of them: TOML or `prova.mat`.
         test: The bench file whose currents, losses and sink drive the model.
         model: Name of the network; the last one of a run, or the second order, if None.
         seed: Random seed.
@@ -224,6 +225,9 @@ def simulate(
     record = read_test(Path(test), machine)
     if isinstance(source, Mapping):
         return simulate_values(machine, source, record, model or "second")
+    if not isinstance(source, Run) and Path(source).is_file():
+        given = read_parameters(Path(source), model, machine)
+        return simulate_values(given.motor, given.values_for(record), record, given.form)
     run = source if isinstance(source, Run) else open_run(source)
     return run.simulate(record, network=model, motor=machine, seed=seed)
 

@@ -44,11 +44,11 @@ class Simulated:
 
 @dataclass(frozen=True)
 class Contents:
-    """A MAT file with the script that integrates it.
+    """A MAT file with its scripts.
 
     Attributes:
         file: Name of the MAT file.
-        script: Name of the script.
+        scripts: Names of the scripts that go beside it, first the one that integrates it.
         units: Unit of each variable that there may be.
         variables: Gives the variables of a test, and notes on them.
         corrected: Gives the variables with the corrections of the run and what the shaft does.
@@ -56,7 +56,7 @@ class Contents:
     """
 
     file: str
-    script: str
+    scripts: tuple[str, ...]
     units: Mapping[str, str]
     variables: Callable[[RunAndTest], tuple[Variables, tuple[str, ...]]]
     corrected: Callable[[Variables, Corrections, Shaft], Variables]
@@ -123,7 +123,7 @@ def _simulated_network(variables: Variables, corrections: Corrections) -> Simula
 
 THESIS = Contents(
     file="prova.mat",
-    script="run_prova.m",
+    scripts=("run_prova.m", "build_models.m"),
     units=THESIS_UNITS,
     variables=_of_thesis,
     corrected=lambda variables, corrections, shaft: corrections.applied(variables, shaft),
@@ -132,7 +132,7 @@ THESIS = Contents(
 
 NETWORK = Contents(
     file="network.mat",
-    script=NETWORK_SCRIPT,
+    scripts=(NETWORK_SCRIPT,),
     units=NETWORK_UNITS,
     variables=_of_network,
     corrected=corrected_network,
