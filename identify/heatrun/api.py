@@ -90,6 +90,7 @@ def calibrate(
     method: Method = "emcee",
     seed: int = 0,
     out: str | Path | None = None,
+    force: bool = False,
 ) -> Run:
     """Calibrate the thermal network of a motor on bench tests.
 
@@ -103,6 +104,7 @@ def calibrate(
         method: `"emcee"`, or `"quick"`: importance sampling where its guard holds.
         seed: Random seed.
         out: The run folder; None for one that is removed with the run.
+        force: Whether another run in `out` is replaced.
 
     Returns:
         The run, as `open_run` gives it.
@@ -123,7 +125,7 @@ def calibrate(
     with _folder(out) as (folder, is_kept):
         _, path = calibrate_into(
             folder, machine, read, networks, effects=known_effects(machine, ",".join(effects)),
-            method=method, seed=seed, command="heatrun.calibrate",
+            method=method, seed=seed, command="heatrun.calibrate", is_replacing=force,
         )  # fmt: skip
         return _opened(path, is_kept)
 
@@ -166,6 +168,7 @@ def discover(
     method: Method = "emcee",
     seed: int = 0,
     out: str | Path | None = None,
+    force: bool = False,
 ) -> Found:
     """Find where simulation and measurement disagree, and what is missing.
 
@@ -179,6 +182,7 @@ def discover(
         method: As `calibrate`.
         seed: Random seed.
         out: As `calibrate`.
+        force: As `calibrate`.
 
     Raises:
         InputError: As `calibrate`.
@@ -199,7 +203,7 @@ def discover(
     with _folder(out) as (folder, is_kept):
         job = discover_into(
             folder, machine, read, form, kinds=all_effects(files), known=known, files=files,
-            method=method, seed=seed, command="heatrun.discover",
+            method=method, seed=seed, command="heatrun.discover", is_replacing=force,
         )  # fmt: skip
         return Found(_opened(job.path, is_kept))
 

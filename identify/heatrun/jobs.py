@@ -15,7 +15,7 @@ from .inference.networks import NetworkForm
 from .inference.networks.text import network_text
 from .motor import Motor
 from .reports.sheet.of_run import write_sheet
-from .runs.run_folder import RunFolder
+from .runs.run_folder import RunFolder, free_place
 from .runs.write import write_run
 
 Method = Literal["emcee", "quick"]
@@ -38,13 +38,16 @@ def calibrate_into(
     seed: int = 0,
     command: str = "",
     duties: Sequence[str] = (),
+    is_named: bool = True,
+    is_replacing: bool = False,
     say: Say = _silent,
     progress: Progress | None = None,
 ) -> tuple[Calibration, Path]:
     """Calibrate networks on tests and write the run folder with its sheet.
 
     Args:
-        path: The run folder; an unfinished run of the same inputs there is taken up.
+        path: The run folder; an unfinished run of the same inputs there is taken up, and a
+            finished one of the same replaced.
         motor: The machine.
         tests: From `heatrun.calibration.load_tests`.
         networks: What is calibrated.
@@ -53,6 +56,9 @@ def calibrate_into(
         seed: Random seed.
         command: As it is to stand in the result.
         duties: Ratings asked for, as `heatrun.ratings.figures.derive`.
+        is_named: Whether `path` is where the user wants the run; else it gets a number where
+            another run stands there.
+        is_replacing: Whether another run at `path` is replaced.
         say: Told what is being done.
         progress: Called with a sentence and the share done while sampling.
 
@@ -60,7 +66,8 @@ def calibrate_into(
         What was found, and the run folder.
 
     Raises:
-        InputError: If something that a model needs is not given, or the folder cannot be written.
+        InputError: If something that a model needs is not given, the folder holds another run, or
+            it cannot be written.
     """
     refuse_unwritable(path)
     same = identity(
@@ -71,7 +78,9 @@ def calibrate_into(
         method=method,
         seed=seed,
     )
-    folder = RunFolder.begin(path, same)
+    if not is_named and not is_replacing:
+        path = free_place(path, same, duties)
+    folder = RunFolder.begin(path, same, further=duties, is_replacing=is_replacing)
     if folder.note:
         say(folder.note)
     found = calibrate(
@@ -96,6 +105,8 @@ def discover_into(
     method: Method = "emcee",
     seed: int = 0,
     command: str = "",
+    is_named: bool = True,
+    is_replacing: bool = False,
     say: Say = _silent,
     progress: Progress | None = None,
 ) -> Job:
@@ -112,6 +123,8 @@ def discover_into(
         method: As `calibrate_into`.
         seed: Random seed.
         command: As it is to stand in the result.
+        is_named: As `calibrate_into`.
+        is_replacing: As `calibrate_into`.
         say: Told what is being done.
         progress: Called with a sentence and the share done while sampling.
 
@@ -129,7 +142,9 @@ def discover_into(
         method=method,
         seed=seed,
     )
-    folder = RunFolder.begin(path, same)
+    if not is_named and not is_replacing:
+        path = free_place(path, same)
+    folder = RunFolder.begin(path, same, is_replacing=is_replacing)
     if folder.note:
         say(folder.note)
     return run_job(

@@ -42,6 +42,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
+    words.add_force(parser)
     words.add_json(parser)
     return parser
 
@@ -63,16 +64,18 @@ def calibrate_into_folder(
     calibration: Sequence[Path],
     holdout: Sequence[Path],
     networks: Sequence[NetworkForm],
+    default: Path | None = None,
 ) -> int:
     """Calibrate, write the run folder and print what was found.
 
     Args:
-        options: With `out`, `quick`, `seed`, `json`, `command_line`; `effects_known` and `rating`
-            are optional.
+        options: With `out`, `force`, `quick`, `seed`, `json`, `command_line`; `effects_known` and
+            `rating` are optional.
         motor: The motor.
         calibration: Paths of the tests that are fitted.
         holdout: Paths of the tests that are predicted.
         networks: What is calibrated.
+        default: Run folder where none is named; None for one named after motor and test.
     """
     from ..calibration import default_folder
     from ..inference.catalogue import known_effects
@@ -91,7 +94,7 @@ def calibrate_into_folder(
         parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
     with bar() as progress:
         found, written = calibrate_into(
-            options.out or default_folder(motor, tests, name),
+            options.out or default or default_folder(motor, tests, name),
             motor,
             tests,
             networks,
@@ -99,6 +102,8 @@ def calibrate_into_folder(
             method="quick" if options.quick else "emcee",
             seed=options.seed,
             command=options.command_line,
+            is_named=options.out is not None,
+            is_replacing=options.force,
             duties=getattr(options, "rating", ()),
             say=say,
             progress=progress,

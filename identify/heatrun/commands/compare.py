@@ -30,6 +30,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     words.add_with(parser)
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: none is written)")
+    words.add_force(parser)
     words.add_json(parser)
     return parser
 

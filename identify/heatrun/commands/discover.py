@@ -36,6 +36,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
+    words.add_force(parser)
     words.add_json(parser)
     return parser
 
@@ -70,6 +71,8 @@ def run(options: argparse.Namespace) -> int:
             method="quick" if options.quick else "emcee",
             seed=options.seed,
             command=options.command_line,
+            is_named=options.out is not None,
+            is_replacing=options.force,
             say=say,
             progress=progress,
         )

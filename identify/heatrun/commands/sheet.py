@@ -16,6 +16,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser = commands.add_parser("sheet", help="regenerate the parameter sheet of a run")
     parser.add_argument("run", type=Path, metavar="RUN", help="run folder")
     words.add_out(parser, "folder for the sheet (default: the run itself)")
+    words.add_force(parser)
     words.add_json(parser)
     return parser
 
@@ -25,7 +26,7 @@ def run(options: argparse.Namespace) -> int:
     from ..reports.sheet.of_run import rewrite_sheet
     from ..results import to_json
 
-    written = rewrite_sheet(options.run, options.out or options.run)
+    written = rewrite_sheet(options.run, options.out or options.run, is_replacing=options.force)
     if options.json:
         print(to_json({"files": [str(path) for path in written]}))
     else:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...bench.joined import read_test
+from ...bench.readers.open_file import digest
 from ...bench.record import Record
 from ...errors import InputError
 from ...io.file_set import together
@@ -69,8 +70,8 @@ def make_report(
     """Write the reports of tests; one that cannot be made is named, and the others are.
 
     A report is called after its test type and the test's date, such as
-    `GeneralInformationTest_2022_12_07_001.pdf`. Made again from the same files it takes its former
-    place; the report of another test is never overwritten.
+    `GeneralInformationTest_2022_12_07_001.pdf`. Made again from the same files with the same run,
+    tolerances and offset it takes its former place; any other report is never overwritten.
 
     Args:
         kind: Test type, one of `TEST_TYPES`.
@@ -99,6 +100,7 @@ def make_report(
     found = tests_in(tests)
     if found.left_out and say is not None:
         say(f"no bench files, left out: {', '.join(path.name for path in found.left_out)}")
+    settings = _settings(run, tolerances, offset_s)
     outcomes = []
     for test in found.tests:
         name = test.name if isinstance(test, Record) else str(test)
@@ -111,15 +113,27 @@ def make_report(
                 offset_s=offset_s,
             )  # fmt: skip
             when = None if isinstance(test, Record) else date_of_test(test)
-            outcomes.append(_write(name, report, when, out))
+            outcomes.append(_write(name, report, when, out, settings))
         except InputError as error:
             outcomes.append(Outcome(name, error=error))
     return outcomes
 
 
-def _write(test: str, report: Report, when: DateOfTest | None, out: Path) -> Outcome:
+def _settings(
+    run: Path | None, tolerances: Mapping[str, float] | None, offset_s: float | None
+) -> list[str]:
+    """Return what makes another report of the same files, in words that can be compared."""
+    said = [] if run is None else [f"run {digest(run / 'fit.json')}"]
+    said += [f"tolerance {name} = {value!r}" for name, value in sorted((tolerances or {}).items())]
+    return said if offset_s is None else [*said, f"offset {offset_s!r} s"]
+
+
+def _write(
+    test: str, report: Report, when: DateOfTest | None, out: Path, settings: Sequence[str]
+) -> Outcome:
     refuse_changed(report.sources)
     identity = [source.sha256 for source in report.sources] or [report.test]
+    identity += settings
     content = report_content(report, when)
 
     def chosen() -> str:

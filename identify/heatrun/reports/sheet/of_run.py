@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ...errors import InputError
 from ...io.file_set import together
+from ...io.free_names import is_other, refuse_replacing
 from ...io.whole_files import writable, write_whole
 from ...results import to_json
 from ...runs.run import Run, open_run
@@ -49,15 +50,17 @@ def write_sheet(run: Run, folder: Path) -> list[Path]:
     ]
 
 
-def rewrite_sheet(run: Path, folder: Path) -> list[Path]:
+def rewrite_sheet(run: Path, folder: Path, *, is_replacing: bool = False) -> list[Path]:
     """Write the sheet of a run again from its files.
 
     Args:
         run: The run folder.
         folder: Where the sheet and the figures go: all of them, or none.
+        is_replacing: Whether the sheet of another run in `folder` is replaced.
 
     Raises:
-        InputError: If the folder is no run, or misses one of its files.
+        InputError: If the folder is no run or misses one of its files, or the sheet of another
+            run would be lost.
     """
     opened = open_run(run)
     # a damaged file is named before anything is written
@@ -66,7 +69,10 @@ def rewrite_sheet(run: Path, folder: Path) -> list[Path]:
     try:
         with writable("the sheet", folder), together(folder, "sheet") as files:
             written = write_sheet(opened, files.aside)
-            if folder.resolve() == run.resolve():
+            is_own = folder.resolve() == run.resolve()
+            if not is_own and not is_replacing:
+                _refuse_loss(files.aside, folder)
+            if is_own:
                 # what stands in the run and in its manifest changes together
                 write_whole(files.aside / MANIFEST, listed_anew(run, files.aside))
     except (LookupError, TypeError, ValueError, AttributeError) as error:
@@ -78,3 +84,10 @@ def rewrite_sheet(run: Path, folder: Path) -> list[Path]:
             remedy="Calibrate again with this version.",
         ) from error
     return [folder / path.relative_to(files.aside) for path in written]
+
+
+def _refuse_loss(made: Path, folder: Path) -> None:
+    """Refuse to replace the sheet of another run."""
+    for name in ("sheet.json", "sheet.pdf", "sheet.xlsx"):
+        if is_other(folder / name, (made / name).read_bytes()):
+            refuse_replacing(folder / name, "the sheet of another run")
