@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.io
 
+from ..bench.own_files import EXPORT
 from ..inference.networks import BUILT_IN, NetworkForm, network_named
 from ..version import __version__
 from .course import simulate_variables
@@ -23,8 +24,6 @@ from .variables import Corrections, Shaft, thesis_variables
 
 HEADER_TEXT_BYTES = 116
 """Free text at the start of a MATLAB 5 file; MAT-File Format, "Level 5 MAT-file header"."""
-
-MARK = b"MATLAB 5.0 MAT-file, heatrun "
 
 Variables = dict[str, Any]
 
@@ -84,7 +83,7 @@ def mat_bytes(variables: Mapping[str, Any]) -> bytes:
     """
     buffer = io.BytesIO()
     scipy.io.savemat(buffer, dict(variables), format="5", do_compression=False)
-    text = MARK + __version__.encode()  # SciPy puts the time there
+    text = EXPORT + __version__.encode()  # SciPy puts the time there
     return text.ljust(HEADER_TEXT_BYTES) + buffer.getvalue()[HEADER_TEXT_BYTES:]
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from ..bench.own_files import EXPORT
 from ..errors import InputError
 from ..io.file_set import together
 from ..io.free_names import is_other
 from ..io.whole_files import writable, write_whole
-from .contents import MARK
 
 
 def write_export(
@@ -59,7 +59,7 @@ def _refuse_loss(path: Path, content: bytes, inputs: tuple[Path, ...]) -> None:
     except OSError:
         return  # it is not there, or writing fails with its own words
     is_input = any(path.resolve() == source.resolve() for source in inputs)
-    is_ours = existing.startswith(MARK) or existing == content
+    is_ours = existing.startswith(EXPORT) or existing == content
     if is_input or not is_ours:
         what = "one of the run's records" if is_input else "not as heatrun writes it"
         raise InputError(

@@ -14,7 +14,7 @@ import panel as pn
 from ...bench.channels.schema import CHANNELS
 from ...errors import InputError, of_file
 from ...reports.bench_tests import TEST_TYPES, Kind
-from ..folder import Folder
+from ..folder import Folder, Listing
 from ..frame import asked, asked_look, framed
 from ..jobs.running import JobQueue
 from ..look import pane_css, tabs_css
@@ -170,7 +170,7 @@ class Page:
         self._tests.options = tests
         self._tests.value = [name for name in self._tests.value if name in tests]
         self.list_runs()
-        self._say_of_folder(listing.is_cut, bool(tests))
+        self._say_of_folder(listing, bool(tests))
 
     def list_runs(self, choose: Path | None = None) -> None:
         """Bring the list of runs up to date.
@@ -320,8 +320,8 @@ class Page:
     def _refuse(self, error: InputError) -> None:
         self._upload_problem.object = error_message(error)
 
-    def _say_of_folder(self, is_cut: bool, has_tests: bool) -> None:
-        if is_cut:
+    def _say_of_folder(self, listing: Listing, has_tests: bool) -> None:
+        if listing.is_cut:
             self._banner.object = message(
                 "warning", "The folder holds more files than are listed. Show a smaller folder."
             )
@@ -330,6 +330,12 @@ class Page:
                 "note",
                 f"There are no bench files in {self.folder.root}. Drop one on the left, or start "
                 "`heatrun view` on the folder of your tests.",
+            )
+        elif listing.num_own and not self._banner.object:
+            self._banner.object = message(
+                "note",
+                f"Files that heatrun itself has written are no tests and not listed: "
+                f"{listing.num_own}.",
             )
 
     def _sidebar(self) -> list[Any]:

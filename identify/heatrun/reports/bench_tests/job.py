@@ -100,6 +100,9 @@ def make_report(
     found = tests_in(tests)
     if found.left_out and say is not None:
         say(f"no bench files, left out: {', '.join(path.name for path in found.left_out)}")
+    if found.own and say is not None:
+        names = ", ".join(path.name for path in found.own)
+        say(f"written by heatrun itself and left out: {names}")
     settings = _settings(run, tolerances, offset_s)
     outcomes = []
     for test in found.tests:
