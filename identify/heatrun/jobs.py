@@ -9,18 +9,19 @@ from typing import Literal
 
 from lptn.effects import AbstractEffect
 
-from .calibration import BenchTest, Calibration, calibrate, identity, manifest, refuse_unwritable
+from .calibration import BenchTest, Calibration, calibrate, identity, manifest
 from .discovery.job import Job, run_job
 from .inference.networks import NetworkForm
 from .inference.networks.text import network_text
 from .motor import Motor
 from .reports.sheet.of_run import write_sheet
+from .runs.places import refuse_unwritable
 from .runs.run_folder import RunFolder, free_place
 from .runs.write import write_run
+from .work import Progress, work_of_calibration, work_of_discovery
 
 Method = Literal["emcee", "quick"]
 Say = Callable[[str], None]
-Progress = Callable[[str, float], None]
 
 
 def _silent(sentence: str) -> None:
@@ -60,7 +61,7 @@ def calibrate_into(
             another run stands there.
         is_replacing: Whether another run at `path` is replaced.
         say: Told what is being done.
-        progress: Called with a sentence and the share done while sampling.
+        progress: Called with a sentence and the share done, 1 when the folder is there.
 
     Returns:
         What was found, and the run folder.
@@ -83,14 +84,19 @@ def calibrate_into(
     folder = RunFolder.begin(path, same, further=duties, is_replacing=is_replacing)
     if folder.note:
         say(folder.note)
+    work = work_of_calibration([form.name for form in networks], len(tests), method, progress)
     found = calibrate(
         motor, tests, networks=networks, effects=effects, method=method, seed=seed,
-        command=command, duties=duties, folder=folder, say=say, progress=progress,
+        command=command, duties=duties, folder=folder, say=say, work=work,
     )  # fmt: skip
     say("writing the sheet")
+    work.at("writing", "writing the run")
     run = write_run(folder, motor, found.result, found.posteriors, found.predictions)
+    work.at("writing", "writing the sheet", 0.2)
     write_sheet(run, folder.partial)
-    return found, folder.finish(manifest(found, command, seed))
+    written = folder.finish(manifest(found, command, seed))
+    work.finish()
+    return found, written
 
 
 def discover_into(
@@ -126,7 +132,7 @@ def discover_into(
         is_named: As `calibrate_into`.
         is_replacing: As `calibrate_into`.
         say: Told what is being done.
-        progress: Called with a sentence and the share done while sampling.
+        progress: Called with a sentence and the share done, 1 when the folder is there.
 
     Raises:
         InputError: As `calibrate_into`.
@@ -147,7 +153,10 @@ def discover_into(
     folder = RunFolder.begin(path, same, is_replacing=is_replacing)
     if folder.note:
         say(folder.note)
-    return run_job(
+    work = work_of_discovery(len(tests), method, progress)
+    job = run_job(
         motor, tests, folder, order=network, known=known, kinds=kinds, method=method, seed=seed,
-        command=command, say=say, progress=progress,
+        command=command, say=say, work=work,
     )  # fmt: skip
+    work.finish()
+    return job

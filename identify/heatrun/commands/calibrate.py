@@ -77,13 +77,13 @@ def calibrate_into_folder(
         networks: What is calibrated.
         default: Run folder where none is named; None for one named after motor and test.
     """
-    from ..calibration import default_folder
     from ..inference.catalogue import known_effects
     from ..inference.networks import BUILT_IN
     from ..jobs import calibrate_into
     from ..ratings.duties import parse_duty
     from ..reports.terminal import result_text
     from ..results import to_json, to_plain
+    from ..runs.places import default_folder
 
     tests = load(motor, calibration, holdout, as_json=options.json)
     if tests is None:
@@ -94,7 +94,7 @@ def calibrate_into_folder(
         parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
     with bar() as progress:
         found, written = calibrate_into(
-            options.out or default or default_folder(motor, tests, name),
+            options.out or default or default_folder(motor, tests[0].record, name),
             motor,
             tests,
             networks,

@@ -15,6 +15,7 @@ from ...io.whole_files import writable, write_whole
 from ...motor import Motor
 from ...results import to_json
 from ...runs.run import open_run
+from ...work import Progress, Work
 from .build import build_report, check_use
 from .card import Kind
 from .content import report_content
@@ -25,6 +26,9 @@ from .report import Report
 from .report_name import DateOfTest, choose_name, date_of_test, set_name
 from .tests_in import tests_in
 from .unchanged import refuse_changed
+
+USUAL_S = 2.0
+"""Time that a report usually takes [s]."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,7 @@ def make_report(
     *,
     offset_s: float | None = None,
     say: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Outcome]:
     """Write the reports of tests; one that cannot be made is named, and the others are.
 
@@ -83,6 +88,7 @@ def make_report(
         tolerances: As `build_report`.
         offset_s: As `build_report`.
         say: Told a sentence about each test that is begun.
+        progress: Called with a sentence and the share of the reports that are written.
 
     Returns:
         What became of each test, in order; a folder counts as its files.
@@ -105,10 +111,12 @@ def make_report(
         say(f"written by heatrun itself and left out: {names}")
     settings = _settings(run, tolerances, offset_s)
     outcomes = []
-    for test in found.tests:
+    work = Work(dict.fromkeys(range(len(found.tests)), USUAL_S), progress)
+    for number, test in enumerate(found.tests):
         name = test.name if isinstance(test, Record) else str(test)
         if say is not None:
             say(f"{kind} report of {name}")
+        work.at(number, f"report {number + 1} of {len(found.tests)}")
         try:
             record = test if isinstance(test, Record) else read_test(test, motor)
             report = build_report(
@@ -119,6 +127,8 @@ def make_report(
             outcomes.append(_write(name, report, when, out, settings))
         except InputError as error:
             outcomes.append(Outcome(name, error=error))
+        work.done(number)
+    work.finish()
     return outcomes
 
 
