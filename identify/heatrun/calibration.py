@@ -181,7 +181,7 @@ def calibrate(
             work.at((name, "sample"), f"{model.title}: {sentence}", share)
 
         posterior = _sampled(found, screened, method, seed, folder, report)
-        work.done((name, "sample"), f"{model.title}: predicting {len(tests)} tests")
+        work.done((name, "sample"), f"{model.title}: predicting the tests")
         seen = [*found.findings, *_sampling_findings(posterior)]
         finding = None if screened is None else missing_finding(found, screened)
         seen += [each for each in (finding, changes_finding(posterior)) if each is not None]

@@ -18,7 +18,8 @@ def load(
     motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path], *, as_json: bool
 ) -> tuple[BenchTest, ...] | None:
     """Return the tests, or None after the findings that forbid them were printed."""
-    say(f"reading {len(calibration) + len(holdout)} tests")
+    count = len(calibration) + len(holdout)
+    say(f"reading {count} test{'s' if count > 1 else ''}")
     from ..calibration import Refused, load_tests
     from ..reports.terminal import findings_text
     from ..results import to_json
