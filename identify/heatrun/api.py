@@ -22,6 +22,7 @@ from .inference.networks import NetworkForm, network_named, networks_of, pair_of
 from .jobs import calibrate_into, discover_into
 from .motor import Motor
 from .motorfile import load_motor
+from .parameter_files import read_parameters
 from .results import DiscoveryResult
 from .runs.run import Run, open_run
 from .simulation import simulate_values
@@ -89,6 +90,7 @@ def calibrate(
     method: Method = "emcee",
     seed: int = 0,
     out: str | Path | None = None,
+    force: bool = False,
 ) -> Run:
     """Calibrate the thermal network of a motor on bench tests.
 
@@ -102,6 +104,7 @@ def calibrate(
         method: `"emcee"`, or `"quick"`: importance sampling where its guard holds.
         seed: Random seed.
         out: The run folder; None for one that is removed with the run.
+        force: Whether another run in `out` is replaced.
 
     Returns:
         The run, as `open_run` gives it.
@@ -122,7 +125,7 @@ def calibrate(
     with _folder(out) as (folder, is_kept):
         _, path = calibrate_into(
             folder, machine, read, networks, effects=known_effects(machine, ",".join(effects)),
-            method=method, seed=seed, command="heatrun.calibrate",
+            method=method, seed=seed, command="heatrun.calibrate", is_replacing=force,
         )  # fmt: skip
         return _opened(path, is_kept)
 
@@ -165,6 +168,7 @@ def discover(
     method: Method = "emcee",
     seed: int = 0,
     out: str | Path | None = None,
+    force: bool = False,
 ) -> Found:
     """Find where simulation and measurement disagree, and what is missing.
 
@@ -178,6 +182,7 @@ def discover(
         method: As `calibrate`.
         seed: Random seed.
         out: As `calibrate`.
+        force: As `calibrate`.
 
     Raises:
         InputError: As `calibrate`.
@@ -198,7 +203,7 @@ def discover(
     with _folder(out) as (folder, is_kept):
         job = discover_into(
             folder, machine, read, form, kinds=all_effects(files), known=known, files=files,
-            method=method, seed=seed, command="heatrun.discover",
+            method=method, seed=seed, command="heatrun.discover", is_replacing=force,
         )  # fmt: skip
         return Found(_opened(job.path, is_kept))
 
@@ -215,7 +220,7 @@ def simulate(
 
     Args:
         motor: How the bench of the test measures.
-        source: A run or its folder; or parameters by name.
+        source: A run or its folder; or parameters by name, or a file of them: TOML or `prova.mat`.
         test: The bench file whose currents, losses and sink drive the model.
         model: Name of the network; the last one of a run, or the second order, if None.
         seed: Random seed.
@@ -224,6 +229,9 @@ def simulate(
     record = read_test(Path(test), machine)
     if isinstance(source, Mapping):
         return simulate_values(machine, source, record, model or "second")
+    if not isinstance(source, Run) and Path(source).is_file():
+        given = read_parameters(Path(source), model, machine)
+        return simulate_values(given.motor, given.values_for(record), record, given.form)
     run = source if isinstance(source, Run) else open_run(source)
     return run.simulate(record, network=model, motor=machine, seed=seed)
 

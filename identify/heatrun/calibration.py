@@ -37,6 +37,7 @@ from .results.model import FittedModel
 from .results.values import Role
 from .runs.result import assemble, describe_model, describe_test
 from .runs.run_folder import RunFolder, environment
+from .work import SILENT, Work
 
 Say = Callable[[str], None]
 
@@ -119,7 +120,7 @@ def calibrate(
     duties: Sequence[str] = (),
     folder: RunFolder | None = None,
     say: Say = lambda sentence: None,
-    progress: Callable[[str, float], None] | None = None,
+    work: Work = SILENT,
 ) -> Calibration:
     """Calibrate a motor's network on tests.
 
@@ -134,7 +135,7 @@ def calibrate(
         command: As it is to stand in the result.
         folder: Where checkpoints go; None for none.
         say: Told what is being done, from the thread that does it.
-        progress: Called with a sentence and the share done while sampling, likewise.
+        work: Told how far it is, likewise; as `heatrun.work.work_of_calibration`.
 
     Raises:
         InputError: If something that the model needs is not given.
@@ -153,13 +154,15 @@ def calibrate(
     _refuse_unplaced_bodies(motor, models)
     for model in models:
         model.refuse_unusable([test.blocks for test in tests])
-    shares = dict.fromkeys(names, 0.0)
 
     def one(model: Model) -> _Outcome:
+        name = model.name
         say(f"{model.title}: least squares from many starts")
+        work.at((name, "fit"), f"{model.title}: least squares from many starts")
         rows = [model.with_bodies(test) for test in fitted]
         found = fit(Problem.of(model, motor, rows), seed=seed)
-        is_last = model.name == names[-1]  # a network that another one extends is known to miss it
+        work.done((name, "fit"), f"{model.title}: fitted")
+        is_last = name == names[-1]  # a network that another one extends is known to miss it
         screened = None
         if is_last:
             say(f"{model.title}: looking for effects that it misses")
@@ -172,19 +175,19 @@ def calibrate(
                 if found is not together:
                     screened = missing(found, seed=seed)
         say(f"{model.title}: sampling the posterior")
+        work.done((name, "missing"), f"{model.title}: sampling the posterior")
 
         def report(sentence: str, share: float) -> None:
-            shares[model.name] = share
-            if progress is not None:
-                progress(f"{model.title}: {sentence}", sum(shares.values()) / len(shares))
+            work.at((name, "sample"), f"{model.title}: {sentence}", share)
 
         posterior = _sampled(found, screened, method, seed, folder, report)
-        shares[model.name] = 1.0
+        work.done((name, "sample"), f"{model.title}: predicting the tests")
         seen = [*found.findings, *_sampling_findings(posterior)]
         finding = None if screened is None else missing_finding(found, screened)
         seen += [each for each in (finding, changes_finding(posterior)) if each is not None]
         predicted = [predict(posterior, test.blocks, seed=seed) for test in tests]
         described = describe_model(posterior, predicted, roles, duties)
+        work.done((name, "predict"), f"{model.title}: done")
         if screened is not None:
             stats = {**described.stats, "missing_effect_p": screened.p}
             described = replace(described, stats=stats)
@@ -198,10 +201,13 @@ def calibrate(
     findings += [finding for outcome in outcomes.values() for finding in outcome.findings]
     last = posteriors[names[-1]].fit
     rows = []
-    for test in tests:
+    for number, test in enumerate(tests):
+        doing = f"checking the reduction of test {number + 1} of {len(tests)}"
+        work.at("reduction", doing, number / len(tests))
         error, found = check_reduction(last, test.record, test.blocks, motor)
         rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
         findings += found
+    work.done("reduction")
     described = {name: outcome.described for name, outcome in outcomes.items()}
     result = assemble(motor, rows, findings, described, predictions, command=command, seed=seed)
     return Calibration(motor, tuple(tests), posteriors, predictions, result)
@@ -312,25 +318,3 @@ def _sampling_findings(posterior: Posterior) -> list[Finding]:
             "the motor file.",
         )
     ]
-
-
-def default_folder(motor: Motor, tests: Sequence[BenchTest], order: str) -> Path:
-    """Return where a run goes if no folder is given: named after motor and first test."""
-    words = f"{motor.name}-{tests[0].record.name}-{order}"
-    slug = "".join(c if c.isalnum() and c.isascii() else "-" for c in words.lower())
-    while "--" in slug:
-        slug = slug.replace("--", "-")
-    return Path("results") / "runs" / slug.strip("-")[:80]
-
-
-def refuse_unwritable(path: Path) -> None:
-    """Raise an error if a folder's parent is a file.
-
-    Raises:
-        InputError: With what to do.
-    """
-    for parent in path.parents:
-        if parent.is_file():
-            raise InputError(
-                f"{parent} is a file, expected a folder.", remedy="Choose another --out."
-            )

@@ -9,18 +9,19 @@ from typing import Literal
 
 from lptn.effects import AbstractEffect
 
-from .calibration import BenchTest, Calibration, calibrate, identity, manifest, refuse_unwritable
+from .calibration import BenchTest, Calibration, calibrate, identity, manifest
 from .discovery.job import Job, run_job
 from .inference.networks import NetworkForm
 from .inference.networks.text import network_text
 from .motor import Motor
 from .reports.sheet.of_run import write_sheet
-from .runs.run_folder import RunFolder
+from .runs.places import refuse_unwritable
+from .runs.run_folder import RunFolder, free_place
 from .runs.write import write_run
+from .work import Progress, work_of_calibration, work_of_discovery
 
 Method = Literal["emcee", "quick"]
 Say = Callable[[str], None]
-Progress = Callable[[str, float], None]
 
 
 def _silent(sentence: str) -> None:
@@ -38,13 +39,16 @@ def calibrate_into(
     seed: int = 0,
     command: str = "",
     duties: Sequence[str] = (),
+    is_named: bool = True,
+    is_replacing: bool = False,
     say: Say = _silent,
     progress: Progress | None = None,
 ) -> tuple[Calibration, Path]:
     """Calibrate networks on tests and write the run folder with its sheet.
 
     Args:
-        path: The run folder; an unfinished run of the same inputs there is taken up.
+        path: The run folder; an unfinished run of the same inputs there is taken up, and a
+            finished one of the same replaced.
         motor: The machine.
         tests: From `heatrun.calibration.load_tests`.
         networks: What is calibrated.
@@ -53,14 +57,18 @@ def calibrate_into(
         seed: Random seed.
         command: As it is to stand in the result.
         duties: Ratings asked for, as `heatrun.ratings.figures.derive`.
+        is_named: Whether `path` is where the user wants the run; else it gets a number where
+            another run stands there.
+        is_replacing: Whether another run at `path` is replaced.
         say: Told what is being done.
-        progress: Called with a sentence and the share done while sampling.
+        progress: Called with a sentence and the share done, 1 when the folder is there.
 
     Returns:
         What was found, and the run folder.
 
     Raises:
-        InputError: If something that a model needs is not given, or the folder cannot be written.
+        InputError: If something that a model needs is not given, the folder holds another run, or
+            it cannot be written.
     """
     refuse_unwritable(path)
     same = identity(
@@ -71,17 +79,24 @@ def calibrate_into(
         method=method,
         seed=seed,
     )
-    folder = RunFolder.begin(path, same)
+    if not is_named and not is_replacing:
+        path = free_place(path, same, duties)
+    folder = RunFolder.begin(path, same, further=duties, is_replacing=is_replacing)
     if folder.note:
         say(folder.note)
+    work = work_of_calibration([form.name for form in networks], len(tests), method, progress)
     found = calibrate(
         motor, tests, networks=networks, effects=effects, method=method, seed=seed,
-        command=command, duties=duties, folder=folder, say=say, progress=progress,
+        command=command, duties=duties, folder=folder, say=say, work=work,
     )  # fmt: skip
     say("writing the sheet")
+    work.at("writing", "writing the run")
     run = write_run(folder, motor, found.result, found.posteriors, found.predictions)
+    work.at("writing", "writing the sheet", 0.2)
     write_sheet(run, folder.partial)
-    return found, folder.finish(manifest(found, command, seed))
+    written = folder.finish(manifest(found, command, seed))
+    work.finish()
+    return found, written
 
 
 def discover_into(
@@ -96,6 +111,8 @@ def discover_into(
     method: Method = "emcee",
     seed: int = 0,
     command: str = "",
+    is_named: bool = True,
+    is_replacing: bool = False,
     say: Say = _silent,
     progress: Progress | None = None,
 ) -> Job:
@@ -112,8 +129,10 @@ def discover_into(
         method: As `calibrate_into`.
         seed: Random seed.
         command: As it is to stand in the result.
+        is_named: As `calibrate_into`.
+        is_replacing: As `calibrate_into`.
         say: Told what is being done.
-        progress: Called with a sentence and the share done while sampling.
+        progress: Called with a sentence and the share done, 1 when the folder is there.
 
     Raises:
         InputError: As `calibrate_into`.
@@ -129,10 +148,15 @@ def discover_into(
         method=method,
         seed=seed,
     )
-    folder = RunFolder.begin(path, same)
+    if not is_named and not is_replacing:
+        path = free_place(path, same)
+    folder = RunFolder.begin(path, same, is_replacing=is_replacing)
     if folder.note:
         say(folder.note)
-    return run_job(
+    work = work_of_discovery(len(tests), method, progress)
+    job = run_job(
         motor, tests, folder, order=network, known=known, kinds=kinds, method=method, seed=seed,
-        command=command, say=say, progress=progress,
+        command=command, say=say, work=work,
     )  # fmt: skip
+    work.finish()
+    return job

@@ -10,61 +10,71 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .bench import Record, read_record, require
-from .bench.readers.open_file import read_start
-from .errors import InputError
+from .bench import Record, require
+from .bench.joined import read_test
 from .inference.catalogue import known_effects
 from .inference.draws import NUM_NOISE, Draws
-from .inference.effect_parameters import effect_names
-from .inference.model import Model, override_names, parameters
-from .inference.networks import NetworkForm, network_named
+from .inference.model import Model, parameters
+from .inference.networks import NetworkForm
 from .inference.predict import Prediction, predict
 from .inference.virtual import reduce_driven, refuse_coarse_steps, refuse_runaway, virtual_record
 from .io.file_set import together
-from .io.toml_text import LARGEST_BYTES, parse_toml
+from .io.free_names import is_other, numbered, refuse_replacing
 from .io.whole_files import writable, write_whole
-from .motor import Motor
+from .motor import Motor, ParameterOverride
+from .parameter_files import read_parameters
 from .runs.run import open_run
-
-LARGEST = 1e30
-"""Beyond it no parameter means anything in any unit, and its square is no float64."""
 
 
 def simulate_file(
-    motor: Motor, source: str, path: Path, network: str | None, folder: Path, seed: int
+    motor: Motor,
+    source: str,
+    path: Path,
+    network: str | None,
+    folder: Path | None,
+    seed: int,
+    *,
+    is_replacing: bool = False,
 ) -> dict[str, Any]:
     """Simulate the load of a test and write the virtual record as CSV.
 
     Args:
         motor: The machine.
-        source: A run folder, or a TOML file with parameters by name.
+        source: A run folder, a TOML file with parameters by name, or a `prova.mat`.
         path: The test whose currents, losses and sink drive the model.
-        network: Name of the network; None for the last one of a run, or the second order.
-        folder: Where `NAME_virtual.csv` goes.
+        network: Name of the network; None for the last one of a run, that of a `prova.mat`, or
+            the second order.
+        folder: Where `NAME_virtual.csv` goes; None for here, numbered where that name is taken
+            by another record.
         seed: Of the draws behind the bands, which a run gives: columns such as
             `winding_95_low_degC`, with the noise of a block mean.
+        is_replacing: Whether another record in `folder` is replaced.
 
     Returns:
         Name of the file, number of rows, network and effects, the error to a measured winding
-        where there is one, and why there are no bands where there are none.
+        where there is one, why there are no bands where there are none, and notes.
 
     Raises:
-        InputError: If parameters are missing, or the record lacks a channel.
+        InputError: If parameters are missing, the record lacks a channel, or another record is in
+            `folder` under that name.
     """
-    record = read_record(path, motor)
-    require(record, ["phase_current_A", "losses_W", f"{motor.sink}_degC"])
-    lacking = ""
+    record = read_driven(path, motor)
+    lacking, notes = "", ()
     if Path(source).is_dir():
         found = open_run(source).predict(record, network=network, motor=motor, seed=seed)
     else:
-        form = network_named(network or "second")
-        found = predict_values(motor, parameters_from(Path(source), form, motor), record, form)
-        lacking = "a TOML file of parameters says nothing of their uncertainty"
+        given = read_parameters(Path(source), network, motor)
+        found = predict_values(given.motor, given.values_for(record), record, given.form)
+        lacking, notes = "a file of parameters says nothing of their uncertainty", given.notes
     table = virtual_record(found, record, motor)
-    target = folder / f"{record.name}_virtual.csv"
-    with writable("the record", target), together(folder, "virtual") as files:
-        text = table.to_csv(index=False, float_format="%.6g")
-        write_whole(files.aside / target.name, text.encode())
+    text = table.to_csv(index=False, float_format="%.6g").encode()
+    target = (folder or Path()) / f"{record.name}_virtual.csv"
+    if folder is None:
+        target = next(at for at in numbered(target) if not is_other(at, text))
+    elif not is_replacing and is_other(target, text):
+        refuse_replacing(target, "another record")
+    with writable("the record", target), together(target.parent, "virtual") as files:
+        write_whole(files.aside / target.name, text)
     return {
         "file": str(target),
         "num_rows": len(table),
@@ -73,7 +83,23 @@ def simulate_file(
         "rmse_K": found.rmse_K if np.isfinite(found.rmse_K) else None,
         "test": record.name,
         "no_bands": lacking,
+        "notes": list(notes),
     }
+
+
+def read_driven(path: Path, motor: Motor) -> Record:
+    """Read a test whose current, losses and sink drive a model.
+
+    Args:
+        path: As `heatrun.bench.joined.read_test`.
+        motor: How its bench measures.
+
+    Raises:
+        InputError: If it cannot be read, or lacks one of these channels.
+    """
+    record = read_test(path, motor)
+    require(record, ["phase_current_A", "losses_W", f"{motor.sink}_degC"])
+    return record
 
 
 def simulate_values(
@@ -84,8 +110,8 @@ def simulate_values(
     Args:
         motor: The machine.
         values: Parameters by name, those of the motor file's known effects as
-            `speed_cooling.g`; the start is taken from the record's first readings, or from
-            the sink where no winding was measured.
+            `speed_cooling.g`; a start temperature that is not given is taken from the record's
+            first readings, or from the sink where no winding was measured.
         record: Currents, losses and sink.
         network: Name of a network, or the network.
 
@@ -103,8 +129,10 @@ def predict_values(
     """Return the prediction of given parameters, taken as exact; arguments as `simulate_values`."""
     blocks = reduce_driven(record, motor)
     model = Model.of(network, motor, known_effects(motor))
+    starts = {name for _, name in model.form.starts}
+    given = {name: ParameterOverride(fixed=values[name]) for name in starts & set(values)}
+    motor = replace(motor, parameters={**motor.parameters, **given})
     known = parameters(model, motor, [blocks])
-    starts = {name for _, name in model.form.starts} - set(values)
     fixed = {}
     for name, parameter in known.by_test[0].items():
         if name not in starts and not parameter.per_test:
@@ -112,59 +140,8 @@ def predict_values(
             fixed[name] = replace(parameter, fixed=values.get(name, default))
     exact = replace(known, by_test=(fixed,), slots=())
     draws = Draws(model, motor, exact, np.zeros((1, NUM_NOISE)))
-    given = {name: p.fixed for name, p in fixed.items() if p.fixed is not None}
-    refuse_coarse_steps(model, given, blocks)
+    exactly = {name: p.fixed for name, p in fixed.items() if p.fixed is not None}
+    refuse_coarse_steps(model, exactly, blocks)
     found = predict(draws, blocks)
     refuse_runaway(found, record.name)
     return found
-
-
-def parameters_from(
-    source: Path, form: NetworkForm, motor: Motor | None = None
-) -> dict[str, float]:
-    """Return parameters by name from a TOML file.
-
-    Args:
-        source: The file.
-        form: The network that they are for.
-        motor: The machine, whose known effects may have parameters too.
-
-    Raises:
-        InputError: If there is no such file, or a parameter is missing or misnamed.
-    """
-    content = parse_toml(read_start(source, LARGEST_BYTES), str(source), "file of parameters")
-    content = content.get("parameters", content)
-    if not isinstance(content, dict):
-        raise InputError(
-            "expected a section [parameters].", where=str(source),
-            remedy="Write lines such as Ceq_w = 666.75.",
-        )  # fmt: skip
-    effects = effect_names(known_effects(motor)) if motor and motor.effects else ()
-    units = {parameter.name: parameter.unit for parameter in form.parameters}
-    needed = [p.name for p in form.parameters if p.fixed is None]
-    missing = [name for name in needed if name not in content]
-    unknown = [name for name in content if name not in (*override_names(form), *effects)]
-    if missing or unknown:
-        what = [f"{', '.join(missing)} missing"] if missing else []
-        what += [f"{', '.join(unknown)} unknown"] if unknown else []
-        raise InputError(
-            f"parameters of the {form.title}: {'; '.join(what)}.",
-            where=str(source),
-            remedy=f"Give {', '.join(needed)} (J/K and K/W).",
-        )
-    bad = [n for n, v in content.items() if isinstance(v, bool) or not isinstance(v, int | float)]
-    if bad:
-        raise InputError(
-            f"{', '.join(bad)}: expected a number.", where=str(source), remedy="Write 666.75."
-        )
-    positive = {name for name, unit in units.items() if unit in ("J/K", "K/W")} | {"Rs0"}
-    for name, value in content.items():
-        # compared before it becomes a float, which a number of 400 digits cannot
-        if not abs(value) < LARGEST or (name in positive and not value > 0):
-            raise InputError(
-                f"{name} = {value!s:.40}: expected a number"
-                f"{' above 0' if name in positive else ''} below {LARGEST:g}.",
-                where=str(source),
-                remedy="Write 666.75.",
-            )
-    return {name: float(value) for name, value in content.items()}

@@ -44,7 +44,7 @@ class Countdown:
 
 def small_run(path: Path, text: str) -> list[int]:
     """Do what a calibration does with its folder; return the chunks that were taken up."""
-    folder = RunFolder.begin(path, IDENTITY | {"text": text})
+    folder = RunFolder.begin(path, IDENTITY | {"text": text}, is_replacing=True)
     checkpoint = Checkpoint(folder.checkpoints, "key")
     taken = len(checkpoint.load())
     for number in range(taken, NUM_CHUNKS):

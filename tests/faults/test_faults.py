@@ -48,7 +48,7 @@ def result_of(run):
 
 
 def made(path, identity=IDENTITY):
-    folder = RunFolder.begin(path, identity)
+    folder = RunFolder.begin(path, identity, is_replacing=True)
     folder.write_json("fit.json", FIT)
     return folder.finish({"format": "heatrun-run/1"})
 
@@ -60,7 +60,7 @@ def test_two_runs_into_one_folder_are_refused(tmp_path):
         with pytest.raises(InputError, match=r"another process is writing.*another --out"):
             RunFolder.begin(tmp_path / "run", other)
     assert result_of(first.finish({})) == FIT
-    again = RunFolder.begin(tmp_path / "run", {"seed": 2})
+    again = RunFolder.begin(tmp_path / "run", {"seed": 2}, is_replacing=True)
     assert result_of(tmp_path / "run") == FIT
     assert again.note == ""
 

@@ -22,7 +22,7 @@ from heatrun.errors import InputError
 from heatrun.inference.networks import network_named
 from heatrun.inference.sampling.checkpoint import CONTENT, Checkpoint
 from heatrun.motorfile import load_motor
-from heatrun.simulation import parameters_from
+from heatrun.parameter_files import parameters_from
 
 ROOT = Path(__file__).parents[2]
 GOOD = "Ceq_w = 666.75\nCeq_sr = 15060.1\nReq_w = 0.14485\nReq_sr = 0.11625\n"

@@ -154,6 +154,10 @@ LINK = changed(CLEAN, dc_voltage_V=300.0 + 0.0 * TIME, dc_current_A=8.0 * CLEAN[
 # id: record with the fault, motor, severity, value that says where or how much, its bounds
 FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "missing_channel": (without(CLEAN, "losses_W"), MOTOR, "error", "", (0, 0)),
+    "simulated_by_heatrun": (
+        replace(CLEAN, unused=("copper_loss_W", "other_loss_W", "flow_stator_ambient_W")),
+        MOTOR, "warning", "", (0, 0),
+    ),
     "too_few_samples": (every(CLEAN, 12000), MOTOR, "error", "num_usable", (3, 3)),
     "time_backwards": (shifted_clock(CLEAN, 900.0, -60.0), MOTOR, "error", "from_s", (899, 900)),
     "time_duplicate": (

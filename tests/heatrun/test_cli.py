@@ -221,6 +221,23 @@ def test_the_main_job_from_file_to_sheet(run, table, tmp_path, motor_file, capsy
     listing = json.loads((folder / "manifest.json").read_text())
     assert listing["inputs"][1]["sha256"] == result["tests"][0]["sha256"]
 
+    # another run does not take its place in silence, nor does the sheet of another run
+    words = ["calibrate", str(motor_file), str(tmp_path / "test.csv"), "--model", "second",
+             "--quick", "--seed", "1", "--out", str(folder)]  # fmt: skip
+    before = (folder / "fit.json").read_bytes()
+    assert cli.main(words) == 1
+    assert "holds another run; it is left as it is. Choose another --out, or pass --force" in (
+        capsys.readouterr().err
+    )
+    assert (folder / "fit.json").read_bytes() == before
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "sheet.json").write_text("{}")
+    assert cli.main(["sheet", str(folder), "--out", str(other)]) == 1
+    assert "holds the sheet of another run" in capsys.readouterr().err
+    assert sorted(path.name for path in other.iterdir()) == ["sheet.json"]
+    assert cli.main(["sheet", str(folder), "--out", str(other), "--force"]) == 0
+
     # the sheet again, and a virtual record that follows the measured one
     assert cli.main(["sheet", str(folder), "--out", str(tmp_path / "again")]) == 0
     assert (tmp_path / "again" / "sheet.pdf").read_bytes()[:4] == b"%PDF"

@@ -8,6 +8,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
@@ -21,6 +22,7 @@ from heatrun.errors import InputError
 from heatrun.export import (
     Corrections,
     export_mat,
+    export_test,
     read_run_test,
     simulate_variables,
     thesis_variables,
@@ -28,6 +30,7 @@ from heatrun.export import (
 from heatrun.export.variables import Shaft
 from heatrun.io.whole_files import write_whole
 from heatrun.motorfile import load_motor
+from heatrun.runs.run import open_run
 from heatrun.runs.run_folder import RunFolder
 from heatrun.runs.write import write_run
 
@@ -194,7 +197,7 @@ def test_the_command_prints_one_object(day, capsys):
     printed = json.loads(capsys.readouterr().out)
     assert printed["test"] == "step"
     assert printed["variables"]["Is"] == {"shape": [1801, 1], "unit": "A"}
-    assert [Path(file).exists() for file in printed["files"]] == [True, True]
+    assert [Path(file).exists() for file in printed["files"]] == 3 * [True]
 
 
 def test_a_correction_is_said_and_applied_on_demand(day, capsys):
@@ -337,7 +340,7 @@ def test_the_script_is_not_there_without_the_variables(day, monkeypatch):
         write_whole(path, content)
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("heatrun.export.mat.write_whole", cut)
+    monkeypatch.setattr("heatrun.export.written.write_whole", cut)
     with pytest.raises(InputError, match="No space left"):
         export_mat(Path("run"), folder=Path("out"))
     assert not list(Path("out").iterdir())
@@ -381,3 +384,71 @@ def test_a_test_of_two_loggers_is_read_from_both_files(day, monkeypatch):
     with pytest.raises(InputError, match=r"drive\.csv has changed"):
         read_run_test(Path("run"))
     assert read_run_test(Path("run"), test="step").is_held_out  # the other test has one file
+
+
+def test_a_new_test_is_exported_with_the_run_s_own_motor_file(day, bench, generator):
+    new = bench(generator.constant_load(900.0), seed=7)
+    write_csv(new, Path("new.csv"))
+    Path("motor.toml").unlink()  # the run keeps a copy
+    assert cli.main(["export", "run", "new.csv", "--to", "mat", "--corrected"]) == 0
+    variables = read_variables(Path("new_mat/prova.mat").read_bytes())
+    assert np.array_equal(variables["Tw_m"][:, 0], new["winding_degC"])
+    found = open_run("run").predict("new.csv")
+    values = {name: float(np.median(draws)) for name, draws in found.values.items()}
+    assert variables["Ceqw"].item() == pytest.approx(values["Ceq_w"], rel=1e-12)
+    assert variables["Two"].item() == pytest.approx(values["Tw_start"], rel=1e-12)
+    # the winding at the medians, which the bands of the run lie around
+    course = simulate_variables(variables).winding
+    length = variables["t"][-1, 0] / found.nodes["winding"].size
+    block = np.maximum(np.ceil(variables["t"].ravel() / length - 1e-9).astype(int) - 1, 0)
+    means = np.bincount(block, course) / np.bincount(block)
+    # the moment of the load step is a correction of the reading; three winding time constants
+    # after it, it is forgotten
+    later = found.time_s > 500.0
+    assert np.sum(later) > 30
+    assert means[later] == pytest.approx(found.nodes["winding"][later], abs=0.1)  # as above
+
+
+def test_a_test_of_the_run_is_known_by_its_bytes(day):
+    Path("same.csv").write_bytes(Path("duty.csv").read_bytes())
+    of_run = export_mat(Path("run"), folder=Path("one"))
+    new = export_test(Path("run"), Path("same.csv"), folder=Path("two"))
+    assert (new["test"], new["is_held_out"]) == ("duty", False)
+    assert Path("one/prova.mat").read_bytes() == Path("two/prova.mat").read_bytes()
+    assert new["rmse_K"] == of_run["rmse_K"]
+
+
+def test_from_a_run_to_the_file_and_back_to_a_simulation(day):
+    def halfway(result):  # else the load of the file is later than that of the record
+        result["models"]["second"]["nuisances"]["load_timing[duty]"]["value"] = 0.0
+
+    edit(Path("run/fit.json"), halfway)
+    assert cli.main(["export", "run", "--to", "mat", "--out", "mat", "--corrected"]) == 0
+    assert cli.main(["simulate", "motor.toml", "mat/prova.mat", "mat/prova.mat"]) == 0
+    assert cli.main(["simulate", "motor.toml", "run", "duty.csv"]) == 0
+    back, direct = pd.read_csv("prova_virtual.csv"), pd.read_csv("duty_virtual.csv")
+    low, high = direct["winding_95_low_degC"], direct["winding_95_high_degC"]
+    assert np.all((low < back["winding_degC"]) & (back["winding_degC"] < high))
+    assert not any("95" in name for name in back)  # a file says nothing of uncertainty
+    test = read_run_test(Path("run"))
+    trace = test.model.simulate(
+        {name: jnp.asarray(value) for name, value in test.values.items()}, test.blocks.inputs
+    )
+    for node in ("winding", "stator"):
+        T = np.asarray(trace.temperature[node])
+        of_medians = 0.5 * (T[1:] + T[:-1])[: len(back)]
+        np.testing.assert_allclose(back[f"{node}_degC"], of_medians, rtol=0.0, atol=0.01)
+        # the median of the courses is not the course of the medians
+        np.testing.assert_allclose(back[f"{node}_degC"], direct[f"{node}_degC"], rtol=0, atol=0.2)
+
+
+def test_a_second_export_of_a_run_gets_a_place_of_its_own(day, capsys):
+    first = export_mat(Path("run"))["files"]
+    before = Path(first[0]).read_bytes()
+    second = export_mat(Path("run"), test="step")["files"]
+    assert [str(Path(path).parent) for path in (first[0], second[0])] == ["run", "run/mat-2"]
+    assert Path(first[0]).read_bytes() == before
+    with pytest.raises(InputError, match="pass --force to replace it"):
+        export_mat(Path("run"), folder=Path("run"), test="step")
+    export_mat(Path("run"), folder=Path("run"), test="step", is_replacing=True)
+    assert Path(first[0]).read_bytes() == Path(second[0]).read_bytes()

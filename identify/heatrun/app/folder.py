@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 
+from ..bench.own_files import MOST_BYTES, SIMULATION, own_file
 from ..errors import InputError
 from ..runs.run_folder import MANIFEST
 from .server.confined import is_inside, open_inside, outside
@@ -65,11 +66,14 @@ class Listing:
         tests: Bench files.
         motors: Motor files: TOML with a table `[motor]`.
         is_cut: Whether there was more than is looked at.
+        num_own: Files that heatrun itself has written, left out of the tests; its virtual records
+            are not, since they are there to be looked at.
     """
 
     tests: tuple[str, ...]
     motors: tuple[str, ...]
     is_cut: bool
+    num_own: int = 0
 
 
 class Folder:
@@ -114,7 +118,7 @@ class Folder:
         """Return what the folder holds; runs, hidden files and links that lead out are left out."""
         tests: list[str] = []
         motors: list[str] = []
-        num_seen = 0
+        num_seen = num_own = 0
         room = MAX_SCANNED_BYTES
         for path in self._files():
             num_seen += 1
@@ -122,7 +126,11 @@ class Folder:
                 break
             name = path.relative_to(self.root).as_posix()
             if _ending(path) in SUFFIXES:
-                tests.append(name)
+                said = own_file(path.name, self._start(path, MOST_BYTES))
+                if said in (None, SIMULATION):  # which is there to be looked at
+                    tests.append(name)
+                else:
+                    num_own += 1
             elif path.suffix.lower() == ".toml":
                 start = self._start(path, room)
                 room -= len(start)
@@ -130,7 +138,7 @@ class Folder:
                     motors.append(name)
         tests.sort(key=_nearest)
         motors.sort(key=_nearest)
-        return Listing(tuple(tests), tuple(motors), num_seen > MAX_ENTRIES)
+        return Listing(tuple(tests), tuple(motors), num_seen > MAX_ENTRIES, num_own)
 
     def _files(self) -> Iterator[Path]:
         for where, folders, files in os.walk(self.root):

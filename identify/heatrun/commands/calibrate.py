@@ -44,6 +44,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     words.add_sampling(parser)
     words.add_meta(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
+    words.add_force(parser)
     words.add_json(parser)
     return parser
 
@@ -67,24 +68,26 @@ def calibrate_into_folder(
     calibration: Sequence[Path],
     holdout: Sequence[Path],
     networks: Sequence[NetworkForm],
+    default: Path | None = None,
 ) -> int:
     """Calibrate, write the run folder and print what was found.
 
     Args:
-        options: With `out`, `quick`, `seed`, `json`, `command_line`; `effects_known` and `rating`
-            are optional.
+        options: With `out`, `force`, `quick`, `seed`, `json`, `command_line`; `effects_known` and
+            `rating` are optional.
         motor: The motor.
         calibration: Paths of the tests that are fitted.
         holdout: Paths of the tests that are predicted.
         networks: What is calibrated.
+        default: Run folder where none is named; None for one named after motor and test.
     """
-    from ..calibration import default_folder
     from ..inference.catalogue import known_effects
     from ..inference.networks import BUILT_IN
     from ..jobs import calibrate_into
     from ..ratings.duties import parse_duty
     from ..reports.terminal import result_text
     from ..results import to_json, to_plain
+    from ..runs.places import default_folder
 
     tests = load(motor, calibration, holdout, as_json=options.json)
     if tests is None:
@@ -95,7 +98,7 @@ def calibrate_into_folder(
         parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
     with bar() as progress:
         found, written = calibrate_into(
-            options.out or default_folder(motor, tests, name),
+            options.out or default or default_folder(motor, tests[0].record, name),
             motor,
             tests,
             networks,
@@ -103,6 +106,8 @@ def calibrate_into_folder(
             method="quick" if options.quick else "emcee",
             seed=options.seed,
             command=options.command_line,
+            is_named=options.out is not None,
+            is_replacing=options.force,
             duties=getattr(options, "rating", ()),
             say=say,
             progress=progress,

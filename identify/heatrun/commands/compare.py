@@ -7,7 +7,7 @@ from typing import Any
 
 from . import words
 from .calibrate import calibrate_into_folder
-from .console import printable, say
+from .console import bar, printable, say
 from .exit_codes import DONE, NOT_ALLOWED
 from .loading import load
 
@@ -30,6 +30,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     words.add_with(parser)
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: none is written)")
+    words.add_force(parser)
     words.add_json(parser)
     return parser
 
@@ -41,6 +42,7 @@ def run(options: argparse.Namespace) -> int:
     from ..inference.networks import pair_of
     from ..motorfile import load_motor
     from ..results import to_json
+    from ..work import work_of_calibration
 
     pair = pair_of(options.model)
     motor = load_motor(options.motor)
@@ -49,17 +51,20 @@ def run(options: argparse.Namespace) -> int:
     tests = load(motor, options.tests, options.holdout, as_json=options.json)
     if tests is None:
         return NOT_ALLOWED
-    found = calibrate(
-        motor,
-        tests,
-        networks=pair,
-        effects=known_effects(motor, options.effects_known),
-        method="quick" if options.quick else "emcee",
-        seed=options.seed,
-        command=options.command_line,
-        say=say,
-        progress=None,
-    )
+    method = "quick" if options.quick else "emcee"
+    with bar() as progress:
+        found = calibrate(
+            motor,
+            tests,
+            networks=pair,
+            effects=known_effects(motor, options.effects_known),
+            method=method,
+            seed=options.seed,
+            command=options.command_line,
+            say=say,
+            work=work_of_calibration([form.name for form in pair], len(tests), method, progress),
+        )
+        progress("done", 1.0)
     if options.json:
         result = found.result
         print(

@@ -22,13 +22,14 @@ def say(sentence: str) -> None:
 
 @contextmanager
 def bar() -> Iterator[Callable[[str, float], None]]:
-    """Show a bar on stderr that is told a sentence and the share done."""
+    """Show a bar on stderr that is told a sentence and the share done, 1 when the job is done."""
     if os.environ.get(PROGRESS) == "json":
         yield _tell
         return
     from tqdm import tqdm
 
-    with tqdm(total=100, disable=None, file=sys.stderr, leave=False, unit="%") as shown:
+    layout = "{desc} {percentage:3.0f}%|{bar}| {elapsed}"
+    with tqdm(total=100, disable=None, file=sys.stderr, leave=False, bar_format=layout) as shown:
 
         def progress(sentence: str, share: float) -> None:
             shown.set_description(sentence)

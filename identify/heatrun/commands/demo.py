@@ -15,6 +15,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser = commands.add_parser("demo", help="the main job on bundled data")
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/demo)")
+    words.add_force(parser)
     words.add_json(parser)
     return parser
 
@@ -26,11 +27,11 @@ def run(options: argparse.Namespace) -> int:
     from ..motorfile import load_motor
 
     folder = bundled("synthetic")
-    options.out = options.out or Path("results") / "runs" / "demo"
     return calibrate_into_folder(
         options,
         load_motor(folder / "motor.toml"),
         [folder / "duty_90min.csv.gz"],
         [folder / "step_90min.csv.gz"],
         networks_of("both"),
+        Path("results") / "runs" / "demo",
     )

@@ -36,6 +36,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
+    words.add_force(parser)
     words.add_json(parser)
     return parser
 
@@ -43,13 +44,13 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Search, write the run folder and print the verdict."""
     from ..bench.channels.column_mapping import describe_columns, mapping_text
-    from ..calibration import default_folder
     from ..inference.catalogue import all_effects, known_effects
     from ..inference.networks import network_named
     from ..jobs import discover_into
     from ..motorfile import load_motor
     from ..reports.terminal import discovery_text
     from ..results import to_json, to_plain
+    from ..runs.places import default_folder
 
     motor = load_motor(options.motor)
     kinds = all_effects(options.effects)
@@ -60,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
         return NOT_ALLOWED
     with bar() as progress:
         job = discover_into(
-            options.out or default_folder(motor, tests, "discovery"),
+            options.out or default_folder(motor, tests[0].record, "discovery"),
             motor,
             tests,
             network,
@@ -70,6 +71,8 @@ def run(options: argparse.Namespace) -> int:
             method="quick" if options.quick else "emcee",
             seed=options.seed,
             command=options.command_line,
+            is_named=options.out is not None,
+            is_replacing=options.force,
             say=say,
             progress=progress,
         )

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from ..errors import UsageError
 from . import words
 from .console import printable, say
 from .exit_codes import DONE
@@ -15,13 +16,32 @@ from .exit_codes import DONE
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser("export", help="a run for MATLAB, Simulink and Octave")
-    parser.add_argument("run", type=Path, metavar="RUN", help="run folder")
+    parser.add_argument(
+        "source",
+        metavar="RUN_OR_PARAMETERS",
+        type=Path,
+        help="run folder; or a TOML file of parameters or a prova.mat, with --motor and TEST",
+    )
+    parser.add_argument(
+        "tests",
+        nargs="*",
+        type=Path,
+        metavar="TEST",
+        help="any bench files; without one a test of the run is exported",
+    )
     parser.add_argument(
         "--to",
         choices=("mat",),
         required=True,
-        help="mat: prova.mat with run_prova.m for the built-in networks; network.mat with "
-        "run_network.m for any other and for models with effects",
+        help="mat: prova.mat for the built-in networks, with run_prova.m and with build_models.m, "
+        "which builds the Simulink models (never run in MATLAB); network.mat with run_network.m "
+        "for any other and for models with effects",
+    )
+    parser.add_argument(
+        "--motor",
+        type=Path,
+        metavar="MOTOR.toml",
+        help="motor file of the bench files (default: the run's own copy)",
     )
     parser.add_argument(
         "--test", metavar="NAME", help="test of the run (default: the first calibrated on)"
@@ -34,46 +54,94 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         action="store_true",
         help="correct Is, Pd and Te by the estimated errors of current, losses, sink and timing",
     )
-    words.add_out(parser, "folder for the files (default: the run itself)")
+    words.add_out(
+        parser, "folder for the files (default: the run itself; for bench files NAME_mat here)"
+    )
+    words.add_force(parser)
     words.add_json(parser)
     return parser
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the files and print what is in them."""
-    from ..export import export_mat
     from ..results import to_json
 
-    written = export_mat(
-        options.run,
+    exports = _of_tests(options) if options.tests else [_of_run(options)]
+    for written in exports:
+        for note in written["notes"]:
+            say(note)
+        for finding in written["findings"]:
+            sentence = f"{finding.where}: {finding.message} {finding.remedy}"
+            print(f"warning {printable(sentence)}", file=sys.stderr)
+    if options.json:
+        print(to_json(exports[0] if len(exports) == 1 else {"exports": exports}))
+    else:
+        print("\n".join(_text(written) for written in exports))
+    return DONE
+
+
+def _of_run(options: argparse.Namespace) -> dict[str, Any]:
+    from ..export import export_mat
+
+    if not options.source.is_dir() and options.source.exists():
+        raise UsageError("a file of parameters holds no test: name a bench file after it")
+    if options.motor is not None:
+        raise UsageError("--motor is for bench files that are named; a run has its own motor file")
+    return export_mat(
+        options.source,
         folder=options.out,
         test=options.test,
         network=options.model,
         is_corrected=options.corrected,
+        is_replacing=options.force,
     )
-    for note in written["notes"]:
-        say(note)
-    for finding in written["findings"]:
-        sentence = f"{finding.where}: {finding.message} {finding.remedy}"
-        print(f"warning {printable(sentence)}", file=sys.stderr)
-    if options.json:
-        print(to_json(written))
-        return DONE
+
+
+def _of_tests(options: argparse.Namespace) -> list[dict[str, Any]]:
+    """Export bench files; several go to folders of their own names."""
+    from ..export import export_test
+    from ..motorfile import load_motor
+
+    if options.test is not None:
+        raise UsageError("give either bench files or --test, the name of a test of the run")
+    motor = None if options.motor is None else load_motor(options.motor)
+    several = len(options.tests) > 1
+    exports = []
+    for test in options.tests:
+        folder = options.out
+        if folder is not None and several:
+            folder = folder / f"{test.name.partition('.')[0]}_mat"
+        exports.append(
+            export_test(
+                options.source,
+                test,
+                motor=motor,
+                folder=folder,
+                network=options.model,
+                is_corrected=options.corrected,
+                is_replacing=options.force,
+            )
+        )
+    return exports
+
+
+def _text(written: dict[str, Any]) -> str:
     samples = written["variables"]["t"]["shape"][0]
     effects = f" with {', '.join(written['effects'])}" if written["effects"] else ""
-    print(
+    lines = [
         f"{len(written['variables'])} variables, {samples} samples of "
         f"{printable(written['test'])}, {printable(written['title'])}{effects}"
-    )
-    if Path(written["files"][0]).name == "prova.mat":
-        print(
+    ]
+    if written["rmse_K"] is None:
+        lines.append("The winding was not measured: Tw_m is NaN.")
+    elif Path(written["files"][0]).name == "prova.mat":
+        lines.append(
             f"RMSE of Tw to Tw_m: {written['rmse_K']:.4f} K by heatrun "
             f"({written['rmse_reading_K']:.4f} K with the sensor's error that the run found)"
         )
     else:
-        print(
+        lines.append(
             f"RMSE of the reading to Tw_m: {written['rmse_reading_K']:.4f} K by heatrun, sample by "
             "sample (a report gives that of block means)"
         )
-    print("\n".join(printable(path) for path in written["files"]))
-    return DONE
+    return "\n".join([*lines, *(printable(path) for path in written["files"])])

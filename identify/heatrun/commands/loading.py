@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .console import say
+
 if TYPE_CHECKING:
     from ..calibration import BenchTest
     from ..motor import Motor
@@ -16,6 +18,8 @@ def load(
     motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path], *, as_json: bool
 ) -> tuple[BenchTest, ...] | None:
     """Return the tests, or None after the findings that forbid them were printed."""
+    count = len(calibration) + len(holdout)
+    say(f"reading {count} test{'s' if count > 1 else ''}")
     from ..calibration import Refused, load_tests
     from ..reports.terminal import findings_text
     from ..results import to_json

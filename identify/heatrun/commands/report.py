@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import words
-from .console import printable, say
+from .console import bar, printable, say
 from .exit_codes import DONE, NOT_ALLOWED
 
 if TYPE_CHECKING:
@@ -77,17 +77,19 @@ def run(options: argparse.Namespace) -> int:
     if options.kind == "prototypes":
         outcomes = [_prototypes(options, tolerances)]
         return _print(outcomes, as_json=options.json)
-    outcomes = make_report(
-        options.kind,
-        load_motor(options.motor),
-        options.tests,
-        options.out or Path("Reports"),
-        run=options.run,
-        reference=options.reference,
-        tolerances=tolerances,
-        offset_s=options.offset,
-        say=say,
-    )
+    with bar() as progress:
+        outcomes = make_report(
+            options.kind,
+            load_motor(options.motor),
+            options.tests,
+            options.out or Path("Reports"),
+            run=options.run,
+            reference=options.reference,
+            tolerances=tolerances,
+            offset_s=options.offset,
+            say=say,
+            progress=progress,
+        )
     return _print(outcomes, as_json=options.json)
 
 

@@ -32,6 +32,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "xmldsig-core-schema.xsd in the same folder (needs heatrun[dcc])",
     )
     words.add_out(parser, "folder for the sheet (default: the run itself)")
+    words.add_force(parser)
     words.add_json(parser)
     return parser
 
@@ -47,6 +48,7 @@ def run(options: argparse.Namespace) -> int:
         options.meta,
         with_dcc=options.dcc,
         schema=options.dcc_schema,
+        is_replacing=options.force,
     )
     if options.json:
         print(to_json({"files": [str(path) for path in written]}))

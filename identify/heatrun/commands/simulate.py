@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from . import words
-from .console import printable
+from .console import printable, say
 from .exit_codes import DONE
 
 
@@ -16,7 +16,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser = commands.add_parser("simulate", help="simulate a virtual prototype along tests")
     parser.add_argument("motor", type=Path, metavar="MOTOR.toml", help="the motor file")
     parser.add_argument(
-        "source", metavar="RUN_OR_PARAMETERS", help="run folder, or a TOML file of parameters"
+        "source",
+        metavar="RUN_OR_PARAMETERS",
+        help="run folder, or a file of parameters: TOML, or the prova.mat of an export",
     )
     parser.add_argument(
         "tests",
@@ -29,10 +31,11 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "--model",
         metavar="first|second|FILE.toml",
         help="network of the parameters, or one of the run's (default: the run's last one; "
-        "second for a file of parameters)",
+        "second for a TOML file)",
     )
     words.add_seed(parser)
     words.add_out(parser, "folder for the CSV files (default: here)")
+    words.add_force(parser)
     words.add_json(parser)
     return parser
 
@@ -44,11 +47,20 @@ def run(options: argparse.Namespace) -> int:
     from ..simulation import simulate_file
 
     motor = load_motor(options.motor)
-    folder = options.out or Path()
     rows = [
-        simulate_file(motor, options.source, path, options.model, folder, options.seed)
+        simulate_file(
+            motor,
+            options.source,
+            path,
+            options.model,
+            options.out,
+            options.seed,
+            is_replacing=options.force,
+        )
         for path in options.tests
     ]
+    for note in dict.fromkeys(note for row in rows for note in row["notes"]):
+        say(note)
     if options.json:
         print(to_json({"simulated": rows}))
     else:

@@ -79,6 +79,13 @@ def add_out(parser: argparse.ArgumentParser, text: str) -> None:
     parser.add_argument("--out", type=Path, default=None, metavar="DIR", help=text)
 
 
+def add_force(parser: argparse.ArgumentParser) -> None:
+    """Add the leave to replace a result that stands where this one goes."""
+    parser.add_argument(
+        "--force", action="store_true", help="replace a result that stands in --out"
+    )
+
+
 def add_with(parser: argparse.ArgumentParser) -> None:
     """Add `--with`: known effects of the machine."""
     parser.add_argument(

@@ -23,6 +23,7 @@ from ..runs.result import assemble as assemble_fit
 from ..runs.result import describe_model, describe_test
 from ..runs.run_folder import RunFolder
 from ..runs.write import write_run
+from ..work import SILENT, Work
 from .result import assemble
 from .run import Discovery, Shown, discover, show
 
@@ -56,7 +57,7 @@ def run_job(
     seed: int = 0,
     command: str = "",
     say: Callable[[str], None] = lambda sentence: None,
-    progress: Callable[[str, float], None] | None = None,
+    work: Work = SILENT,
 ) -> Job:
     """Run a discovery and write its folder.
 
@@ -71,21 +72,23 @@ def run_job(
         seed: Of everything that is drawn.
         command: As it is to stand in the result.
         say: Told what is being done.
-        progress: Called with a sentence and the share done while sampling.
+        work: Told how far it is; as `heatrun.work.work_of_discovery`.
     """
     fitted = [test.blocks for test in tests if test.role == "calibration"]
     held_out = [test.blocks for test in tests if test.role == "holdout"]
     found = discover(
-        motor, fitted, order=order, known=known, kinds=kinds, held_out=held_out, seed=seed, say=say
-    )
+        motor, fitted, order=order, known=known, kinds=kinds, held_out=held_out, seed=seed, say=say,
+        work=work,
+    )  # fmt: skip
     say(f"{found.verdict.word}: sampling the model as it is now")
     shown = show(
         found, [test.blocks for test in tests], method=method, seed=seed,
-        folder=folder.checkpoints, progress=progress,
+        folder=folder.checkpoints, work=work,
     )  # fmt: skip
     roles: list[Role] = [test.role for test in tests]
     result = assemble(found, shown, roles, command=command, seed=seed)
     say("writing report and sheet")
+    work.at("writing", "writing report and sheet")
     folder.write_json("discovery.json", result)
     figures = draw_all(
         shown.predictions, roles, fitted, found.where_before, found.where_after,
@@ -95,6 +98,7 @@ def run_job(
     name = found.fits[1].problem.model.name
     final = _as_calibration(motor, tests, found, shown, name, command, seed)
     run = write_run(folder, motor, final.result, final.posteriors, final.predictions)
+    work.at("writing", "writing the sheet", 0.6)
     write_sheet(run, folder.partial)
     return Job(found, shown, result, folder.finish(manifest(final, command, seed)))
 

@@ -22,6 +22,7 @@ from ..inference.networks import NetworkForm
 from ..inference.posterior import Posterior, sample, weighted_draws
 from ..inference.predict import Prediction, predict
 from ..motor import Motor
+from ..work import SILENT, Work
 from .extended import extended_fit
 from .grow import Growth, grow
 from .judging.acceptance import gap
@@ -109,6 +110,7 @@ def discover(
     held_out: Sequence[Blocks] = (),
     seed: int = 0,
     say: Say = lambda sentence: None,
+    work: Work = SILENT,
 ) -> Discovery:
     """Find where simulation and measurement disagree, and what is missing.
 
@@ -123,15 +125,17 @@ def discover(
             selection, and in nothing else.
         seed: Of everything that is drawn.
         say: Told what is being done.
+        work: Told how far it is; as `heatrun.work.work_of_discovery`.
 
     Raises:
         InputError: If something that the model needs is not given.
     """
-    watch = _Watch()
+    watch = _Watch(work)
     bare = Model.of(order, motor, known).scaled(motor, tests)
     bare.refuse_unusable([*tests, *held_out])
     found, engine = extended_engine(bare, motor, tests, kinds or all_effects(), held_out)
     say(f"{bare.title}: fitting the network alone")
+    work.at("base fit", f"{bare.title}: fitting the network alone")
     start = base_start(engine, seed=seed)
     if not np.all(np.isfinite(start.residual)) or start.chi2 > 1e9:
         raise InputError(
@@ -143,10 +147,14 @@ def discover(
     engine = engine.with_loggers(estimate_loggers(engine.problem, *of_base))
     watch.lap("base fit")
     gate = HeldOut(engine, held_out) if held_out else None
-    growth = grow(engine, found.candidates, start.z, start.noise, held_out=gate, seed=seed, say=say)
+    growth = grow(
+        engine, found.candidates, start.z, start.noise, held_out=gate, seed=seed,
+        say=_told(say, work, "search"),
+    )  # fmt: skip
     watch.lap("search")
     before = adequacy(engine, growth.base)
     say("holding what was found against its rivals")
+    work.at("rivals", "holding what was found against its rivals")
     excess = adequacy(engine, growth.final).excess
     final, named, dropped = settle(engine, growth, excess, gate)
     watch.lap("rivals")
@@ -165,6 +173,7 @@ def discover(
             final = without(engine, final, rival)
     watch.lap("fits")
     say("locating what is missing")
+    work.at("where", "locating what is missing")
     where_before = localise(engine, growth.base, bare)
     where_after = where_before
     if named:
@@ -205,7 +214,7 @@ def show(
     method: Literal["emcee", "quick"] = "emcee",
     seed: int = 0,
     folder: Path | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    work: Work = SILENT,
 ) -> Shown:
     """Sample the final model and predict all tests with it and with the base model.
 
@@ -217,11 +226,16 @@ def show(
         method: Sampler of the final model, as `heatrun.inference.posterior.sample`.
         seed: Of everything that is drawn.
         folder: Where checkpoints go; None for none.
-        progress: Called with a sentence and the share done.
+        work: As `discover`.
     """
-    watch = _Watch()
+    watch = _Watch(work)
+    work.at("posterior", "sampling the posterior")
+
+    def report(sentence: str, share: float) -> None:
+        work.at("posterior", sentence, share)
+
     if found.ties is None:
-        last = sample(found.fits[1], method=method, seed=seed, folder=folder, progress=progress)
+        last = sample(found.fits[1], method=method, seed=seed, folder=folder, progress=report)
         with_effects = last
     else:
         with_effects = weighted_draws(found.fits[1], seed=seed)
@@ -229,7 +243,9 @@ def show(
     base = weighted_draws(found.fits[0], seed=seed) if found.named else last
     watch.lap("posterior")
     pairs = []
-    for test in tests:
+    for number, test in enumerate(tests):
+        doing = f"predicting test {number + 1} of {len(tests)}"
+        work.at("predictions", doing, number / len(tests))
         first = predict(base, test, seed=seed)
         pairs.append((first, predict(last, test, seed=seed) if found.named else first))
     watch.lap("predictions")
@@ -237,14 +253,29 @@ def show(
     return Shown((base, last), with_effects, pairs)
 
 
-class _Watch:
-    """Time of the stages."""
+def _told(say: Say, work: Work, part: str) -> Say:
+    """Return what says a sentence and tells it as work on a part of unknown length."""
+    left = 1.0
 
-    def __init__(self) -> None:
+    def tell(sentence: str) -> None:
+        nonlocal left
+        left *= 0.75
+        say(sentence)
+        work.at(part, sentence, 1.0 - left)
+
+    return tell
+
+
+class _Watch:
+    """Time of the stages, each of which is then done."""
+
+    def __init__(self, work: Work) -> None:
+        self._work = work
         self.laps: dict[str, float] = {}
         self._last = time.perf_counter()
 
     def lap(self, name: str) -> None:
         now = time.perf_counter()
         self.laps[name] = now - self._last
+        self._work.done(name)
         self._last = now

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from .contents import mat_bytes
 from .course import Course, simulate_variables
-from .mat import export_mat
+from .mat import export_mat, export_test
 from .network_course import NetworkCourse, simulate_network
 from .network_file import network_variables
+from .new_test import read_new_test
 from .rerun import RunAndTest, read_run_test
 from .variables import Corrections, thesis_variables
 
@@ -16,8 +17,10 @@ __all__ = [
     "NetworkCourse",
     "RunAndTest",
     "export_mat",
+    "export_test",
     "mat_bytes",
     "network_variables",
+    "read_new_test",
     "read_run_test",
     "simulate_network",
     "simulate_variables",

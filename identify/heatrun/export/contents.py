@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.io
 
+from ..bench.own_files import EXPORT
 from ..inference.networks import BUILT_IN, NetworkForm, network_named
 from ..version import __version__
 from .course import simulate_variables
@@ -23,8 +24,6 @@ from .variables import Corrections, Shaft, thesis_variables
 
 HEADER_TEXT_BYTES = 116
 """Free text at the start of a MATLAB 5 file; MAT-File Format, "Level 5 MAT-file header"."""
-
-MARK = b"MATLAB 5.0 MAT-file, heatrun "
 
 Variables = dict[str, Any]
 
@@ -44,11 +43,11 @@ class Simulated:
 
 @dataclass(frozen=True)
 class Contents:
-    """A MAT file with the script that integrates it.
+    """A MAT file with its scripts.
 
     Attributes:
         file: Name of the MAT file.
-        script: Name of the script.
+        scripts: Names of the scripts that go beside it, first the one that integrates it.
         units: Unit of each variable that there may be.
         variables: Gives the variables of a test, and notes on them.
         corrected: Gives the variables with the corrections of the run and what the shaft does.
@@ -56,7 +55,7 @@ class Contents:
     """
 
     file: str
-    script: str
+    scripts: tuple[str, ...]
     units: Mapping[str, str]
     variables: Callable[[RunAndTest], tuple[Variables, tuple[str, ...]]]
     corrected: Callable[[Variables, Corrections, Shaft], Variables]
@@ -84,7 +83,7 @@ def mat_bytes(variables: Mapping[str, Any]) -> bytes:
     """
     buffer = io.BytesIO()
     scipy.io.savemat(buffer, dict(variables), format="5", do_compression=False)
-    text = MARK + __version__.encode()  # SciPy puts the time there
+    text = EXPORT + __version__.encode()  # SciPy puts the time there
     return text.ljust(HEADER_TEXT_BYTES) + buffer.getvalue()[HEADER_TEXT_BYTES:]
 
 
@@ -123,7 +122,7 @@ def _simulated_network(variables: Variables, corrections: Corrections) -> Simula
 
 THESIS = Contents(
     file="prova.mat",
-    script="run_prova.m",
+    scripts=("run_prova.m", "build_models.m"),
     units=THESIS_UNITS,
     variables=_of_thesis,
     corrected=lambda variables, corrections, shaft: corrections.applied(variables, shaft),
@@ -132,7 +131,7 @@ THESIS = Contents(
 
 NETWORK = Contents(
     file="network.mat",
-    script=NETWORK_SCRIPT,
+    scripts=(NETWORK_SCRIPT,),
     units=NETWORK_UNITS,
     variables=_of_network,
     corrected=corrected_network,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,14 @@ import numpy as np
 from ..bench.channels.derive import recorded_shaft_power
 from ..bench.record import Finding
 from ..errors import InputError
-from ..io.file_set import together
-from ..io.whole_files import writable, write_whole
-from .contents import MARK, Simulated, contents_of, mat_bytes
+from ..io.free_names import numbered
+from ..motor import Motor
+from .contents import Simulated, contents_of, mat_bytes
 from .network_file import refuse_unknown
+from .new_test import read_new_test
 from .rerun import RunAndTest, effects_of, read_run_test
 from .variables import Corrections, Shaft
+from .written import write_export
 
 LARGEST_UNSAID_K = 0.5
 """Corrections that move the winding by more are worth a warning: that is the standard uncertainty
@@ -31,33 +33,83 @@ def export_mat(
     test: str | None = None,
     network: str | None = None,
     is_corrected: bool = False,
+    is_replacing: bool = False,
 ) -> dict[str, Any]:
-    """Write a run as a MAT file, and the script that integrates it beside it.
+    """Write a test of a run as a MAT file, and the scripts for it beside it.
 
     The built-in networks without effects become `prova.mat`, in the variables of the thesis; every
     other network, every model with effects and every model of a loss map becomes `network.mat`.
 
     Args:
         run: The run folder.
-        folder: Where the two files go; None for the run folder itself.
+        folder: Where the files go; None for the run folder itself, or a numbered folder in it
+            where that holds another export.
         test: As `read_run_test`.
         network: As `read_run_test`.
         is_corrected: Whether the corrections of current, losses, sink and timing that the run found
             are applied to the signals; else these are the record's own samples, as `Tw_m` always
             is.
+        is_replacing: Whether another export in `folder` is replaced.
 
     Returns:
         As plain data: the files, test, network (`order`, `title`) and effects, variables with
         value or shape and unit, the RMSE of the winding of `lptn.simulate` on these variables to
         `Tw_m` at the samples (that of a report is of block means), the same of what the sensor of
-        the run would read, how far the corrections move the winding [K], notes and findings.
+        the run would read, both None where nothing was read, how far the corrections move the
+        winding [K], notes and findings.
 
     Raises:
         InputError: As `read_run_test`, `thesis_variables` and `network_variables`; and if the
-            files cannot be written or something that heatrun has not written would be lost.
+            files cannot be written, another export is in `folder`, or something that heatrun has
+            not written would be lost.
     """
     refuse_unknown(effects_of(run, network), str(run))
     found = read_run_test(run, test=test, network=network)
+    places = [folder] if folder else numbered(run, run / "mat")
+    return _export(found, places, is_corrected, is_replacing)
+
+
+def export_test(
+    source: Path,
+    test: Path,
+    *,
+    motor: Motor | None = None,
+    folder: Path | None = None,
+    network: str | None = None,
+    is_corrected: bool = False,
+    is_replacing: bool = False,
+) -> dict[str, Any]:
+    """Write any test as a MAT file, with the parameters of a run or of a file.
+
+    Args:
+        source: A run folder, a TOML file of parameters, or a `prova.mat`.
+        test: The test, as `heatrun.bench.joined.read_test`.
+        motor: As `read_new_test`.
+        folder: Where the files go; None for a folder `NAME_mat` here, numbered where it holds
+            another export.
+        network: As `read_new_test`.
+        is_corrected: As `export_mat`.
+        is_replacing: As `export_mat`.
+
+    Returns:
+        As `export_mat`.
+
+    Raises:
+        InputError: As `read_new_test`, `thesis_variables` and `network_variables`; and as
+            `export_mat`.
+        UsageError: As `read_new_test`.
+    """
+    if source.is_dir():
+        refuse_unknown(effects_of(source, network), str(source))
+    found = read_new_test(source, test, motor=motor, network=network)
+    places = [folder] if folder else numbered(Path(f"{found.record.name}_mat"))
+    return _export(found, places, is_corrected, is_replacing)
+
+
+def _export(
+    found: RunAndTest, places: Iterable[Path], is_corrected: bool, is_replacing: bool
+) -> dict[str, Any]:
+    """Write the files of a test into the first place that is free for them."""
     contents = contents_of(found)
     variables, notes = contents.variables(found)
     corrections = Corrections.of(found.values)
@@ -72,13 +124,13 @@ def export_mat(
         notes = (*notes, f"{signals} are corrected as in the run: {_words(corrections)}.")
     else:
         findings = _left_out(corrections, difference, found.record.name, contents.file)
-    target = folder or run
-    script = files("heatrun.export").joinpath("templates", contents.script).read_bytes()
-    content = {contents.file: mat_bytes(variables), contents.script: script}
-    _write(target, content, found.inputs)
+    content = {contents.file: mat_bytes(variables)}
+    for script in contents.scripts:
+        content[script] = files("heatrun.export").joinpath("templates", script).read_bytes()
+    written = write_export(places, content, found.inputs, is_replacing=is_replacing)
     return {
-        "files": [str(target / name) for name in content],
-        "run": str(run),
+        "files": [str(path) for path in written],
+        "run": str(found.run),
         "test": found.record.name,
         "is_held_out": found.is_held_out,
         "order": found.model.name,
@@ -90,16 +142,18 @@ def export_mat(
         },
         **_rmse(plain, variables["Tw_m"]),
         "corrections_K": difference,
-        "notes": list(notes),
+        "notes": [*found.notes, *notes],
         "findings": list(findings),
     }
 
 
-def _rmse(course: Simulated, measured: np.ndarray) -> dict[str, float]:
-    """Return the RMSE of winding and reading to the readings of the record [K]."""
+def _rmse(course: Simulated, measured: np.ndarray) -> dict[str, float | None]:
+    """Return the RMSE of winding and reading to the readings of the record [K], if it has any."""
     is_read = np.isfinite(measured.ravel())
 
-    def rmse(values: np.ndarray) -> float:
+    def rmse(values: np.ndarray) -> float | None:
+        if not np.any(is_read):
+            return None
         return float(np.sqrt(np.mean((values - measured.ravel())[is_read] ** 2)))
 
     return {"rmse_K": rmse(course.winding), "rmse_reading_K": rmse(course.reading)}
@@ -173,27 +227,3 @@ def _plain(value: Any) -> Any:
         flat = [row[0] if len(row) == 1 else row for row in rows]
         return flat[0] if value.shape == (1, 1) and value.dtype != object else flat
     return value
-
-
-def _write(folder: Path, contents: Mapping[str, bytes], inputs: tuple[Path, ...]) -> None:
-    for name, content in contents.items():
-        _refuse_loss(folder / name, content, inputs)
-    with writable("the export", folder), together(folder, "export") as files:
-        for name, content in contents.items():
-            write_whole(files.aside / name, content)
-
-
-def _refuse_loss(path: Path, content: bytes, inputs: tuple[Path, ...]) -> None:
-    """Refuse to replace what heatrun has not written: a recording, or an edited script."""
-    try:
-        existing = path.read_bytes()
-    except OSError:
-        return  # it is not there, or writing fails with its own words
-    is_input = any(path.resolve() == source.resolve() for source in inputs)
-    is_ours = existing.startswith(MARK) or existing == content
-    if is_input or not is_ours:
-        what = "one of the run's records" if is_input else "not as heatrun writes it"
-        raise InputError(
-            f"{path} exists and is {what}; it is left as it is.",
-            remedy="Choose another --out, or move it away.",
-        )

@@ -30,15 +30,17 @@ class RunAndTest:
     """A test of a run with the values that the run found for it.
 
     Attributes:
-        run: The run folder.
+        run: The run folder, or the file of parameters.
         model: Network with effects.
-        motor: The machine, from the run's motor file.
-        record: The test at its full rate, under its name in the run.
+        motor: The machine, from the run's motor file or the one given for a new test.
+        record: The test at its full rate, under its name in the run; `winding_degC` is NaN
+            throughout where it was not measured.
         values: Medians of the posterior, or fixed values, by parameter name without the test; the
             start of a test that was only predicted as `heatrun.inference.starts` has it.
         is_held_out: Whether the run predicted the test only.
         blocks: The test as it was reduced.
-        inputs: Every file that the run was made of, as the manifest names it.
+        inputs: Every file that the run was made of, as the manifest names it, and of a new test.
+        notes: Sentences on where the values come from.
     """
 
     run: Path
@@ -49,6 +51,7 @@ class RunAndTest:
     is_held_out: bool
     blocks: Blocks
     inputs: tuple[Path, ...]
+    notes: tuple[str, ...] = ()
 
 
 def read_run_test(run: Path, *, test: str | None = None, network: str | None = None) -> RunAndTest:
@@ -78,14 +81,31 @@ def read_run_test(run: Path, *, test: str | None = None, network: str | None = N
             where=str(run),
             remedy="Calibrate again with this version.",
         ) from error
-    found = opened.predict(record, network=name, motor=motor)
+    return of_record(opened, record, motor, name, is_held_out=chosen.role == "holdout")
+
+
+def of_record(
+    run: Run, record: Record, motor: Motor, network: str | None, *, is_held_out: bool
+) -> RunAndTest:
+    """Return a record with the values that a run has for it.
+
+    Args:
+        run: The run.
+        record: One of its tests under its name there, or any other.
+        motor: How the bench of the record measures.
+        network: Name of the network; None for the last one of the run.
+        is_held_out: Whether the run was not fitted to it.
+
+    Raises:
+        InputError: If the run cannot predict it.
+    """
+    found = run.predict(record, network=network, motor=motor)
     values = {key: float(np.median(draws)) for key, draws in found.values.items()}
     if not found.is_held_out:
-        values |= _as_written(opened, name, chosen.name, values)
-    _refuse_negative(values, run)
-    is_held_out = chosen.role == "holdout"
-    files = tuple(Path(entry["path"]) for entry in opened.manifest["inputs"])
-    return RunAndTest(run, found.model, motor, record, values, is_held_out, found.test, files)
+        values |= _as_written(run, run.choose(network), record.name, values)
+    _refuse_negative(values, run.path)
+    files = tuple(Path(entry["path"]) for entry in run.manifest["inputs"])
+    return RunAndTest(run.path, found.model, motor, record, values, is_held_out, found.test, files)
 
 
 def effects_of(run: Path, network: str | None = None) -> tuple[str, ...]:

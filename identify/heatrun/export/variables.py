@@ -14,6 +14,7 @@ import numpy as np
 from ..bench.record import Record
 from ..errors import InputError
 from ..motor import Motor
+from ..parameter_files import SCALARS
 
 UNITS: Mapping[str, str] = {
     "B": "degC",
@@ -32,20 +33,6 @@ UNITS: Mapping[str, str] = {
     "t": "s",
 }
 """Every variable of the file with its unit, in the order of the thesis."""
-
-SCALARS = {
-    "first": {"Ceqw": "Ceq", "Reqw": "Req", "Two": "Tw_start"},
-    "second": {
-        "Ceqsr": "Ceq_sr",
-        "Ceqw": "Ceq_w",
-        "Reqsr": "Req_sr",
-        "Reqw": "Req_w",
-        "Tso": "Tsr_start",
-        "Two": "Tw_start",
-    },
-}
-"""Name in the file and name of the parameter. The thesis names the two of its first-order model
-Ceq,w and Req,w as well."""
 
 
 @dataclass(frozen=True)

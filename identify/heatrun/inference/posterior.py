@@ -14,7 +14,7 @@ from .batches import at_once
 from .draws import Draws
 from .fitting.fit_result import Fit
 from .plausible_effects import PlausibleEffects
-from .sampling.convergence import Convergence, judge
+from .sampling.convergence import ESS_WANTED, Convergence, judge
 from .sampling.importance import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted, importance_sample
 
 NUM_ENSEMBLES = 2
@@ -165,8 +165,9 @@ def sample(
         convergence = judge(chains)
         if progress is not None:
             progress(
-                f"{num_steps} steps, effective sample size {convergence.effective_size:.0f}",
-                min(1.0, max(convergence.effective_size / 800.0, num_steps / most_steps)),
+                f"{num_steps} steps, effective sample size {convergence.effective_size:.0f} "
+                f"of {ESS_WANTED:.0f}",
+                min(1.0, max(convergence.effective_size / ESS_WANTED, num_steps / most_steps)),
             )
         if (convergence.is_enough and num_steps >= 2 * CHUNK) or num_steps >= most_steps:
             break

@@ -12,7 +12,7 @@ import json
 import os
 import platform
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -22,6 +22,7 @@ from typing import Any
 from ..errors import InputError
 from ..io.file_set import is_aside
 from ..io.folder_lock import FolderLock
+from ..io.free_names import numbered, refuse_replacing
 from ..io.undisturbed import undisturbed
 from ..io.whole_files import PARTIAL, drop_partials, writable, write_whole
 from ..results.json_text import to_json
@@ -43,26 +44,38 @@ class RunFolder:
         partial: Where it is until it is whole.
         note: What became of an earlier attempt at this place; empty if there was none.
         lock: Held on `partial` while this process works in it.
+        identity: Digest of what makes the result what it is, for the manifest.
     """
 
     path: Path
     partial: Path
     note: str = ""
     lock: FolderLock | None = None
+    identity: str = ""
 
     @classmethod
-    def begin(cls, path: Path, identity: Mapping[str, Any]) -> RunFolder:
+    def begin(
+        cls,
+        path: Path,
+        identity: Mapping[str, Any],
+        *,
+        further: Sequence[str] = (),
+        is_replacing: bool = False,
+    ) -> RunFolder:
         """Make or take up the partial folder of a run.
 
         Args:
-            path: Destination; an earlier run there is replaced in the end, anything else is not.
+            path: Destination; an earlier run of the same there is replaced in the end, anything
+                else is not.
             identity: What makes the run what it is: inputs with digests, settings, seed.
+            further: What else stands in the result, and does not matter to an unfinished run.
+            is_replacing: Whether any earlier run is replaced.
 
         Raises:
-            InputError: If the destination is no run, cannot be written to, or another process
-                is writing it.
+            InputError: If the destination is no run or holds another one, cannot be written to,
+                or another process is writing it.
         """
-        digest = hashlib.sha256(to_json(identity).encode()).hexdigest()
+        digest = _digest(identity)
         partial = path.with_name(path.name + PARTIAL)
         with writable("the run folder", path.parent):
             lock = FolderLock.take(partial)
@@ -73,8 +86,12 @@ class RunFolder:
                     f"{path} exists and is not a run of heatrun (it has no {MANIFEST}).",
                     remedy="Choose another --out.",
                 )
+            whole = _digest([digest, *further])
+            if not is_replacing and _holds_another(path, whole):
+                _drop_if_empty(partial)
+                refuse_replacing(path, "another run")
             note = _make_ready(partial, digest)
-        return cls(path, partial, note, lock)
+        return cls(path, partial, note, lock, whole)
 
     @property
     def checkpoints(self) -> Path:
@@ -91,7 +108,8 @@ class RunFolder:
         In this order, a kill in between costs no work: without a manifest the next start goes on
         from the checkpoints, and under its name the folder is whole.
         """
-        self.write_json(MANIFEST, {**manifest, "files": listing(self.partial)})
+        own = {**manifest, "identity": self.identity, "files": listing(self.partial)}
+        self.write_json(MANIFEST, own)
         with undisturbed():
             if self.path.exists():
                 self.path.replace(_replaced(self.path))
@@ -114,6 +132,32 @@ def listing(folder: Path) -> dict[str, str]:
         and not path.name.endswith(PARTIAL)
         and not is_aside(path.relative_to(folder))
     }
+
+
+def free_place(path: Path, identity: Mapping[str, Any], further: Sequence[str] = ()) -> Path:
+    """Return a path, or the first of its numbers, that holds nothing or a run of the same.
+
+    Args:
+        path: As wished.
+        identity: As `RunFolder.begin`.
+        further: As `RunFolder.begin`.
+    """
+    whole = _digest([_digest(identity), *further])
+    return next(place for place in numbered(path) if not _holds_another(place, whole))
+
+
+def _digest(content: Any) -> str:
+    return hashlib.sha256(to_json(content).encode()).hexdigest()
+
+
+def _holds_another(path: Path, identity: str) -> bool:
+    """Whether something stands at a path that is not the run of an identity."""
+    if not path.exists():
+        return False
+    try:
+        return json.loads((path / MANIFEST).read_bytes()).get("identity") != identity
+    except (OSError, ValueError, AttributeError, RecursionError):
+        return True
 
 
 def _replaced(path: Path) -> Path:

@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 import panel as pn
 
 from ...errors import InputError
+from ...io.free_names import free_name
 from ..folder import Stamp
 from ..jobs.pane import JobPane
 from ..jobs.running import Job, JobQueue
@@ -101,7 +102,7 @@ class Fitting(Generic[R]):
             )
         stem = Path(fitted[0]).name.split(".")[0]
         name = run_name(str(self._name.value), f"{run_name(stem, 'test')}_{self._command}")
-        folder = page.out / name
+        folder = free_name(page.out / name)
         words = [self._command, str(page.motor_path), *(str(page.path(name)) for name in fitted)]
         if holdout:
             words += ["--holdout", *(str(page.path(name)) for name in holdout)]

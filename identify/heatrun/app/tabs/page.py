@@ -13,7 +13,7 @@ import panel as pn
 
 from ...errors import InputError
 from ...reports.bench_tests import TEST_TYPES, Kind
-from ..folder import Folder
+from ..folder import Folder, Listing
 from ..frame import Screen, asked_theme, framed
 from ..jobs.running import JobQueue
 from ..look import TABS_CSS
@@ -175,7 +175,7 @@ class Page:
         motors = [*listing.motors, *(UPLOADED + name for name in sent.motors)]
         self._sidebar.list_files(tests, motors)
         self.list_runs()
-        self._say_of_folder(listing.is_cut, bool(tests))
+        self._say_of_folder(listing, bool(tests))
 
     def list_runs(self, choose: Path | None = None) -> None:
         """Bring the list of runs up to date.
@@ -283,8 +283,8 @@ class Page:
             f"<p class='faded'>Following {'<br>'.join(rows)}{said}</p>" if is_on else ""
         )
 
-    def _say_of_folder(self, is_cut: bool, has_tests: bool) -> None:
-        if is_cut:
+    def _say_of_folder(self, listing: Listing, has_tests: bool) -> None:
+        if listing.is_cut:
             self._banner.object = message(
                 "warning", "The folder holds more files than are listed. Show a smaller folder."
             )
@@ -293,6 +293,12 @@ class Page:
                 "note",
                 f"There are no bench files in {self.folder.root}. Drop one on the left, or start "
                 "`heatrun view` on the folder of your tests.",
+            )
+        elif listing.num_own and not self._banner.object:
+            self._banner.object = message(
+                "note",
+                f"Files that heatrun itself has written are no tests and not listed: "
+                f"{listing.num_own}.",
             )
 
 

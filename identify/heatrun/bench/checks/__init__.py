@@ -18,6 +18,7 @@ from .course import ambient_moving, no_heating, start_not_in_equilibrium
 from .excitation import single_step, too_short
 from .heat import losses_absent, losses_of_dc_link
 from .losses import current_amplitude, losses_below_copper, losses_negative
+from .origin import simulated_by_heatrun
 from .presence import missing_channel, nan_block, too_few_samples
 from .resolution import resolution, truncation
 from .same_quantity import columns_disagree
@@ -33,6 +34,7 @@ Check = Callable[[Record, Motor], tuple[Finding, ...]]
 
 CHECKS: tuple[Check, ...] = (
     missing_channel,
+    simulated_by_heatrun,
     too_few_samples,
     time_backwards,
     time_duplicate,

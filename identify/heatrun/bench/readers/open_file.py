@@ -148,8 +148,14 @@ def refuse_special(found: os.stat_result, where: str) -> None:
     """
     mode = found.st_mode
     if stat.S_ISDIR(mode):
+        # fit.json stands in every run folder, and in nothing that a bench writes
+        is_run = os.path.isfile(os.path.join(where, "fit.json"))
         raise InputError(
-            "Expected a file, got a directory.", where=where, remedy="Name the files in it."
+            f"Expected a file, got a {'run folder of heatrun' if is_run else 'directory'}.",
+            where=where,
+            remedy="Name the bench file that the run was made from."
+            if is_run
+            else "Name the files in it.",
         )
     if stat.S_ISFIFO(mode):
         if _is_fed(found):

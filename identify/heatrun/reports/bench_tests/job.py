@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...bench.joined import read_tests
+from ...bench.readers.open_file import digest
 from ...bench.record import Record
 from ...errors import InputError
 from ...io.file_set import together
@@ -14,6 +15,7 @@ from ...io.whole_files import writable, write_whole
 from ...motor import Motor
 from ...results import to_json
 from ...runs.run import open_run
+from ...work import Progress, Work
 from .build import build_report, check_use
 from .card import Kind
 from .content import report_content
@@ -24,6 +26,9 @@ from .report import Report
 from .report_name import DateOfTest, choose_name, date_of_test, set_name
 from .tests_in import tests_in
 from .unchanged import refuse_changed
+
+USUAL_S = 2.0
+"""Time that a report usually takes [s]."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +70,13 @@ def make_report(
     *,
     offset_s: float | None = None,
     say: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Outcome]:
     """Write the reports of tests; one that cannot be made is named, and the others are.
 
     A report is called after its test type and the test's date, such as
-    `GeneralInformationTest_2022_12_07_001.pdf`. Made again from the same files it takes its former
-    place; the report of another test is never overwritten.
+    `GeneralInformationTest_2022_12_07_001.pdf`. Made again from the same files with the same run,
+    tolerances and offset it takes its former place; any other report is never overwritten.
 
     Args:
         kind: Test type, one of `TEST_TYPES`.
@@ -82,6 +88,7 @@ def make_report(
         tolerances: As `build_report`.
         offset_s: As `build_report`.
         say: Told a sentence about each test that is begun.
+        progress: Called with a sentence and the share of the reports that are written.
 
     Returns:
         What became of each test, in order; a folder counts as its files.
@@ -99,11 +106,17 @@ def make_report(
     found = tests_in(tests)
     if found.left_out and say is not None:
         say(f"no bench files, left out: {', '.join(path.name for path in found.left_out)}")
+    if found.own and say is not None:
+        names = ", ".join(path.name for path in found.own)
+        say(f"written by heatrun itself and left out: {names}")
+    settings = settings_of(run, tolerances, offset_s)
     outcomes = []
-    for test in found.tests:
+    work = Work(dict.fromkeys(range(len(found.tests)), USUAL_S), progress)
+    for number, test in enumerate(found.tests):
         name = test.name if isinstance(test, Record) else str(test)
         if say is not None:
             say(f"{kind} report of {name}")
+        work.at(number, f"report {number + 1} of {len(found.tests)}")
         try:
             records = (test,) if isinstance(test, Record) else read_tests(test, motor)
             when = None if isinstance(test, Record) else date_of_test(test)
@@ -112,14 +125,35 @@ def make_report(
                     kind, motor, record, run=run, reference=other, tolerances=tolerances,
                     offset_s=offset_s,
                 )  # fmt: skip
-                outcomes.append(write_report(name, report, when, out, record.stretch))
+                outcomes.append(write_report(name, report, when, out, [*_part(record), *settings]))
         except InputError as error:
             outcomes.append(Outcome(name, error=error))
+        work.done(number)
+    work.finish()
     return outcomes
 
 
+def settings_of(
+    run: Path | None, tolerances: Mapping[str, float] | None, offset_s: float | None
+) -> list[str]:
+    """Return what makes another report of the same files, in words that can be compared.
+
+    Args:
+        run: Folder of the run that is held against the tests.
+        tolerances: By channel.
+        offset_s: Offset of the clocks that was given [s].
+    """
+    said = [] if run is None else [f"run {digest(run / 'fit.json')}"]
+    said += [f"tolerance {name} = {value!r}" for name, value in sorted((tolerances or {}).items())]
+    return said if offset_s is None else [*said, f"offset {offset_s!r} s"]
+
+
+def _part(record: Record) -> list[str]:
+    return [record.stretch] if record.stretch else []
+
+
 def write_report(
-    test: str, report: Report, when: DateOfTest | None, out: Path, stretch: str
+    test: str, report: Report, when: DateOfTest | None, out: Path, settings: Sequence[str]
 ) -> Outcome:
     """Write a report as PDF, CSV and JSON, all or none.
 
@@ -128,14 +162,14 @@ def write_report(
         report: What is written.
         when: Date of the test, for the name.
         out: Folder of the reports.
-        stretch: Part of the file that it is of; empty for all.
+        settings: What makes another report of the same files: part, run, tolerances.
 
     Raises:
         InputError: If a file behind it has changed, or the folder cannot be written.
     """
     refuse_changed(report.sources)
     identity = [source.sha256 for source in report.sources] or [report.test]
-    identity += [stretch] if stretch else []
+    identity += settings
     content = report_content(report, when)
 
     def chosen() -> str:

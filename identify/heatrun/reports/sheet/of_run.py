@@ -12,6 +12,7 @@ from ...certificate import Certificate
 from ...certificate_file import load_meta
 from ...errors import InputError
 from ...io.file_set import together
+from ...io.free_names import is_other, refuse_replacing
 from ...io.whole_files import writable, write_whole
 from ...ratings.at_limit import LIMIT_DEGC
 from ...results import to_json
@@ -86,6 +87,7 @@ def rewrite_sheet(
     *,
     with_dcc: bool = False,
     schema: Path | None = None,
+    is_replacing: bool = False,
 ) -> list[Path]:
     """Write the sheet of a run again from its files.
 
@@ -97,10 +99,12 @@ def rewrite_sheet(
         with_dcc: Write the Digital Calibration Certificate too; always where the run that the
             sheet is written into has one.
         schema: `dcc.xsd` to validate it with; None for no validation.
+        is_replacing: Whether the sheet of another run in `folder` is replaced.
 
     Raises:
         InputError: If the folder is no run, or misses one of its files; if something is not given
-            that a Digital Calibration Certificate must say, or it violates the schema.
+            that a Digital Calibration Certificate must say, or it violates the schema; if the
+            sheet of another run would be lost.
     """
     opened = open_run(run)
     certificate = certificate_of(opened)
@@ -121,6 +125,8 @@ def rewrite_sheet(
             if document is not None:
                 write_whole(files.aside / DCC, document)
                 written.append(files.aside / DCC)
+            if not is_own and not is_replacing:
+                _refuse_loss(files.aside, folder)
             if is_own:
                 if meta is not None:
                     text = tomli_w.dumps(certificate.as_section()).encode()
@@ -136,3 +142,10 @@ def rewrite_sheet(
             remedy="Calibrate again with this version.",
         ) from error
     return [folder / path.relative_to(files.aside) for path in written]
+
+
+def _refuse_loss(made: Path, folder: Path) -> None:
+    """Refuse to replace the sheet of another run."""
+    for name in ("sheet.json", "sheet.pdf", "sheet.xlsx"):
+        if is_other(folder / name, (made / name).read_bytes()):
+            refuse_replacing(folder / name, "the sheet of another run")

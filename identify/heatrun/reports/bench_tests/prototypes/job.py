@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ....io.whole_files import writable
 from ....motor import Motor
-from ..job import Outcome, write_report
+from ..job import Outcome, settings_of, write_report
 from ..report_name import date_of_test
 from .confront import base_of
 from .prototype import read_prototypes
@@ -52,5 +52,6 @@ def make_prototypes_report(
     when = date_of_test(dict(roles)[base.role])
     with writable("the folder of the reports", out):
         out.mkdir(parents=True, exist_ok=True)
-    stretch = ", ".join(p.record.stretch for p in prototypes if p.record.stretch)
-    return write_report(report.test, report, when, out, stretch)
+    parts = [p.record.stretch for p in prototypes if p.record.stretch]
+    settings = [*parts, *settings_of(run, tolerances, None)]
+    return write_report(report.test, report, when, out, settings)

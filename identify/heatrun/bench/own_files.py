@@ -1,0 +1,80 @@
+"""What heatrun itself has written, told from bench files: nobody measured it."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Collection
+from pathlib import Path
+
+from ..errors import InputError
+from .readers.open_file import read_start
+
+RUN_FILES = ("manifest.json", "fit.json")
+"""What every run folder holds."""
+
+EXPORT = b"MATLAB 5.0 MAT-file, heatrun "
+"""How the MAT files of `heatrun export` begin."""
+
+SIMULATED = frozenset({"copper_loss_W", "other_loss_W"})
+"""Columns of a virtual record that no bench measures."""
+
+SCRIPT_COURSES = ("prova_course.csv", "network_course.csv")
+"""What run_prova.m and run_network.m write."""
+
+MOST_BYTES = 8192
+"""Bytes at the start of a file that are looked at [1]: the names of its columns."""
+
+SIMULATION, TABLE, COURSE, EXPORTED = (
+    "a virtual record that heatrun simulated",
+    "the tables of a report of heatrun",
+    "a course that heatrun or a script of it has computed",
+    "an export of heatrun",
+)
+"""What a file of heatrun's own is, in words."""
+
+
+def is_run_folder(path: Path) -> bool:
+    """Return whether a folder is a run of heatrun."""
+    return all((path / name).is_file() for name in RUN_FILES)
+
+
+def own_file(name: str, start: bytes) -> str | None:
+    """Return what of heatrun's own a file is, in words; None for what may be a bench file.
+
+    Args:
+        name: Its name; a course of a script has columns that a logger of temperatures may have.
+        start: Its first bytes; of a gzip file they are unpacked.
+    """
+    if start.startswith(b"\x1f\x8b"):
+        try:
+            start = zlib.decompressobj(wbits=31).decompress(start, MOST_BYTES)
+        except zlib.error:
+            return None
+    if start.startswith(EXPORT):
+        return EXPORTED
+    line = start.removeprefix(b"\xef\xbb\xbf").partition(b"\n")[0]
+    columns = [column.strip() for column in line.decode("latin-1").split(",")]
+    if is_simulated(columns):
+        return SIMULATION
+    if columns == ["table", "of", "quantity", "value", "unit", "note"]:
+        return TABLE
+    of_run = "measured_degC" in columns and any("_parameters_95_" in one for one in columns)
+    return COURSE if of_run or name in SCRIPT_COURSES else None
+
+
+def own_file_at(path: Path) -> str | None:
+    """Return as `own_file` for a file on the disk; None for one that cannot be read."""
+    try:
+        return own_file(path.name, read_start(path, MOST_BYTES))
+    except (InputError, OSError, ValueError):
+        return None
+
+
+def is_simulated(columns: Collection[str]) -> bool:
+    """Return whether columns are those of a virtual record.
+
+    Args:
+        columns: Names in the file.
+    """
+    flows = [name for name in columns if name.startswith("flow_") and name.endswith("_W")]
+    return set(columns) >= SIMULATED and bool(flows)

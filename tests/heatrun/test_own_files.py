@@ -1,0 +1,138 @@
+"""heatrun never takes what it has written itself for a test."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from heatrun import cli
+from heatrun.app.folder import Folder
+from heatrun.bench import own_files
+from heatrun.bench.checks import check_record
+from heatrun.bench.readers.read import read_record
+from heatrun.errors import InputError
+from heatrun.motorfile import load_motor
+from heatrun.reports.bench_tests.tests_in import tests_in as bench_tests_in
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A day on the bench: one test, and all that the commands write about it beside it."""
+    folder = tmp_path_factory.mktemp("bench") / "day"
+    folder.mkdir()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        shutil.copy(DATA / "motor.toml", "motor.toml")
+        Path("thesis.toml").write_text(
+            "Ceq_w = 666.75\nCeq_sr = 15060.1\nReq_w = 0.14485\nReq_sr = 0.11625\n"
+        )
+        pd.read_csv(DATA / "step_30min.csv.gz").iloc[::10].to_csv("step.csv", index=False)
+        assert cli.main(["simulate", "motor.toml", "thesis.toml", "step.csv"]) == 0
+        words = ["export", "thesis.toml", "step.csv", "--motor", "motor.toml", "--to", "mat"]
+        assert cli.main(words) == 0
+        words = ["report", "--type", "general", "motor.toml", "step.csv", "--out", "reports"]
+        assert cli.main(words) == 0
+        table = next(Path("reports").glob("*.csv"))
+        shutil.copy(table, "renamed.csv")  # the tables of a report, known by what is in them
+        Path("step_mat/prova_course.csv").write_text("time_s,winding_degC\n0,20\n1,21\n")
+        run = Path("run")
+        run.mkdir()
+        for name in ("manifest.json", "fit.json"):
+            (run / name).write_text("{}")
+        (run / "course_1.csv").write_text("time_s,measured_degC,second_parameters_95_low_degC\n")
+        (run / "sheet.xlsx").touch()
+    return folder
+
+
+@pytest.fixture
+def day(made, tmp_path, monkeypatch):
+    shutil.copytree(made, tmp_path / "day")
+    monkeypatch.chdir(tmp_path / "day")
+    return Path()
+
+
+def test_a_folder_gives_the_bench_files_alone(day):
+    found = bench_tests_in([day])
+    assert [str(path) for path in found.tests] == ["step.csv"]
+    assert {str(path) for path in found.own} == {
+        "run",
+        "renamed.csv",
+        "step_virtual.csv",
+        "step_mat/prova.mat",
+        "step_mat/prova_course.csv",
+    }
+
+
+def test_a_report_of_a_folder_says_what_it_leaves_out(day, capsys):
+    words = ["report", "--type", "general", "motor.toml", ".", "--out", "again", "--json"]
+    assert cli.main(words) == 0
+    printed = capsys.readouterr()
+    assert [Path(one["file"]).name for one in json.loads(printed.out)["reports"]] == ["step.csv"]
+    said = next(line for line in printed.err.splitlines() if "written by heatrun itself" in line)
+    for name in ("run", "step_virtual.csv", "prova.mat", "prova_course.csv", "renamed.csv"):
+        assert name in said
+
+
+def test_a_folder_of_nothing_else_is_refused_with_the_reason(day):
+    Path("step.csv").unlink()
+    with pytest.raises(InputError, match="found none in it but what heatrun has written"):
+        bench_tests_in([day])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["calibrate", "motor.toml", "run"],
+        ["check", "motor.toml", "run"],
+        ["report", "--type", "general", "motor.toml", "run"],
+        ["simulate", "motor.toml", "thesis.toml", "run"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_run_is_no_test(day, capsys, words):
+    assert cli.main(words) == 1
+    said = capsys.readouterr().err
+    assert "run folder of heatrun" in said
+    assert "Name the bench file that the run was made from" in said
+
+
+def test_a_simulated_record_is_said_to_be_none(day, capsys):
+    record = read_record("step_virtual.csv", load_motor("motor.toml"))
+    found = check_record(record, load_motor("motor.toml"))
+    assert [f.severity for f in found if f.id == "simulated_by_heatrun"] == ["warning"]
+    measured = read_record("step.csv", load_motor("motor.toml"))
+    ids = {finding.id for finding in check_record(measured, load_motor("motor.toml"))}
+    assert "simulated_by_heatrun" not in ids
+
+
+def test_a_bench_s_own_files_are_tests(day):
+    table = pd.DataFrame({"time_s": [0.0, 1.0], "winding_degC": [20.0, 21.0]})
+    table.to_csv("thermometer.csv", index=False)  # the columns of prova_course.csv
+    table.assign(copper_loss_W=1.0, other_loss_W=2.0).to_csv("losses.csv", index=False)
+    names = {str(path) for path in bench_tests_in([day]).tests}
+    assert names == {"step.csv", "thermometer.csv", "losses.csv"}
+
+
+@pytest.mark.parametrize("start", [b"", b"\x1f\x8b broken", b"\xff" * 100, b",,,\n", b"\n\n"])
+def test_any_bytes_are_no_file_of_ours(start):
+    assert own_files.own_file("test.csv", start) is None
+
+
+def test_a_packed_record_is_known_too(day):
+    packed = gzip.compress(Path("step_virtual.csv").read_bytes())
+    assert own_files.own_file("step_virtual.csv.gz", packed[:4000]) == own_files.SIMULATION
+
+
+def test_the_live_view_lists_no_file_of_ours_but_what_is_there_to_be_looked_at(day):
+    listing = Folder(day.resolve()).list()
+    assert set(listing.tests) == {"step.csv", "step_virtual.csv"}
+    assert listing.num_own == 4  # renamed.csv, the table of the report, prova.mat, its course
+    assert np.all([not name.startswith("run") for name in listing.tests])

@@ -1,0 +1,121 @@
+"""Progress in the units of the work: the share never goes back, 1 means done, the rest is told."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from heatrun import cli
+from heatrun.commands.console import PROGRESS
+from heatrun.motorfile import load_motor
+from heatrun.reports.bench_tests.job import make_report
+from heatrun.work import (
+    MOST_BEFORE_DONE,
+    SILENT,
+    Work,
+    in_words,
+    work_of_calibration,
+    work_of_discovery,
+)
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+
+
+class Clock:
+    """A clock that is set by hand [s]."""
+
+    now = 0.0
+
+    def __call__(self):
+        return self.now
+
+
+def told(usual, clock):
+    said = []
+    return Work(usual, lambda *words: said.append(words), clock), said
+
+
+def test_there_is_an_estimate_from_the_start_and_it_follows_this_machine():
+    clock = Clock()
+    work, said = told({"fit": 20.0, "sample": 60.0, "write": 20.0}, clock)
+    work.at("fit", "least squares")
+    assert said == [("least squares; about 2 min left", 0.0)]  # 100 s
+    clock.now = 60.0  # three times as long as usual
+    work.done("fit", "fitted")
+    # (60 + 5)/(20 + 5) = 2.6 times as long for the 80 s that are left: 208 s
+    assert work.left_s() == pytest.approx(208.0)
+    assert said[-1] == ("fitted; about 3 min left", 0.2)
+    clock.now = 150.0
+    work.at("sample", "500 steps", 0.5)
+    assert work.left_s() == pytest.approx((150 + 5) / (50 + 5) * 50)
+    work.at("sample", "before", 0.1)
+    assert work.share == pytest.approx(0.5)  # never back
+
+
+def test_one_means_done_and_is_said_once():
+    work, said = told({"a": 1.0, "b": 1.0}, Clock())
+    work.done("a", "a")
+    work.done("b", "b")
+    assert said[-1][1] == MOST_BEFORE_DONE
+    work.finish()
+    assert said[-1] == ("done", 1.0)
+
+
+def test_nobody_need_listen():
+    SILENT.at("anything", "said")
+    SILENT.done("anything", "said")
+    SILENT.finish()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(0.2, "5 s"), (12, "10 s"), (54, "50 s"), (58, "1 min"), (200, "3 min"), (9000, "2.5 h")],
+)
+def test_durations_as_one_says_them(seconds, words):
+    assert in_words(seconds) == words
+
+
+def test_a_quick_job_is_planned_shorter():
+    networks = ["first", "second"]
+    quick, full = (work_of_calibration(networks, 2, m, print).left_s() for m in ("quick", "emcee"))
+    assert quick < full
+    quick, full = (work_of_discovery(2, method, print).left_s() for method in ("quick", "emcee"))
+    assert quick < full
+
+
+@pytest.fixture
+def bench_day(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    table = pd.read_csv(DATA / "step_30min.csv.gz").iloc[::10]
+    (tmp_path / "tests").mkdir()
+    for name in ("a", "b", "c"):
+        table.to_csv(f"tests/{name}.csv", index=False)
+    return load_motor(DATA / "motor.toml")
+
+
+def test_the_reports_of_a_folder_are_counted(bench_day):
+    said = []
+    make_report("general", bench_day, [Path("tests")], Path("out"),
+                progress=lambda *words: said.append(words))  # fmt: skip
+    assert [re.sub(" left$", "", words.partition(";")[0]) for words, _ in said] == [
+        "report 1 of 3",
+        "report 2 of 3",
+        "report 3 of 3",
+        "done",
+    ]
+    assert [share for _, share in said] == pytest.approx([0.0, 1 / 3, 2 / 3, 1.0])
+
+
+def test_a_program_reads_lines_of_json_that_end_with_done(bench_day, monkeypatch, capsys):
+    monkeypatch.setenv(PROGRESS, "json")
+    words = ["report", "--type", "general", str(DATA / "motor.toml"), "tests/a.csv", "--json"]
+    assert cli.main(words) == 0
+    printed = capsys.readouterr()
+    json.loads(printed.out)  # and nothing else
+    lines = [json.loads(line) for line in printed.err.splitlines() if line.startswith("{")]
+    assert lines[0]["share"] == 0.0
+    assert lines[-1] == {"share": 1.0, "doing": "done"}
