@@ -13,6 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 from pypdf import PdfReader
 
+from heatrun.bench.record import Finding
 from heatrun.certificate import Certificate, Instrument
 from heatrun.reports.sheet import printed as printed_module
 from heatrun.reports.sheet.certificate import certificate_content
@@ -90,7 +91,11 @@ def test_the_network_that_the_data_favour_is_stated(result):
     assert said["network"] == "first order"
     assert [row[0] for row in said["parameters"]] == ["Ceq", "Req"]
     assert said["use"] == "not usable"
-    assert said["headline"] == (
+    model = first.models["first"]
+    close = tuple(replace(row, rmse_K=0.5) for row in model.residuals)
+    near = replace(first, models={**first.models, "first": replace(model, residuals=close)})
+    assert headline(near).use == "not usable"
+    assert headline(near).sentence == (
         "First order. 2 of 2 parameters are not identifiable from these tests (Ceq, Req): do not "
         "use for warm-up and time to a limit and steady temperatures and continuous current."
     )
@@ -128,6 +133,32 @@ def test_a_fit_or_a_prediction_that_fails_is_said(result):
     assert any("misses too many readings of a held-out test" in each for each in said.reasons)
     doubtful = with_second(result, posterior=replace(model.posterior, is_sound=False))
     assert headline(doubtful).use == "restricted"
+
+
+def test_a_network_that_does_not_follow_its_test_is_not_to_be_used(result):
+    """The winding of the stored test rises from the sink by some 100 K: 15 K are not followed."""
+    fitted = result.tests[0]
+    rise = fitted.winding_degC[1] - fitted.sink_degC[0]
+    assert 60.0 < rise < 150.0
+    rows = tuple(
+        replace(row, rmse_K=15.0) if row.role == "calibration" else row
+        for row in result.models["second"].residuals
+    )
+    said = headline(with_second(result, residuals=rows))
+    assert said.use == "not usable"
+    assert said.sentence == (
+        "Second order. The network does not follow the fitted test duty_30min (RMSE 15.0 K, "
+        f"{100 * 15.0 / rise:.0f} % of the rise): do not use it."
+    )
+
+
+def test_a_network_that_lacks_something_is_restricted(result):
+    lack = Finding("missing_effect", "warning", "the second-order network is incomplete")
+    said = headline(replace(result, findings=(lack,)))
+    assert said.use == "restricted"
+    assert any("lacks something that the tests show" in reason for reason in said.reasons)
+    other = Finding("missing_effect", "warning", "the first-order network is incomplete")
+    assert headline(replace(result, findings=(other,))).use == "usable"
 
 
 def test_the_choice_of_the_network_is_told_as_a_chance(result):

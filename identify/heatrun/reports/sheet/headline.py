@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ...bench.record import Finding
+from ...io.printable import clean
 from ...io.quantities import rounded
 from ...results import FitResult
 from ...results.model import FittedModel
@@ -30,6 +31,13 @@ CAPACITY, RESISTANCE = "loads that change", "steady temperatures"
 
 LOW_COVERAGE = 0.8
 """Share of held-out readings inside the 95 % band below which predictions are doubted [1]."""
+
+NOT_FOLLOWED = 0.05
+"""RMSE of a fitted test over the rise of its winding from which on a network does not follow it
+[1]; in a good fit it is some thousandths."""
+
+INCOMPLETE = ("misfit", "missing_effect")
+"""Findings that the tests show more than the network has."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +79,9 @@ def headline(result: FitResult) -> Headline:
             f"{title}. The fit did not converge: do not use these parameters.",
             reasons,
         )
+    astray = _not_followed(result, model)
+    if astray:
+        return Headline("not usable", f"{title}. {astray}", reasons)
     if lost:
         are = "is" if len(lost) == 1 else "are"
         return Headline(
@@ -88,7 +99,7 @@ def headline(result: FitResult) -> Headline:
             f"{_uses(weak)}.",
             reasons,
         )
-    if not model.posterior.is_sound or _fails_held_out(model):
+    if not model.posterior.is_sound or _fails_held_out(model) or _lacks(result, model):
         return Headline(
             "restricted",
             f"{title}. All {len(free)} parameters are identified, with the restrictions below.",
@@ -137,6 +148,31 @@ def _fails_held_out(model: FittedModel) -> bool:
     return any(row.role == "holdout" and row.coverage_95 < LOW_COVERAGE for row in model.residuals)
 
 
+def _not_followed(result: FitResult, model: FittedModel) -> str:
+    """Return which fitted test the network does not follow, as a sentence; empty if it does."""
+    tests = {test.name: test for test in result.tests}
+    for row in model.residuals:
+        test = tests.get(row.test)
+        if row.role != "calibration" or test is None:
+            continue
+        if test.winding_degC is None or test.sink_degC is None:
+            continue
+        rise = test.winding_degC[1] - test.sink_degC[0]
+        if rise > 0 and row.rmse_K > NOT_FOLLOWED * rise:
+            return (
+                f"The network does not follow the fitted test {clean(row.test)} (RMSE "
+                f"{row.rmse_K:.1f} K, {100 * row.rmse_K / rise:.0f} % of the rise): do not use it."
+            )
+    return ""
+
+
+def _lacks(result: FitResult, model: FittedModel) -> bool:
+    return any(
+        f.id in INCOMPLETE and f.severity != "note" and _concerns(f, result, model)
+        for f in result.findings
+    )
+
+
 def _doubts(result: FitResult, model: FittedModel) -> list[str]:
     """Return what restricts the use, in sentences."""
     words = []
@@ -147,6 +183,11 @@ def _doubts(result: FitResult, model: FittedModel) -> list[str]:
         )
     if not model.posterior.is_sound:
         words.append("The intervals are indicative: the diagnostics of the sampling are not met.")
+    if _lacks(result, model):
+        words.append(
+            "The network lacks something that the tests show: its intervals are wider for it, and "
+            "`heatrun discover` searches for what it is."
+        )
     words += _against_others(result)
     warnings = [f for f in result.findings if f.severity != "note" and _concerns(f, result, model)]
     if warnings:

@@ -12,8 +12,8 @@ from .typeset import typeset
 BREAKS_EVERY = 15
 """Letters of a long word after which it may break in the narrow cells of page 1."""
 
-WIDE, NARROW = 82, 62
-"""Widths of figures in the annex [% of the line]: the square one would fill a page."""
+WIDE, WIDEST_SQUARE = 82, 62
+"""Widths of figures in the annex [% of the line]; the square one of few parameters is narrower."""
 
 
 def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
@@ -25,7 +25,8 @@ def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -
         path: Where it goes; written whole or not at all.
     """
     page_1 = _breakable(content["certificate"])
-    widths = [NARROW if each.name == "posterior.png" else WIDE for each in figures]
+    square = min(WIDEST_SQUARE, 22 + 8 * len(content["models"][-1]["correlation"]["names"]))
+    widths = [square if each.name == "posterior.png" else WIDE for each in figures]
     return typeset("sheet.typ", {**content, "certificate": page_1, "widths": widths}, figures, path)
 
 
