@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo test test-slow test-latest lint types check bench study-coverage study-crosschecks \
-  study-bodies study-discovery study-exam study-faults study-fuzz study-misfit study-paderborn \
+  study-bodies study-discovery study-exam study-faults study-first-hour study-fuzz study-misfit study-paderborn \
   study-readings study-real study-view audit docs notebooks schemas lock clean
 
 demo: $(VENV)/ready
@@ -36,6 +36,10 @@ check: lint types test
 
 bench: $(VENV)/ready
 	$(BIN)/python tests/benchmarks/run.py
+
+# From five unlike files to a certificate by init, check and calibrate.
+study-first-hour: $(VENV)/ready
+	$(BIN)/python tests/studies/first_hour.py
 
 study-bodies: $(VENV)/ready
 	$(BIN)/python tests/studies/bodies.py

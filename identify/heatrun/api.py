@@ -15,7 +15,7 @@ import pandas as pd
 
 from .bench import Finding
 from .bench.checks import check_record
-from .bench.joined import read_test
+from .bench.joined import read_test, read_tests
 from .calibration import BenchTest, load_tests
 from .inference.catalogue import all_effects, known_effects
 from .inference.networks import NetworkForm, network_named, networks_of, pair_of
@@ -239,7 +239,7 @@ def simulate(
 def check(motor: str | Path | Motor, tests: Files) -> list[Finding]:
     """Return the findings about bench files, before anything is fitted."""
     machine = _motor(motor)
-    records = [read_test(path, machine) for path in _paths(tests)]
+    records = [record for path in _paths(tests) for record in read_tests(path, machine)]
     return [finding for record in records for finding in check_record(record, machine)]
 
 

@@ -14,7 +14,7 @@ from lptn.effects import AbstractEffect
 from .bench import Finding, Record
 from .bench.blocks import Blocks
 from .bench.checks import check_record, current_scale_unchecked
-from .bench.joined import read_test
+from .bench.joined import read_tests
 from .bench.reduction import reduce
 from .discovery.averaging import averaged
 from .discovery.missing import Missing, missing, missing_finding
@@ -98,8 +98,8 @@ def load_tests(
         InputError: If a file cannot be read.
         Refused: If a check forbids a fit.
     """
-    records = [(read_test(path, motor), "calibration") for path in calibration]
-    records += [(read_test(path, motor), "holdout") for path in holdout]
+    records = [(each, "calibration") for path in calibration for each in read_tests(path, motor)]
+    records += [(each, "holdout") for path in holdout for each in read_tests(path, motor)]
     records = _with_distinct_names(records)
     checked = [(record, role, check_record(record, motor)) for record, role in records]
     findings = [finding for _, _, found in checked for finding in found]
@@ -246,7 +246,8 @@ def identity(motor: Motor, tests: Sequence[BenchTest], **settings: Any) -> dict[
         "motor": motor.sha256,
         # the reader names the sheet of a workbook, which holds several tests
         "tests": [
-            [part for s in test.record.sources for part in (s.sha256, s.reader)] + [test.role]
+            [part for s in test.record.sources for part in (s.sha256, s.reader)]
+            + [test.role, test.record.stretch]
             for test in tests
         ],
         **settings,

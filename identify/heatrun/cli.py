@@ -42,6 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _call(options: argparse.Namespace) -> int:
     """Run the command of the options and turn what it raises into messages and exit codes."""
     from .commands.console import print_error, printable, say
+    from .commands.words import cut_tests
 
     use_caches(say)
     one_thread_for_small_matrices()
@@ -52,6 +53,7 @@ def _call(options: argparse.Namespace) -> int:
         sys.stdout.reconfigure(encoding=encoding, errors="backslashreplace")
     try:
         check_stated_moment()
+        cut_tests(options)
         prepare_for_limit(options.command)
         with damaged_are_replaced(say):
             code = int(options.run_command(options))

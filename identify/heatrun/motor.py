@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from .bench.stretch import Stretch
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,19 @@ class Adequacy:
 
 
 @dataclass(frozen=True)
+class PartsOfTest:
+    """What `[tests.NAME]` says: which parts of a record count.
+
+    Attributes:
+        use: Stretches that are used, each as a test of its own; none for the whole record.
+        mask: Windows whose readings are not compared, first and last time [s].
+    """
+
+    use: tuple[Stretch, ...] = ()
+    mask: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True)
 class Motor:
     """The machine under test and how its bench measures it.
 
@@ -63,6 +79,7 @@ class Motor:
         parameters: Overrides of prior or value by parameter name.
         sensors: Node that a measured body is fitted as, by its channel; `"none"`: it is held
             against the model and not fitted. Where nothing is said, the network decides.
+        tests: Which parts of a test count, by its name.
         effects: Ids of known effects that every model of this machine has.
         adequacy: How far its networks are trusted.
         raster_s: Step that MDF and TDMS channels are averaged to [s], or None for the samples of
@@ -88,6 +105,7 @@ class Motor:
     constants: Mapping[str, float] = field(default_factory=dict)
     parameters: Mapping[str, ParameterOverride] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
+    tests: Mapping[str, PartsOfTest] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
     adequacy: Adequacy = field(default_factory=Adequacy)
     raster_s: float | None = None

@@ -14,7 +14,7 @@ from .bench.channels.schema import CHANNEL
 from .bench.survey import Survey, flat
 from .io.printable import printable
 from .motor_gaps import LONGEST_LINE, Gap, found_resistance, gaps
-from .motor_keys import COLUMNS, CONSTANTS, PARAMETERS, SECTIONS, SENSORS, Key, Section
+from .motor_keys import COLUMNS, CONSTANTS, PARAMETERS, SECTIONS, SENSORS, TESTS, Key, Section
 from .version import __version__
 
 WIDTH = 96
@@ -74,8 +74,9 @@ def _section(
     section: Section, name: str, surveys: Sequence[Survey], missing: Sequence[Gap]
 ) -> list[str]:
     lines = _comment(section.meaning)
-    if section is PARAMETERS:
-        lines.append("# [parameters.Ceq_w]")
+    shown_as = {PARAMETERS: "parameters.Ceq_w", TESTS: "tests.NAME"}.get(section)
+    if shown_as:
+        lines.append(f"# [{shown_as}]")
         for key in section.keys:
             lines += _comment(f"{key.meaning} Default: {key.default}.")
             lines.append(f"# {key.name} = {key.example}")
@@ -126,22 +127,25 @@ def _columns(surveys: Sequence[Survey], missing: Sequence[Gap]) -> list[str]:
             lines += [_line(gap.channel, side, note) for side, note in gap.candidates]
     settled = {channel for one in surveys for channel in one.channels}
     settled |= {gap.channel for gap in missing}
+    shown = {side for gap in missing for side, _ in gap.candidates}
     for one in surveys:
-        lines += _free(one, settled)
+        lines += _free(one, settled, shown)
     return lines
 
 
-def _free(one: Survey, settled: Set[str]) -> list[str]:
+def _free(one: Survey, settled: Set[str], shown: Set[str]) -> list[str]:
     """Return the columns that no channel claims, with a line for what each may be.
 
     Args:
         one: What a file holds.
         settled: Channels that are recognised, or whose candidates stand above.
+        shown: Right-hand sides that stand above.
     """
-    if not one.free:
+    free = [c for c in one.free if not shown & {c.name, *(p.line for p in c.proposals)}]
+    if not free:
         return []
     lines = ["#", *_comment(f"Columns of {Path(one.path).name} that no channel claims:")]
-    for column in one.free:
+    for column in free:
         likely = [p for p in column.proposals if p.is_likely and p.channel not in settled]
         if likely and len(likely[0].line) <= LONGEST_LINE:
             lines.append(_line(likely[0].channel, likely[0].line, column.shown()))

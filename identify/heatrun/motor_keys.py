@@ -94,7 +94,8 @@ COLUMNS = Section(
     "columns",
     'Which column of the file is which channel: CHANNEL = "COLUMN [UNIT]". Only for columns that '
     "heatrun does not recognise or reads in another way than you want. The unit in brackets may be "
-    "left out where the file gives it; it decides where the file gives another. Currents are rms; "
+    "left out where the file gives it; it decides where the file gives another. Several sensors of "
+    "one winding or body: mean(T_U, T_V, T_W), or hottest(…). Currents are rms; "
     'write [A_peak] for amplitudes. "none" leaves a channel out; time_s = "rate 10 Hz" stands for '
     'a column of times. In MDF, TDMS and workbooks "GROUP/COLUMN" names a column of a group or '
     "sheet.",
@@ -110,6 +111,23 @@ SENSORS = Section(
     "sensors",
     "Which node of the network a measured body is fitted as: CHANNEL = \"NODE\". \"none\" holds it "
     "against the model without fitting it. Where nothing is said, the network decides.",
+)  # fmt: skip
+
+TESTS = Section(
+    "tests.NAME",
+    "Which parts of a test count; NAME is the file without its ending, in quotes where it has "
+    "other characters than letters, digits, - and _. Times are in seconds from the first sample "
+    'of the file, or texts such as "90 min". Behind a file on the command line, '
+    "FILE@10min..90min says the same for once.",
+    (
+        Key("use", "Stretches that are used. Each of several becomes a test with temperatures of "
+            "its own at the start: so a record is split at a gap.", "[[600, 5400], [7200, 9000]]",
+            "the whole record"),
+        Key("use_rows", "The same by samples, counted from 1: for a clock that was set back.",
+            "[[1, 5000], [5001, 9000]]", "the whole record"),
+        Key("mask", "Windows whose readings of winding and bodies are not compared with the model; "
+            "current and losses are simulated through.", "[[1800, 1920]]", "none"),
+    ),
 )  # fmt: skip
 
 MODEL = Section(
@@ -150,7 +168,7 @@ PARAMETERS = Section(
 )  # fmt: skip
 
 SECTIONS: tuple[Section, ...] = (
-    MOTOR, WINDING, VEHICLE, COLUMNS, CONSTANTS, SENSORS, MODEL, ADEQUACY, PARAMETERS,
+    MOTOR, WINDING, VEHICLE, COLUMNS, CONSTANTS, SENSORS, TESTS, MODEL, ADEQUACY, PARAMETERS,
 )  # fmt: skip
 """Every section, in the order of the file."""
 

@@ -14,6 +14,7 @@ from .bench.readers.open_file import read_start
 from .errors import InputError, did_you_mean
 from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
 from .motor import Adequacy, Motor, ParameterOverride
+from .motor_parts import parse_parts
 from .plausible import RANGES, UNITS, refuse_implausible
 
 COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
@@ -69,7 +70,8 @@ def load_motor(path: str | Path) -> Motor:
 
     Args:
         path: A TOML file with `[motor]` and optionally `[winding]`, `[vehicle]`, `[columns]`,
-            `[constants]`, `[sensors]`, `[model]`, `[adequacy]` and `[parameters.NAME]`.
+            `[constants]`, `[sensors]`, `[model]`, `[adequacy]`, `[tests.NAME]` and
+            `[parameters.NAME]`.
 
     Raises:
         InputError: If the file cannot be read, has a section or key that is not known (with the
@@ -87,7 +89,10 @@ def parse_motor(data: bytes, where: str) -> Motor:
     """
     content = parse_toml(data, where)
     check_keys(
-        content, (*KEYS, "model", "columns", "constants", "sensors", "parameters"), where, "section"
+        content,
+        (*KEYS, "model", "columns", "constants", "sensors", "tests", "parameters"),
+        where,
+        "section",
     )
     sections = {name: _section(content, name, where) for name in KEYS}
     for name, keys in KEYS.items():
@@ -124,6 +129,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
         constants=_constants(_section(content, "constants", where), where),
         parameters=_parameters(_section(content, "parameters", where), where),
         sensors=_sensors(_section(content, "sensors", where), where),
+        tests=parse_parts(_section(content, "tests", where), where),
         effects=_effects(_section(content, "model", where), where),
         adequacy=_adequacy(adequacy, at_adequacy),
         raster_s=_number(motor, "raster_s", POSITIVE, at),

@@ -33,6 +33,7 @@ def counts():
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 def test_a_calibration_compiles_each_function_once(counts):
     found = counts["first"]["compilations"]
     grown = {name: found.get(name, 0) for name, most in HEAVY.items() if found.get(name, 0) > most}
@@ -42,11 +43,13 @@ def test_a_calibration_compiles_each_function_once(counts):
     assert sum(found.values()) <= 90, found  # 80 with the screening
 
 
+@pytest.mark.slow
 def test_a_second_record_of_the_same_shape_compiles_nothing(counts):
     assert counts["second"]["compilations"] == {}
 
 
 @pytest.mark.parametrize("record", ["first", "second"])
+@pytest.mark.slow
 def test_a_fit_takes_no_more_searches_and_steps_than_it_needs(record, counts):
     found = counts[record]
     # 16 starts, one or two rounds of noise and least squares, a last look from distinct optima
@@ -56,6 +59,7 @@ def test_a_fit_takes_no_more_searches_and_steps_than_it_needs(record, counts):
     assert found["calls"]["noise"] <= 320, found["calls"]
 
 
+@pytest.mark.slow
 def test_the_likelihood_is_called_for_the_draws_alone(counts):
     """4096 draws, moved at most three times; ensembles of 64 walkers and their starts."""
     proposal = 4 * 4096 + 64
@@ -64,6 +68,7 @@ def test_the_likelihood_is_called_for_the_draws_alone(counts):
     assert counts["emcee"]["calls"]["likelihood rows"] <= proposal + 2 * 64 * (500 + 1)
 
 
+@pytest.mark.slow
 def test_no_array_of_steps_by_walkers_is_written_out(counts):
     memory = counts["memory"]
     by_steps = 8 * memory["num_steps"] * memory["num_rows"]

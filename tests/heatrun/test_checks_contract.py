@@ -90,6 +90,17 @@ def edited(record: Record, channel: str, from_s: float, to_s: float, value: obje
     return changed(record, **{channel: column})
 
 
+def as_columns(record: Record) -> Record:
+    """Return a record whose channels are all columns of a file."""
+    return replace(
+        record,
+        mapping=tuple(
+            ColumnReading(name, name, "", "name", "canonical name", "t.csv")
+            for name in record.channels
+        ),
+    )
+
+
 def every(record: Record, count: int) -> Record:
     return replace(record, channels={k: v[::count] for k, v in record.channels.items()})
 
@@ -220,6 +231,16 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "losses_of_dc_link": (
         changed(LINK, losses_W=8.0 * CLEAN["losses_W"]), MOTOR, "warning", "ratio", (0.99, 1.01)
     ),
+    "losses_absurd": (
+        changed(CLEAN, losses_W=3000.0 * CLEAN["losses_W"]), MOTOR, "error",
+        "largest_W", (2e6, 5e6)
+    ),
+    "columns_disagree": (
+        as_columns(changed(
+            CLEAN, i_d_A=0.0 * TIME, i_q_A=CLEAN["phase_current_A"],
+        )),
+        MOTOR, "error", "ratio", (1.41, 1.42)
+    ),
     "shaft_power_disagrees": (
         motor_and_generator(0.03), MOTOR, "warning", "gain", (0.028, 0.032)
     ),
@@ -245,7 +266,7 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         "nan_block", edited(CLEAN, "speed_rpm", 0.0, 900.0, np.nan), MOTOR, "note"
     ),
     "infinite losses": (
-        "nan_block", edited(CLEAN, "losses_W", 600.0, 610.0, np.inf), MOTOR, "error"
+        "nan_block", edited(CLEAN, "losses_W", 600.0, 640.0, np.inf), MOTOR, "error"
     ),
     "row written twice": (
         "time_duplicate", at(CLEAN, np.sort(np.append(np.arange(TIME.size), 999))),

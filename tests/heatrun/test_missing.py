@@ -63,6 +63,7 @@ def test_an_effect_too_small_to_see_is_told_and_the_intervals_allow_for_it(calib
         assert entry.interval_95[0] < getattr(case.machine, name) < entry.interval_95[1], name
 
 
+@pytest.mark.slow
 def test_a_run_read_back_predicts_with_the_effects_that_it_may_miss(calibrated):
     run, _ = calibrated(("external_loss",), 7)
     course = run.courses()[1]

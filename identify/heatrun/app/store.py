@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..bench import Record
-from ..bench.joined import read_test
+from ..bench.joined import read_whole_test
 from ..bench.readers.open_file import LARGEST_BYTES
 from ..bench.readers.read import read_record
 from ..errors import InputError
@@ -85,7 +85,7 @@ class RecordStore:
                     self._reading.pop(key, None)
 
     def _read(self, path: Path, motor: Motor | None, stamp: Stamp) -> Opened:
-        record = read_test(path, motor) if motor else read_record(path)
+        record = read_whole_test(path, motor) if motor else read_record(path)
         if Stamp.of(path) != stamp:
             raise InputError(
                 "The file changed while it was read.",

@@ -13,10 +13,54 @@ from ..motor import Motor
 from .clocks.align import join
 from .readers.read import read_record
 from .record import Record
+from .stretch import Stretch, cut, mask, stretch_of, with_seen_start
 
 RATE = re.compile(r"^(?P<path>.*)@(?P<rate>[^@/\\]*)Hz$", re.DOTALL)
 SHEET = re.compile(r"^(?P<path>.+\.xls[xm](?:\.gz)?)#(?P<sheet>.+)$", re.DOTALL | re.IGNORECASE)
 NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?|\.[0-9]+")
+
+
+def read_tests(path: Path | str, motor: Motor) -> tuple[Record, ...]:
+    """Read a test, in as many records as `[tests.NAME]` of the motor file has stretches of it.
+
+    Args:
+        path: As `read_test`.
+        motor: The machine.
+
+    Returns:
+        One record; or one for each of several stretches, named `NAME_1`, `NAME_2` and so on.
+
+    Raises:
+        InputError: As `read_test`.
+    """
+    text, stretch = _with_stretch(str(path))
+    return parts_of(read_whole_test(text, motor), motor, stretch)
+
+
+def parts_of(record: Record, motor: Motor, stretch: Stretch | None = None) -> tuple[Record, ...]:
+    """Return the parts of a record that count.
+
+    Args:
+        record: The whole.
+        motor: Its `[tests.NAME]` say which parts are used, and what is masked.
+        stretch: The part that is asked for in place of those.
+
+    Raises:
+        InputError: If a part or a mask holds no sample, or a mask covers the first one.
+    """
+    parts = motor.tests.get(record.name)
+    if parts is None and stretch is None:
+        return (record,)
+    said_by = f"[tests.{record.name}] of the motor file"
+    if parts is not None:
+        record = mask(record, parts.mask, f"mask in {said_by}")
+    if stretch is not None:
+        return (with_seen_start(cut(record, stretch, "asked for with the file")),)
+    used = parts.use if parts is not None else ()
+    found = [cut(record, one, f"use in {said_by}") for one in used] or [record]
+    if len(found) > 1:
+        found = [replace(one, name=f"{one.name}_{n}") for n, one in enumerate(found, start=1)]
+    return tuple(with_seen_start(one) for one in found)
 
 
 def read_test(path: Path | str, motor: Motor) -> Record:
@@ -26,11 +70,33 @@ def read_test(path: Path | str, motor: Motor) -> Record:
         path: A file; or `TEMPERATURES+DRIVE`, two files of loggers that were not started
             together, whose offset is then estimated. A file without a time column carries its
             sampling rate behind it, as in `drive.csv@10Hz`; a sheet of a workbook is named as in
-            `tests.xlsx#Cold start`.
-        motor: The machine.
+            `tests.xlsx#Cold start`, a stretch as in `drive.csv@10min..90min`.
+        motor: The machine; its `[tests.NAME]` say which part of the record is used.
 
     Returns:
         The record; the offset and its doubt stand in its notes and findings.
+
+    Raises:
+        InputError: If a file cannot be read, the two cannot be joined, a stretch is empty, or the
+            motor file uses several stretches and none of them is named.
+    """
+    first, *others = read_tests(path, motor)
+    if others:
+        raise InputError(
+            f"The motor file uses {1 + len(others)} stretches of this test: "
+            f"{', '.join(record.stretch for record in (first, *others))}.",
+            where=str(path),
+            remedy=f"Name the one that is meant, such as {path}@{first.stretch}.",
+        )
+    return first
+
+
+def read_whole_test(path: Path | str, motor: Motor) -> Record:
+    """Read a test as `read_test`, whatever parts of it the motor file uses.
+
+    Args:
+        path: As `read_test`, without a stretch.
+        motor: The machine.
 
     Raises:
         InputError: If a file cannot be read or the two cannot be joined.
@@ -44,12 +110,16 @@ def files_of(path: Path | str) -> tuple[tuple[Path, str | None], ...]:
     Args:
         path: As `read_test`.
     """
-    text = str(path)
+    text, _ = _with_stretch(str(path))
     files = []
     for part in (text,) if _exists(text) else text.split("+"):
         rate = None if _exists(part) else RATE.match(part)
         files.append(_with_sheet(rate["path"] if rate else part))
     return tuple(files)
+
+
+def _with_stretch(text: str) -> tuple[str, Stretch | None]:
+    return (text, None) if _exists(text) else stretch_of(text)
 
 
 def _with_sheet(text: str) -> tuple[Path, str | None]:

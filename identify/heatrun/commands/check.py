@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     )
     from ..bench.checks import check_record
     from ..bench.checks.suitability import suitability
-    from ..bench.joined import read_test
+    from ..bench.joined import read_tests
     from ..inference.model_check import check_model, check_second_order
     from ..motorfile import load_motor
     from ..reports.terminal import findings_text
@@ -48,8 +48,7 @@ def run(options: argparse.Namespace) -> int:
     records = []
     findings: list[Finding] = []
     tests: list[ReadColumns] = []
-    for path in options.tests:
-        record = read_test(path, motor)
+    for record in (each for path in options.tests for each in read_tests(path, motor)):
         say(f"{record.name}: {record.time_s.size} samples over {record.duration_s:.0f} s")
         for note in record.notes:
             # the table of columns says the same

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ..errors import UsageError
+
 LARGEST_SEED = 2**32 - 1
 """What every generator of random numbers here takes."""
 
@@ -20,8 +22,34 @@ def add_inputs(parser: argparse.ArgumentParser, tests: str = "bench files") -> N
         nargs="+",
         type=Path,
         metavar="TEST",
-        help=f"{tests}; TEMPERATURES+DRIVE@10Hz joins two loggers",
+        help=f"{tests}; TEMPERATURES+DRIVE@10Hz joins two loggers, "
+        "FILE@10min..90min is a part of one",
     )
+    for option, meaning in (("from", "begin"), ("until", "end")):
+        parser.add_argument(
+            f"--{option}",
+            dest=f"{option}_time",
+            default="",
+            metavar="TIME",
+            help=f"{meaning} of the part of the tests that is used, such as 600s, 10min or 1.5h",
+        )
+
+
+def cut_tests(options: argparse.Namespace) -> None:
+    """Write `--from` and `--until` behind each of the tests, where they were given.
+
+    Raises:
+        UsageError: If a test has a part of its own.
+    """
+    start, end = (getattr(options, f"{name}_time", "") for name in ("from", "until"))
+    if not start and not end:
+        return
+    for test in options.tests:
+        if ".." in str(test).rpartition("@")[2] and not test.exists():
+            raise UsageError(f"{test} names its part already; leave out --from and --until.")
+        if test.is_dir():
+            raise UsageError(f"{test} is a folder; --from and --until are for files.")
+    options.tests = [Path(f"{test}@{start}..{end}") for test in options.tests]
 
 
 def add_holdout(parser: argparse.ArgumentParser) -> None:

@@ -7,6 +7,7 @@ counted first, in one pass over the text that knows strings and comments and not
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,8 @@ MOST_LEVELS = 16
 
 MOST_DOTS = 16
 """Dots in one key; a motor file needs one."""
+
+BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 TOKEN = re.compile(
     r'"""(?:[^"\\]|\\.|"(?!""))*+"""'
@@ -69,6 +72,11 @@ def parse_toml(data: bytes, where: str, what: str = "motor file") -> dict[str, A
             where=where,
             remedy='Write lines such as name = "…" below a [section].',
         ) from error
+
+
+def toml_key(name: str) -> str:
+    """Return a name as it stands between the dots of a TOML key: bare, or in quotes."""
+    return name if BARE_KEY.fullmatch(name) else json.dumps(name, ensure_ascii=False)
 
 
 def check_keys(content: Mapping[str, Any], known: Sequence[str], where: str, kind: str) -> None:

@@ -140,7 +140,7 @@ class Run:
         return self.result.findings
 
     def source(self, test: RunTest) -> str:
-        """Return a test as the command line names it: its files, with sheets and rates as given.
+        """Return a test as the command line names it: its files, sheets, rates and stretch.
 
         Raises:
             InputError: If a file is gone or has changed since the run.
@@ -148,7 +148,8 @@ class Run:
         for file in test.files:
             refuse_changed(file, self.path, "record")
         command = self.result.command
-        return "+".join(as_named(file.path, test.name, command) for file in test.files)
+        files = "+".join(as_named(file.path, test.name, command) for file in test.files)
+        return f"{files}@{test.said.stretch}" if test.said.stretch else files
 
     def choose(self, network: str | None = None) -> str:
         """Return the name of a network of the run: the one asked for, or the last one.
@@ -230,7 +231,8 @@ class Run:
         """Return the name under which a record was fitted, None if it was not."""
         digests = {source.sha256 for source in record.sources}
         for test in self.tests:
-            if test.role == "calibration" and digests == {file.sha256 for file in test.files}:
+            is_same = digests == {file.sha256 for file in test.files}
+            if test.role == "calibration" and is_same and test.said.stretch == record.stretch:
                 return test.name
         return None
 

@@ -40,11 +40,17 @@ def as_named(path: str, test: str, command: str) -> str:
     found = [
         named
         for word in words
-        for part in (word, *word.split("+"))
+        for part in _parts(word)
         if part != path and (named := form.fullmatch(part))
     ]
     of_test = [one for one in found if one["sheet"] and test.endswith(f"_{one['sheet']}")]
     return next((one[0] for one in (*of_test, *found)), path)
+
+
+def _parts(word: str) -> list[str]:
+    """Return a word of the command line and its files, without the stretch behind them."""
+    test = word.rpartition("@")[0] if ".." in word.rpartition("@")[2] else word
+    return [test, *test.split("+")]
 
 
 def refuse_changed(file: SourceFile, run: Path, kind: str) -> None:

@@ -32,6 +32,7 @@ class MappedColumns:
         rate_Hz: Sampling rate that `[columns]` gives in place of a time column [Hz], or None.
         columns: Canonical name to the name of the column that became it.
         readings: How each column became its channel.
+        parts: Canonical name to the names of the columns that it combines, where it does.
     """
 
     channels: Mapping[str, np.ndarray]
@@ -41,6 +42,11 @@ class MappedColumns:
     rate_Hz: float | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
     readings: tuple[ColumnReading, ...] = ()
+    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def names(self, channel: str) -> tuple[str, ...]:
+        """Return the names of the columns that a channel is made of."""
+        return self.parts.get(channel, (self.columns[channel],))
 
 
 def map_columns(
@@ -76,6 +82,9 @@ def map_columns(
         if claim.text == NOT_RECORDED:
             mapping.excluded.add(claim.channel)
             continue
+        if claim.parts and all(column.name != claim.text for column in pool):
+            _add_combined(mapping, claim, pool, table, is_part)
+            continue
         column = _claimed(claim, pool, table, where, is_part)
         if column is None:
             mapping.notes.append(f"{claim.channel}: no column '{claim.text}' in this file.")
@@ -85,7 +94,7 @@ def map_columns(
     for column_map in COLUMN_MAPS:
         if _num_present(column_map, pool) >= column_map.num_needed:
             _add_by_map(mapping, column_map, pool)
-    used = {id(column) for column in mapping.taken.values()}
+    used = mapping.used
     unused = [column.name for column in table.columns if id(column) not in used]
     mapping.findings += mapping.used_twice()
     return MappedColumns(
@@ -96,6 +105,7 @@ def map_columns(
         rate_Hz,
         {name: column.name for name, column in mapping.taken.items()},
         tuple(mapping.readings),
+        {name: tuple(part.name for part in parts) for name, parts in mapping.parts.items()},
     )
 
 
@@ -193,6 +203,28 @@ def _unit_left(claim: Claim, column: Column) -> str | None:
     return named.unit if named and is_left else None
 
 
+def _add_combined(
+    mapping: Assignment, claim: Claim, pool: Iterable[Column], table: Table, is_part: bool
+) -> None:
+    """Take the mean or the hottest of several columns for a channel."""
+    pool = tuple(pool)
+    found = [_claimed(part, pool, table, mapping.where, is_part) for part in claim.parts]
+    columns = [column for column in found if column is not None]
+    if len(columns) < len(found):
+        mapping.notes.append(f"{claim.channel}: not all columns of '{claim.text}' in this file.")
+        return
+    if len({id(column) for column in columns}) < len(columns):
+        raise InputError(
+            f"'{claim.text}' names one column twice.",
+            where=f"{mapping.where}, {claim.channel}",
+            remedy="Name each sensor once.",
+        )
+    each = [Assignment(mapping.where) for _ in columns]
+    for one, part, column in zip(each, claim.parts, columns, strict=True):
+        _add_claimed(one, part, column)
+    mapping.add_combined(claim.channel, claim.text, claim.how, columns, each)
+
+
 def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
     channel = CHANNEL[claim.channel]
     where = f"{mapping.where}, column '{column.name}' as {channel.name}"
@@ -245,7 +277,7 @@ def _num_present(column_map: ColumnMap, pool: Iterable[Column]) -> int:
 
 
 def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Column]) -> None:
-    used = {id(column) for column in mapping.taken.values()}
+    used = mapping.used
     free = [column for column in pool if id(column) not in used]
     claims: dict[str, list[tuple[Column, str]]] = {}
     for label, channel in column_map.entries.items():

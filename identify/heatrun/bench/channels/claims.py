@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ...errors import InputError, did_you_mean
+from .combined import COMBINED, refuse_combination, split_parts
 from .header import split_name
 from .schema import CHANNEL
 
@@ -30,6 +31,8 @@ class Claim:
         base: What stands before square brackets at its end, whatever it is; empty without them.
         bracket: What stands in them.
         rate_Hz: Sampling rate that stands for a time column [Hz], or None.
+        how: `"mean"` or `"hottest"` of several columns; empty for one.
+        parts: What it says of each of them.
     """
 
     channel: str
@@ -39,6 +42,8 @@ class Claim:
     base: str = ""
     bracket: str = ""
     rate_Hz: float | None = None
+    how: str = ""
+    parts: tuple[Claim, ...] = ()
 
 
 def parse_claims(columns: Mapping[str, str], where: str) -> tuple[Claim, ...]:
@@ -66,11 +71,26 @@ def parse_claims(columns: Mapping[str, str], where: str) -> tuple[Claim, ...]:
         if rate and channel == "time_s":
             claims.append(Claim(channel, text, text, None, rate_Hz=_rate(rate["rate"], where)))
             continue
-        label, unit = split_name(text, f"{where}, [columns] {channel}")
-        base = BRACKET_AT_END.fullmatch(text.strip())
-        pair = (base["base"], base["unit"].strip()) if base else ("", "")
-        claims.append(Claim(channel, text.strip(), label, unit, *pair))
+        claims.append(_claim(channel, text, f"{where}, [columns] {channel}"))
     return tuple(claims)
+
+
+def _claim(channel: str, text: str, where: str) -> Claim:
+    several = COMBINED.fullmatch(text.strip())
+    if several is not None:
+        named = split_parts(several["parts"])
+        refuse_combination(channel, several["how"], len(named), where)
+        unit = f" [{several['unit']}]" if several["unit"] else ""
+        parts = tuple(
+            _claim(channel, part if BRACKET_AT_END.fullmatch(part) else f"{part}{unit}", where)
+            for part in named
+        )
+        name = text.strip()
+        return Claim(channel, name, name, None, how=several["how"], parts=parts)
+    label, unit = split_name(text, where)
+    base = BRACKET_AT_END.fullmatch(text.strip())
+    pair = (base["base"], base["unit"].strip()) if base else ("", "")
+    return Claim(channel, text.strip(), label, unit, *pair)
 
 
 def _rate(text: str, where: str) -> float:

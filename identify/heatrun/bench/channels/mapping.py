@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ...errors import InputError
 from ..readers.table import Column
 from ..record import ColumnReading, Finding, UnitSource
 from .column_unit import line_of, unit_wanted
+from .combined import combine, known_by, sensors_differ
 from .schema import Channel
 from .unit_table import Unit
 from .units import find_unit, require_unit, to_canonical
@@ -50,6 +52,7 @@ class Assignment:
         notes: One sentence for each channel.
         findings: Doubts about columns.
         readings: How each column became its channel.
+        parts: Canonical name to the columns that it combines, where it does.
     """
 
     where: str
@@ -59,6 +62,13 @@ class Assignment:
     notes: list[str] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     readings: list[ColumnReading] = field(default_factory=list)
+    parts: dict[str, list[Column]] = field(default_factory=dict)
+
+    @property
+    def used(self) -> set[int]:
+        """The identities of the columns that became a channel, or a part of one."""
+        combined = [part for parts in self.parts.values() for part in parts]
+        return {id(column) for column in (*self.taken.values(), *combined)}
 
     def wants(self, channel: str) -> bool:
         """Return whether a channel is still to be looked for."""
@@ -116,6 +126,34 @@ class Assignment:
         if unit_from == "stated" and not is_decided:
             letter = _other_letter(channel, column, known, where)
             self.findings += [letter] if letter else []
+
+    def add_combined(
+        self, name: str, text: str, how: str, columns: Sequence[Column], each: Sequence[Assignment]
+    ) -> None:
+        """Take several columns for a channel.
+
+        Args:
+            name: What they become.
+            text: What `[columns]` says.
+            how: As `heatrun.bench.channels.combined.combine`.
+            columns: The columns.
+            each: Each of them, taken for the channel alone.
+        """
+        readings = [reading for one in each for reading in one.readings]
+        values = [one.channels[name] for one in each]
+        whole = replace(columns[0], name=text, label=text, values=combine(name, how, values))
+        self.taken[name], self.parts[name] = whole, list(columns)
+        self.channels[name] = whole.values
+        symbols = dict.fromkeys(reading.unit for reading in readings)
+        unit_from = known_by([reading.unit_from for reading in readings])
+        self.readings.append(
+            ColumnReading(name, text, ", ".join(symbols), unit_from, "[columns]", self.where)
+        )
+        self.notes += [note for one in each for note in one.notes]
+        self.findings += [finding for one in each for finding in one.findings]
+        parts = {column.name: part for column, part in zip(columns, values, strict=True)}
+        apart = sensors_differ(name, parts, self.where)
+        self.findings += [apart] if apart else []
 
     def used_twice(self) -> list[Finding]:
         """Return a finding for each column that stands for more than one channel."""

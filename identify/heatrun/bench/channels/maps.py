@@ -119,7 +119,7 @@ TIME_NAMES = ColumnMap(
     dict.fromkeys(
         (
             *("t", "timestamp", "time stamp", "elapsed time", "date time", "datetime", "date/time"),
-            *("zeit", "tempo", "temps", "tiempo"),
+            *("zeit", "uhrzeit", "tempo", "temps", "tiempo"),
         ),
         "time_s",
     ),

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...motor import Motor
 from ..record import Finding, Record
+from .absurd import losses_absurd
 from .course import ambient_moving, no_heating, start_not_in_equilibrium
 from .excitation import single_step, too_short
 from .heat import losses_absent, losses_of_dc_link
@@ -20,6 +21,7 @@ from .losses import current_amplitude, losses_below_copper, losses_negative
 from .origin import simulated_by_heatrun
 from .presence import missing_channel, nan_block, too_few_samples
 from .resolution import resolution, truncation
+from .same_quantity import columns_disagree
 from .sensor import sensor_detached, temperature_jump
 from .shaft_power import shaft_power_disagrees
 from .standstill import current_scale_unchecked, standstill_losses
@@ -50,8 +52,10 @@ CHECKS: tuple[Check, ...] = (
     saturation,
     resolution,
     truncation,
+    losses_absurd,
     losses_negative,
     losses_below_copper,
+    columns_disagree,
     current_amplitude,
     standstill_losses,
     losses_absent,

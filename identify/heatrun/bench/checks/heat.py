@@ -6,10 +6,14 @@ import numpy as np
 
 from ...motor import Motor
 from ..record import Finding, Record
+from .advice import use_line
 from .samples import block_means, is_loaded, place, samples, sink_channel, with_all_heat
 
 BLOCK_S = 10.0
 """Means over 10 s are free of the noise of power and temperature."""
+
+FEWEST_BLOCKS = 30
+"""A cooling of five minutes tells the time constant of a winding."""
 
 UNHEATED_K = 5.0
 """A winding may warm by a little from a stator that nobody measured; not by this much above all
@@ -58,10 +62,23 @@ def losses_absent(record: Record, motor: Motor) -> tuple[Finding, ...]:
             f"Expected losses where the winding warms; it rises by {rise:.0f} K while losses_W is "
             "0 W throughout. Whatever heats it is not in the record, so nothing can be fitted.",
             place(record, "losses_W", float(means_s[begin]), float(means_s[top])),
-            "Record the losses, or phase current and resistance where copper is all; or cut the "
-            "test to the cooling after the load, which needs no losses and tells time constants.",
+            "Record the losses, or phase current and resistance where copper is all."
+            + _cooling(record, means_s, winding, float(time_s[-1])),
             values={"rise_K": rise},
         ),
+    )
+
+
+def _cooling(record: Record, time_s: np.ndarray, winding: np.ndarray, end_s: float) -> str:
+    """Return how to use the cooling at the end of a record; empty where it has none."""
+    highest_after = np.maximum.accumulate(winding[::-1])[::-1]
+    warms = np.flatnonzero(highest_after - winding > UNHEATED_K)
+    begin = int(warms[-1]) + 1 if warms.size else 0
+    if time_s.size - begin < FEWEST_BLOCKS:
+        return ""
+    return (
+        " The cooling after the load needs no losses and tells time constants: "
+        f"{use_line(record, (float(time_s[begin]), end_s))}."
     )
 
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...motor import Motor
+from ..blocks import BLOCK_S
+from ..channels.schema import BODIES
 from ..record import Finding, Record, Severity
+from ..stretch import masked
+from .advice import section_of
 from .samples import is_measured, median_step, needed_channels, place, runs, samples
 
 MIN_SAMPLES = 20
@@ -13,9 +17,8 @@ MIN_SAMPLES = 20
 to three samples for each leave nothing to judge the fit by."""
 
 ISOLATED_SAMPLES = 3
-ISOLATED_S = 1.0
-"""Fewer missing samples in a row than `ISOLATED_SAMPLES`, or less than `ISOLATED_S`, lose nothing
-that a motor winding does: its shortest time constant is tens of seconds."""
+"""Fewer missing samples in a row lose nothing, and none shorter than a block, over which samples
+are averaged anyway."""
 
 CONSTANT = ("phase_current_A", "losses_W", "ambient_degC", "coolant_degC")
 """Needed channels that may be the same all the time: no current under a heater, no losses but
@@ -29,11 +32,13 @@ MAX_MISSING_SHARE = 0.1
 
 MEANING: dict[Severity, str] = {
     "error": "The fit cannot bridge them.",
-    "warning": "The block averages leave them out; the fit is hardly affected.",
+    "warning": "Shorter than a block: readings are left out of its mean, other channels are "
+    "interpolated; the fit is hardly affected.",
     "note": "The fit does not need this channel.",
 }
 REMEDY: dict[Severity, str] = {
-    "error": "Export the channel again, or cut the test to the part that has it.",
+    "error": "Export the channel again, or use the part that has it: [tests.NAME] "
+    "use = [[FROM, UNTIL]] in the motor file.",
     "warning": "Nothing need be done; look at the logger if they grow more.",
     "note": "Export the channel again if a report is to show it.",
 }
@@ -109,7 +114,11 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
     step_s = median_step(samples(record)[0])
     found = []
     for channel, column in record.channels.items():
-        first, past = runs(~is_measured(np.asarray(column, dtype=float)))
+        missing = ~is_measured(np.asarray(column, dtype=float))
+        is_reading = channel == "winding_degC" or channel in BODIES
+        if is_reading:
+            missing &= ~masked(record)
+        first, past = runs(missing)
         if first.size == 0:
             continue
         lengths = past - first
@@ -117,11 +126,11 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
         longest = int(lengths[worst])
         duration_s = longest * step_s
         share = float(lengths.sum() / len(column))
-        is_isolated = longest < ISOLATED_SAMPLES or duration_s < ISOLATED_S
+        is_isolated = longest < ISOLATED_SAMPLES or duration_s < BLOCK_S
         severity: Severity
         if channel not in needed:
             severity = "note"
-        elif is_isolated and share <= MAX_MISSING_SHARE:
+        elif is_isolated and (is_reading or share <= MAX_MISSING_SHARE):
             severity = "warning"
         else:
             severity = "error"
@@ -139,7 +148,7 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 f"({100.0 * share:.1f} %) in {lengths.size} stretches, the longest of {longest} "
                 f"samples ({duration_s:.3g} s). {MEANING[severity]}",
                 where,
-                REMEDY[severity],
+                REMEDY[severity].replace("[tests.NAME]", section_of(record)),
                 values={
                     "num_missing": float(lengths.sum()),
                     "share": share,

@@ -7,6 +7,7 @@ import numpy as np
 from ...motor import Motor
 from ..record import Finding, Record
 from ..rounding import rounding_step
+from .advice import mask_line, use_line
 from .samples import place, runs, samples, sink_channel
 
 MAX_RATE_K_PER_S = 5.0
@@ -93,7 +94,8 @@ def temperature_jump(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 f"{change:+.1f} K ({jumps.size} such jumps, {int(lasting.sum())} of them lasting). "
                 "No temperature of a machine jumps; the fit would follow the fault.",
                 place(record, channel, float(time_s[worst]), float(time_s[worst + 1])),
-                "Check the sensor for a loose contact or interference; cut the test there.",
+                "Check the sensor for a loose contact or interference."
+                + _without_jump(record, channel, float(time_s[worst]), bool(lasting.any())),
                 values={
                     "num_jumps": float(jumps.size),
                     "num_lasting": float(lasting.sum()),
@@ -104,6 +106,23 @@ def temperature_jump(record: Record, motor: Motor) -> tuple[Finding, ...]:
             )
         )
     return tuple(found)
+
+
+def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -> str:
+    """Return what to write to use a test without a jump; nothing for a channel of the inputs."""
+    time_s = samples(record, channel)[0]
+    if is_lasting and at_s > time_s[0]:
+        return f" To use the test up to it: {use_line(record, (float(time_s[0]), at_s))}."
+    if channel != "winding_degC":
+        return ""
+    past = float(time_s[min(np.searchsorted(time_s, at_s) + SPIKE_SAMPLES, time_s.size - 1)])
+    return f" To leave its readings out: {mask_line(record, [(at_s, past)])}."
+
+
+def _spans(time_s: np.ndarray, first: np.ndarray, past: np.ndarray) -> list[tuple[float, float]]:
+    """Return first and last time of each run of samples [s]."""
+    ends = zip(first, past, strict=True)
+    return [(float(time_s[a]), float(time_s[b - 1])) for a, b in ends]
 
 
 def _open_circuit(temperature: np.ndarray) -> np.ndarray:
@@ -153,7 +172,8 @@ def sensor_detached(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 f"circuit ({int(is_open.sum())} samples in {first.size} stretches). Fitted, they "
                 "would bias every parameter.",
                 place(record, "winding_degC", float(time_s[first[0]]), float(time_s[past[0] - 1])),
-                "Cut the test there, or mark these samples as missing.",
+                "Check the sensor and its line. To leave these readings out: "
+                f"{mask_line(record, _spans(time_s, first, past))}.",
                 values={
                     "reading_degC": value,
                     "num_samples": float(is_open.sum()),
@@ -184,7 +204,8 @@ def sensor_detached(record: Record, motor: Motor) -> tuple[Finding, ...]:
                     f"{FALL_WINDOW_S:.0f} s, towards the sink at {sink[a]:.1f} °C; a winding takes "
                     "minutes. From there on it does not show the winding.",
                     place(record, "winding_degC", float(time_s[before]), float(time_s[a])),
-                    "Check whether the sensor has come off; cut the test there.",
+                    "Check whether the sensor has come off. To use the test up to there: "
+                    f"{use_line(record, (float(time_s[0]), float(time_s[before])))}.",
                     values={
                         "from_degC": float(winding[before]),
                         "to_degC": float(winding[a]),

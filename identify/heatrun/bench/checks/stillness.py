@@ -6,6 +6,7 @@ import numpy as np
 
 from ...motor import Motor
 from ..record import Finding, Record
+from .advice import mask_line
 from .frozen import frozen_stretches, hidden_above_top
 from .samples import place, runs, samples
 from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
@@ -62,7 +63,8 @@ def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 f"The reading is frozen at {stretch.reading_degC:.2f} °C for {lasts_s:.0f} s, but "
                 f"{expected}: these samples would bias the fit.",
                 place(record, "winding_degC", stretch.from_s, stretch.to_s),
-                "Cut the test there, or mark these samples as missing.",
+                "Check the sensor. To leave these readings out: "
+                f"{mask_line(record, [(stretch.from_s, stretch.to_s)])}.",
                 values={
                     "reading_degC": stretch.reading_degC,
                     "from_s": stretch.from_s,
@@ -151,7 +153,12 @@ def _flat(
         f"The signal appears clipped at its {word} value {extreme:.6g} {unit} ({count} samples): "
         "what lies beyond is missing from the fit.",
         place(record, channel, from_s, to_s),
-        "Check the range of the amplifier and the logger; cut the clipped part out.",
+        "Check the range of the amplifier and the logger."
+        + (
+            f" To leave these readings out: {mask_line(record, [(from_s, to_s)])}."
+            if channel == "winding_degC"
+            else ""
+        ),
         values={
             "extreme": float(extreme),
             "num_samples": float(count),

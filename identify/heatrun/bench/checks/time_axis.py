@@ -8,6 +8,7 @@ from ...motor import Motor
 from ..blocks import SLOW_LOGGER_S
 from ..channels.header import split_name
 from ..record import Finding, Record
+from .advice import section_of, use_line
 from .samples import is_measured, median_step, place, samples
 
 GAP_STEPS = 3.0
@@ -49,6 +50,8 @@ def time_backwards(record: Record, motor: Motor) -> tuple[Finding, ...]:
     if back.size == 0:
         return ()
     first = int(back[0])
+    measured = np.flatnonzero(is_measured(np.asarray(record.time_s, dtype=float)))
+    row, rows = int(measured[first]) + 1, len(record.time_s)
     return (
         Finding(
             "time_backwards",
@@ -57,7 +60,9 @@ def time_backwards(record: Record, motor: Motor) -> tuple[Finding, ...]:
             f"to {time_s[first + 1]:.3f} s ({back.size} such steps): the order of the samples is "
             "not known.",
             place(record, "time_s", float(time_s[first])),
-            "Check whether the clock was set, or the file holds two tests; split it there.",
+            f"Check whether the clock was set, or the file holds two tests. If so, split it: "
+            f"{section_of(record)} use_rows = [[1, {row}], [{row + 1}, {rows}]] in the "
+            "motor file.",
             values={
                 "num_steps": float(back.size),
                 "sample": float(first + 1),
@@ -114,6 +119,8 @@ def time_gap(record: Record, motor: Motor) -> tuple[Finding, ...]:
     missing_s = float(np.sum(steps[gaps] - usual))
     share = missing_s / float(time_s[-1] - time_s[0])
     is_error = steps[longest] > MAX_GAP_S or share > MAX_GAP_SHARE
+    ends = [float(time_s[k]) for k in (0, longest, longest + 1, -1)]
+    parts = (ends[0], ends[1]), (ends[2], ends[3])
     return (
         Finding(
             "time_gap",
@@ -123,7 +130,9 @@ def time_gap(record: Record, motor: Motor) -> tuple[Finding, ...]:
             f"gap is {steps[longest]:.1f} s. "
             "The load in a gap is not known, and is interpolated.",
             place(record, "time_s", float(time_s[longest]), float(time_s[longest + 1])),
-            "Split the test at the gap." if is_error else "Check the logger and its storage.",
+            f"Split the test at the gap: {use_line(record, *parts)}."
+            if is_error
+            else "Check the logger and its storage.",
             values={
                 "num_gaps": float(gaps.size),
                 "missing_s": missing_s,

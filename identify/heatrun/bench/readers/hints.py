@@ -16,7 +16,7 @@ class Hints:
     """What the motor file says about reading a file.
 
     Attributes:
-        claims: The lines of `[columns]`.
+        claims: What the lines of `[columns]` say of each column that they name.
         decimal: Decimal sign of the text tables, or None to find it.
         sheet: Sheet of a workbook that the test names, or None to choose it.
     """
@@ -60,7 +60,9 @@ def hints_of(
     Raises:
         InputError: If `[columns]` names a channel that is not known.
     """
-    return Hints(parse_claims(columns or {}, where), decimal, sheet)
+    claims = parse_claims(columns or {}, where)
+    each = (one for claim in claims for one in (claim.parts or (claim,)))
+    return Hints(tuple(each), decimal, sheet)
 
 
 NO_HINTS = Hints()

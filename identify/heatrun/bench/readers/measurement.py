@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..channels.combined import columns_named
 from ..channels.header import split_name
 from ..record import Finding, UnitSource
 from .table import Column, Stated, Table
@@ -132,12 +133,13 @@ def header_of(measurement: Measurement, columns: Mapping[str, str]) -> Header:
         measurement: The file.
         columns: `[columns]` of the motor file.
     """
-    asked = {split_name(text)[0] for text in columns.values()} | set(columns.values())
+    named = [part for text in columns.values() for part in columns_named(text)]
+    asked = {split_name(text)[0] for text in named} | set(named)
     counts = Counter(stored.name for stored in measurement.channels)
     asked_time = columns.get("time_s", "").strip()
     claimed = {asked_time, split_name(asked_time)[0]} - {""}
-    named = (name for name in measurement.time_names if claimed & {name, split_name(name)[0]})
-    time = next(named, "time_s")
+    clocks = (name for name in measurement.time_names if claimed & {name, split_name(name)[0]})
+    time = next(clocks, "time_s")
     note = f"seconds from {measurement.start}" if measurement.start else ""
     channels: dict[str, StoredChannel] = {}
     texts: dict[str, str] = {}

@@ -70,7 +70,7 @@ def read_measurement(
         mapped = map_columns(header.table(1, zeros=zeros), columns, where=where, is_part=is_part)
         # The winding first: messages about an axis name its first channel.
         order = sorted(mapped.columns, key=lambda channel: channel != OUTPUT)
-        needed = dict.fromkeys(mapped.columns[channel] for channel in order)
+        needed = dict.fromkeys(name for channel in order for name in mapped.names(channel))
         needed = [name for name in needed if name in header.channels and name not in series]
         if not needed:
             break
@@ -84,8 +84,11 @@ def read_measurement(
     for axis in axes:
         table = header.table(axis.time_s.size, axis.values, zeros, axis.time_s)
         filled = map_columns(table, columns, where=where, is_part=is_part)
-        own.append({key: filled.channels[key] for key, name in filled.columns.items()
-                    if name in axis.values})  # fmt: skip
+        own.append({
+            key: filled.channels[key] for key in filled.columns
+            if all(name in axis.values for name in filled.names(key))
+        })  # fmt: skip
+    _refuse_parts_apart(mapped, own, where)
     notes: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     channels = own[0]
@@ -150,13 +153,27 @@ def read_all(measurement: Measurement, *, where: str) -> Table:
     )
 
 
+def _refuse_parts_apart(
+    mapped: MappedColumns, own: Sequence[Mapping[str, np.ndarray]], where: str
+) -> None:
+    """Refuse a mean of sensors that were not sampled together."""
+    for channel, parts in mapped.parts.items():
+        if all(channel not in channels for channels in own):
+            raise InputError(
+                f"The channels {', '.join(parts)} of {channel} have different times.",
+                where=where,
+                remedy="Combine channels of one rate, or name one of them.",
+            )
+
+
 def _zeros(series: Mapping[str, Series]) -> set[str]:
     return {name for name, one in series.items() if not np.nan_to_num(one.values).any()}
 
 
 def _require_readable(header: Header, mapped: MappedColumns, where: str) -> None:
     """Refuse a needed channel that is not read as numbers."""
-    for channel, name in mapped.columns.items():
+    named = [(channel, name) for channel in mapped.columns for name in mapped.names(channel)]
+    for channel, name in named:
         stored = header.channels.get(name)
         if stored is None:
             continue

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...bench.blocks import Blocks, Body
+from ...bench.checks.samples import is_loaded
 from ..discrepancy import with_heat
 from ..parameters import Parameter
 from ..posterior import Posterior
@@ -32,6 +33,10 @@ LONGER = "Extending the last load to 2 h would give"
 
 LONGER_S = 7200.0
 """Length that a test is imagined to be extended to [s]: two hours of the bench."""
+
+
+LAST_LOAD_S = 600.0
+"""The load that is imagined to go on is the mean over so long [s]."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +89,10 @@ def state(
 def forecast(fit: Fit) -> dict[str, float]:
     """Return the relative sd of each network parameter [1] if the longest test ran two hours.
 
-    The last load is imagined to go on at the mean of its last ten minutes, and the linear
-    covariance at the fit is taken with the noise as it is. Empty where a test is that long.
+    The last load is imagined to go on at the mean of its last ten minutes, though a cool-down came
+    behind it, and the linear
+    covariance at the fit is taken with the noise as it is. Empty where a test is that long, or
+    has no load.
     """
     problem = fit.problem
     longest = int(np.argmax([test.duration_s for test in problem.tests]))
@@ -94,8 +101,10 @@ def forecast(fit: Fit) -> dict[str, float]:
         return {}
     if test.duration_s >= LONGER_S or fit.result.name == "no_start":
         return {}
+    if not _loaded(test).size:
+        return {}
     tests = list(problem.tests)
-    longer = _extended(test.winding, LONGER_S)
+    longer = extended(test.winding, LONGER_S)
     tests[longest] = longer.with_bodies(test.fitted)
     imagined = with_heat(replace(problem, tests=tuple(tests)), fit.z)
     precision = information(imagined.structure, imagined.data, jnp.asarray(fit.z), fit.noise)
@@ -107,16 +116,22 @@ def forecast(fit: Fit) -> dict[str, float]:
     }
 
 
-def _extended(test: Blocks, duration_s: float) -> Blocks:
+def extended(test: Blocks, duration_s: float) -> Blocks:
+    """Return a test that goes on with its last load, its readings to come as frequent as before.
+
+    Args:
+        test: The reduced test.
+        duration_s: Its length then [s].
+    """
     per_block = test.weight.shape[1]
     num_more = int(np.ceil((duration_s - test.duration_s) / test.block_s))
-    tail = max(1, int(600.0 / float(test.inputs.step)))
+    tail = _last_load(test)
 
     def extend(values):
         if values.ndim != 1:
             return values
         values = np.asarray(values)
-        more = np.full(num_more * per_block, np.mean(values[-tail:]))
+        more = np.full(num_more * per_block, np.mean(values[tail]))
         return jnp.asarray(np.concatenate([values, more]))
 
     inputs = jax.tree.map(extend, test.inputs)
@@ -136,6 +151,18 @@ def _extended(test: Blocks, duration_s: float) -> Blocks:
 
     bodies = tuple(replace(body, **readings(body)) for body in test.bodies)
     return replace(test, inputs=inputs, **readings(test), bodies=bodies)
+
+
+def _last_load(test: Blocks) -> np.ndarray:
+    """Return the steps of the last ten minutes under load; of a test without any, its last ones."""
+    num_steps = max(1, int(LAST_LOAD_S / float(test.inputs.step)))
+    loaded = _loaded(test)
+    return (loaded if loaded.size else np.arange(test.inputs.num_time))[-num_steps:]
+
+
+def _loaded(test: Blocks) -> np.ndarray:
+    heats = [np.asarray(test.inputs.losses), np.asarray(test.inputs.current_squared)]
+    return np.flatnonzero(np.logical_or(*(is_loaded(heat) for heat in heats)))
 
 
 def slow_time_constant(posterior: Posterior) -> float:

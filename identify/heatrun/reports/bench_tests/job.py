@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...bench.joined import read_test
+from ...bench.joined import read_tests
 from ...bench.readers.open_file import digest
 from ...bench.record import Record
 from ...errors import InputError
@@ -118,13 +118,15 @@ def make_report(
             say(f"{kind} report of {name}")
         work.at(number, f"report {number + 1} of {len(found.tests)}")
         try:
-            record = test if isinstance(test, Record) else read_test(test, motor)
-            report = build_report(
-                kind, motor, record, run=run, reference=other, tolerances=tolerances,
-                offset_s=offset_s,
-            )  # fmt: skip
+            records = (test,) if isinstance(test, Record) else read_tests(test, motor)
             when = None if isinstance(test, Record) else date_of_test(test)
-            outcomes.append(_write(name, report, when, out, settings))
+            for record in records:
+                report = build_report(
+                    kind, motor, record, run=run, reference=other, tolerances=tolerances,
+                    offset_s=offset_s,
+                )  # fmt: skip
+                further = [record.stretch, *settings] if record.stretch else settings
+                outcomes.append(_write(name, report, when, out, further))
         except InputError as error:
             outcomes.append(Outcome(name, error=error))
         work.done(number)
@@ -142,11 +144,11 @@ def _settings(
 
 
 def _write(
-    test: str, report: Report, when: DateOfTest | None, out: Path, settings: Sequence[str]
+    test: str, report: Report, when: DateOfTest | None, out: Path, further: Sequence[str]
 ) -> Outcome:
     refuse_changed(report.sources)
     identity = [source.sha256 for source in report.sources] or [report.test]
-    identity += settings
+    identity += further
     content = report_content(report, when)
 
     def chosen() -> str:

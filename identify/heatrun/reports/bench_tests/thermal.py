@@ -220,7 +220,8 @@ def _calibration(
 ) -> tuple[str, str]:
     """Which command turns this test into parameters, or takes them up."""
     file = shlex.quote(motor.path or "MOTOR.toml")
-    test = shlex.quote("+".join(source.path for source in record.sources) or "TEST")
+    files = "+".join(source.path for source in record.sources) or "TEST"
+    test = shlex.quote(f"{files}@{record.stretch}" if record.stretch else files)
     if run is not None:
         sheet = f"heatrun sheet {shlex.quote(str(run))}"
         return "Calibration", f"Parameters and their uncertainty: {sheet}"

@@ -1,0 +1,85 @@
+"""Heat that no machine of any bench has: a unit, not a machine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...motor import Motor
+from ..channels.header import split_name
+from ..record import ColumnReading, Finding, Record
+from .samples import block_means, place, samples, sink_channel
+
+BLOCK_S = 10.0
+
+LARGEST_W, SMALLEST_W = 1e6, 1e-3
+"""Losses of a generator of 100 MW, and of a watch."""
+
+LARGEST_W_PER_K = 5e4
+"""Losses over temperature rise [W/K]: 20 µK/W; a machine of 1 MW with water jacket has some
+thousands."""
+
+OTHER_UNITS = {"W": ("kW", "mW"), "kW": ("W", "MW"), "MW": ("kW", "W"), "mW": ("W",)}
+"""By the unit that losses were read in, those that they may be in."""
+
+FACTORS = {"mW": 1e-3, "W": 1.0, "kW": 1e3, "MW": 1e6}
+
+
+def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report losses beyond those of any machine on a bench, with the unit that would explain them.
+
+    An error; a warning where `[columns]` states the unit, so that a giant can be measured too.
+    """
+    time_s, losses, winding, sink = samples(
+        record, "losses_W", "winding_degC", sink_channel(motor)
+    )  # fmt: skip
+    if time_s.size == 0:
+        return ()
+    time_s, losses, rise = block_means(time_s, BLOCK_S, losses, winding - sink)
+    largest = float(np.max(np.abs(losses)))
+    top = int(np.argmax(rise))
+    # the highest rise comes late in a load: then the heat flows out, and is not only stored
+    per_K = float(np.mean(np.abs(losses))) / float(rise[top]) if rise[top] > 1.0 else 0.0
+    is_large = largest > LARGEST_W or per_K > LARGEST_W_PER_K
+    is_small = 0.0 < largest < SMALLEST_W and rise[top] > 1.0
+    if not is_large and not is_small:
+        return ()
+    reading = next((one for one in record.mapping if one.channel == "losses_W"), None)
+    shown = (
+        f"{largest:.3g} W, {per_K:.3g} W for each kelvin of rise" if per_K else f"{largest:.3g} W"
+    )
+    return (
+        Finding(
+            "losses_absurd",
+            "warning" if reading is not None and reading.found_by == "[columns]" else "error",
+            f"Expected losses between {SMALLEST_W:g} W and {LARGEST_W / 1e6:g} MW, and at most "
+            f"{LARGEST_W_PER_K:g} W/K; the largest are {shown}.{_explained(reading, largest)}",
+            place(record, "losses_W", float(time_s[0]), float(time_s[-1])),
+            _remedy(reading, is_large),
+            values={"largest_W": largest, "largest_W_per_K": per_K},
+        ),
+    )
+
+
+def _explained(reading: ColumnReading | None, largest_W: float) -> str:
+    """Return what the losses would be in other units than the one that they were read in."""
+    if reading is None or reading.unit not in OTHER_UNITS:
+        return ""
+    shown = [
+        f"{largest_W * FACTORS[unit] / FACTORS[reading.unit]:.3g} W if in {unit}"
+        for unit in OTHER_UNITS[reading.unit]
+    ]
+    return f" Column '{reading.column}' is read as {reading.unit}; it would be {', '.join(shown)}."
+
+
+def _remedy(reading: ColumnReading | None, is_large: bool) -> str:
+    if reading is None:
+        return "Check the units of the powers that the losses follow from, and their signs."
+    label = split_name(reading.column)[0]
+    if reading.unit not in OTHER_UNITS:
+        return f'State the unit in [columns]: losses_W = "{label} [UNIT]".'
+    units = sorted(OTHER_UNITS[reading.unit], key=FACTORS.__getitem__)
+    likely = units[0] if is_large else units[-1]
+    return (
+        f'State the unit in [columns]: losses_W = "{label} [{likely}]", or '
+        f'"{label} [{reading.unit}]" if it is right.'
+    )

@@ -1,0 +1,186 @@
+"""Columns that say the same thing: do they agree?
+
+A file often holds a quantity twice: the phase current and its d and q parts, the losses and the
+powers that they follow from. Where one of them is an amplitude read as rms, or in kW under a header
+in W, the other one tells.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...motor import Motor
+from ..channels.derive import dq_power, shaft_power
+from ..record import Finding, Record
+from .losses import SHAFT_GAIN_SD
+from .samples import block_means, place, samples
+
+BLOCK_S = 10.0
+"""Means over 10 s are free of noise and of the channels' own filters."""
+
+LOADED = 0.2
+"""In parts of the largest value [1]: below, offsets of the instruments decide."""
+
+FEWEST_BLOCKS = 6
+
+AGREE = 0.05
+"""Two ways to one quantity agree within this share [1]: two instruments of 1 %, harmonics and the
+filter of one of them."""
+
+REFUSED = 0.2
+"""Beyond this share [1] one of the two columns is something else than it is read as."""
+
+NEAR = 0.04
+"""A ratio is taken for a known factor within this share [1]."""
+
+ROOT_2, ROOT_3 = math.sqrt(2.0), math.sqrt(3.0)
+
+THOUSANDS = {
+    1e3: "{0} is in W under a unit of kW, or the other side in kW under W",
+    1e-3: "{0} is in kW under a unit of W, or the other side in W under kW",
+}
+
+CURRENTS = {
+    ROOT_2: "{0} is an amplitude that is read as rms, or i_d and i_q are rms values",
+    1.0 / ROOT_2: "i_d and i_q hold √2 times the amplitude, or {0} is divided by √2 once too often",
+    ROOT_2 / ROOT_3: "i_d and i_q come from the power-invariant transform (√(3/2) times the "
+    "amplitude)",
+    1.0 / ROOT_3: "{0} is the current inside a delta, or one of the two is scaled by √3",
+    ROOT_3: "{0} is the current of a line that feeds a delta, or one of the two is scaled by √3",
+    1e3: "{0} is in mA under a unit of A",
+    1e-3: "{0} is in kA under a unit of A",
+}
+
+SPEEDS = {
+    60.0 / (2.0 * math.pi): "the speed is in rad/s, read as rpm",
+    2.0 * math.pi / 60.0: "the speed is in rpm, read as rad/s",
+    **THOUSANDS,
+}
+
+
+@dataclass(frozen=True)
+class Twice:
+    """A quantity that a record may hold twice.
+
+    Attributes:
+        given: The channel that is a column of its own.
+        needs: The channels that it also follows from.
+        compute: From these and the number of phases to the values, shape (block,).
+        formula: For the message.
+        factors: What a ratio of the given one to the other would mean; {0} is the given channel.
+        of_shaft: The difference of two powers, which an error of the shaft's takes along.
+    """
+
+    given: str
+    needs: tuple[str, ...]
+    compute: Callable[[Mapping[str, np.ndarray], int], np.ndarray]
+    formula: str
+    factors: Mapping[float, str]
+    of_shaft: Callable[[Mapping[str, np.ndarray]], np.ndarray] | None = None
+
+
+def _mechanical(channels: Mapping[str, np.ndarray]) -> np.ndarray:
+    return channels["mechanical_power_W"]
+
+
+DQ = ("u_d_V", "u_q_V", "i_d_A", "i_q_A")
+SHAFT = ("torque_Nm", "speed_rpm")
+
+TWICE: tuple[Twice, ...] = (
+    Twice("phase_current_A", ("i_d_A", "i_q_A"),
+          lambda c, _: np.hypot(c["i_d_A"], c["i_q_A"]) / ROOT_2,
+          "sqrt(i_d² + i_q²)/sqrt(2)", CURRENTS),
+    Twice("mechanical_power_W", SHAFT, lambda c, _: shaft_power(c), "torque·omega", SPEEDS),
+    Twice("electrical_power_W", DQ, dq_power, "phases/2·(u_d·i_d + u_q·i_q)",
+          {1.5: "d and q come from the power-invariant transform", **THOUSANDS}),
+    Twice("dc_power_W", ("dc_voltage_V", "dc_current_A"),
+          lambda c, _: c["dc_voltage_V"] * c["dc_current_A"], "dc_voltage_V·dc_current_A",
+          THOUSANDS),
+    Twice("losses_W", ("electrical_power_W", "mechanical_power_W"),
+          lambda c, _: c["electrical_power_W"] - c["mechanical_power_W"],
+          "electrical_power_W - mechanical_power_W", THOUSANDS, _mechanical),
+    Twice("losses_W", ("electrical_power_W", *SHAFT),
+          lambda c, _: c["electrical_power_W"] - shaft_power(c),
+          "electrical_power_W - torque·omega", THOUSANDS, shaft_power),
+    Twice("losses_W", (*DQ, *SHAFT), lambda c, phases: dq_power(c, phases) - shaft_power(c),
+          "phases/2·(u_d·i_d + u_q·i_q) - torque·omega", THOUSANDS, shaft_power),
+)  # fmt: skip
+"""Losses behind a DC link are left out: the inverter's are in them."""
+
+
+def columns_disagree(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report quantities that the columns of a record give twice and not alike.
+
+    A warning beyond `AGREE`, an error beyond `REFUSED`: then a unit, a factor or a column is wrong,
+    and which of the two it is nobody can tell from here. Losses are allowed what an error of the
+    shaft's power makes of their difference.
+    """
+    columns = {reading.channel: reading.column for reading in record.mapping}
+    found: list[Finding] = []
+    told: set[str] = set()
+    for twice in TWICE:
+        if twice.given in told or not all(name in columns for name in (twice.given, *twice.needs)):
+            continue
+        if twice.given == "losses_W" and motor.losses == "map":
+            continue
+        finding = _compared(record, motor, twice, columns)
+        if finding is not None:
+            found.append(finding)
+            told.add(twice.given)
+    return tuple(found)
+
+
+def _compared(
+    record: Record, motor: Motor, twice: Twice, columns: Mapping[str, str]
+) -> Finding | None:
+    """Return the finding about one quantity, None where both ways agree or cannot be compared."""
+    time_s, given, *others = samples(record, twice.given, *twice.needs)
+    if time_s.size < FEWEST_BLOCKS:
+        return None
+    parts = dict(zip(twice.needs, others, strict=True))
+    computed = twice.compute(parts, motor.phases)
+    shaft = np.zeros(time_s.size) if twice.of_shaft is None else np.abs(twice.of_shaft(parts))
+    time_s, given, computed, shaft = block_means(time_s, BLOCK_S, given, computed, shaft)
+    sides = np.abs(given), np.abs(computed)
+    loaded = np.logical_and.reduce([side > LOADED * np.max(side, initial=0.0) for side in sides])
+    if np.sum(loaded) < FEWEST_BLOCKS:
+        return None
+    time_s, given, computed, shaft = (a[loaded] for a in (time_s, given, computed, shaft))
+    ratio = float(np.median(given / computed))
+    allowed = 2.0 * SHAFT_GAIN_SD * float(np.median(shaft / np.abs(computed)))
+    off = abs(math.log(ratio)) if ratio > 0.0 else math.inf
+    if off <= AGREE + allowed:
+        return None
+    is_error = off > REFUSED + allowed
+    cause = _meaning(ratio, twice)
+    likely = f" That is the factor where {cause}." if cause else ""
+    named = ", ".join(f"'{columns[name]}'" for name in (twice.given, *twice.needs))
+    silence = " and ".join(f'{name} = "none"' for name in _droppable(twice))
+    return Finding(
+        "columns_disagree",
+        "error" if is_error else "warning",
+        f"Expected {twice.given} = {twice.formula}; under load it is {ratio:.3g} times that "
+        f"(columns {named}).{likely}",
+        place(record, twice.given, float(time_s[0]), float(time_s[-1])),
+        "Find out which of the columns is wrong. State its unit in [columns], or leave it out "
+        f'there: {twice.given} = "none" or {silence}.',
+        values={"ratio": ratio, "allowed": AGREE + allowed},
+    )
+
+
+def _meaning(ratio: float, twice: Twice) -> str:
+    """Return what the ratio would mean, empty where it is near no known factor."""
+    if ratio < 0.0:
+        return f"one of the two has the other sign: {twice.given} or the powers"
+    known = [(abs(math.log(ratio / factor)), text) for factor, text in twice.factors.items()]
+    distance, text = min(known)
+    return text.format(twice.given) if distance < NEAR else ""
+
+
+def _droppable(twice: Twice) -> Sequence[str]:
+    """Return the channels without which the other way to the quantity is gone."""
+    return twice.needs if twice.needs == ("i_d_A", "i_q_A") else twice.needs[:1]

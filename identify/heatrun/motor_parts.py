@@ -1,0 +1,88 @@
+"""`[tests.NAME]` of the motor file: which parts of a test count."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from .bench.stretch import Stretch, parse_stretch
+from .errors import InputError
+from .io.toml_text import check_keys
+from .motor import PartsOfTest
+
+PARTS_KEYS = ("use", "use_rows", "mask")
+
+MOST_PARTS = 200
+"""Of one test; each stretch becomes a test with temperatures of its own at the start."""
+
+
+def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest]:
+    """Return what `[tests.NAME]` says, by name of the test.
+
+    Args:
+        section: The parsed `[tests]`.
+        where: The motor file, for messages.
+
+    Raises:
+        InputError: If a key is not known, or a window is no pair of times or rows in order.
+    """
+    parts = {}
+    for name, keys in section.items():
+        at = f"{where}, [tests.{name}]"
+        if not isinstance(keys, dict):
+            raise InputError(
+                "Expected a section with use, use_rows or mask.",
+                where=at,
+                remedy=f"Write [tests.{name}] and below it use = [[600, 5400]], for example.",
+            )
+        check_keys(keys, PARTS_KEYS, at, "key")
+        if "use" in keys and "use_rows" in keys:
+            raise InputError(
+                "Both use and use_rows are given.", where=at, remedy="Keep one of them."
+            )
+        use = _stretches(keys, "use", at) + _stretches(keys, "use_rows", at)
+        mask = tuple((part.start, part.end) for part in _stretches(keys, "mask", at))
+        if any(math.isinf(end) for _, end in mask):
+            raise InputError("A mask needs both of its ends.", where=at)
+        parts[name] = PartsOfTest(use, mask)
+    return parts
+
+
+def _stretches(keys: Mapping[str, Any], key: str, where: str) -> tuple[Stretch, ...]:
+    if key not in keys:
+        return ()
+    listed = keys[key]
+    pairs = isinstance(listed, list) and all(
+        isinstance(pair, list) and len(pair) == 2 for pair in listed
+    )
+    if not pairs or not listed or len(listed) > MOST_PARTS:
+        raise InputError(
+            f"Expected a list of 1 to {MOST_PARTS} pairs for {key}, got {str(listed)[:80]}.",
+            where=where,
+            remedy=f"Write {key} = [[600, 5400], [7200, 9000]]: first and last "
+            f"{'row' if key == 'use_rows' else 'second'} of each.",
+        )
+    prefix = "row " if key == "use_rows" else ""
+    return tuple(
+        parse_stretch(*(_end(end, prefix, key, where) for end in pair), where=f"{where}, {key}")
+        for pair in listed
+    )
+
+
+def _end(value: Any, prefix: str, key: str, where: str) -> str:
+    """Return one end of a window as it would stand behind a file."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    is_whole = isinstance(value, int) and 1 <= value < 10**15
+    if prefix and is_number and is_whole:
+        return f"{prefix}{value}"
+    if not prefix and is_number and 0 <= value <= 1e12:
+        return f"{value:.12f}".rstrip("0").rstrip(".")
+    if not prefix and isinstance(value, str) and value.strip():
+        return value
+    kind = "a whole number from 1" if prefix else "seconds from 0, or a text such as '90 min'"
+    raise InputError(
+        f"Expected {kind} for an end of {key}, got {str(value)[:80]!r}.",
+        where=where,
+        remedy="Times are counted from the first sample of the file.",
+    )

@@ -1,0 +1,76 @@
+"""What findings advise to write into the motor file does away with what they found."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_checks_contract import FAULTS, VARIANTS, named
+
+from heatrun.bench.checks import check_record
+from heatrun.bench.joined import parts_of
+from heatrun.bench.record import Record
+from heatrun.motor import Motor
+from heatrun.motorfile import parse_motor
+
+LINE = re.compile(r"(\[tests\.[^\]]+\]) ((?:use|use_rows|mask) = \[\[.*?\]\])")
+CASES = {f"{id}: its fault": (id, case[0], case[1]) for id, case in FAULTS.items()} | {
+    name: (case[0], case[1], case[2]) for name, case in VARIANTS.items()
+}
+
+
+def lines():
+    """Yield the findings that advise a line, with their record."""
+    for name, (id, record, motor) in CASES.items():
+        if "time_s" not in record:
+            continue
+        whole = replace(record, name="t")
+        for number, finding in enumerate(named(check_record(whole, motor), id)):
+            for section, line in LINE.findall(finding.remedy):
+                if "FROM" not in line:
+                    yield pytest.param(whole, motor, finding, section, line, id=f"{name} {number}")
+
+
+ADVISED = list(lines())
+
+
+def test_the_checks_that_can_advise_a_line_do():
+    advising = {case.values[2].id for case in ADVISED}
+    assert advising >= {
+        "time_gap", "time_backwards", "sensor_stuck", "sensor_detached", "temperature_jump",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("record", "motor", "finding", "section", "line"), ADVISED)
+def test_the_advised_line_does_away_with_the_finding(record, motor, finding, section, line):
+    text = f'[motor]\nname = "M"\n{section}\n{line}\n'
+    said = replace(motor, tests=parse_motor(text.encode(), "motor.toml").tests)
+    for part in parts_of(record, said):
+        left = named(check_record(part, motor), finding.id)
+        before = (finding.values.get("from_s"), finding.where)
+        assert all((one.values.get("from_s"), one.where) != before for one in left)
+        if finding.severity == "error" and "use" in line:
+            assert all(one.severity != "error" for one in left)
+
+
+def test_a_cooling_is_used_where_losses_are_absent():
+    time_s = np.arange(0.0, 3600.0, 1.0)
+    warm = 60.0 * (1.0 - np.exp(-time_s / 600.0))
+    cool = warm[1800] * np.exp(-(time_s - 1800.0) / 600.0)
+    channels = {
+        "time_s": time_s,
+        "phase_current_A": 0.0 * time_s,
+        "losses_W": 0.0 * time_s,
+        "ambient_degC": 20.0 + 0.0 * time_s,
+        "winding_degC": 20.0 + np.where(time_s < 1800.0, warm, cool),
+    }
+    (finding,) = named(check_record(Record("t", channels), Motor("M")), "losses_absent")
+    section, line = LINE.findall(finding.remedy)[0]
+    text = f'[motor]\nname = "M"\n{section}\n{line}\n'
+    (part,) = parts_of(Record("t", channels), parse_motor(text.encode(), "motor.toml"))
+    begin_s = -600.0 * np.log(np.exp(-3.0) + 5.0 / 60.0)  # from here on it warms by 5 K
+    assert part.time_s[0] == pytest.approx(begin_s, abs=15.0)
+    assert part.time_s[-1] == time_s[-1]
+    assert not named(check_record(part, Motor("M")), "losses_absent")

@@ -1,0 +1,217 @@
+"""Parts of tests: `[tests.NAME]`, `FILE@10min..90min`, `--from` and `--until`."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from heatrun.bench.checks import check_record
+from heatrun.bench.joined import read_test, read_tests, read_whole_test
+from heatrun.bench.reduction import reduce
+from heatrun.cli import main
+from heatrun.errors import InputError
+from heatrun.motorfile import parse_motor
+
+HEAD = '[motor]\nname = "M"\n[winding]\nphase_resistance_ohm = 0.01\n'
+
+
+def machine(text: str = ""):
+    return parse_motor(f"{HEAD}{text}".encode(), "motor.toml")
+
+
+@pytest.fixture
+def bench(tmp_path):
+    """A folder with `drive.csv`: 3601 samples at 1 s, a warm-up of 40 K in an hour."""
+    time_s = np.arange(3601.0)
+    table = pd.DataFrame(
+        {
+            "time_s": time_s,
+            "phase_current_A": np.where(time_s < 300, 0.0, 80.0),
+            "losses_W": np.where(time_s < 300, 0.0, 400.0),
+            "ambient_degC": 22.0 + 0.001 * np.sin(time_s),
+            "winding_degC": 22.0 + 40.0 * (1.0 - np.exp(-np.maximum(time_s - 300, 0) / 900.0)),
+        }
+    )
+    table.to_csv(tmp_path / "drive.csv", index=False, float_format="%.5f")
+    (tmp_path / "motor.toml").write_text(HEAD, encoding="utf-8")
+    return tmp_path
+
+
+def findings(record, motor, name):
+    return [found for found in check_record(record, motor) if found.id == name]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "first_s", "last_s"),
+    [
+        ("600s..1800s", 600, 1800),
+        ("600..1800", 600, 1800),
+        ("10min..0.5h", 600, 1800),
+        ("..10 min", 0, 600),
+        ("50 min..", 3000, 3600),
+        ("row 1..row 100", 0, 99),
+        ("row 3500..", 3499, 3600),
+    ],
+)
+def test_a_stretch_behind_the_file_keeps_its_times(bench, suffix, first_s, last_s):
+    record = read_test(f"{bench / 'drive.csv'}@{suffix}", machine())
+    assert record.time_s[0] == first_s
+    assert record.time_s[-1] == last_s
+    assert record.name == "drive"
+    again = read_test(f"{bench / 'drive.csv'}@{record.stretch}", machine())
+    np.testing.assert_array_equal(again["winding_degC"], record["winding_degC"])
+
+
+@pytest.mark.parametrize(
+    ("suffix", "said"),
+    [
+        ("1800s..600s", "ends before it begins"),
+        ("5000s..6000s", "holds no sample"),
+        ("ten..60", "'ten'"),
+        ("row 5..600s", "Expected a row"),
+        ("-5s..60s", "'-5s'"),
+    ],
+)
+def test_what_is_no_stretch_is_refused(bench, suffix, said):
+    with pytest.raises(InputError, match=said):
+        read_test(f"{bench / 'drive.csv'}@{suffix}", machine())
+
+
+def test_a_file_of_that_name_is_the_file(bench):
+    named = bench / "drive@1..2.csv"
+    (bench / "drive.csv").rename(named)
+    assert read_test(named, machine()).time_s.size == 3601
+
+
+def test_use_of_one_stretch(bench):
+    record = read_test(bench / "drive.csv", machine("[tests.drive]\nuse = [[600, 1800]]\n"))
+    assert (record.name, record.time_s[0], record.time_s[-1]) == ("drive", 600, 1800)
+    assert any("1201 of 600s..1800s" in note for note in record.notes)
+
+
+def test_several_stretches_are_tests_of_their_own(bench):
+    motor = machine('[tests.drive]\nuse = [[0, 900], ["20 min", "1 h"]]\n')
+    records = read_tests(bench / "drive.csv", motor)
+    assert [(r.name, r.time_s[0], r.time_s[-1]) for r in records] == [
+        ("drive_1", 0, 900),
+        ("drive_2", 1200, 3600),
+    ]
+    with pytest.raises(InputError, match="2 stretches"):
+        read_test(bench / "drive.csv", motor)
+    assert read_whole_test(bench / "drive.csv", motor).time_s.size == 3601
+    part = read_test(f"{bench / 'drive.csv'}@{records[1].stretch}", motor)
+    np.testing.assert_array_equal(part.time_s, records[1].time_s)
+
+
+def test_another_test_is_left_alone(bench):
+    record = read_test(bench / "drive.csv", machine("[tests.other]\nuse = [[600, 1800]]\n"))
+    assert record.time_s.size == 3601
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("use = [600, 1800]", "list of 1 to 200 pairs"),
+        ("use = []", "list of 1 to 200 pairs"),
+        ("use = [[600, 1800, 2]]", "list of 1 to 200 pairs"),
+        ("use = [[1800, 600]]", "ends before"),
+        ("use = [[-1, 600]]", "seconds from 0"),
+        ("use = [[true, 600]]", "seconds from 0"),
+        ("use = [[nan, 600]]", "seconds from 0"),
+        ("use_rows = [[0, 600]]", "whole number from 1"),
+        ("use_rows = [[1.5, 600]]", "whole number from 1"),
+        ("use = [[0, 600]]\nuse_rows = [[1, 600]]", "Both use and use_rows"),
+        ('mask = [[0, ""]]', "seconds from 0"),
+        ("uses = [[0, 600]]", "uses"),
+    ],
+)
+def test_parts_that_make_no_sense_are_refused_in_the_motor_file(text, said):
+    with pytest.raises(InputError, match=said) as error:
+        machine(f"[tests.drive]\n{text}\n")
+    assert "[tests.drive]" in str(error.value)
+
+
+def test_masked_readings_are_not_compared_and_no_finding(bench):
+    plain = read_test(bench / "drive.csv", machine())
+    motor = machine("[tests.drive]\nmask = [[1000, 1599]]\n")
+    record = read_test(bench / "drive.csv", motor)
+    assert np.isnan(record["winding_degC"]).sum() == 600
+    np.testing.assert_array_equal(record["phase_current_A"], plain["phase_current_A"])
+    assert not findings(record, motor, "nan_block")
+    before, after = reduce(plain, machine()), reduce(record, motor)
+    inside = (before.time > 1000) & (before.time < 1599)
+    is_whole = inside & (np.abs(before.time - 1000) > 20) & (np.abs(before.time - 1599) > 20)
+    assert not after.is_observed[is_whole].any()
+    assert after.is_observed[~inside].all()
+    np.testing.assert_array_equal(after.inputs.losses, before.inputs.losses)
+
+
+def test_missing_readings_outside_a_mask_are_still_told(bench):
+    table = pd.read_csv(bench / "drive.csv")
+    table.loc[2000:2400, "winding_degC"] = np.nan
+    table.to_csv(bench / "drive.csv", index=False)
+    motor = machine("[tests.drive]\nmask = [[1000, 1599]]\n")
+    found = findings(read_test(bench / "drive.csv", motor), motor, "nan_block")
+    assert [one.severity for one in found] == ["error"]
+    assert "use = [[FROM, UNTIL]]" in found[0].remedy
+
+
+@pytest.mark.parametrize(("num_missing", "severity"), [(15, "warning"), (60, "error")])
+def test_blanked_readings_shorter_than_a_block_are_no_error(bench, num_missing, severity):
+    table = pd.read_csv(bench / "drive.csv")
+    for first in range(400, 3400, 200):
+        table.loc[first : first + num_missing - 1, "winding_degC"] = np.nan
+    table.to_csv(bench / "drive.csv", index=False)
+    found = findings(read_test(bench / "drive.csv", machine()), machine(), "nan_block")
+    assert [one.severity for one in found] == [severity]
+
+
+def test_a_mask_over_the_start_is_refused(bench):
+    with pytest.raises(InputError, match="from which the temperatures start"):
+        read_test(bench / "drive.csv", machine("[tests.drive]\nmask = [[0, 60]]\n"))
+    with pytest.raises(InputError, match="holds no sample"):
+        read_test(bench / "drive.csv", machine("[tests.drive]\nmask = [[5000, 6000]]\n"))
+
+
+def test_what_the_finding_about_a_gap_advises_can_be_done(bench):
+    table = pd.read_csv(bench / "drive.csv")
+    table[(table.time_s < 1500) | (table.time_s > 2200)].to_csv(bench / "drive.csv", index=False)
+    record = read_test(bench / "drive.csv", machine())
+    (gap,) = findings(record, machine(), "time_gap")
+    assert gap.severity == "error"
+    advice = gap.remedy.split(": ", 1)[1].removesuffix(" in the motor file.")
+    section, _, use = advice.partition(" use")
+    motor = machine(f"{section}\nuse{use}\n")
+    parts = read_tests(bench / "drive.csv", motor)
+    assert [part.time_s.size for part in parts] == [1500, 1400]
+    for part in parts:
+        assert not findings(part, motor, "time_gap")
+
+
+def test_what_the_finding_about_a_clock_that_was_set_back_advises_can_be_done(bench):
+    table = pd.read_csv(bench / "drive.csv")
+    table["time_s"] = np.where(table.time_s < 2000, table.time_s, table.time_s - 2000)
+    table.to_csv(bench / "my drive.csv", index=False)
+    record = read_test(bench / "my drive.csv", machine())
+    (back,) = findings(record, machine(), "time_backwards")
+    found = back.remedy[back.remedy.index("[tests") :].removesuffix(" in the motor file.")
+    section, _, rows = found.partition(" use_rows")
+    motor = machine(f"{section}\nuse_rows{rows}\n")
+    parts = read_tests(bench / "my drive.csv", motor)
+    assert [part.time_s.size for part in parts] == [2000, 1601]
+    for part in parts:
+        assert not findings(part, motor, "time_backwards")
+
+
+def test_from_and_until_on_the_command_line(bench, capsys):
+    arguments = ["check", str(bench / "motor.toml"), str(bench / "drive.csv"), "--json"]
+    main([*arguments, "--from", "5min", "--until", "3000"])
+    content = json.loads(capsys.readouterr().out)
+    (sampling,) = [one for one in content["findings"] if one["id"] == "sampling"]
+    assert sampling["values"]["num_samples"] == 2701
+    assert "@5min..3000" in content["next"]
+    assert main([*arguments[:2], f"{arguments[2]}@0..60", "--from", "5min"]) == 2
+    assert main([*arguments[:2], str(bench), "--from", "5min"]) == 2
