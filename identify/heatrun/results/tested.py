@@ -20,7 +20,8 @@ class DescribedTest:
         path: Its first file as the user gave it; empty for a record that was made in memory.
         sha256: Digest of that file; empty likewise.
         reader: Which reader read it.
-        stretch: The part of the files that was used, as it is written behind a file; empty for all.
+        stretch: The part of the files that was used, as it is written behind a file; unset
+            for all.
         notes: What was converted, derived and reduced, in sentences.
         mapping: How each channel came about.
         duration_s: Its length [s].
@@ -45,7 +46,7 @@ class DescribedTest:
     path: str
     sha256: str
     reader: str = ""
-    stretch: str = ""
+    stretch: str | UnsetType = UNSET
     notes: tuple[str, ...] = ()
     mapping: tuple[ColumnReading, ...] = ()
     duration_s: NonNegative

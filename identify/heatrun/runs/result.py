@@ -62,7 +62,7 @@ def describe_test(
         path="" if source is None else source.path,
         sha256="" if source is None else source.sha256,
         reader="" if source is None else source.reader,
-        stretch=record.stretch,
+        stretch=record.stretch or UNSET,
         notes=(*record.notes, *blocks.notes),
         mapping=tuple(describe_mapping(record)),
         duration_s=record.duration_s,

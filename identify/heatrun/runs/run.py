@@ -149,7 +149,8 @@ class Run:
             refuse_changed(file, self.path, "record")
         command = self.result.command
         files = "+".join(as_named(file.path, test.name, command) for file in test.files)
-        return f"{files}@{test.said.stretch}" if test.said.stretch else files
+        stretch = known(test.said.stretch)
+        return f"{files}@{stretch}" if stretch else files
 
     def choose(self, network: str | None = None) -> str:
         """Return the name of a network of the run: the one asked for, or the last one.
@@ -232,7 +233,11 @@ class Run:
         digests = {source.sha256 for source in record.sources}
         for test in self.tests:
             is_same = digests == {file.sha256 for file in test.files}
-            if test.role == "calibration" and is_same and test.said.stretch == record.stretch:
+            if (
+                test.role == "calibration"
+                and is_same
+                and (known(test.said.stretch) or "") == record.stretch
+            ):
                 return test.name
         return None
 
