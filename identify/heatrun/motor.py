@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from .bench.stretch import Stretch
 
+from .certificate import Certificate
+
 
 @dataclass(frozen=True)
 class ParameterOverride:
@@ -82,6 +84,7 @@ class Motor:
         tests: Which parts of a test count, by its name.
         effects: Ids of known effects that every model of this machine has.
         adequacy: How far its networks are trusted.
+        certificate: What a certificate of its tests says beside the results.
         raster_s: Step that MDF and TDMS channels are averaged to [s], or None for the samples of
             the winding.
         decimal: Decimal sign of the bench's text tables, `"."` or `","`; the other one then
@@ -108,6 +111,7 @@ class Motor:
     tests: Mapping[str, PartsOfTest] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
     adequacy: Adequacy = field(default_factory=Adequacy)
+    certificate: Certificate = field(default_factory=Certificate)
     raster_s: float | None = None
     decimal: Literal[".", ","] | None = None
     sha256: str = ""

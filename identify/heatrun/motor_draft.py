@@ -14,7 +14,17 @@ from .bench.channels.schema import CHANNEL
 from .bench.survey import Survey, flat
 from .io.printable import printable
 from .motor_gaps import LONGEST_LINE, Gap, found_resistance, gaps
-from .motor_keys import COLUMNS, CONSTANTS, PARAMETERS, SECTIONS, SENSORS, TESTS, Key, Section
+from .motor_keys import (
+    COLUMNS,
+    CONSTANTS,
+    INSTRUMENTS,
+    PARAMETERS,
+    SECTIONS,
+    SENSORS,
+    TESTS,
+    Key,
+    Section,
+)
 from .version import __version__
 
 WIDTH = 96
@@ -74,14 +84,15 @@ def _section(
     section: Section, name: str, surveys: Sequence[Survey], missing: Sequence[Gap]
 ) -> list[str]:
     lines = _comment(section.meaning)
-    shown_as = {PARAMETERS: "parameters.Ceq_w", TESTS: "tests.NAME"}.get(section)
-    if shown_as:
-        lines.append(f"# [{shown_as}]")
+    # each of these stands once for each of several things
+    example = {PARAMETERS: "Ceq_w", TESTS: "NAME", INSTRUMENTS: ""}.get(section)
+    if example is not None:
+        lines.append(f"# {section.heading.replace('NAME', example)}")
         for key in section.keys:
             lines += _comment(f"{key.meaning} Default: {key.default}.")
             lines.append(f"# {key.name} = {key.example}")
         return lines
-    lines.append(f"[{section.name}]")
+    lines.append(section.heading)
     if section is COLUMNS:
         return lines + _columns(surveys, missing)
     if section is CONSTANTS:

@@ -33,11 +33,18 @@ class Section:
         name: As it stands in brackets; `parameters.NAME` for one section for each parameter.
         meaning: What it is for.
         keys: Its keys; empty where they are names of channels.
+        is_list: It may stand several times, in double brackets.
     """
 
     name: str
     meaning: str
     keys: tuple[Key, ...] = ()
+    is_list: bool = False
+
+    @property
+    def heading(self) -> str:
+        """Its name in brackets."""
+        return f"[[{self.name}]]" if self.is_list else f"[{self.name}]"
 
 
 MOTOR = Section(
@@ -167,8 +174,66 @@ PARAMETERS = Section(
     ),
 )  # fmt: skip
 
+CERTIFICATE = Section(
+    "certificate",
+    "What the first page of the parameter sheet says beside the results. All of it may be left "
+    "out, and `--meta FILE` gives the same keys in a file of its own; what is not given is a blank "
+    "line to fill in. A Digital Calibration Certificate (`heatrun sheet RUN --dcc`) needs some.",
+    (
+        Key("number", "Number of the certificate.", '"2026-0147"', "a blank line"),
+        Key("laboratory", "Who made the test.", '"Thermal Test Bench 3"', "a blank line"),
+        Key("laboratory_address", "Its address, on one line.", '"Corso Duca 24, 10129 Torino"',
+            "a blank line"),
+        Key("customer", "For whom.", '"Example Motors"', "a blank line"),
+        Key("customer_address", "The customer's address, on one line.",
+            '"Via Roma 1, 10121 Torino"', "a blank line"),
+        Key("machine_type", "Type of the machine, as on its plate.", '"IPM-SynRel 160"',
+            "a blank line"),
+        Key("manufacturer", "Manufacturer of the machine.", '"Example Motors"', "a blank line"),
+        Key("serial_number", "Serial number of the machine.", '"SN 0042"', "a blank line"),
+        Key("condition", "State in which the machine was tested.", '"as delivered, no fan"',
+            "left out"),
+        Key("received", "Day on which the machine came.", "2026-03-02", "left out"),
+        Key("test_from", "First day of the test. The clock of the record says it where that has a "
+            "date; a day that is given here goes before, and the annex shows both.", "2026-03-04",
+            "the record's date; a blank line where it has none"),
+        Key("test_until", "Last day of the test.", "2026-03-04", "as test_from"),
+        Key("issue_date", "Day on which the certificate is issued.", "2026-03-09", "a blank line"),
+        Key("operator", "Who ran the test.", '"A. Ångström"', "a blank line"),
+        Key("approved_by", "Who answers for the certificate; the signature is put in by hand.",
+            '"C. Rossi"', "a blank line"),
+        Key("bench", "The test bench.", '"back-to-back bench 2, coupled by a torque shaft"',
+            "a blank line"),
+        Key("performed_at", 'Where the test was made: "laboratory", "customer", '
+            '"laboratoryBranch", "customerBranch" or "other".', '"laboratory"', "left out"),
+        Key("country", "Country of the laboratory, two letters of ISO 3166-1.", '"IT"',
+            "left out"),
+        Key("remarks", "Whatever else is to stand on the certificate.", '"Order 4711."',
+            "left out"),
+        Key("instruments", "The measuring instruments, each as a table of its own: see "
+            "`[[certificate.instruments]]`.", '[{ quantity = "current", class = "0.2" }]',
+            "a blank line"),
+    ),
+)  # fmt: skip
+
+INSTRUMENTS = Section(
+    "certificate.instruments",
+    "A measuring instrument; once for each.",
+    (
+        Key("quantity", "What it measured.", '"phase current"', "a blank cell"),
+        Key("instrument", "Its name, type and number.", '"zero-flux transducer IT 400, no. 17"',
+            "a blank cell"),
+        Key("class", "Its class or its uncertainty.", '"0.2"', "a blank cell"),
+        Key("calibration", "Reference of its own calibration.", '"LAT 139 2025-1180"',
+            "a blank cell"),
+        Key("valid_until", "Day until which that is valid.", "2027-01-31", "a blank cell"),
+    ),
+    is_list=True,
+)  # fmt: skip
+
 SECTIONS: tuple[Section, ...] = (
     MOTOR, WINDING, VEHICLE, COLUMNS, CONSTANTS, SENSORS, TESTS, MODEL, ADEQUACY, PARAMETERS,
+    CERTIFICATE, INSTRUMENTS,
 )  # fmt: skip
 """Every section, in the order of the file."""
 

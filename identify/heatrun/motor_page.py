@@ -52,7 +52,7 @@ def page() -> str:
 
 
 def _section(section: Section) -> str:
-    lines = [f"## `[{section.name}]`", "", section.meaning, ""]
+    lines = [f"## `{section.heading}`", "", section.meaning, ""]
     if section.keys:
         rows = [(f"`{key.name}`", key.meaning, f"`{key.example}`", key.default)
                 for key in section.keys]  # fmt: skip

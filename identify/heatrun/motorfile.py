@@ -11,8 +11,10 @@ from typing import Any, Literal, cast
 from .bench.channels.claims import parse_claims
 from .bench.channels.schema import BODIES, CHANNEL
 from .bench.readers.open_file import read_start
+from .certificate_file import parse_certificate
 from .errors import InputError, did_you_mean
 from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
+from .io.toml_values import shown, text_of
 from .motor import Adequacy, Motor, ParameterOverride
 from .motor_parts import parse_parts
 from .plausible import RANGES, UNITS, refuse_implausible
@@ -53,9 +55,6 @@ LARGEST = 10**30
 
 MOST_PHASES = 99
 
-LONGEST_TEXT = 500
-"""Letters of a name or a right-hand side; the names of columns in use have fewer than 100."""
-
 Limits = tuple[float, float, str]
 POSITIVE: Limits = (0.0, math.inf, "above 0")
 ANY_NUMBER: Limits = (-1e30, 1e30, "between -1e30 and 1e30")
@@ -70,7 +69,7 @@ def load_motor(path: str | Path) -> Motor:
 
     Args:
         path: A TOML file with `[motor]` and optionally `[winding]`, `[vehicle]`, `[columns]`,
-            `[constants]`, `[sensors]`, `[model]`, `[adequacy]`, `[tests.NAME]` and
+            `[constants]`, `[sensors]`, `[model]`, `[adequacy]`, `[tests.NAME]`, `[certificate]` and
             `[parameters.NAME]`.
 
     Raises:
@@ -90,7 +89,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
     content = parse_toml(data, where)
     check_keys(
         content,
-        (*KEYS, "model", "columns", "constants", "sensors", "tests", "parameters"),
+        (*KEYS, "model", "columns", "constants", "sensors", "tests", "parameters", "certificate"),
         where,
         "section",
     )
@@ -106,7 +105,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
         )
     at, at_winding, at_vehicle, at_adequacy = (f"{where}, [{name}]" for name in KEYS)
     return Motor(
-        name=_text(motor, "name", at),
+        name=text_of(motor, "name", at),
         phases=_phases(motor, at),
         losses=cast(
             Literal["balance", "map"], _choice(motor, "losses", ("balance", "map"), at) or "balance"
@@ -132,6 +131,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
         tests=parse_parts(_section(content, "tests", where), where),
         effects=_effects(_section(content, "model", where), where),
         adequacy=_adequacy(adequacy, at_adequacy),
+        certificate=parse_certificate(_section(content, "certificate", where), where),
         raster_s=_number(motor, "raster_s", POSITIVE, at),
         decimal=cast(Literal[".", ","] | None, _choice(motor, "decimal", (".", ","), at)),
         sha256=hashlib.sha256(data).hexdigest(),
@@ -143,31 +143,11 @@ def _section(content: Mapping[str, Any], name: str, where: str) -> Mapping[str, 
     section = content.get(name, {})
     if not isinstance(section, dict):
         raise InputError(
-            f"Expected a section, got {_shown(section)}.",
+            f"Expected a section, got {shown(section)}.",
             where=f"{where}, {name}",
             remedy=f"Write [{name}] on a line of its own.",
         )
     return section
-
-
-def _shown(value: Any) -> str:
-    kinds = {str: "the text", bool: "the truth value", int: "the number", float: "the number"}
-    kind = kinds.get(type(value), type(value).__name__)
-    try:
-        return f"{kind} {value!r:.60}"
-    except ValueError:  # Python writes no integer of more than 4300 digits
-        return f"{kind} of more than 4300 digits"
-
-
-def _text(section: Mapping[str, Any], key: str, where: str) -> str:
-    value = section[key]
-    if not isinstance(value, str) or not value.strip():
-        raise InputError(f"Expected a text for {key}, got {_shown(value)}.", where=where)
-    if len(value) > LONGEST_TEXT:
-        raise InputError(
-            f"Expected at most {LONGEST_TEXT} letters for {key}, got {len(value)}.", where=where
-        )
-    return value.strip()
 
 
 def _choice(
@@ -179,7 +159,7 @@ def _choice(
     if value not in choices:
         near = did_you_mean(value, choices) if isinstance(value, str) else ""
         raise InputError(
-            f"Expected one of {', '.join(choices)} for {key}, got {_shown(value)}. {near}".strip(),
+            f"Expected one of {', '.join(choices)} for {key}, got {shown(value)}. {near}".strip(),
             where=where,
             remedy=f'Write {key} = "{choices[0]}", for example.',
         )
@@ -193,12 +173,12 @@ def _number(section: Mapping[str, Any], key: str, limits: Limits, where: str) ->
     low, high, spoken = limits
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(
-            f"Expected a number for {key}, got {_shown(value)}.",
+            f"Expected a number for {key}, got {shown(value)}.",
             where=where,
             remedy=f"Write {key} = 1.0, without quotes and unit.",
         )
     if isinstance(value, int) and abs(value) > LARGEST:  # an integer may be too large for a float
-        raise InputError(f"Expected {key} {spoken}, got {_shown(value)}.", where=where)
+        raise InputError(f"Expected {key} {spoken}, got {shown(value)}.", where=where)
     # Not `value <= low`: NaN must be refused too.
     if not (low < value < high):
         raise InputError(f"Expected {key} {spoken}, got {value:g}.", where=where)
@@ -212,12 +192,10 @@ def _or_default(value: float | None, default: float) -> float:
 def _phases(motor: Mapping[str, Any], where: str) -> int:
     value = motor.get("phases", Motor.phases)
     if isinstance(value, int) and value > MOST_PHASES:
-        raise InputError(
-            f"Expected at most {MOST_PHASES} phases, got {_shown(value)}.", where=where
-        )
+        raise InputError(f"Expected at most {MOST_PHASES} phases, got {shown(value)}.", where=where)
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise InputError(
-            f"Expected a whole number of phases above 0, got {_shown(value)}.",
+            f"Expected a whole number of phases above 0, got {shown(value)}.",
             where=where,
             remedy="Write phases = 3.",
         )
@@ -245,7 +223,7 @@ def _effects(section: Mapping[str, Any], where: str) -> tuple[str, ...]:
     effects = section.get("effects", [])
     if not isinstance(effects, list) or not all(isinstance(e, str) for e in effects):
         raise InputError(
-            f"Expected a list of effects, got {_shown(effects)}.",
+            f"Expected a list of effects, got {shown(effects)}.",
             where=at,
             remedy='Write effects = ["speed_cooling"]; the ids stand in the README.',
         )
@@ -265,7 +243,7 @@ def _sensors(section: Mapping[str, Any], where: str) -> dict[str, str]:
     """Return the node of each measured body by its channel."""
     at = f"{where}, [sensors]"
     check_keys(section, BODIES, at, "channel")
-    return {channel: _text(section, channel, at) for channel in section}
+    return {channel: text_of(section, channel, at) for channel in section}
 
 
 def _adequacy(section: Mapping[str, Any], where: str) -> Adequacy:
@@ -282,7 +260,7 @@ def _adequacy(section: Mapping[str, Any], where: str) -> Adequacy:
 
 def _columns(section: Mapping[str, Any], where: str) -> dict[str, str]:
     at = f"{where}, [columns]"
-    columns = {key: _text(section, key, at) for key in section}
+    columns = {key: text_of(section, key, at) for key in section}
     parse_claims(columns, where)
     return columns
 
@@ -294,7 +272,7 @@ def _parameters(section: Mapping[str, Any], where: str) -> dict[str, ParameterOv
         keys = section[name]
         if not isinstance(keys, dict) or not keys:
             raise InputError(
-                f"Expected a section with one of {', '.join(OVERRIDE_KEYS)}, got {_shown(keys)}.",
+                f"Expected a section with one of {', '.join(OVERRIDE_KEYS)}, got {shown(keys)}.",
                 where=at,
                 remedy=f"Write [parameters.{name}] and below it fixed = 0.1, for example.",
             )
@@ -321,7 +299,7 @@ def _override(keys: Mapping[str, Any], where: str) -> ParameterOverride:
     per_test = keys.get("per_test")
     if per_test is not None and not isinstance(per_test, bool):
         raise InputError(
-            f"Expected true or false for per_test, got {_shown(per_test)}.", where=where
+            f"Expected true or false for per_test, got {shown(per_test)}.", where=where
         )
     finite: Limits = (-math.inf, math.inf, "to be finite")
     return ParameterOverride(

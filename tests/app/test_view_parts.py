@@ -15,10 +15,10 @@ import pytest
 
 from heatrun.app.folder import Folder, Stamp
 from heatrun.app.jobs.running import JobQueue
+from heatrun.app.plotting.trace import GAP, Trace
 from heatrun.app.runs import runs_under
 from heatrun.app.store import RecordStore
 from heatrun.app.tabs.run_view import run_name
-from heatrun.app.trace import GAP, Trace
 from heatrun.app.uploads import BoundedDropper, UploadRoom, keep_upload, safe_name
 from heatrun.app.words import calibration_html, discovery_html, error_message, message, table
 from heatrun.errors import InputError

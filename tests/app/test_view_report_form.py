@@ -36,7 +36,7 @@ def page(folder: Path, tmp_path: Path) -> Page:
     (out / "cold").mkdir(parents=True)
     (out / "cold" / "manifest.json").write_text("{}")
     page = Page(Folder(folder), out, UploadRoom(tmp_path / "sent", 1000), RecordStore(), Told())
-    page._tests.value = ["duty_30min.csv.gz"]
+    page._sidebar.tests.value = ["duty_30min.csv.gz"]
     return page
 
 
@@ -47,9 +47,9 @@ def sent(tmp_path: Path) -> None:
 
 def ordered(page: Page, kind: str, *, run: str | None = None, reference: str | None = None):
     """Return what the command makes of the form, filled in and started."""
-    page._type.value = kind
+    page._sidebar.kind.value = kind
     if run is not None:
-        page._run.value = run
+        page._sidebar.run.value = run
     if reference is not None:
         page.reporting._reference.value = reference
     page.reporting._job.start.clicks += 1
@@ -72,8 +72,8 @@ def test_a_record_chosen_as_virtual_prototype_counts_before_the_selected_run(pag
 
 
 def test_a_run_is_no_real_prototype(page, folder):
-    page._run.value = "cold"
-    page._type.value = "real"
+    page._sidebar.run.value = "cold"
+    page._sidebar.kind.value = "real"
     page.reporting._job.start.clicks += 1
     assert page.reporting._job._queue.words == []
     assert "Expected the record of the other prototype" in page.reporting._problem.object
@@ -82,7 +82,7 @@ def test_a_run_is_no_real_prototype(page, folder):
 
 
 def test_without_run_and_record_the_form_names_both(page):
-    page._type.value = "virtual"
+    page._sidebar.kind.value = "virtual"
     page.reporting._job.start.clicks += 1
     assert page.reporting._job._queue.words == []
     assert "select a run on the left" in page.reporting._problem.object

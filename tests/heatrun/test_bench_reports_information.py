@@ -181,3 +181,39 @@ def test_an_efficiency_above_one_is_a_finding():
     )
     report = build_report("energy", CAR, record)
     assert "efficiency_above_one" in {f.id for f in report.findings}
+
+
+PRINTED = {
+    "energy_kWh": "0.0039",
+    "energy_without_regeneration_kWh": "0.0039",
+    "distance_km": "0.0159",
+    "consumption_Wh_per_km": "247.1165",
+    "consumption_without_regeneration_Wh_per_km": "247.1165",
+    "reduction_percent": "0.0000",
+}
+"""General Information of Test_2022_12_07_001, as the thesis prints it (its Figure 6)."""
+
+
+def test_the_six_printed_figures_of_the_thesis_from_a_record_that_has_them():
+    # 1 m/s held for 15.9 s is a way of 15.9 m = 0.0159 km. 247.1165 Wh/km are 247.1165 * 3.6 J/m,
+    # so at 1 m/s 889.6194 W: 14144.95 J = 0.003929 kWh. Nothing is fed back.
+    time_s = np.arange(160) / 10.0
+    watts = 247.1165 * 3.6
+    record = Record(
+        "Test_2022_12_07_001",
+        {
+            "time_s": time_s,
+            "dc_voltage_V": np.full(time_s.size, 48.0),
+            "dc_current_A": np.full(time_s.size, watts / 48.0),
+            "vehicle_speed_km_per_h": np.full(time_s.size, 3.6),
+        },
+    )
+    report = build_report("general", CAR, record)
+    rows = {row.name: row for row in report.rows}
+    assert list(rows) == list(PRINTED)  # all six, in the order of the figure
+    for name, text in PRINTED.items():
+        assert f"{rows[name].value:.4f}" == text
+    assert [row.unit for row in rows.values()] == ["kWh", "kWh", "km", "Wh/km", "Wh/km", "%"]
+    # printed to four places, energy over distance gives 0.0039/0.0159 = 245 Wh/km: the last figure
+    # is of more digits than the thesis prints
+    assert pytest.approx(245.28, abs=0.01) == 1000 * 0.0039 / 0.0159

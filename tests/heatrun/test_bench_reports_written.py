@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from pypdf import PdfReader
 
-from heatrun.bench.joined import read_test
+from heatrun.bench.joined import read_test, read_tests
 from heatrun.cli import main
 from heatrun.commands.report import TYPES
 from heatrun.motor import Motor
-from heatrun.reports.bench_tests import TEST_TYPES, job, make_report
+from heatrun.reports.bench_tests import CARDS, TEST_TYPES, job, make_report
 from heatrun.reports.bench_tests.csv_table import neutral
 from heatrun.reports.bench_tests.document import number, printed
 
@@ -50,7 +50,7 @@ def unset(monkeypatch):
 
 
 def test_the_cards_are_those_of_the_command_and_of_the_thesis():
-    assert tuple(TEST_TYPES) == TYPES
+    assert tuple(CARDS) == TYPES
     assert TEST_TYPES["general"].stem == "GeneralInformationTest"
     assert TEST_TYPES["energy"].missing({"speed_rpm", "dc_power_W"}) == ()
     (need,) = TEST_TYPES["energy"].missing({"speed_rpm", "dc_voltage_V"})
@@ -188,11 +188,11 @@ def test_a_file_that_is_replaced_while_it_is_read_gets_no_report(tmp_path, monke
     test = write_drive(tmp_path / "Test_2022_12_07_001.csv")
 
     def read_and_replace(path, motor):
-        record = read_test(path, motor)
+        records = read_tests(path, motor)
         write_drive(test, current_A=99.0)
-        return record
+        return records
 
-    monkeypatch.setattr(job, "read_test", read_and_replace)
+    monkeypatch.setattr(job, "read_tests", read_and_replace)
     (outcome,) = make_report("general", CAR, [test], tmp_path / "out")
     assert outcome.error is not None
     assert "replaced while it was read" in outcome.error.problem

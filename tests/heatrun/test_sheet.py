@@ -26,7 +26,7 @@ HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* \\ <script> \x1b[31m שלום @imp
 def found(duty, blocks, motor):
     """A calibration whose names are as bad as a user can make them."""
     column = ColumnReading("time_s", HOSTILE, "s", "assumed", "names of the time", "a.csv")
-    named = replace(duty, name=HOSTILE, mapping=(column,))
+    named = replace(duty, name=HOSTILE, mapping=(column,), start="2026-03-04")
     evil = replace(motor, name=HOSTILE)
     tests = [BenchTest(named, replace(blocks, name=HOSTILE), "calibration", ())]
     return calibrate(evil, tests, networks=["second"], method="quick", command=HOSTILE)
@@ -42,6 +42,12 @@ def folder(found, tmp_path_factory):
 
 def test_the_result_is_valid_json_without_nan(found):
     assert json.loads(to_json(found.result))["format"] == "heatrun-fit/1"
+
+
+def test_the_day_of_the_record_stands_on_the_sheet(folder):
+    content = json.loads((folder / "sheet.json").read_text())
+    assert ["Date of test", "2026-03-04"] in content["certificate"]["identification"]
+    assert content["certificate"]["dates"]["test_from"] == "2026-03-04"
 
 
 def test_names_do_not_act_as_markup_in_the_pdf(folder):

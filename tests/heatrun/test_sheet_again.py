@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from heatrun import cli
 from heatrun.calibration import BenchTest, calibrate, manifest
 from heatrun.errors import InputError
 from heatrun.reports.sheet.of_run import rewrite_sheet, write_sheet
 from heatrun.runs.run import open_run
 from heatrun.runs.run_folder import RunFolder
+from heatrun.runs.stated import certificate_of
 from heatrun.runs.write import write_run
 
 
@@ -61,6 +64,75 @@ def test_a_sheet_that_was_damaged_is_written_and_listed_again(run):
     assert digests(run) == before
     listed = json.loads((run / "manifest.json").read_text())["files"]
     assert listed["sheet.pdf"] == before["sheet.pdf"]
+
+
+META = """
+number = "2026-0147"
+laboratory = "Bench 3"
+laboratory_address = "Corso Duca 24, Torino"
+customer = "Example Motors"
+customer_address = "Via Roma 1, Torino"
+serial_number = "SN 0042"
+approved_by = "C. Rossi"
+performed_at = "laboratory"
+country = "IT"
+test_from = 2026-03-04
+"""
+
+
+@pytest.fixture
+def own_run(run, tmp_path):
+    """A copy of the run that a test may write into."""
+    return Path(shutil.copytree(run, tmp_path / "run"))
+
+
+@pytest.fixture
+def few_figures(monkeypatch):
+    """The figures of the annex are left out: they take longest and say nothing of names."""
+
+    def draw(tables, draws, units, titles, folder):
+        folder.mkdir()
+        return []
+
+    monkeypatch.setattr("heatrun.reports.sheet.of_run.draw", draw)
+
+
+def identification(folder: Path) -> dict[str, str]:
+    rows = json.loads((folder / "sheet.json").read_text())["certificate"]["identification"]
+    return dict(rows)
+
+
+def test_the_run_keeps_what_the_sheet_was_told(own_run, few_figures, tmp_path, capsys):
+    meta, other = tmp_path / "meta.toml", tmp_path / "other.toml"
+    meta.write_text(META)
+    other.write_text('number = "9"\n')
+    assert cli.main(["sheet", str(own_run), "--meta", str(meta)]) == 0
+    assert identification(own_run)["Certificate number"] == "2026-0147"
+    assert certificate_of(open_run(own_run)).customer == "Example Motors"
+    told = digests(own_run)
+    rewrite_sheet(own_run, own_run)
+    assert digests(own_run) == told
+    # elsewhere, other words: the run stays as it is
+    rewrite_sheet(own_run, tmp_path / "elsewhere", other)
+    assert identification(tmp_path / "elsewhere")["Certificate number"] == "9"
+    assert identification(tmp_path / "elsewhere")["Customer"] == ""
+    assert digests(own_run) == told
+
+
+def test_the_digital_certificate_lies_beside_the_sheet(own_run, few_figures, tmp_path, capsys):
+    assert cli.main(["sheet", str(own_run), "--dcc", "--out", str(tmp_path / "no")]) == 1
+    assert "Missing: number, laboratory" in capsys.readouterr().err
+    assert not (tmp_path / "no").exists()
+    meta = tmp_path / "meta.toml"
+    meta.write_text(META)
+    assert cli.main(["sheet", str(own_run), "--meta", str(meta), "--dcc"]) == 0
+    first = (own_run / "dcc.xml").read_bytes()
+    assert b"2026-0147" in first
+    assert "dcc.xml" in json.loads((own_run / "manifest.json").read_text())["files"]
+    # the two never say different things
+    meta.write_text(META.replace("0147", "0148"))
+    rewrite_sheet(own_run, own_run, meta)
+    assert b"2026-0148" in (own_run / "dcc.xml").read_bytes()
 
 
 def test_a_sheet_for_which_there_is_no_room_leaves_no_figure(run, tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 from bench_machines import SERVO, bench_record
 
 from heatrun import cli
-from heatrun.app.reading import read_tests
+from heatrun.app.reading import Reader
 from heatrun.app.store import RecordStore
 from heatrun.bench.channels.column_mapping import (
     LONGEST,
@@ -123,8 +123,7 @@ def test_a_long_name_keeps_its_beginning_and_its_end():
 
 def test_the_live_view_shows_the_columns(bench):
     path = bench()
-    reading = read_tests(
-        [path.name], "motor.toml", path.with_name, RecordStore(), lambda opened: opened.open("rb")
-    )
+    reader = Reader(path.with_name, RecordStore(), lambda opened: opened.open("rb"))
+    reading = reader.read([path.name], "motor.toml")
     assert "Columns of duty" in reading.checks
     assert "ASSUMED" in reading.checks

@@ -1,4 +1,4 @@
-"""Colours and style of the page, light and dark."""
+"""Colours and style of the page, light and dark, as the browser asks for or the user has chosen."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ class Look:
 
     Attributes:
         is_dark: Whether light stands on dark.
-        palette: Colours of the channels; told apart with the common colour blindnesses.
+        palette: Colours of the channels; the first eight are told apart with the common colour
+            blindnesses, the others are darker or lighter ones of them.
         paper: Background of page and plots.
         ink: Text and axes.
         faint: Grid lines.
+        cursors: Of cursors A and B.
     """
 
     is_dark: bool
@@ -22,25 +24,30 @@ class Look:
     paper: str
     ink: str
     faint: str
+    cursors: tuple[str, str]
 
 
 LIGHT = Look(
     is_dark=False,
     palette=(
         "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b07d00", "#56a4d9", "#7a4ea3", "#6b6b6b",
+        "#003f63", "#8a3d00", "#005c43", "#8c3f68", "#6a4b00", "#4a2a6b",
     ),
     paper="#ffffff",
     ink="#1f2933",
     faint="#e3e7eb",
+    cursors=("#b3005a", "#00708a"),
 )  # fmt: skip
 DARK = Look(
     is_dark=True,
     palette=(
         "#4fb0ea", "#ff8a3d", "#2fd0a2", "#e79bc6", "#f0c04a", "#9ad4ff", "#b793e6", "#b5bcc4",
+        "#2c7fb8", "#c9621c", "#1d9a77", "#b9618f", "#b88d1e", "#8766b8",
     ),
     paper="#14181d",
     ink="#e4e8ec",
     faint="#2b323a",
+    cursors=("#ff6fae", "#4fd6ee"),
 )  # fmt: skip
 
 DASHES = ("solid", "dashed", "dotted", "dotdash", "dashdot")
@@ -48,42 +55,77 @@ DASHES = ("solid", "dashed", "dotted", "dotdash", "dashdot")
 
 FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif"
 
+NARROW_PX = 1100
+"""Width of the browser below which everything goes under each other."""
 
-def css(look: Look) -> str:
+
+def _either(light: str, dark: str) -> str:
+    return f"light-dark({light}, {dark})"
+
+
+SCHEME = f"""
+    --hr-paper: {_either(LIGHT.paper, DARK.paper)} !important;
+    --hr-ink: {_either(LIGHT.ink, DARK.ink)} !important;
+    --hr-faint: {_either(LIGHT.faint, DARK.faint)} !important;
+    --panel-background-color: var(--hr-paper) !important;
+    --panel-on-background-color: var(--hr-ink) !important;
+    --panel-surface-color: {_either("#f3f4f6", "#20262d")} !important;
+    --panel-on-surface-color: var(--hr-ink) !important;
+    --panel-secondary-color: {_either("#e1e4e8", "#323a43")} !important;
+    --panel-on-secondary-color: var(--hr-ink) !important;
+    --panel-border-color: {_either("#d5dade", "#3a434d")} !important;
+    --panel-shadow-color: {_either("rgba(60, 64, 67, 0.18)", "rgba(10, 14, 18, 0.6)")} !important;
+"""
+"""The colours as the browser's `prefers-color-scheme` has them; the page's button sets
+`color-scheme` on the root, which all of them follow without a reload."""
+
+
+def css() -> str:
     """Return the style sheet of the page; it loads nothing from elsewhere."""
     return f"""
+    :root {{ color-scheme: light dark; {SCHEME} }}
     :root, :host {{ --bokeh-base-font: {FONT}; --bokeh-font-size: 14px; }}
-    body {{ font-family: {FONT}; background: {look.paper}; color: {look.ink}; }}
-    #header {{ box-shadow: none; border-bottom: 1px solid {look.faint}; padding: 4px 12px; }}
-    #sidebar {{ border-right: 1px solid {look.faint}; padding: 10px; }}
-    #main {{ padding: 8px 16px; }}
+    body {{ font-family: {FONT}; background: var(--hr-paper); color: var(--hr-ink); }}
+    #header {{ box-shadow: none; border-bottom: 1px solid var(--hr-faint); padding: 2px 12px; }}
+    #sidebar {{ border-right: 1px solid var(--hr-faint); padding: 10px; }}
+    #main {{ padding: 4px 12px; }}
     a.title {{ font-size: 1.2em; font-weight: 600; }}
-    """
-
-
-def tabs_css(look: Look) -> str:
-    """Return the style of the tabs, whose chosen one the plain design paints for light alone."""
-    return f"""
-    .bk-tab {{ color: {look.ink}; }}
-    .bk-tab.bk-active {{
-      background: {look.paper}; color: {look.ink}; border-color: {look.faint}; font-weight: 600;
+    @media (max-width: {NARROW_PX}px) {{
+      :root {{ --sidebar-width: 240px !important; }}
+      #main {{ padding: 4px 6px; }}
     }}
     """
 
 
-def pane_css(look: Look) -> str:
-    """Return the style of text and tables inside a pane."""
-    return f"""
-    :host {{ color: {look.ink}; }}
-    h3 {{ margin: 0.2em 0 0.4em; font-size: 1.05em; }}
-    p {{ margin: 0.3em 0; }}
-    table {{ border-collapse: collapse; font-variant-numeric: tabular-nums; }}
-    th, td {{ text-align: left; padding: 3px 12px 3px 0; }}
-    th, td {{ border-bottom: 1px solid {look.faint}; vertical-align: top; }}
-    td.number {{ text-align: right; }}
-    code {{ background: {look.faint}; padding: 1px 4px; word-break: break-all; }}
-    .error {{ border-left: 4px solid #c92a2a; padding: 6px 10px; background: {look.faint}; }}
-    .warning {{ border-left: 4px solid #e0a100; padding: 6px 10px; background: {look.faint}; }}
-    .note {{ border-left: 4px solid #4f8fca; padding: 6px 10px; background: {look.faint}; }}
-    .faded {{ opacity: 0.7; }}
-    """
+PART_CSS = f"""
+    :host {{ {SCHEME} }}
+    select.bk-input:not([multiple]) {{ appearance: auto; background-image: none; }}
+    .filepond--drop-label label {{ font-size: 13px; }}
+"""
+"""Style of each part of the page, to which the plain design gives colours for light alone."""
+
+TABS_CSS = """
+    .bk-tab { color: var(--hr-ink); }
+    .bk-tab.bk-active {
+      background: var(--hr-paper); color: var(--hr-ink); border-color: var(--hr-faint);
+      font-weight: 600;
+    }
+"""
+"""Style of the tabs, whose chosen one the plain design paints for light alone."""
+
+PANE_CSS = """
+    :host { color: var(--hr-ink); }
+    h3 { margin: 0.2em 0 0.4em; font-size: 1.05em; }
+    p { margin: 0.3em 0; }
+    table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
+    th, td { text-align: left; padding: 3px 10px 3px 0; }
+    th, td { border-bottom: 1px solid var(--hr-faint); vertical-align: top; }
+    td.number { text-align: right; }
+    code, pre { background: var(--hr-faint); padding: 1px 4px; word-break: break-all; }
+    pre { white-space: pre-wrap; word-break: normal; padding: 6px; margin: 0.3em 0; }
+    .error { border-left: 4px solid #c92a2a; padding: 6px 10px; background: var(--hr-faint); }
+    .warning { border-left: 4px solid #e0a100; padding: 6px 10px; background: var(--hr-faint); }
+    .note { border-left: 4px solid #4f8fca; padding: 6px 10px; background: var(--hr-faint); }
+    .faded { opacity: 0.7; }
+"""
+"""Style of text and tables inside a pane."""

@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 
 from ..bench.channels.column_mapping import HEAD, describe_columns, grouped
 from ..bench.checks import check_record
+from ..bench.following import NotFollowed
 from ..errors import InputError
 from ..io.opening import Opener, opening_by
 from ..motor import Motor
 from ..motorfile import load_motor
+from .folder import Stamp
 from .store import Opened, RecordStore
 from .words import error_message, findings_html, message, table
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A file that could not be read.
+
+    Attributes:
+        stamp: Its state at that time.
+        problem: Why, as HTML.
+    """
+
+    stamp: Stamp
+    problem: str
 
 
 @dataclass(frozen=True)
@@ -23,49 +38,120 @@ class Reading:
     """What became of the chosen tests.
 
     Attributes:
-        opened: Those that could be read.
+        opened: Those that could be read, by the names of the page.
         problems: Why the others could not, as HTML.
-        checks: Findings and how the files were read, as HTML.
+        checks: Findings and how the files were read, as HTML; None where they were not checked.
+        refused: The files that could not be read, by the names of the page.
     """
 
-    opened: tuple[Opened, ...]
+    opened: Mapping[str, Opened]
     problems: str
-    checks: str
+    checks: str | None = None
+    refused: Mapping[str, Refused] = field(default_factory=dict)
 
 
-def read_tests(
-    names: Sequence[str],
-    motor_name: str | None,
-    path: Callable[[str], Path],
-    store: RecordStore,
-    opener: Opener,
-) -> Reading:
-    """Read tests; one that cannot be read is named, and the others are.
+@dataclass(frozen=True)
+class Reader:
+    """Reads tests for one tab.
 
-    Args:
-        names: Tests as the page lists them.
-        motor_name: The motor file as the page lists it, or None.
-        path: Returns the file of a name, or raises InputError.
+    Attributes:
+        path: Returns the file of a name as the page lists it, or raises InputError.
         store: Holds what was read before.
         opener: Opens files in the folders that are shown, and no others.
     """
-    opened: list[Opened] = []
-    problems: list[str] = []
-    findings = []
-    with opening_by(opener):
-        try:
-            motor = None if motor_name is None else load_motor(path(motor_name))
-        except Exception as error:
-            fault = message("warning", "The motor file is at fault.")
-            return Reading((), problem(str(motor_name), error), fault)
-        for name in names:
+
+    path: Callable[[str], Path]
+    store: RecordStore
+    opener: Opener
+
+    def read(self, names: Sequence[str], motor_name: str | None) -> Reading:
+        """Read and check tests; one that cannot be read is named, and the others are.
+
+        Of a text file that is written meanwhile the whole lines are taken.
+
+        Args:
+            names: Tests as the page lists them.
+            motor_name: The motor file as the page lists it, or None.
+        """
+        opened: dict[str, Opened] = {}
+        refused: dict[str, Refused] = {}
+        findings = []
+        with opening_by(self.opener):
             try:
-                test = store.open(path(name), motor)
-                findings += check_record(test.record, motor) if motor else []
-                opened.append(test)
+                motor = self._motor(motor_name)
             except Exception as error:
-                problems.append(problem(name, error))
-    return Reading(tuple(opened), "".join(problems), _checks(opened, motor, findings))
+                fault = message("warning", "The motor file is at fault.")
+                return Reading({}, problem(str(motor_name), error), fault)
+            for name in names:
+                stamp = Stamp(-1, -1)
+                try:
+                    path = self.path(name)
+                    stamp = Stamp.of(path)
+                    test = self._open(path, motor, stamp)
+                    findings += check_record(test.record, motor) if motor else []
+                    opened[name] = test
+                except Exception as error:
+                    refused[name] = Refused(stamp, problem(name, error))
+        checks = _checks(list(opened.values()), motor, findings)
+        problems = "".join(each.problem for each in refused.values())
+        return Reading(opened, problems, checks, refused)
+
+    def follow(self, before: Mapping[str, Opened | Refused], motor_name: str | None) -> Reading:
+        """Read what has been written to tests; one that cannot be read stays as it was.
+
+        Args:
+            before: The tests by the names of the page, as they were read last or could not be.
+            motor_name: As `read`.
+        """
+        opened = {name: each for name, each in before.items() if isinstance(each, Opened)}
+        refused = {name: each for name, each in before.items() if isinstance(each, Refused)}
+        problems: list[str] = []
+        with opening_by(self.opener):
+            try:
+                motor = self._motor(motor_name)
+            except Exception as error:
+                return Reading(opened, problem(str(motor_name), error), None, refused)
+            for name, last in before.items():
+                stamp = Stamp(-1, -1)
+                try:
+                    path = self.path(name)
+                    stamp = Stamp.of(path)
+                    if stamp != last.stamp:
+                        opened[name] = self._followed(path, motor)
+                        refused.pop(name, None)
+                except Exception as error:
+                    said = problem(name, error)
+                    if name in opened:
+                        problems.append(said)
+                    else:
+                        refused[name] = Refused(stamp, said)
+        notices = "".join(
+            message("warning", f"{name}: {each.notice}")
+            for name, each in opened.items()
+            if each.notice
+        )
+        problems += [each.problem for each in refused.values()]
+        return Reading(opened, "".join(problems) + notices, None, refused)
+
+    def _motor(self, name: str | None) -> Motor | None:
+        return None if name is None else load_motor(self.path(name))
+
+    def _open(self, path: Path, motor: Motor | None, stamp: Stamp) -> Opened:
+        try:
+            return self.store.open(path, motor)
+        except InputError as error:
+            if Stamp.of(path) == stamp:
+                raise
+            try:
+                return self.store.follow(path, motor, self.opener)
+            except NotFollowed:
+                raise error from None
+
+    def _followed(self, path: Path, motor: Motor | None) -> Opened:
+        try:
+            return self.store.follow(path, motor, self.opener)
+        except NotFollowed:
+            return self.store.open(path, motor)
 
 
 def problem(name: str, error: Exception) -> str:
@@ -87,9 +173,19 @@ def problem(name: str, error: Exception) -> str:
 def _checks(opened: Sequence[Opened], motor: Motor | None, findings: Sequence) -> str:
     if not opened:
         return message("note", "Choose tests on the left.")
+    parts = [each.record.name for each in opened if each.is_part]
+    said = (
+        message(
+            "note",
+            f"{', '.join(parts)}: the file was being written; this is about its lines so far. "
+            "“Look again” checks it anew.",
+        )
+        if parts
+        else ""
+    )
     if motor is None:
-        return message("warning", "Choose a motor file: checks need it.") + _notes(opened)
-    return findings_html(findings) + _notes(opened)
+        return said + message("warning", "Choose a motor file: checks need it.") + _notes(opened)
+    return said + findings_html(findings) + _notes(opened)
 
 
 def _notes(opened: Sequence[Opened]) -> str:

@@ -16,7 +16,7 @@ from ..runs.run import Run as OpenedRun
 from ..runs.run import course_name, open_run
 from ..runs.run_folder import MANIFEST
 from .folder import Stamp
-from .plots import Band
+from .plotting.band import Band
 from .server.confined import is_inside, read_inside
 from .store import Opened
 
@@ -110,7 +110,7 @@ class Run:
             return None
         median, low, high = (course[name].to_numpy(float) for name in columns)
         label = f"simulated, 95 % ({order}) · {test}"
-        return Band(label, course["time_s"].to_numpy(float), median, low, high)
+        return Band(label, course["time_s"].to_numpy(float), median, low, high, test)
 
 
 def runs_under(places: Sequence[tuple[Path, Path]]) -> list[Run]:

@@ -4,28 +4,47 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..bench import Record
+from ..bench.following import FollowedTest
 from ..bench.joined import read_whole_test
+from ..bench.other_columns import Other, other_columns
 from ..bench.readers.open_file import LARGEST_BYTES
 from ..bench.readers.read import read_record
 from ..errors import InputError
+from ..io.opening import Opener, opening_by
 from ..motor import Motor
 from .folder import Stamp
 
 MAX_STORED_BYTES = 2 << 30
 """Bytes of records that are kept for the next tab or test type; the oldest go first."""
 
+MAX_FOLLOWED = 100
+"""Growing files that are followed at a time, those of all tabs together; the oldest go first."""
+
 
 @dataclass(frozen=True)
 class Opened:
-    """A record and the state of its file when it was read."""
+    """A record and the state of its file when it was read.
+
+    Attributes:
+        record: The test.
+        path: Its file.
+        stamp: State of the file when it was read.
+        others: The columns of numbers that are no channel, by name; None where they were not read.
+        notice: What happened to a growing file, as a sentence, or empty.
+        is_part: The file was being written; this is what of it was whole.
+    """
 
     record: Record
     path: Path
     stamp: Stamp
+    others: Mapping[str, Other] | None = None
+    notice: str = ""
+    is_part: bool = False
 
     def is_current(self) -> bool:
         """Return whether the file is still the one that was read."""
@@ -40,6 +59,9 @@ class RecordStore:
         self._kept: OrderedDict[tuple[Path, Stamp, str], Opened] = OrderedDict()
         self._lock = threading.Lock()
         self._reading: dict[tuple[Path, Stamp, str], threading.Lock] = {}
+        self._followed: OrderedDict[tuple[Path, str], tuple[threading.Lock, FollowedTest]] = (
+            OrderedDict()
+        )
 
     def open(self, path: Path, motor: Motor | None) -> Opened:
         """Return the record of a file.
@@ -53,15 +75,7 @@ class RecordStore:
             InputError: If the file is too large for the view, cannot be read, or changed while
                 it was read.
         """
-        stamp = Stamp.of(path)
-        if stamp.num_bytes > self._max_file_bytes:
-            raise InputError(
-                f"The file has {stamp.num_bytes / 1e9:.2f} GB; the view opens files up to "
-                f"{self._max_file_bytes / 1e9:.2f} GB.",
-                where=path.name,
-                remedy="Cut the test into parts or log it at a lower rate; `--max-file-MB` sets "
-                "the limit.",
-            )
+        stamp = self._stamp(path)
         key = (path, stamp, motor.sha256 if motor else "")
         with self._lock:
             if key in self._kept:
@@ -84,6 +98,68 @@ class RecordStore:
                 with self._lock:
                     self._reading.pop(key, None)
 
+    def with_others(self, opened: Opened, opener: Opener) -> Opened:
+        """Return a test with the columns that are no channel; they are read once.
+
+        Args:
+            opened: As `open` returned it.
+            opener: Opens the file.
+
+        Raises:
+            InputError: If the file cannot be read any more.
+        """
+        if opened.others is not None:
+            return opened
+        with opening_by(opener):
+            others = other_columns(opened.path, opened.record) if opened.record.unused else {}
+        found = replace(opened, others=others)
+        with self._lock:
+            for key, kept in self._kept.items():
+                if kept is opened:
+                    self._kept[key] = found
+        return found
+
+    def follow(self, path: Path, motor: Motor | None, opener: Opener) -> Opened:
+        """Return what is whole of a text file that is being written.
+
+        What was read of it before is not read again, for none of the tabs.
+
+        Args:
+            path: The file.
+            motor: As `open`.
+            opener: Opens the file.
+
+        Raises:
+            InputError: If the file is too large for the view, holds no table yet, or is no text.
+        """
+        stamp = self._stamp(path)
+        key = (path, motor.sha256 if motor else "")
+        with self._lock:
+            turn, test = self._followed.setdefault(
+                key, (threading.Lock(), FollowedTest(path, motor))
+            )
+            self._followed.move_to_end(key)
+            while len(self._followed) > 1 and (
+                len(self._followed) > MAX_FOLLOWED
+                or sum(each.num_bytes for _, each in self._followed.values()) > MAX_STORED_BYTES
+            ):
+                self._followed.popitem(last=False)
+        with turn:
+            seen = test.look(opener)
+        return Opened(seen.record, path, stamp, seen.others, seen.notice, is_part=True)
+
+    def _stamp(self, path: Path) -> Stamp:
+        stamp = Stamp.of(path)
+        if stamp.num_bytes > self._max_file_bytes:
+            raise InputError(
+                f"The file has {stamp.num_bytes / 1e9:.2f} GB; the view opens files up to "
+                f"{self._max_file_bytes / 1e9:.2f} GB.",
+                where=path.name,
+                remedy="Cut the test into parts or log it at a lower rate; `--max-file-MB` sets "
+                "the limit.",
+            )
+        return stamp
+
     def _read(self, path: Path, motor: Motor | None, stamp: Stamp) -> Opened:
         record = read_whole_test(path, motor) if motor else read_record(path)
         if Stamp.of(path) != stamp:
@@ -96,7 +172,10 @@ class RecordStore:
 
     def _num_bytes(self) -> int:
         return sum(
-            channel.nbytes
+            values.nbytes
             for opened in self._kept.values()
-            for channel in opened.record.channels.values()
+            for values in (
+                *opened.record.channels.values(),
+                *(other.values for other in (opened.others or {}).values()),
+            )
         )

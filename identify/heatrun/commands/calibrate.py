@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +42,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "%% of 10 min); may be given several times",
     )
     words.add_sampling(parser)
+    words.add_meta(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
     words.add_force(parser)
     words.add_json(parser)
@@ -49,13 +51,15 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Calibrate and write the run folder."""
+    from ..certificate_file import load_meta
     from ..inference.networks import networks_of
     from ..motorfile import load_motor
 
     networks = networks_of(options.model)
-    return calibrate_into_folder(
-        options, load_motor(options.motor), options.tests, options.holdout, networks
-    )
+    motor = load_motor(options.motor)
+    if options.meta is not None:
+        motor = replace(motor, certificate=motor.certificate.beneath(load_meta(options.meta)))
+    return calibrate_into_folder(options, motor, options.tests, options.holdout, networks)
 
 
 def calibrate_into_folder(

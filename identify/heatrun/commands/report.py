@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,22 +14,32 @@ from .exit_codes import DONE, NOT_ALLOWED
 if TYPE_CHECKING:
     from ..reports.bench_tests import Outcome
 
-TYPES = ("general", "thermal", "energy", "virtual", "real")
-"""As `heatrun.reports.bench_tests.TEST_TYPES`, which is slow to import."""
+TYPES = ("general", "thermal", "energy", "virtual", "real", "prototypes")
+"""As `heatrun.reports.bench_tests.CARDS`, which is slow to import."""
+
+PROTOTYPES = (
+    "A prototypes report compares any number of records of one manoeuvre, given as ROLE=FILE: "
+    "heatrun report --type prototypes MOTOR.toml virtual=FILE semi-real=FILE real=FILE "
+    "[real-2=FILE]. Clocks are aligned pair by pair, each signal of each pair has a verdict; the "
+    "folder of a run in place of a file is the run's network driven by the first measured record."
+)
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
-    parser = commands.add_parser("report", help="reports by test type, of tests or whole folders")
+    parser = commands.add_parser(
+        "report", help="reports by test type, of tests or whole folders",
+        description="Reports by test type, as PDF, CSV and JSON.", epilog=PROTOTYPES,
+    )  # fmt: skip
     parser.add_argument(
         "--type", dest="kind", choices=TYPES, required=True, help="test type of the bench"
     )
-    words.add_inputs(parser, "bench files, or folders of them")
+    words.add_inputs(parser, "bench files, or folders of them; ROLE=FILE with --type prototypes")
     parser.add_argument(
         "--run",
         type=Path,
         metavar="RUN",
-        help="run folder of the calibrated network (thermal, virtual)",
+        help="run folder of the calibrated network (thermal, virtual, prototypes)",
     )
     parser.add_argument(
         "--reference",
@@ -42,7 +52,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="CHANNEL=VALUE",
-        help="tolerance of a signal, such as winding_degC=3 (virtual, real)",
+        help="absolute tolerance of a signal or figure, such as winding_degC=3 or energy_kWh=0.05 "
+        "(virtual, real, prototypes); default: 5 %% of the rise or magnitude, or what the "
+        "instruments leave open",
     )
     parser.add_argument(
         "--offset",
@@ -59,10 +71,12 @@ def run(options: argparse.Namespace) -> int:
     """Write the reports and print their tables; one that failed makes the exit code 1."""
     from ..motorfile import load_motor
     from ..reports.bench_tests import make_report
-    from ..reports.bench_tests.analysis.tolerances import parse_tolerances
-    from ..results import to_json
+    from ..reports.bench_tests.analysis.parse_tolerances import parse_tolerances
 
     tolerances = parse_tolerances(options.tolerance)
+    if options.kind == "prototypes":
+        outcomes = [_prototypes(options, tolerances)]
+        return _print(outcomes, as_json=options.json)
     with bar() as progress:
         outcomes = make_report(
             options.kind,
@@ -76,7 +90,35 @@ def run(options: argparse.Namespace) -> int:
             say=say,
             progress=progress,
         )
-    if options.json:
+    return _print(outcomes, as_json=options.json)
+
+
+def _prototypes(options: argparse.Namespace, tolerances: Mapping[str, float]) -> Outcome:
+    from ..errors import UsageError
+    from ..motorfile import load_motor
+    from ..reports.bench_tests import make_prototypes_report
+    from ..reports.bench_tests.prototypes.roles import parse_roles
+
+    if options.reference is not None or options.offset is not None:
+        raise UsageError(
+            "a prototypes report takes ROLE=FILE for each record and searches the clocks; "
+            "--reference and --offset belong to virtual and real."
+        )
+    roles = parse_roles([str(text) for text in options.tests])
+    return make_prototypes_report(
+        load_motor(options.motor),
+        roles,
+        options.out or Path("Reports"),
+        run=options.run,
+        tolerances=tolerances,
+        say=say,
+    )
+
+
+def _print(outcomes: Sequence[Outcome], *, as_json: bool) -> int:
+    from ..results import to_json
+
+    if as_json:
         print(to_json({"reports": [_described(outcome) for outcome in outcomes]}))
     else:
         print(printable(_text(outcomes)))

@@ -1,4 +1,4 @@
-"""`heatrun sheet`: the regenerate the parameter sheet of a run."""
+"""`heatrun sheet`: regenerate the certificate and the parameter sheet of a run."""
 
 from __future__ import annotations
 
@@ -13,8 +13,24 @@ from .exit_codes import DONE
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
-    parser = commands.add_parser("sheet", help="regenerate the parameter sheet of a run")
+    parser = commands.add_parser(
+        "sheet", help="regenerate the certificate and the parameter sheet of a run"
+    )
     parser.add_argument("run", type=Path, metavar="RUN", help="run folder")
+    words.add_meta(parser)
+    parser.add_argument(
+        "--dcc",
+        action="store_true",
+        help="write dcc.xml too, a Digital Calibration Certificate (DCC 3.3.0)",
+    )
+    parser.add_argument(
+        "--dcc-schema",
+        type=Path,
+        default=None,
+        metavar="DCC.xsd",
+        help="validate it against your copy of the schema, with SI_Format.xsd and "
+        "xmldsig-core-schema.xsd in the same folder (needs heatrun[dcc])",
+    )
     words.add_out(parser, "folder for the sheet (default: the run itself)")
     words.add_force(parser)
     words.add_json(parser)
@@ -26,7 +42,14 @@ def run(options: argparse.Namespace) -> int:
     from ..reports.sheet.of_run import rewrite_sheet
     from ..results import to_json
 
-    written = rewrite_sheet(options.run, options.out or options.run, is_replacing=options.force)
+    written = rewrite_sheet(
+        options.run,
+        options.out or options.run,
+        options.meta,
+        with_dcc=options.dcc,
+        schema=options.dcc_schema,
+        is_replacing=options.force,
+    )
     if options.json:
         print(to_json({"files": [str(path) for path in written]}))
     else:

@@ -98,6 +98,18 @@ def add_with(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_meta(parser: argparse.ArgumentParser) -> None:
+    """Add the file of what the certificate states."""
+    parser.add_argument(
+        "--meta",
+        type=Path,
+        default=None,
+        metavar="FILE.toml",
+        help="what the certificate says beside the results (laboratory, customer, machine, days, "
+        "instruments): the keys of [certificate], before those of the motor file",
+    )
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add the choice of JSON on stdout."""
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from io import BufferedReader
 from pathlib import Path
+from typing import BinaryIO
 
-Opener = Callable[[Path], BufferedReader]
+Opener = Callable[[Path], BinaryIO]
 
 _opener: ContextVar[Opener | None] = ContextVar("opener", default=None)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from msgspec import UNSET, UnsetType
+
 from ..bench.record import ColumnReading
 from .values import Count, Interval, NonNegative, Role
 
@@ -34,6 +36,8 @@ class DescribedTest:
         winding_degC: Lowest and highest winding temperature [degC]; null if not recorded.
         sink_degC: Lowest and highest temperature of the sink [degC]; null if not recorded.
         reduction_error_K: Error of reducing the record to blocks [K].
+        start: Day on which it began by the clock of the record, ISO 8601; unset where that has no
+            date.
     """
 
     name: str
@@ -57,3 +61,4 @@ class DescribedTest:
     winding_degC: Interval | None
     sink_degC: Interval | None
     reduction_error_K: float | None = None
+    start: str | UnsetType = UNSET

@@ -31,4 +31,5 @@ def motor_text(motor: Motor) -> bytes:
         name: {key: value for key, value in asdict(said).items() if value is not None}
         for name, said in motor.parameters.items()
     }
+    content["certificate"] = motor.certificate.as_section()
     return tomli_w.dumps({key: value for key, value in content.items() if value}).encode()

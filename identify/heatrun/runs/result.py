@@ -78,6 +78,7 @@ def describe_test(
         winding_degC=span("winding_degC"),
         sink_degC=span(f"{motor.sink}_degC"),
         reduction_error_K=reduction_error_K,
+        start=record.start or UNSET,
     )
 
 

@@ -8,7 +8,7 @@ from html import escape
 import panel as pn
 
 from ...errors import InputError
-from ..look import Look, pane_css
+from ..pane import text_pane
 from ..words import error_message, message
 from .running import Job, JobQueue
 
@@ -23,7 +23,7 @@ class JobPane:
         job: The command that is shown, None before the first.
     """
 
-    def __init__(self, queue: JobQueue, look: Look, start: str) -> None:
+    def __init__(self, queue: JobQueue, start: str) -> None:
         self.job: Job | None = None
         self._queue = queue
         self._when_done: Callable[[Job], None] | None = None
@@ -35,7 +35,7 @@ class JobPane:
         self._bar = pn.indicators.Progress(
             value=0, max=100, sizing_mode="stretch_width", visible=False, bar_color="info"
         )
-        self._words = pn.pane.HTML("", stylesheets=[pane_css(look)], sizing_mode="stretch_width")
+        self._words = text_pane()
         self.view = pn.Column(
             pn.Row(self.start, self._cancel), self._bar, self._words, sizing_mode="stretch_width"
         )

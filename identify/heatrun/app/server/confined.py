@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import os
 import stat
+from contextlib import suppress
 from io import BufferedReader
 from pathlib import Path
 
 from ...errors import InputError
+from ...io.whole_files import PARTIAL, write_whole
 
 HAS_FOLDERS = os.open in os.supports_dir_fd and hasattr(os, "O_NOFOLLOW")
 """Whether the system opens a file relative to an open folder; Windows does not."""
@@ -74,12 +76,8 @@ def no_regular_file(where: str) -> InputError:
 
 
 def _open_in_steps(root: Path, steps: tuple[str, ...]) -> int:
-    folder = os.open(root, FOLDER_FLAGS | CLOEXEC)
+    folder = _folder_of(root, steps)
     try:
-        for step in steps[:-1]:
-            inner = os.open(step, FOLDER_FLAGS | CLOEXEC, dir_fd=folder)
-            os.close(folder)
-            folder = inner
         # Some devices act when they are opened, so what is known to be one is not.
         status = os.stat(steps[-1], dir_fd=folder, follow_symlinks=False)
         if not stat.S_ISREG(status.st_mode):
@@ -87,6 +85,20 @@ def _open_in_steps(root: Path, steps: tuple[str, ...]) -> int:
         return os.open(steps[-1], FILE_FLAGS | CLOEXEC, dir_fd=folder)
     finally:
         os.close(folder)
+
+
+def _folder_of(root: Path, steps: tuple[str, ...]) -> int:
+    """Return the open folder of a file; none on the way to it is opened through a link."""
+    folder = os.open(root, FOLDER_FLAGS | CLOEXEC)
+    try:
+        for step in steps[:-1]:
+            inner = os.open(step, FOLDER_FLAGS | CLOEXEC, dir_fd=folder)
+            os.close(folder)
+            folder = inner
+    except BaseException:
+        os.close(folder)
+        raise
+    return folder
 
 
 def _open_checked(root: Path, steps: tuple[str, ...]) -> int:
@@ -132,3 +144,61 @@ def is_inside(root: Path, path: Path) -> bool:
         return found.is_relative_to(root) and stat.S_ISREG(found.lstat().st_mode)
     except (OSError, ValueError, RuntimeError):  # RuntimeError: links in a circle
         return False
+
+
+def replace_inside(root: Path, path: Path, before: bytes, after: bytes) -> None:
+    """Put another content into a regular file in a folder, whole or not at all.
+
+    Args:
+        root: The folder, with links resolved.
+        path: The file.
+        before: What it holds now; with anything else in it, it stays.
+        after: What it is to hold.
+
+    Raises:
+        InputError: If it is none, lies outside the folder, holds something else by now or cannot
+            be written.
+    """
+    with open_inside(root, path) as file:
+        is_same = file.read(len(before) + 1) == before
+        mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
+    if not is_same:
+        raise InputError(
+            "The file was changed meanwhile; it was not written.",
+            where=path.name,
+            remedy="Look at it, and press the button again.",
+        )
+    try:
+        steps = (root / path).resolve().relative_to(root).parts
+        if not HAS_FOLDERS:
+            write_whole(root.joinpath(*steps), after)
+            return
+        folder = _folder_of(root, steps)
+        try:
+            _write_beside(folder, steps[-1], after, mode)
+        finally:
+            os.close(folder)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(
+            f"The file cannot be written ({getattr(error, 'strerror', None) or error}).",
+            where=path.name,
+            remedy="Make the folder writable, or put the lines in by hand.",
+        ) from error
+
+
+def _write_beside(folder: int, name: str, content: bytes, mode: int) -> None:
+    """Write a file in an open folder under another name, and give it its own then."""
+    partial = f".{name}.{os.getpid()}{PARTIAL}"
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | CLOEXEC
+    descriptor = os.open(partial, flags, mode, dir_fd=folder)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+            os.fchmod(file.fileno(), mode)
+        os.replace(partial, name, src_dir_fd=folder, dst_dir_fd=folder)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(partial, dir_fd=folder)
+        raise

@@ -12,6 +12,7 @@ import panel as pn
 
 from ..folder import Folder
 from ..jobs.running import JobQueue
+from ..look import PART_CSS
 from ..reading import problem
 from ..store import RecordStore
 from ..tabs.page import Page
@@ -104,6 +105,7 @@ def make_server(
             found.say(told)
 
     pn.config.exception_handler = say
+    pn.config.raw_css = [PART_CSS]
 
     ticket = Ticket() if asks_token or not binding.is_loopback else None
     server = serve(page, binding.sockets, Gate(binding.names, binding.port, ticket))

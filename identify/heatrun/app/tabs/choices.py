@@ -8,7 +8,6 @@ from typing import Protocol
 import panel as pn
 
 from ...reports.bench_tests import Kind
-from ..look import Look
 from ..runs import Run
 
 
@@ -16,11 +15,9 @@ class Choices(Protocol):
     """A page, as its tabs see it.
 
     Attributes:
-        look: Colours.
         out: Folder of the runs.
     """
 
-    look: Look
     out: Path
 
     @property

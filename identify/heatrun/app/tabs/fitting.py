@@ -52,7 +52,7 @@ class Fitting(Generic[R]):
         )
         self._name = pn.widgets.TextInput(name="Name of the run", placeholder="by the test")
         self._problem = page.pane("")
-        self._job = JobPane(queue, page.look, command.capitalize())
+        self._job = JobPane(queue, command.capitalize())
         self._job.start.on_click(lambda _: self._start())
         self._shown = pn.widgets.Select(name="Result of run", options=[NONE], width=320)
         self._shown.param.watch(lambda _: self._show(), "value")
@@ -125,4 +125,4 @@ class Fitting(Generic[R]):
 
     def _view_of(self, run: Run) -> pn.Column:
         what = "calibration" if self._command == "calibrate" else "discovery"
-        return run_view(run, self._page.look, self._read, self._say, what)
+        return run_view(run, self._read, self._say, what)

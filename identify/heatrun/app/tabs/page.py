@@ -2,40 +2,40 @@
 
 from __future__ import annotations
 
-import threading
+import time
+from collections.abc import Callable
 from html import escape
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlencode
 
 import panel as pn
 
-from ...bench.channels.schema import CHANNELS
-from ...errors import InputError, of_file
+from ...errors import InputError
 from ...reports.bench_tests import TEST_TYPES, Kind
 from ..folder import Folder, Listing
-from ..frame import asked, asked_look, framed
+from ..frame import Screen, asked_theme, framed
 from ..jobs.running import JobQueue
-from ..look import pane_css, tabs_css
-from ..reading import Reading, problem, read_tests
+from ..look import TABS_CSS
+from ..pane import text_pane
+from ..reading import Reader, Reading, problem
 from ..runs import Run, runs_under
 from ..store import Opened, RecordStore
-from ..uploads import BoundedDropper, UploadRoom, keep_upload
+from ..uploads import UploadRoom
 from ..words import error_message, message
 from .calibrating import calibrating
+from .cutting import Cutting
 from .discovering import discovering
+from .following import Tests
 from .reporting import Reporting
+from .sending import Sending
+from .sidebar import Sidebar
 from .signals import Signals
+from .using import Using
 
-MAX_READERS = 4
-"""Readings at a time; one that takes long does not keep the page from the tests chosen since."""
-
-WATCH_MS = 2000
+WATCH_MS = 1000
 """How often the files that are shown are looked at for changes."""
 
-NO_MOTOR = "(none: known column names)"
-NO_RUN = "(none)"
 UPLOADED = "uploaded/"
 
 
@@ -44,95 +44,97 @@ class Page:
 
     Attributes:
         view: The page.
-        opened: The tests that are shown.
+        out: Folder of the runs.
+        root: The folder that is shown.
     """
 
     def __init__(
-        self,
-        folder: Folder,
-        out: Path,
-        room: UploadRoom,
-        store: RecordStore,
-        queue: JobQueue,
+        self, folder: Folder, out: Path, room: UploadRoom, store: RecordStore, queue: JobQueue
     ) -> None:
-        self.folder, self.out = folder, out
-        self.opened: tuple[Opened, ...] = ()
-        self._room = room
+        self.folder, self.out, self.root = folder, out, folder.root
         self._uploads = Folder(room.folder)
         self._store = store
         self._runs: dict[str, Run] = {}
-        self._generation = 0
-        self._num_reading = 0
-        self._is_waiting = False
-        self.look = asked_look()
+        self._theme = asked_theme()
+        self._tests = Tests(Reader(self.path, store, self._open), self._take)
 
-        self._motor_choice = pn.widgets.Select(name="Motor file", sizing_mode="stretch_width")
-        self._type = pn.widgets.Select(
-            name="Test type",
-            options={card.title: kind for kind, card in TEST_TYPES.items()},
-            sizing_mode="stretch_width",
-        )
-        self._tests = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
-        self._channels = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
-        self._run = pn.widgets.Select(name="Simulated course of run", sizing_mode="stretch_width")
-        self._follow = pn.widgets.Toggle(name="Follow changes", width=150)
-        self._refresh = pn.widgets.Button(name="Look again", width=110)
-        self._dropper = BoundedDropper(room, self._refuse, height=90, width=290)
-        self._banner = self.pane("")
-        self._upload_problem = self.pane("")
-
-        self.signals = Signals(self.look)
-        self._checks = self.pane(message("note", "Choose tests on the left."))
+        self._sidebar = Sidebar()
+        self._sending = Sending(room, self.list_folder)
+        self._banner = text_pane()
+        self.signals = Signals(Cutting(self), lambda: self._draw())
+        self._checks = text_pane(message("note", "Choose tests on the left."))
         self.calibrating = calibrating(self, queue)
         self.discovering = discovering(self, queue)
         self.reporting = Reporting(self, queue)
+        self.using = Using(self, queue)
         self._tabs = pn.Tabs(
             ("Signals", self.signals.view),
             ("Checks", self._checks),
             ("Calibration", self.calibrating.view),
             ("Discovery", self.discovering.view),
             ("Report", self.reporting.view),
+            ("Simulate and export", self.using.view),
             sizing_mode="stretch_width",
             dynamic=False,
-            stylesheets=[tabs_css(self.look)],
+            stylesheets=[TABS_CSS],
         )
-        self.view = framed(self.look, self._sidebar(), [self._banner, self._tabs])
+        left = self._sidebar.view(folder.root.name, str(folder.root), [self._sending.view])
+        self.view = framed(left, [self._banner, self._tabs], self._look_like)
         self.list_folder()
-        self._choose_as_in_address()
-        self._motor_choice.param.watch(lambda _: self.open_tests(), "value")
-        self._tests.param.watch(lambda _: self.open_tests(), "value")
-        self._type.param.watch(lambda _: self._choose_channels(), "value")
-        self._channels.param.watch(lambda _: self._draw(), "value")
-        self._run.param.watch(lambda _: self._show_run(), "value")
-        self._refresh.on_click(lambda _: self._look_again())
-        self._dropper.param.watch(self._keep, "value")
+        self._sidebar.take_address()
+        self._connect()
         self._choose_channels()
-        if self._tests.value:
+        if self.chosen:
             self.open_tests()
+
+    def _connect(self) -> None:
+        """Let the widgets act, and time too."""
+        left = self._sidebar
+        for widget, act in (
+            (left.motor, self.open_tests),
+            (left.tests, self.open_tests),
+            (left.kind, self._choose_channels),
+            (left.channels, self._draw),
+            (left.others, self._draw),
+            (left.run, self._show_run),
+            (left.follow, self._begin_following),
+        ):
+            widget.param.watch(_without_event(act), "value")
+        left.refresh.on_click(lambda _: self._look_again())
         if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
             pn.state.add_periodic_callback(self._watch, period=WATCH_MS)
-            pn.state.on_session_destroyed(lambda _: self._dropper.close())
+            pn.state.on_session_destroyed(lambda _: self._sending.close())
+
+    @property
+    def opened(self) -> tuple[Opened, ...]:
+        """The tests that are shown."""
+        return tuple(self._tests.opened.values())
 
     @property
     def kind(self) -> Kind:
         """The test type that is chosen."""
-        return self._type.value  # pyright: ignore[reportReturnType]
+        return self._sidebar.kind.value  # pyright: ignore[reportReturnType]
 
     @property
     def motor_path(self) -> Path | None:
         """The motor file that is chosen, or None."""
-        name = self._motor_choice.value
-        return None if name in (None, NO_MOTOR) else self.path(str(name))
+        name = self._sidebar.motor_name
+        return None if name is None else self.path(name)
 
     @property
     def tests(self) -> list[str]:
         """Names of the tests in folder and uploads."""
-        return list(self._tests.options)
+        return list(self._sidebar.tests.options)
 
     @property
     def chosen(self) -> list[str]:
         """Names of the tests that are chosen."""
-        return list(self._tests.value)
+        return self._sidebar.chosen
+
+    @property
+    def run(self) -> Run | None:
+        """The run whose simulated course is shown."""
+        return self._runs.get(str(self._sidebar.run.value))
 
     def path(self, name: str) -> Path:
         """Return the file of a name in the lists.
@@ -150,9 +152,16 @@ class Page:
 
     def pane(self, html: str) -> pn.pane.HTML:
         """Return a pane of text in the page's style."""
-        return pn.pane.HTML(
-            html, stylesheets=[pane_css(self.look)], sizing_mode="stretch_width", min_height=0
-        )
+        return text_pane(html)
+
+    def say(self, html: str) -> None:
+        """Show a sentence above everything."""
+        self._banner.object = html
+
+    def _look_like(self, screen: Screen) -> None:
+        self._theme = ("dark" if screen.look.is_dark else "light") if screen.is_chosen else ""
+        self.signals.look_like(screen)
+        self._write_address()
 
     def _look_again(self) -> None:
         self.list_folder()
@@ -163,12 +172,8 @@ class Page:
         listing = self.folder.list()
         sent = self._uploads.list()
         tests = [*listing.tests, *(UPLOADED + name for name in sent.tests)]
-        motors = [*listing.motors, *(UPLOADED + name for name in sent.motors), NO_MOTOR]
-        motor = self._motor_choice.value
-        self._motor_choice.options = motors
-        self._motor_choice.value = motor if motor in motors else motors[0]
-        self._tests.options = tests
-        self._tests.value = [name for name in self._tests.value if name in tests]
+        motors = [*listing.motors, *(UPLOADED + name for name in sent.motors)]
+        self._sidebar.list_files(tests, motors)
         self.list_runs()
         self._say_of_folder(listing, bool(tests))
 
@@ -181,98 +186,52 @@ class Page:
         root = self.folder.root
         runs = runs_under([(self.out, self.out), (root, root), (root / "runs", root)])
         self._runs = {run.path.name: run for run in reversed(runs)}
-        names = [NO_RUN, *reversed(self._runs)]
-        chosen = self._run.value if choose is None else choose.name
-        self._run.options = names
-        self._run.value = chosen if chosen in names else NO_RUN
-        self.discovering.offer(list(self._runs.values())[::-1])
-        self.calibrating.offer(list(self._runs.values())[::-1])
-
-    def _choose_as_in_address(self) -> None:
-        """Take up the choices of the page's address, as far as there are such files."""
-        for widget, name in self._addressed():
-            for value in asked(name)[:1]:
-                if value in widget.values:
-                    widget.value = value
-        self._tests.value = [name for name in asked("test") if name in self.tests]
-
-    def _addressed(self) -> list[tuple[Any, str]]:
-        return [(self._motor_choice, "motor"), (self._type, "type"), (self._run, "run")]
-
-    def _write_address(self) -> None:
-        """Keep what is chosen in the page's address, for reloads and bookmarks."""
-        location = pn.state.location
-        if location is None:
-            return
-        pairs = [(name, str(widget.value)) for widget, name in self._addressed()]
-        pairs += [("test", name) for name in self.chosen]
-        pairs += [("theme", "dark")] if self.look.is_dark else []
-        location.search = "?" + urlencode(pairs)
-
-    @property
-    def run(self) -> Run | None:
-        """The run whose simulated course is shown."""
-        return self._runs.get(str(self._run.value))
+        youngest_first = [*reversed(self._runs)]
+        self._sidebar.list_runs(youngest_first, None if choose is None else choose.name)
+        self.discovering.offer([self._runs[name] for name in youngest_first])
+        self.calibrating.offer([self._runs[name] for name in youngest_first])
 
     def open_tests(self) -> None:
         """Read the chosen tests in the background and show them."""
-        self._generation += 1
-        self._is_waiting = self._num_reading >= MAX_READERS
-        if self._is_waiting:
-            return
-        self._num_reading += 1
-        generation = self._generation
-        names = self.chosen
-        document = pn.state.curdoc
         self._tabs.loading = True
+        self._tests.open(self.chosen, self._sidebar.motor_name)
 
-        motor = self._motor_choice.value
-        motor_name = None if motor in (None, NO_MOTOR) else str(motor)
-
-        def work() -> None:
-            reading = read_tests(names, motor_name, self.path, self._store, self._open)
-
-            def show() -> None:
-                self._num_reading -= 1
-                if generation == self._generation:
-                    self._take(reading)
-                elif self._num_reading < MAX_READERS and self._is_waiting:
-                    self.open_tests()
-
-            if document is None:
-                show()
-            else:
-                document.add_next_tick_callback(show)
-
-        if document is None:
-            work()
-        else:
-            threading.Thread(target=work, daemon=True, name="heatrun reader").start()
-
-    def _take(self, reading: Reading) -> None:
-        self.opened = reading.opened
+    def _take(self, reading: Reading, is_growth: bool) -> None:
         self._banner.object = reading.problems
-        self._checks.object = reading.checks
-        self._choose_channels()
+        if reading.checks is not None:
+            self._checks.object = reading.checks
         self._tabs.loading = False
+        if not is_growth or not self._grow():
+            self._choose_channels()
+        self._say_following()
+
+    def _grow(self) -> bool:
+        left = self._sidebar
+        return self.signals.grow(self._with_others(), left.channels.value, left.others.value)
 
     def _choose_channels(self) -> None:
-        """Offer the channels that the tests hold; those of the test type are chosen."""
-        held = [c.name for c in CHANNELS if c.name != "time_s"
-                and any(c.name in each.record for each in self.opened)]  # fmt: skip
+        """Offer the signals of the tests, and say what they lack for the test type."""
         card = TEST_TYPES[self.kind]
-        wanted = [name for name in held if name in card.channels]
-        self._channels.options = held
         missing = [
             f"{each.record.name} holds no {need.meaning}, which this test type needs."
             for each in self.opened
             for need in card.missing(each.record)
         ]
         self.reporting.say_missing(missing)
-        if self._channels.value == (wanted or held):
-            self._draw()
-        else:
-            self._channels.value = wanted or held
+        self._sidebar.offer_signals(self.opened, self._draw)
+
+    def _with_others(self) -> list[Opened]:
+        """Return the tests, with the columns that are no channel if such are to be drawn."""
+        if not self._sidebar.others.value:
+            return list(self.opened)
+        found = []
+        for each in self.opened:
+            try:
+                found.append(self._store.with_others(each, self._open))
+            except InputError as error:
+                self.say(error_message(error))
+                found.append(each)
+        return found
 
     def _draw(self) -> None:
         self._write_address()
@@ -280,45 +239,49 @@ class Page:
             bands = self.run.bands(self.opened) if self.run else []
         except Exception as error:  # a result of another version, or a damaged one
             bands = []
-            self.say(problem(f"run {self._run.value}", error))
-        self.signals.show(self.opened, self._channels.value, bands)
+            self.say(problem(f"run {self._sidebar.run.value}", error))
+        left = self._sidebar
+        self.signals.show(self._with_others(), left.channels.value, left.others.value, bands)
 
     def _show_run(self) -> None:
         self.reporting.offer_references()
         self._draw()
 
-    def say(self, html: str) -> None:
-        """Show a sentence above everything."""
-        self._banner.object = html
+    def _write_address(self) -> None:
+        self._sidebar.write_address({"theme": self._theme} if self._theme else {})
+
+    def _begin_following(self) -> None:
+        self._write_address()
+        self._watch()
+        self._say_following()
 
     def _watch(self) -> None:
-        changed = [each for each in self.opened if not each.is_current()]
-        if not changed:
+        if self._sidebar.follow.value:
+            if self._tests.has_news:
+                self._tests.follow(self._sidebar.motor_name)
             return
-        names = ", ".join(each.record.name for each in changed)
-        if self._follow.value and not self._tabs.loading:
-            self.open_tests()
-        else:
+        changed = self._tests.outdated()
+        if changed and self._tests.is_idle:
             self._banner.object = message(
                 "warning",
-                f"{names}: the file has changed or is gone since it was opened; what is shown is "
-                "the old content. “Look again” shows the new one.",
+                f"{', '.join(changed)}: the file has changed or is gone since it was opened; what "
+                "is shown is the old content. “Look again” shows the new one, “Follow changes” "
+                "goes with it.",
             )
 
-    def _keep(self, _: Any) -> None:
-        problems = ""
-        for name, content in self._dropper.arrived().items():
-            try:
-                keep_upload(self._room.folder, name, content)
-            except InputError as error:
-                problems += error_message(error)
-            except OSError as error:
-                problems += error_message(of_file(error))
-        self._upload_problem.object = problems
-        self.list_folder()
-
-    def _refuse(self, error: InputError) -> None:
-        self._upload_problem.object = error_message(error)
+    def _say_following(self) -> None:
+        """Say how far the tests that are followed have come."""
+        rows = [
+            f"{escape(each.record.name)}: {each.record.time_s.size} rows, to "
+            f"{each.record.time_s[-1] / 60:.2f} min"
+            for each in self.opened
+            if each.is_part
+        ]
+        is_on = bool(self._sidebar.follow.value)
+        said = f"<br>as of {time.strftime('%H:%M:%S')}" if rows else "the chosen tests"
+        self._sidebar.status.object = (
+            f"<p class='faded'>Following {'<br>'.join(rows)}{said}</p>" if is_on else ""
+        )
 
     def _say_of_folder(self, listing: Listing, has_tests: bool) -> None:
         if listing.is_cut:
@@ -338,21 +301,6 @@ class Page:
                 f"{listing.num_own}.",
             )
 
-    def _sidebar(self) -> list[Any]:
-        return [
-            self.pane(
-                f"<p class='faded' title='{escape(str(self.folder.root))}'>"
-                f"Folder {escape(self.folder.root.name)}</p>"
-            ),
-            self._motor_choice,
-            self._type,
-            self.pane("<h3>Tests</h3>"),
-            pn.Column(self._tests, max_height=220, scroll=True, sizing_mode="stretch_width"),
-            pn.Row(self._refresh, self._follow),
-            self._run,
-            self.pane("<h3>Signals</h3>"),
-            pn.Column(self._channels, max_height=260, scroll=True, sizing_mode="stretch_width"),
-            self.pane("<h3>Other files</h3>"),
-            self._dropper,
-            self._upload_problem,
-        ]
+
+def _without_event(act: Callable[[], None]) -> Callable[[Any], None]:
+    return lambda _: act()

@@ -43,7 +43,7 @@ class Reporting:
             self._reference, self._tolerances, visible=False, sizing_mode="stretch_width"
         )
         self._problem = page.pane("")
-        self._job = JobPane(queue, page.look, "Make report")
+        self._job = JobPane(queue, "Make report")
         self._job.start.on_click(lambda _: self._start())
         self._made = pn.Column(sizing_mode="stretch_width")
         self.view = pn.Column(

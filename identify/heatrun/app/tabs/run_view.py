@@ -12,7 +12,7 @@ import panel as pn
 
 from ...errors import InputError
 from ..downloads import download
-from ..look import Look, pane_css
+from ..pane import text_pane
 from ..reading import problem
 from ..runs import Run
 from ..words import error_message, message
@@ -28,13 +28,12 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def run_view(
-    run: Run, look: Look, read: Callable[[Run], R | None], say: Callable[[R], str], what: str
+    run: Run, read: Callable[[Run], R | None], say: Callable[[R], str], what: str
 ) -> pn.Column:
     """Return a column with result, downloads and figures of a run.
 
     Args:
         run: The run folder.
-        look: Colours.
         read: Returns its result, None if it has none or it is damaged.
         say: Turns the result into HTML.
         what: `"calibration"` or `"discovery"`.
@@ -42,7 +41,7 @@ def run_view(
     result = read(run)
     if result is None:
         words = message("warning", f"{run.path} holds no {what}, or it is damaged.")
-        return pn.Column(pn.pane.HTML(words, stylesheets=[pane_css(look)]))
+        return pn.Column(text_pane(words))
     try:
         said = say(result)
     except Exception as error:  # a result of another version, or a damaged one
@@ -53,7 +52,7 @@ def run_view(
     ]
     return pn.Column(
         pn.FlexBox(*files),
-        pn.pane.HTML(said, stylesheets=[pane_css(look)], sizing_mode="stretch_width"),
+        text_pane(said),
         *figures,
         sizing_mode="stretch_width",
     )

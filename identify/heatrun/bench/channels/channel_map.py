@@ -33,6 +33,7 @@ class MappedColumns:
         columns: Canonical name to the name of the column that became it.
         readings: How each column became its channel.
         parts: Canonical name to the names of the columns that it combines, where it does.
+        start: When the times begin, as `Column.start`.
     """
 
     channels: Mapping[str, np.ndarray]
@@ -43,6 +44,7 @@ class MappedColumns:
     columns: Mapping[str, str] = field(default_factory=dict)
     readings: tuple[ColumnReading, ...] = ()
     parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    start: str = ""
 
     def names(self, channel: str) -> tuple[str, ...]:
         """Return the names of the columns that a channel is made of."""
@@ -106,6 +108,7 @@ def map_columns(
         {name: column.name for name, column in mapping.taken.items()},
         tuple(mapping.readings),
         {name: tuple(part.name for part in parts) for name, parts in mapping.parts.items()},
+        mapping.taken["time_s"].start if "time_s" in mapping.taken else "",
     )
 
 

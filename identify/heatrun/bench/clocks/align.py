@@ -112,6 +112,7 @@ def join(
         findings=(*temperature_record.findings, *drive_record.findings, *alignment.findings),
         unused=temperature_record.unused + drive_record.unused,
         mapping=temperature_record.mapping + drive_record.mapping,
+        start=temperature_record.start or drive_record.start,
     )
     return joined, alignment
 

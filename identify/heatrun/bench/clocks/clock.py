@@ -42,12 +42,14 @@ class ClockColumn:
         note: How the cells were read, as a sentence without its subject.
         question: What the cells leave open, or None.
         doubt: What speaks against the reading, as a sentence, or empty.
+        start: Day of the first time, ISO 8601; empty where the cells do not say it for certain.
     """
 
     seconds: np.ndarray
     note: str
     question: Question | None = None
     doubt: str = ""
+    start: str = ""
 
 
 def read_stated(cells: pd.Series, stated: TimeFormat) -> ClockColumn:

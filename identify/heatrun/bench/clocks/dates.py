@@ -33,6 +33,8 @@ FORMATS = {
 LONGEST_PAUSE_DAYS = 300
 """No test stands still for so long: an order that says so is none."""
 
+NO_DIFFERENCE = "the order of day and month makes no difference"
+
 Date = tuple[str, str, str]
 
 
@@ -71,7 +73,8 @@ def read_dates(
     left, why = _possible(read, dates)
     best = left[0]
     seconds = read[best]
-    start = cells.iloc[int(np.flatnonzero(np.isfinite(seconds))[0])]
+    row = int(np.flatnonzero(np.isfinite(seconds))[0])
+    start = cells.iloc[row]
     question = None
     if len(left) > 1:
         spans = " or ".join(
@@ -83,7 +86,17 @@ def read_dates(
             f"The dates, '{start}' to '{end}', may be {spans}; the file does not say which.",
             tuple(f"{name} [{FORMATS[one]}]" for one in left),
         )
-    return ClockColumn(seconds, f"read as {best} ({reason or why}), seconds from {start}", question)
+    note = f"read as {best} ({reason or why}), seconds from {start}"
+    day = _first_day(keys[row], best, read, why)
+    return ClockColumn(seconds, note, question, start=day)
+
+
+def _first_day(date: Date, best: str, read: Mapping[str, np.ndarray], why: str) -> str:
+    """Return the day of the first time; empty where other orders give the same times."""
+    orders = list(read) if why == NO_DIFFERENCE else [best]
+    days = {_day(date, order) for order in orders}
+    day = days.pop()
+    return "" if days or not np.isfinite(day) else datetime.date.fromordinal(int(day)).isoformat()
 
 
 def _clock(parts: pd.DataFrame) -> np.ndarray:
@@ -141,7 +154,7 @@ def _possible(read: Mapping[str, np.ndarray], dates: list[Date]) -> tuple[list[s
         return left, f"decided by {_decisive(dates, left[0])}"
     left = _distinct(read, left)
     if len(left) == 1:
-        return left, "the order of day and month makes no difference"
+        return left, NO_DIFFERENCE
     for is_possible, why in (
         (rises, "another order would run backwards"),
         (_has_no_long_pause, "another order would leave a pause of a year"),

@@ -163,5 +163,6 @@ def header_of(measurement: Measurement, columns: Mapping[str, str]) -> Header:
         note,
         is_clock=True,
         unit_from=measurement.time_unit_from,
+        start=measurement.start,
     )
     return Header(channels, texts, clock)

@@ -52,7 +52,8 @@ def read_parquet(data: bytes, where: str) -> Table:
                 texts[name] = f"{field.type}"
                 continue
             if note:
-                columns.append(Column(name, split_name(name)[0], "s", values, note))
+                start = note.rpartition("seconds from ")[2]
+                columns.append(Column(name, split_name(name)[0], "s", values, note, start=start))
                 continue
             stored = as_stated(values, _attributes(field, by_column.get(field.name)))
             columns.append(stored.column(name, stored.values, "the field's metadata"))

@@ -17,9 +17,10 @@ from ..channels.channel_map import MappedColumns, map_columns
 from ..channels.claims import positive_rate
 from ..channels.constants import constant_notes, resistance_conflict
 from ..channels.derive import derive
+from ..clocks.day import day_of
 from ..clocks.timegrid import exact_grid, from_first_sample
 from ..record import Finding, Record, Source
-from .formats import opened
+from .formats import MDF, TDMS, opened
 from .hints import NO_HINTS, Hints, hints_of
 from .multirate import read_all, read_measurement
 from .open_file import digest_of, open_input, read_stream, unzip
@@ -179,6 +180,7 @@ def read_record(
         findings=tuple(replace(finding, test=test) for finding in findings),
         unused=mapped.unused,
         mapping=mapped.readings,
+        start=day_of(mapped.start),
     )
 
 
@@ -228,6 +230,24 @@ def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Tab
     from .text.reader import read_text
 
     return partial(read_text, hints=hints)
+
+
+def is_text_table(data: bytes, where: str) -> bool:
+    """Return whether a content is read as a text table, as its first bytes and its name say.
+
+    Args:
+        data: The content; its first kilobyte will do.
+        where: The file.
+
+    Raises:
+        InputError: If it is of a format that is not read at all.
+    """
+    from .text.reader import read_text
+
+    if data.startswith((GZIP, *MDF, *TDMS)):
+        return False
+    reader = _reader(data, where, NO_HINTS)
+    return isinstance(reader, partial) and reader.func is read_text
 
 
 def _time(

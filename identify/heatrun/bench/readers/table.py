@@ -69,6 +69,7 @@ class Column:
         is_clock: The reader made seconds of what the file holds, whatever unit it gives.
         unit_from: How the reader knew that unit, for a clock alone.
         question: What must be answered before the column is used, or None.
+        start: Of times, when they begin as the file says it, ISO 8601; empty where it does not.
     """
 
     name: str
@@ -81,6 +82,7 @@ class Column:
     is_clock: bool = False
     unit_from: UnitSource = "stated"
     question: Question | None = None
+    start: str = ""
 
     @property
     def is_seconds(self) -> bool:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...bench.blocks import Blocks
+from ...io.quantities import rounded
 from ..parameters import Parameter
 from .form import NetworkForm
 from .priors import CAPACITANCE, RESISTANCE
@@ -69,8 +70,8 @@ def scale_of_tests(tests: Sequence[Blocks], copper_ohm: float = 0.0) -> Scale | 
     return Scale(
         capacity=float(IN_WINDING * power / slope),
         resistance=float(rise / mean_loss),
-        basis=f"the winding warms by {60.0 * slope:.2g} K/min at {power:.3g} W and rises by "
-        f"{rise:.2g} K at {mean_loss:.3g} W",
+        basis=f"the winding warms by {rounded(60.0 * slope, 2)} K/min at {rounded(power)} W and "
+        f"rises by {rounded(rise, 2)} K at {rounded(mean_loss)} W",
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from ...bench.record import Record
@@ -54,8 +55,11 @@ def build_report(
     if reference is None:
         assert run is not None  # by check_use
         reference = reference_of_run(simulate_run(run, record, motor), run, motor)
+    if kind == "virtual":
+        reference = replace(reference, is_model=True)
+    role = "virtual" if kind == "virtual" else "real"
     return validation_report(
-        kind, motor, record, reference, tolerances=tolerances, offset_s=offset_s
+        role, motor, record, reference, tolerances=tolerances, offset_s=offset_s
     )
 
 
@@ -71,6 +75,8 @@ def check_use(
     Raises:
         UsageError: If something is given that the test type does not take, or lacks.
     """
+    if kind == "prototypes":
+        raise UsageError("a prototypes report takes records by role; see `confront`.")
     if kind not in TEST_TYPES:
         raise UsageError(f"no test type {kind!r}; there are {', '.join(TEST_TYPES)}.")
     takes_reference = TEST_TYPES[kind].needs_reference

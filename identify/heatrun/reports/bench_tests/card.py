@@ -1,4 +1,4 @@
-"""The five test types of the bench: what each is called, what it needs and what it shows."""
+"""The test types of the bench: what each is called, what it needs and what it shows."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal
 
 from ...bench.channels.schema import CHANNELS
 
-Kind = Literal["general", "thermal", "energy", "virtual", "real"]
+Kind = Literal["general", "thermal", "energy", "virtual", "real", "prototypes"]
 """Test type, as `heatrun report --type` takes it."""
 
 
@@ -145,3 +145,17 @@ _CARDS = (
 
 TEST_TYPES: Mapping[Kind, BenchTestType] = MappingProxyType({card.kind: card for card in _CARDS})
 """The test types by their word on the command line, in the order of the bench's menu."""
+
+PROTOTYPES = BenchTestType(
+    "prototypes",
+    "Comparison of prototypes",
+    "PrototypesComparison",
+    "Outcome",
+    "Any number of prototypes on one manoeuvre, each signal of each pair with a verdict.",
+    (),
+    _ALL,
+)
+"""The report that takes several records at once; not in the menu of the bench."""
+
+CARDS: Mapping[Kind, BenchTestType] = MappingProxyType({**TEST_TYPES, "prototypes": PROTOTYPES})
+"""Every kind of report, by its word on the command line."""

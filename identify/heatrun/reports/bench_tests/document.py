@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ...io.printable import with_breaks
 from ...io.without_folders import without_folders
 from ..sheet.figures import save
 from ..sheet.typeset import typeset
-from .card import TEST_TYPES
+from .card import CARDS
 from .report import Cell, Report, Row, Table
 
 TEMPLATE = "report.typ"
@@ -23,9 +23,8 @@ LONGEST_TEXT = 900
 LONGEST_VALUE = 28
 """Characters of a word in the column of the values; a longer one stands among the notes."""
 
-LONG_WORD = re.compile(r"\S{20,}")
-BREAKS_AFTER = re.compile(r"([_\-./\\,;:=+@]|.{40})(?=.)")
-BREAK = "\u200b"  # a place where a line may break, without a sign
+BREAKS_EVERY = 40
+"""Letters of a long word after which it may break, where it has no sign to break behind."""
 
 SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e6
 """Numbers outside are written with a power of ten."""
@@ -54,7 +53,7 @@ def document_content(report: Report, content: Mapping[str, Any]) -> dict[str, An
     texts = {
         "version": f"heatrun {version('heatrun')}",
         "title": report.title,
-        "heading": TEST_TYPES[report.kind].heading,
+        "heading": CARDS[report.kind].heading,
         "test": report.test,
         "summary": report.summary,
         "meta": [["Motor", report.motor], ["Date of the test", dated]]
@@ -108,7 +107,7 @@ def printed(text: str) -> str:
     plain = "".join(c if c.isprintable() else " " for c in text)
     if len(plain) > LONGEST_TEXT:
         plain = plain[: LONGEST_TEXT - 1] + "…"
-    return LONG_WORD.sub(lambda word: BREAKS_AFTER.sub(rf"\1{BREAK}", word[0]), plain)
+    return with_breaks(plain, BREAKS_EVERY)
 
 
 def _row(row: Row) -> list[str]:
@@ -119,10 +118,9 @@ def _row(row: Row) -> list[str]:
 
 
 def _table(table: Table) -> dict[str, Any]:
-    head = [f"{c.label} [{c.unit}]" if c.unit not in (None, "", "1") else c.label
-            for c in table.columns]  # fmt: skip
+    head = [_with_unit(column.label, column.unit) for column in table.columns]
     lines = [
-        [f"{line.name} [{line.unit}]", *(_short(cell) for cell in line.cells)]
+        [_with_unit(line.name, line.unit), *(_short(cell) for cell in line.cells)]
         for line in table.lines
     ]
     notes = [f"{line.name}: {line.note}" for line in table.lines if line.note]
@@ -132,6 +130,10 @@ def _table(table: Table) -> dict[str, Any]:
         "lines": lines,
         "notes": [*notes, table.note] if table.note else notes,
     }
+
+
+def _with_unit(name: str, unit: str | None) -> str:
+    return name if unit in (None, "", "1") else f"{name} [{unit}]"
 
 
 def _short(value: Cell) -> str:

@@ -109,7 +109,7 @@ def make_report(
     if found.own and say is not None:
         names = ", ".join(path.name for path in found.own)
         say(f"written by heatrun itself and left out: {names}")
-    settings = _settings(run, tolerances, offset_s)
+    settings = settings_of(run, tolerances, offset_s)
     outcomes = []
     work = Work(dict.fromkeys(range(len(found.tests)), USUAL_S), progress)
     for number, test in enumerate(found.tests):
@@ -125,8 +125,7 @@ def make_report(
                     kind, motor, record, run=run, reference=other, tolerances=tolerances,
                     offset_s=offset_s,
                 )  # fmt: skip
-                further = [record.stretch, *settings] if record.stretch else settings
-                outcomes.append(_write(name, report, when, out, further))
+                outcomes.append(write_report(name, report, when, out, [*_part(record), *settings]))
         except InputError as error:
             outcomes.append(Outcome(name, error=error))
         work.done(number)
@@ -134,21 +133,43 @@ def make_report(
     return outcomes
 
 
-def _settings(
+def settings_of(
     run: Path | None, tolerances: Mapping[str, float] | None, offset_s: float | None
 ) -> list[str]:
-    """Return what makes another report of the same files, in words that can be compared."""
+    """Return what makes another report of the same files, in words that can be compared.
+
+    Args:
+        run: Folder of the run that is held against the tests.
+        tolerances: By channel.
+        offset_s: Offset of the clocks that was given [s].
+    """
     said = [] if run is None else [f"run {digest(run / 'fit.json')}"]
     said += [f"tolerance {name} = {value!r}" for name, value in sorted((tolerances or {}).items())]
     return said if offset_s is None else [*said, f"offset {offset_s!r} s"]
 
 
-def _write(
-    test: str, report: Report, when: DateOfTest | None, out: Path, further: Sequence[str]
+def _part(record: Record) -> list[str]:
+    return [record.stretch] if record.stretch else []
+
+
+def write_report(
+    test: str, report: Report, when: DateOfTest | None, out: Path, settings: Sequence[str]
 ) -> Outcome:
+    """Write a report as PDF, CSV and JSON, all or none.
+
+    Args:
+        test: As it was named.
+        report: What is written.
+        when: Date of the test, for the name.
+        out: Folder of the reports.
+        settings: What makes another report of the same files: part, run, tolerances.
+
+    Raises:
+        InputError: If a file behind it has changed, or the folder cannot be written.
+    """
     refuse_changed(report.sources)
     identity = [source.sha256 for source in report.sources] or [report.test]
-    identity += further
+    identity += settings
     content = report_content(report, when)
 
     def chosen() -> str:

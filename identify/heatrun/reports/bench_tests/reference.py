@@ -36,6 +36,7 @@ class Reference:
         starts_at_s: Where the first sample of a simulated file lies on the clock of the bench test
             that it was simulated along [s]; None for any other record.
         run: The run folder that was driven by the test; empty for a file.
+        is_model: Whether it is given as a virtual prototype: whatever made it, no sensor did.
     """
 
     record: Record
@@ -43,6 +44,17 @@ class Reference:
     inputs: frozenset[str] = frozenset()
     starts_at_s: float | None = None
     run: str = ""
+    is_model: bool = False
+
+    @property
+    def is_of_heatrun(self) -> bool:
+        """Whether heatrun simulated it."""
+        return self.starts_at_s is not None or bool(self.run)
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether it is a simulation, by heatrun or another program."""
+        return self.is_of_heatrun or self.is_model
 
 
 def read_reference(path: Path, motor: Motor) -> Reference:

@@ -12,6 +12,7 @@ from .analysis.general_information import GeneralInformation
 from .analysis.thermal_behaviour import ThermalBehaviour
 from .analysis.validation import Validation
 from .card import Kind
+from .prototypes.confront import Confrontation
 
 Cell = float | str | None
 """A number, a word, or None where undefined."""
@@ -130,4 +131,4 @@ class Report:
     definitions: tuple[tuple[str, str], ...]
     channels: tuple[str, ...]
     sources: tuple[Source, ...]
-    result: GeneralInformation | ThermalBehaviour | Validation
+    result: GeneralInformation | ThermalBehaviour | Validation | Confrontation

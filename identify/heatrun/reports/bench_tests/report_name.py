@@ -13,7 +13,7 @@ from pathlib import Path
 from ...errors import InputError
 from ...io.file_set import names_begun
 from ...io.moment import moment
-from .card import TEST_TYPES, Kind
+from .card import CARDS, Kind
 
 IN_NAME = re.compile(
     r"(?<!\d)(?P<year>20\d\d)[_\-.]?(?P<month>0[1-9]|1[0-2])[_\-.]?(?P<day>0[1-9]|[12]\d|3[01])"
@@ -94,9 +94,9 @@ def choose_name(folder: Path, kind: Kind, when: DateOfTest | None, identity: lis
     numbers = [given] if given else []
     behind = f"{given}_" if given else ""
     numbers += [f"{behind}{number:03d}" for number in range(1, MOST_REPORTS + 1)]
-    begun = names_begun(folder, TEST_TYPES[kind].stem)
+    begun = names_begun(folder, CARDS[kind].stem)
     for number in numbers:
-        name = f"{TEST_TYPES[kind].stem}_{day:%Y_%m_%d}_{number}"
+        name = f"{CARDS[kind].stem}_{day:%Y_%m_%d}_{number}"
         others = {n for n in begun if n.partition(".")[0] == name} - {set_name(name, identity)}
         taken = [folder / f"{name}{end}" for end in (".pdf", ".csv", ".json")]
         if others or (any(path.exists() for path in taken) and _identity(taken[-1]) != identity):

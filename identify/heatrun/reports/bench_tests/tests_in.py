@@ -10,7 +10,7 @@ from pathlib import Path
 from ...bench.own_files import is_run_folder, own_file_at
 from ...bench.record import Record
 from ...errors import InputError
-from .card import TEST_TYPES
+from .card import CARDS
 
 ENDINGS = (
     *(".csv", ".txt", ".dat", ".tsv", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms"),
@@ -23,7 +23,7 @@ NO_TESTS = (
     "license",
     "sheet.xlsx",
     "~$",
-    *(card.stem.lower() for card in TEST_TYPES.values()),
+    *(card.stem.lower() for card in CARDS.values()),
 )
 """Beginnings of names beside bench files that are none: notes, parameter sheets, locks of Excel,
 and the reports themselves."""

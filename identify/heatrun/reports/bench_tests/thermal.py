@@ -11,15 +11,23 @@ from ...bench.checks.samples import samples
 from ...bench.record import Finding, Record
 from ...io.quantities import rounded
 from ...motor import Motor
-from .analysis.equilibrium import CRITERION, Equilibrium
+from .analysis.equilibrium import CRITERION, EXTRAPOLATION
 from .analysis.integrate import integrate
 from .analysis.loss_split import LossSplit
 from .analysis.signal_table import recorded, signal_table
+from .analysis.steady_rise import SteadyRise
 from .analysis.thermal_behaviour import ThermalBehaviour, thermal_behaviour
 from .card import TEST_TYPES
+from .equilibrium_rows import (
+    equilibrium_rows,
+    equilibrium_sentence,
+    gradients,
+    last_of_each,
+    network_rows,
+)
 from .figures import thermal as figures
-from .figures.plot import wording
-from .report import Column, Drawing, Line, Report, Row, Table
+from .independence import before, fitted_by
+from .report import Drawing, Report, Row
 from .simulated import Simulated
 
 FLOWS = {
@@ -28,8 +36,6 @@ FLOWS = {
     ("winding", "ambient"): ("P_se", "machine to the sink"),
 }
 """Symbols of the heat flows, by link of the network."""
-
-VERDICT = {True: "reached", False: "not reached", None: "undecided"}
 
 DEFINITIONS = (
     ("Thermal equilibrium", CRITERION),
@@ -41,6 +47,13 @@ DEFINITIONS = (
     ),
     ("Tsr", "Temperature of stator and rotor as one lump of the network; simulated, not measured."),
     ("P_ws, P_se", "Heat flow from winding to stator, and from stator to the sink; simulated."),
+)
+
+
+NETWORK_AT_REST = (
+    "Where the network of the run comes to rest if current, speed, sink and the losses outside the "
+    "copper stay as in the last third of the last stretch of constant load, and the copper loss "
+    "follows its temperature; limits of the draws of the parameters. It is extrapolated."
 )
 
 
@@ -58,13 +71,17 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
     found = thermal_behaviour(record, motor, run)
     split, simulated = found.losses, found.simulated
     rows = [*_winding_rows(record), *([] if split is None else _loss_rows(record, split))]
-    rows += [_equilibrium_row(each) for each in found.settled]
+    rows += equilibrium_rows(found.settled)
     rows += [] if simulated is None else _run_rows(simulated)
+    rows += network_rows(found.steady)
+    continued = [e for e in last_of_each(found.settled) if isinstance(e.steady, SteadyRise)]
+    caption = "All measured temperatures over time."
+    if continued:
+        caption += " Broken lines are extrapolated, with 95 % bands: nothing was measured there."
     drawings = [
-        Drawing("temperatures", "All measured temperatures over time.",
-                lambda: figures.temperatures(record, found.temperatures))
+        Drawing("temperatures", caption,
+                lambda: figures.temperatures(record, found.temperatures, continued))
     ]  # fmt: skip
-    definitions = list(DEFINITIONS[:1])
     if simulated is not None:
         labels = {link: f"{symbol}, {words}" for link, (symbol, words) in FLOWS.items()}
         drawings += [
@@ -73,7 +90,11 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
             Drawing("flows", "Heat flows of the network with their 95 % bands.",
                     lambda: figures.flows(simulated, labels)),
         ]  # fmt: skip
-        definitions = list(DEFINITIONS)
+    definitions = list(DEFINITIONS if simulated is not None else DEFINITIONS[:1])
+    if continued:
+        definitions.insert(1, ("Extrapolated", EXTRAPOLATION))
+    if found.steady is not None:
+        definitions.insert(1, ("At rest, network", NETWORK_AT_REST))
     if split is not None:
         definitions.append(("Split of the losses", split.formula))
         drawings.append(
@@ -85,7 +106,7 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
         c for c in TEST_TYPES["thermal"].channels
         if c in recorded(record) and c not in found.temperatures
     )  # fmt: skip
-    tables = [signal_table(record, found.temperatures, "Temperatures"), _gradients(found.settled)]
+    tables = [signal_table(record, found.temperatures, "Temperatures"), gradients(found.settled)]
     if others:
         tables.append(signal_table(record, others, "Load"))
     return Report(
@@ -93,7 +114,7 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
         title=TEST_TYPES["thermal"].title,
         test=record.name,
         motor=motor.name,
-        summary=_summary(record, found),
+        summary=before([] if run is None else [fitted_by(run, record)], _summary(record, found)),
         rows=tuple(rows),
         tables=tuple(tables),
         drawings=tuple(drawings),
@@ -126,23 +147,6 @@ def _loss_rows(record: Record, split: LossSplit) -> list[Row]:
         mean = whole.net / whole.covered_s if whole.covered_s > 0.0 else None
         rows.append(Row(f"{name}_mean_W", f"{label}, mean", mean, "W"))
     return rows
-
-
-def _equilibrium_row(found: Equilibrium) -> Row:
-    name = wording(found.channel)
-    return Row(
-        f"{name.replace(' ', '_')}_equilibrium",
-        f"Equilibrium of the {name}",
-        VERDICT[found.is_reached],
-        "",
-        "; ".join(part for part in (found.reason, _earlier(found)) if part),
-    )
-
-
-def _earlier(found: Equilibrium) -> str:
-    if found.first_reached_s is None:
-        return ""
-    return f"first met at {found.first_reached_s / 60.0:.0f} min"
 
 
 def _run_rows(simulated: Simulated) -> list[Row]:
@@ -178,34 +182,8 @@ def _run_rows(simulated: Simulated) -> list[Row]:
     return rows
 
 
-def _gradients(settled: tuple[Equilibrium, ...]) -> Table:
-    columns = (
-        Column("last but one half hour"),
-        Column("standard error"),
-        Column("last half hour"),
-        Column("standard error"),
-        Column("equilibrium", ""),
-    )
-    lines = []
-    for each in settled:
-        pairs = zip(each.gradients_K_per_h, each.errors_K_per_h, strict=True)
-        figures = tuple(value for pair in pairs for value in pair) or (None,) * 4
-        lines.append(
-            Line(wording(each.channel), "K/h", (*figures, VERDICT[each.is_reached]), each.reason)
-        )
-    return Table("Gradients of the rise over the sink", columns, tuple(lines))
-
-
 def _summary(record: Record, found: ThermalBehaviour) -> str:
-    settled = {s.is_reached for s in found.settled}
-    if settled == {True}:
-        state = "thermal equilibrium is reached in every measured part"
-    elif False in settled:
-        moving = [wording(s.channel) for s in found.settled if s.is_reached is False]
-        state = f"thermal equilibrium is not reached ({', '.join(moving)})"
-    else:
-        state = "whether thermal equilibrium is reached is undecided"
-    words = f"{record.duration_s / 60.0:.1f} min; {state}"
+    words = f"{record.duration_s / 60.0:.1f} min; {equilibrium_sentence(found.settled)}"
     if found.simulated is not None:
         said = found.simulated.prediction
         words += (

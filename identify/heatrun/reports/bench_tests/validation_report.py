@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from functools import partial
+from pathlib import Path
 from typing import Literal
 
 from ...bench.record import Record
 from ...motor import Motor
+from .analysis.compare_figures import FigureComparison
 from .analysis.compare_signals import VERDICTS, SignalComparison
+from .analysis.tolerances import PERCENT, RULE
 from .analysis.validation import Validation, validate
 from .card import TEST_TYPES
 from .figures.pair import overlay
 from .figures.plot import unit, wording
+from .independence import before, fitted_by, same_file, simulated_as
 from .reference import Reference
 from .report import Column, Drawing, Line, Report, Row, Table
 
@@ -28,7 +32,13 @@ DIFFERENCE_COLUMNS = (
     Column("in the band", "%"),
     Column("verdict", ""),
 )
-ENERGY_COLUMNS = (Column("test"), Column("reference"), Column("difference", "%"))
+FIGURE_COLUMNS = (
+    Column("test"),
+    Column("reference"),
+    Column("difference", "%"),
+    Column("tolerance"),
+    Column("verdict", ""),
+)
 
 DEFINITIONS = (
     ("Difference", "Test minus reference on the common axis; means are weighted by time."),
@@ -36,8 +46,9 @@ DEFINITIONS = (
     ("Inside", "Share of the compared time in which the difference is within the tolerance."),
     ("In the band", "Share of the compared time in which the test lies in the reference's 95 % "
                     "band, where it has one."),
-    ("Agreement overall", "Every signal that is evidence agrees; else the ones that do not are "
-                          "named."),
+    ("Tolerance", RULE),
+    ("Agreement overall", "Every signal and figure that is evidence agrees; else the ones that do "
+                          "not are named."),
 )  # fmt: skip
 
 
@@ -57,7 +68,7 @@ def validation_report(
         motor: The machine.
         record: The test on the bench.
         reference: The other prototype's record.
-        tolerances: By channel, in its unit (K for temperatures).
+        tolerances: By channel or figure, in its unit (K for temperatures).
         offset_s: What is added to the reference's clock [s]; searched if None.
 
     Raises:
@@ -71,7 +82,7 @@ def validation_report(
         title=TEST_TYPES[kind].title,
         test=record.name,
         motor=motor.name,
-        summary=_summary(found),
+        summary=before(_first(kind, record, reference), _summary(found)),
         rows=_rows(found, reference),
         tables=_tables(found),
         drawings=tuple(
@@ -92,21 +103,42 @@ def validation_report(
     )
 
 
+def _first(kind: Literal["virtual", "real"], record: Record, reference: Reference) -> list[str]:
+    """What makes the comparison weaker than it looks."""
+    sentences = [simulated_as("the test", record), same_file(record, reference.record)]
+    if kind == "real":
+        sentences.append(simulated_as("the reference", reference.record))
+    if reference.run:
+        sentences.append(fitted_by(Path(reference.run), record))
+    return sentences
+
+
 def _summary(found: Validation) -> str:
-    judged = found.judged
-    if not judged:
+    judged, figures = found.judged, found.judged_figures
+    if not judged and not figures:
         return "No signal in common is evidence: nothing is validated."
     agreeing = [wording(s.channel) for s in judged if s.verdict == "agrees"]
+    agreeing += [lower(f.label) for f in figures if f.verdict == "agrees"]
     others = [f"{wording(s.channel)} ({s.verdict})" for s in judged if s.verdict != "agrees"]
-    energies = [
-        f" The energy by {wording(s.channel)} differs by {s.energy_difference_percent:+.1f} %."
-        for s in judged
-        if s.energy_difference_percent is not None
-    ]
+    others += [disagreement(f) for f in figures if f.verdict != "agrees"]
     if not others:
-        return f"Agrees in every judged signal: {', '.join(agreeing)}." + "".join(energies)
-    words = f"{len(agreeing)} of {len(judged)} judged signals agree; not {', '.join(others)}."
-    return words + "".join(energies)
+        return f"Agrees in every judged signal and figure: {', '.join(agreeing)}."
+    return (
+        f"{len(agreeing)} of {len(judged) + len(figures)} judged signals and figures agree; not "
+        f"{', '.join(others)}."
+    )
+
+
+def disagreement(figure: FigureComparison) -> str:
+    """Return a figure that does not agree, with its difference, in words."""
+    if figure.difference_percent is None:
+        return f"{lower(figure.label)} ({figure.verdict})"
+    return f"{lower(figure.label)} ({figure.verdict} by {figure.difference_percent:+.1f} %)"
+
+
+def lower(label: str) -> str:
+    """Return a label as it stands inside a sentence."""
+    return label[0].lower() + label[1:]
 
 
 def _rows(found: Validation, reference: Reference) -> tuple[Row, ...]:
@@ -121,22 +153,39 @@ def _rows(found: Validation, reference: Reference) -> tuple[Row, ...]:
         Row("num_judged", "Signals judged", float(len(found.judged)), ""),
         Row("num_agree", "Signals that agree",
             float(sum(s.verdict == "agrees" for s in found.judged)), ""),
+        Row("num_figures_judged", "Figures judged", float(len(found.judged_figures)), "",
+            "energy, distance, consumption"),
+        Row("num_figures_agree", "Figures that agree",
+            float(sum(f.verdict == "agrees" for f in found.judged_figures)), ""),
     )  # fmt: skip
 
 
 def _tables(found: Validation) -> tuple[Table, ...]:
     lines = tuple(_line(signal) for signal in _evidence_first(found))
-    bases = sorted({s.tolerance.basis for s in found.signals if s.tolerance.basis})
-    tables = [Table("Signal by signal", DIFFERENCE_COLUMNS, lines,
-                    f"Tolerances: {'; '.join(bases)}.")]  # fmt: skip
-    energies = tuple(
-        Line(wording(s.channel), "kWh", (*s.energy_kWh, s.energy_difference_percent))
-        for s in found.signals
-        if s.energy_kWh is not None
-    )
-    if energies:
-        tables.append(Table("Energy over the time in common", ENERGY_COLUMNS, energies))
+    tables = [Table("Signal by signal", DIFFERENCE_COLUMNS, lines)]
+    if found.figures:
+        tables.append(
+            Table(
+                "Energy, distance and consumption over the time in common",
+                FIGURE_COLUMNS,
+                tuple(_figure_line(figure) for figure in found.figures),
+                f"Tolerances: {PERCENT} of the reference's figure, unless given.",
+            )
+        )
     return tuple(tables)
+
+
+def _figure_line(figure: FigureComparison) -> Line:
+    is_judged = figure.verdict in ("agrees", "differs")
+    cells = (
+        figure.test,
+        figure.reference,
+        figure.difference_percent,
+        figure.tolerance.value if is_judged else None,
+        figure.verdict,
+    )
+    given = "tolerance given" if is_judged and figure.tolerance.decided_by == "given" else ""
+    return Line(figure.label, figure.unit, cells, figure.note or given)
 
 
 def _evidence_first(found: Validation) -> list[SignalComparison]:
@@ -158,4 +207,5 @@ def _line(signal: SignalComparison) -> Line:
         None if band is None else 100.0 * band,
         signal.verdict,
     )
-    return Line(wording(signal.channel), unit(signal.channel, is_difference=True), cells)
+    note = f"tolerance {signal.tolerance.basis}"
+    return Line(wording(signal.channel), unit(signal.channel, is_difference=True), cells, note)

@@ -9,6 +9,8 @@ from msgspec import UNSET
 
 from ...bench.channels.column_mapping import KNOWN_BY, assumption, grouped
 from ...bench.record import Finding
+from ...certificate import Certificate
+from ...io.printable import clean
 from ...io.quantities import quantity, rounded
 from ...io.without_folders import command_without_folders, without_folders
 from ...results import FitResult
@@ -18,11 +20,13 @@ from ...results.model import FittedModel, FittedNoise, LoggerNoise
 from ...results.parameter import FittedParameter
 from ...results.tested import DescribedTest
 from ...results.values import Interval, known
-from .digits import format_interval, format_value
+from .certificate import certificate_content
+from .digits import format_interval, format_value, signed
+from .printed import interval_ends, printed
 
 DEFINITIONS = (
-    ("Tw", "temperature that the winding sensor reads, taken as the mean of the winding [degC]"),
-    ("Tsr", "temperature of stator and rotor as one lump; simulated, not measured [degC]"),
+    ("Tw", "temperature that the winding sensor reads, taken as the mean of the winding [°C]"),
+    ("Tsr", "temperature of stator and rotor as one lump; simulated, not measured [°C]"),
     ("Pjs", "Joule loss of the winding, phases · Is² · Rs0 · (B + Tw)/(B + Tref), on the "
             "simulated Tw [W]"),
 )  # fmt: skip
@@ -38,34 +42,48 @@ LIMITS = (
 )
 
 
-def sheet_content(result: FitResult) -> dict[str, Any]:
+EXPLAINED = (
+    "Log Bayes factor: natural logarithm of how many times more probable the tests are under one "
+    "network than under the other; 3 is 20 times, 5 is 150 times. It counts against a network what "
+    "it could have described and the tests did not show."
+)
+
+
+def sheet_content(result: FitResult, certificate: Certificate | None = None) -> dict[str, Any]:
     """Return titles, tables and sentences of the sheet as plain text.
 
     Args:
         result: What stands in `fit.json`.
+        certificate: What the laboratory states; None for nothing.
     """
     motor = result.motor
     paths = [motor.path, *(test.path for test in result.tests)]
     return {
-        "title": _clean(motor.name),
-        "verdict": _clean(result.verdict.sentence),
+        "title": clean(motor.name),
+        "certificate": certificate_content(result, certificate or Certificate()),
+        "verdict": clean(result.verdict.sentence),
         "meta": [
             ["heatrun", result.heatrun_version],
-            ["command", _clean(command_without_folders(result.command))],
+            ["command", clean(command_without_folders(result.command))],
             ["seed", str(result.seed)],
         ],
         "definitions": [[name, text] for name, text in DEFINITIONS] + _loss_definitions(motor),
         "tests": [_test(test) for test in result.tests],
         "columns": [
-            {"tests": _clean(names), "rows": rows, "assumed": _assumed(rows)}
+            {"tests": clean(names), "rows": rows, "assumed": _assumed(rows)}
             for names, rows in grouped(result.tests)
         ],
         "models": [_model(order, model) for order, model in result.models.items()],
-        "comparison": [_clean(w) for w in (result.comparison.words if result.comparison else ())],
+        "comparison": [clean(w) for w in (result.comparison.words if result.comparison else ())],
         "findings": [
-            [f.severity, _clean(without_folders(_sentence(f), paths))] for f in result.findings
+            [f.severity, clean(without_folders(_sentence(f), paths))] for f in result.findings
         ],
         "limits": list(LIMITS),
+        "files": [
+            [clean(test.name), known(test.start) or "–", test.sha256 or "in memory"]
+            for test in result.tests
+        ],
+        "explained": EXPLAINED,
     }
 
 
@@ -80,7 +98,7 @@ def _loss_definitions(motor: FittedMotor) -> list[list[str]]:
     else:
         pol = ["Pol", "other losses, taken from a map or a model; Pjs comes on top [W]"]
     sink = {"ambient": "ambient temperature", "coolant": "coolant temperature"}[motor.sink]
-    return [pol, ["T0", f"temperature of the sink: the measured {sink} [degC]"]]
+    return [pol, ["T0", f"temperature of the sink: the measured {sink} [°C]"]]
 
 
 def _test(test: DescribedTest) -> list[str]:
@@ -90,7 +108,7 @@ def _test(test: DescribedTest) -> list[str]:
         return f"{values[0]:.{digits}f} … {values[1]:.{digits}f}"
 
     return [
-        _clean(test.name),
+        clean(test.name),
         test.role,
         f"{test.duration_s / 60:.1f} min, {test.num_samples} samples",
         span(test.current_A),
@@ -113,27 +131,31 @@ def _model(order: str, model: FittedModel) -> dict[str, Any]:
         "order": f"{model.title.capitalize()}{_with(model)}",
         "message": f"{model.message} {model.posterior.verdict} {model.about_missing()}".rstrip(),
         "parameters": [_parameter(n, p) for n, p in model.parameters.items()],
-        "nuisances": [_parameter(_clean(n), p)[:5] for n, p in model.nuisances.items()],
+        "nuisances": [_parameter(clean(n), p)[:5] for n, p in model.nuisances.items()],
+        "priors": [
+            [clean(name), _prior(entry), entry.prior_basis]
+            for name, entry in {**model.parameters, **model.nuisances}.items()
+        ],
         "correlation": _correlation(model),
         "residuals": [
             [
-                _clean(row.test),
+                clean(row.test),
                 row.role,
                 f"{row.rmse_K:.2f}",
                 f"{row.mae_K:.2f}",
                 f"{row.max_K:.2f}",
-                f"{row.end_K:+.2f}",
+                signed(row.end_K, 2),
                 f"{100 * row.coverage_95:.0f} %",
             ]
             for row in model.residuals
         ],
         "bodies": [
             [
-                _clean(f"{row.body} in {row.test}"),
+                clean(f"{row.body} in {row.test}"),
                 row.role,
                 f"{'fitted as' if row.fitted else 'against'} {row.node}",
                 f"{row.rmse_K:.2f}",
-                f"{row.mean_K:+.2f}",
+                signed(row.mean_K, 2),
                 f"{row.max_K:.2f}",
                 f"{100 * row.coverage_95:.0f} %",
             ]
@@ -159,24 +181,32 @@ def _loggers(noise: FittedNoise) -> str:
 def _sensor(row: LoggerNoise) -> str:
     """Return a sensor with its tests as printed."""
     tests = ", ".join(row.tests)
-    return _clean(f"{row.sensor} in {tests}" if row.sensor else tests)
+    return clean(f"{row.sensor} in {tests}" if row.sensor else tests)
 
 
 def _parameter(name: str, entry: FittedParameter) -> list[str]:
     sd = entry.sd
-    value, _ = format_value(entry.value, sd)
-    expanded = format_value(entry.value, 2 * sd)[1]
+    value, expanded = format_value(entry.value, 2 * sd)
+    shown = printed(entry)
     parts = f"{_short(entry.sd_type_a)} / {_short(entry.sd_type_b)}"
     return [
         name,
         entry.meaning,
         quantity(value, entry.unit),
-        "fixed" if entry.fixed else f"± {expanded}",
-        "–" if entry.fixed else format_interval(entry.interval_95, sd),
+        {"given": "fixed", "expanded": f"± {expanded}", "interval": "skewed"}[shown.form],
+        "–" if entry.fixed else " … ".join(interval_ends(entry.interval_95, sd)),
         parts,
         entry.identifiability or "",
         entry.why or "",
     ]
+
+
+def _prior(entry: FittedParameter) -> str:
+    """Return the 95 % interval of the prior; its digits are those of a rough guess."""
+    if entry.fixed:
+        return "fixed"
+    low, high = (rounded(end, 3) for end in entry.prior_95)
+    return quantity(f"{low} … {high}", entry.unit)
 
 
 def _short(value: float | None) -> str:
@@ -194,7 +224,7 @@ def _correlation(model: FittedModel) -> dict[str, Any]:
 
 
 def _signed(value: float | None) -> str:
-    return "–" if value is None else f"{value:+.2f}"
+    return "–" if value is None else signed(value, 2)
 
 
 def _derived(name: str, entry: DerivedFigure) -> list[str]:
@@ -208,11 +238,6 @@ def _derived(name: str, entry: DerivedFigure) -> list[str]:
         entry.condition or "",
         format_interval(known(entry.interval_95), sd),
     ]
-
-
-def _clean(text: str) -> str:
-    """Return text without control characters, of bounded length."""
-    return "".join(c if c.isprintable() else " " for c in text)[:600]
 
 
 def _with(model: FittedModel) -> str:

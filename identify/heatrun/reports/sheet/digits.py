@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from ...io.quantities import rounded
+
 
 def format_value(value: float | None, uncertainty: float | None) -> tuple[str, str]:
     """Return value and uncertainty as text, the uncertainty to two significant digits.
@@ -21,15 +23,23 @@ def format_value(value: float | None, uncertainty: float | None) -> tuple[str, s
         ('666.0', '7.3')
         >>> format_value(15051.0, 176.0)
         ('15050', '180')
+        >>> format_value(-0.0004, 0.0996)
+        ('0.00', '0.10')
     """
     if value is None or not math.isfinite(value):
         return "not determined", "–"
     if uncertainty is None or not math.isfinite(uncertainty) or uncertainty <= 0:
-        return f"{value:.5g}", "–"
-    places = 1 - math.floor(math.log10(uncertainty))
+        return rounded(value, 5), "–"
+    # rounded first: 0.0996 has two significant digits as 0.10
+    places = 1 - math.floor(math.log10(float(f"{uncertainty:.1e}")))
     if places > 0:
-        return f"{value:.{places}f}", f"{uncertainty:.{places}f}"
-    return f"{round(value, places):.0f}", f"{round(uncertainty, places):.0f}"
+        return _without_sign(f"{value:.{places}f}"), f"{uncertainty:.{places}f}"
+    return _without_sign(f"{round(value, places):.0f}"), f"{round(uncertainty, places):.0f}"
+
+
+def _without_sign(text: str) -> str:
+    """Return a number as text; a nought has no sign."""
+    return text.removeprefix("-") if float(text) == 0 else text
 
 
 def format_interval(interval: Sequence[float | None] | None, uncertainty: float | None) -> str:
@@ -38,3 +48,14 @@ def format_interval(interval: Sequence[float | None] | None, uncertainty: float 
         return "not determined"
     low, high = (format_value(end, uncertainty)[0] for end in interval)
     return f"{low} … {high}"
+
+
+def signed(value: float, places: int) -> str:
+    """Return a number with its sign, a nought without.
+
+    Example:
+        >>> signed(-0.53, 2), signed(0.2, 1), signed(-0.001, 2)
+        ('-0.53', '+0.2', '0.00')
+    """
+    text = f"{value:+.{places}f}"
+    return text[1:] if float(text) == 0 else text

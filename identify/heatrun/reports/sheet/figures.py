@@ -102,7 +102,7 @@ def course(name: str, role: str, table: pd.DataFrame, titles: Mapping[str, str])
     middle.set_ylabel("measured −\nmodel [K]")
     _load(bottom, minutes, table)
     bottom.set_xlabel("time [min]")
-    _finish(figure.axes)
+    finish(figure.axes)
     return figure
 
 
@@ -124,7 +124,7 @@ def errors(tables: Sequence[tuple[str, str, pd.DataFrame]], titles: Mapping[str,
     axes[0].legend(fontsize=7, frameon=False, ncols=2, loc="lower right",
                    bbox_to_anchor=(1.0, 1.0))  # fmt: skip
     axes[-1].set_xlabel("time [min]")
-    _finish(list(axes))
+    finish(list(axes))
     return figure
 
 
@@ -188,7 +188,8 @@ def _load(axis: Axes, minutes: pd.Series, table: pd.DataFrame) -> None:
     second.set_ylabel("losses [W]", color="#555555")
 
 
-def _finish(axes: Sequence[Axes]) -> None:
+def finish(axes: Sequence[Axes]) -> None:
+    """Give axes the look of all figures of a sheet."""
     for axis in axes:
         axis.tick_params(labelsize=8)
         axis.spines["top"].set_visible(False)

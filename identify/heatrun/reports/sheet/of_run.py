@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+import pandas as pd
+import tomli_w
+
+from ...certificate import Certificate
+from ...certificate_file import load_meta
 from ...errors import InputError
 from ...io.file_set import together
 from ...io.free_names import is_other, refuse_replacing
 from ...io.whole_files import writable, write_whole
+from ...ratings.at_limit import LIMIT_DEGC
 from ...results import to_json
 from ...runs.run import Run, open_run
 from ...runs.run_folder import MANIFEST, listed_anew
+from ...runs.stated import CERTIFICATE, certificate_of
+from .certificate_figure import certificate_figure
 from .content import sheet_content
-from .figures import draw
+from .dcc.document import dcc_text
+from .dcc.schema import validate
+from .figures import draw, save
+from .headline import favoured
 from .pdf import write_pdf
 from .xlsx import write_xlsx
 
+DCC = "dcc.xml"
+"""Name of the Digital Calibration Certificate."""
 
-def write_sheet(run: Run, folder: Path) -> list[Path]:
+
+def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) -> list[Path]:
     """Write sheet and figures of a run.
 
     They are made of the files of the run and of nothing else, so that `heatrun sheet` makes the
@@ -26,6 +41,7 @@ def write_sheet(run: Run, folder: Path) -> list[Path]:
     Args:
         run: The run.
         folder: Where they go.
+        certificate: What the laboratory states; None for what the run holds.
     """
     result = run.result
     names = [(test.name, test.role) for test in result.tests]
@@ -41,38 +57,80 @@ def write_sheet(run: Run, folder: Path) -> list[Path]:
     }
     titles = {name: model.title for name, model in result.models.items()}
     figures = draw(tables, draws, units, titles, folder / "figures")
-    write_whole(folder / "sheet.json", (to_json(sheet_content(result)) + "\n").encode())
+    figures.insert(0, _first_figure(run, tables, folder / "figures"))
+    content = sheet_content(result, certificate_of(run) if certificate is None else certificate)
+    write_whole(folder / "sheet.json", (to_json(content) + "\n").encode())
     return [
-        write_pdf(result, figures, folder / "sheet.pdf"),
-        write_xlsx(result, tables, folder / "sheet.xlsx"),
+        write_pdf(content, figures, folder / "sheet.pdf"),
+        write_xlsx(result, content, tables, folder / "sheet.xlsx"),
         folder / "sheet.json",
         *figures,
     ]
 
 
-def rewrite_sheet(run: Path, folder: Path, *, is_replacing: bool = False) -> list[Path]:
+def _first_figure(run: Run, tables: Sequence[tuple[str, str, pd.DataFrame]], folder: Path) -> Path:
+    """Draw the figure of page 1: the first test that was fitted."""
+    result = run.result
+    network = favoured(result)
+    letter = result.motor.insulation_class
+    name, _, table = next((each for each in tables if each[1] == "calibration"), tables[0])
+    limit = None if letter is None else (letter, LIMIT_DEGC[letter])
+    title = result.models[network].title
+    figure = certificate_figure(name, table, network, title, limit)
+    return save(figure, folder / "certificate.png")
+
+
+def rewrite_sheet(
+    run: Path,
+    folder: Path,
+    meta: Path | None = None,
+    *,
+    with_dcc: bool = False,
+    schema: Path | None = None,
+    is_replacing: bool = False,
+) -> list[Path]:
     """Write the sheet of a run again from its files.
 
     Args:
         run: The run folder.
         folder: Where the sheet and the figures go: all of them, or none.
+        meta: File with the keys of `[certificate]`, before what the motor file says; the run keeps
+            them where the sheet is written into it. None for what the run holds.
+        with_dcc: Write the Digital Calibration Certificate too; always where the run that the
+            sheet is written into has one.
+        schema: `dcc.xsd` to validate it with; None for no validation.
         is_replacing: Whether the sheet of another run in `folder` is replaced.
 
     Raises:
-        InputError: If the folder is no run or misses one of its files, or the sheet of another
-            run would be lost.
+        InputError: If the folder is no run, or misses one of its files; if something is not given
+            that a Digital Calibration Certificate must say, or it violates the schema; if the
+            sheet of another run would be lost.
     """
     opened = open_run(run)
+    certificate = certificate_of(opened)
+    if meta is not None:
+        certificate = opened.motor.certificate.beneath(load_meta(meta))
+    is_own = folder.resolve() == run.resolve()
+    document = None
+    if with_dcc or schema is not None or (is_own and DCC in opened.manifest["files"]):
+        document = dcc_text(opened.result, certificate)
+    if document is not None and schema is not None:
+        validate(document, schema)
     # a damaged file is named before anything is written
     opened.posterior()
     opened.courses()
     try:
         with writable("the sheet", folder), together(folder, "sheet") as files:
-            written = write_sheet(opened, files.aside)
-            is_own = folder.resolve() == run.resolve()
+            written = write_sheet(opened, files.aside, certificate)
+            if document is not None:
+                write_whole(files.aside / DCC, document)
+                written.append(files.aside / DCC)
             if not is_own and not is_replacing:
                 _refuse_loss(files.aside, folder)
             if is_own:
+                if meta is not None:
+                    text = tomli_w.dumps(certificate.as_section()).encode()
+                    write_whole(files.aside / CERTIFICATE, text)
                 # what stands in the run and in its manifest changes together
                 write_whole(files.aside / MANIFEST, listed_anew(run, files.aside))
     except (LookupError, TypeError, ValueError, AttributeError) as error:

@@ -2,20 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from ...results import FitResult
-from .content import sheet_content
+from ...io.printable import with_breaks
 from .typeset import typeset
 
+BREAKS_EVERY = 15
+"""Letters of a long word after which it may break in the narrow cells of page 1."""
 
-def write_pdf(result: FitResult, figures: Sequence[Path], path: Path) -> Path:
+WIDE, WIDEST_SQUARE = 82, 62
+"""Widths of figures in the annex [% of the line]; the square one of few parameters is narrower."""
+
+
+def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
     """Write the sheet as PDF.
 
     Args:
-        result: What stands in `fit.json`.
-        figures: PNG files, in the order in which they are to appear.
+        content: From `sheet_content`.
+        figures: PNG files: that of page 1, then those of the annex.
         path: Where it goes; written whole or not at all.
     """
-    return typeset("sheet.typ", sheet_content(result), figures, path)
+    page_1 = _breakable(content["certificate"])
+    square = min(WIDEST_SQUARE, 22 + 8 * len(content["models"][-1]["correlation"]["names"]))
+    widths = [square if each.name == "posterior.png" else WIDE for each in figures]
+    return typeset("sheet.typ", {**content, "certificate": page_1, "widths": widths}, figures, path)
+
+
+def _breakable(value: Any) -> Any:
+    """Return texts whose long words may break, at any depth of lists and objects."""
+    if isinstance(value, str):
+        return with_breaks(value, BREAKS_EVERY)
+    if isinstance(value, Mapping):
+        return {key: _breakable(item) for key, item in value.items()}
+    return [_breakable(item) for item in value] if isinstance(value, list) else value

@@ -13,6 +13,10 @@ from typing import Any
 import typst
 
 from ...io.whole_files import PARTIAL, write_whole
+from .glyphs import shown
+
+SCALE = "scale.typ"
+"""Sizes and tables that all documents share."""
 
 
 def typeset(template: str, content: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
@@ -28,16 +32,21 @@ def typeset(template: str, content: Mapping[str, Any], figures: Sequence[Path], 
     beside = {"dir": path.parent, "prefix": f".{path.name}.", "suffix": PARTIAL}
     with tempfile.TemporaryDirectory(**beside) as name:
         folder = Path(name)
-        source = resources.files("heatrun.reports.sheet") / "templates" / template
-        (folder / template).write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
+        templates = resources.files("heatrun.reports.sheet") / "templates"
+        for each in (template, SCALE):
+            text = (templates / each).read_text(encoding="utf-8")
+            (folder / each).write_text(text, encoding="utf-8")
         names = []
         for number, figure in enumerate(figures):
             shutil.copyfile(figure, folder / f"figure_{number}.png")
             names.append(f"figure_{number}.png")
         # strings read from JSON are values in Typst: nothing in a name can act as markup
-        text = json.dumps({**content, "figures": names})
+        found = shown(content)
+        text = json.dumps({**found.content, "figures": names})
         (folder / "content.json").write_text(text, encoding="utf-8")
-        document = typst.compile(folder / template, root=folder, ignore_system_fonts=True)
+        document = typst.compile(
+            folder / template, root=folder, ignore_system_fonts=not found.needs_system_fonts
+        )
     assert isinstance(document, bytes)
     write_whole(path, document)
     return path

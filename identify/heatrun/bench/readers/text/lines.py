@@ -67,7 +67,7 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
         InputError: If there is no line of data, or too many have another number of cells.
     """
     body = text[start_of_line(text, layout.first_line) :].encode() + b"\n"
-    ends, num_cells, is_empty, is_blank = _count_by_pieces(body, layout.delimiter)
+    ends, num_cells, is_empty, is_blank = count_by_pieces(body, layout.delimiter)
     good = (num_cells == layout.width) & ~is_empty
     ragged = ~good & ~is_empty
     numbers = np.arange(ends.size) + layout.first_line + 1
@@ -82,7 +82,7 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
     if good.all():
         return DataLines(body, numbers, numbers[ragged])
     texts = _texts(body, ends, ragged)
-    body = _joined(body, ends, good)
+    body = joined(body, ends, good)
     held = np.flatnonzero(~is_blank)
     is_double_spaced = held.size >= LEAST_SPACED and bool(np.all(np.diff(held) == 2))
     counted = ~is_blank if is_double_spaced else np.ones_like(good)
@@ -128,18 +128,28 @@ def _texts(body: bytes, ends: np.ndarray, ragged: np.ndarray) -> tuple[str, ...]
     return tuple(body[starts[line] : ends[line]].decode()[:LONGEST_TEXT] for line in first)
 
 
-def _joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
-    """Return the good lines, copied by runs of them."""
+def joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
+    """Return the good lines, copied by runs of them.
+
+    Args:
+        body: Lines with their ends.
+        ends: Where each line ends, shape (line,).
+        good: Which are wanted, shape (line,).
+    """
     starts = np.concatenate(([0], ends[:-1] + 1))
     change = np.flatnonzero(np.diff(good.astype(np.int8), prepend=0, append=0))
     runs = change.reshape(-1, 2)  # first line of each run, first line behind it
     return b"".join([body[starts[first] : ends[last - 1] + 1] for first, last in runs])
 
 
-def _count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
+def count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
     """Return the end of each line, its number of cells, if all are empty, if it is blank.
 
     By pieces, since counting takes a dozen bytes for each one of the text.
+
+    Args:
+        body: Lines with their ends, in UTF-8.
+        delimiter: One of `heatrun.bench.readers.text.layout.DELIMITERS`.
     """
     raw = np.frombuffer(body, dtype=np.uint8)
     found = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -65,7 +65,7 @@ def read_text(
     layout = find_layout(text, where, hints.decimal, delimiters)
     body = data_lines(text, layout, where)
     del text  # a gigabyte of it would be held while the cells are read
-    frame = _parse(body.text, layout, where)
+    frame = parsed_cells(body.text, layout, where)
     columns: list[Column] = []
     texts: dict[str, str] = {}
     notes = [f"Preamble: {line}" for line in layout.preamble]
@@ -73,17 +73,11 @@ def read_text(
         notes.append("A blank line follows each line; blank lines are no samples.")
     findings = ragged_lines(body, layout, where)
     _refuse_units_between(body, layout, where)
-    remarks = units_of_remarks(layout.preamble, layout.names)
+    heads = column_heads(layout, hints, where)
     unreadable: list[np.ndarray] = []
     unsettled: dict[int, Question | None] = {}
-    for index in range(layout.width):
-        named = layout.names[index] if index < len(layout.names) else ""
-        name = named or f"column {index + 1}"
-        beside = (
-            *(Stated(cell, "the row of units") for row in layout.units if (cell := row[index])),
-            *(remarks[index] if index < len(remarks) else ()),
-        )
-        label, unit, stated = _label_and_unit(name, beside, hints, f"{where}, column {index + 1}")
+    for index, head in enumerate(heads):
+        named, name, label, unit, stated = head.named, head.name, head.label, head.unit, head.stated
         cells = frame.iloc[:, index]
         values = read_values(
             cells, layout.decimal, name=name, stated=stated, has_thousands=hints.decimal is not None
@@ -112,7 +106,16 @@ def read_text(
         if values.is_time and (stated is not None or unit is None or find_unit(unit, "time")):
             unit = "s"
         columns.append(
-            Column(name, label, unit, values.numbers, values.note, beside, question=values.question)
+            Column(
+                name,
+                label,
+                unit,
+                values.numbers,
+                values.note,
+                head.beside,
+                question=values.question,
+                start=values.start,
+            )
         )
         found = (unreadable_cells(values, name, body.numbers, where), doubtful(values, name, where))
         findings += [finding for finding in found if finding is not None]
@@ -144,6 +147,49 @@ def read_text(
     return Table(
         tuple(columns), texts, {}, tuple(notes), tuple(findings), reader, body.sample_numbers
     )
+
+
+@dataclass(frozen=True)
+class ColumnHead:
+    """What stands over a column.
+
+    Attributes:
+        named: Its name in the file, or empty.
+        name: The same, or its place where there is none.
+        label: The name without its unit.
+        unit: Unit text, or None.
+        stated: The format of times that is stated, or None.
+        beside: Units that the file gives outside of the name.
+    """
+
+    named: str
+    name: str
+    label: str
+    unit: str | None
+    stated: TimeFormat | None
+    beside: tuple[Stated, ...]
+
+
+def column_heads(layout: Layout, hints: Hints, where: str) -> list[ColumnHead]:
+    """Return what stands over each column of a text table.
+
+    Args:
+        layout: Its layout.
+        hints: What the motor file says about reading.
+        where: The file, for messages.
+    """
+    remarks = units_of_remarks(layout.preamble, layout.names)
+    heads = []
+    for index in range(layout.width):
+        named = layout.names[index] if index < len(layout.names) else ""
+        name = named or f"column {index + 1}"
+        beside = (
+            *(Stated(cell, "the row of units") for row in layout.units if (cell := row[index])),
+            *(remarks[index] if index < len(remarks) else ()),
+        )
+        told = _label_and_unit(name, beside, hints, f"{where}, column {index + 1}")
+        heads.append(ColumnHead(named, name, *told, beside))
+    return heads
 
 
 def _label_and_unit(
@@ -204,8 +250,17 @@ def _taken_as_decimal(question: Question, name: str, where: str) -> Finding:
     )
 
 
-def _parse(body: bytes, layout: Layout, where: str) -> pd.DataFrame:
-    """Return the cells of the body; columns that are not all numbers stay texts."""
+def parsed_cells(body: bytes, layout: Layout, where: str) -> pd.DataFrame:
+    """Return the cells of lines of data; columns that are not all numbers stay texts.
+
+    Args:
+        body: Lines that all have the layout's number of cells, in UTF-8.
+        layout: How they are to be read.
+        where: The file, for messages.
+
+    Raises:
+        InputError: If they cannot be split.
+    """
     try:
         return pd.read_csv(
             io.BytesIO(body),

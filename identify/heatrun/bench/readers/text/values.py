@@ -30,6 +30,7 @@ class Values:
         first_text: What stands in the first of these, or empty.
         question: What the cells leave open, or None.
         doubt: What speaks against the reading, as a sentence, or empty.
+        start: Day of the first time, ISO 8601; empty where it is not known.
     """
 
     numbers: np.ndarray
@@ -39,6 +40,7 @@ class Values:
     first_text: str = ""
     question: Question | None = None
     doubt: str = ""
+    start: str = ""
 
 
 def read_values(
@@ -207,7 +209,14 @@ def _read_dates(texts: pd.Series, name: str) -> Values | None:
 
 
 def _times(column: ClockColumn) -> Values:
-    return Values(column.seconds, True, column.note, question=column.question, doubt=column.doubt)
+    return Values(
+        column.seconds,
+        True,
+        column.note,
+        question=column.question,
+        doubt=column.doubt,
+        start=column.start,
+    )
 
 
 def _read_stated(texts: pd.Series, missing: np.ndarray, stated: TimeFormat, name: str) -> Values:

@@ -11,7 +11,7 @@ import numpy as np
 from .general_information import J_PER_KWH
 from .integrate import bridged_steps, integrate
 from .pair import Pair
-from .tolerances import Tolerance, tolerance_of
+from .tolerances import Tolerance
 
 Verdict = Literal["agrees", "biased", "differs", "input", "not comparable"]
 
@@ -67,7 +67,7 @@ class SignalComparison:
 
 def compare_signals(
     pair: Pair,
-    tolerances: Mapping[str, float] | None = None,
+    tolerances: Mapping[str, Tolerance],
     bands: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
     inputs: Container[str] = (),
 ) -> tuple[SignalComparison, ...]:
@@ -75,40 +75,38 @@ def compare_signals(
 
     Args:
         pair: Both on one axis.
-        tolerances: The user's, by channel.
+        tolerances: By channel.
         bands: Lower and upper 95 % limit of the reference by channel, shape (common,) each.
         inputs: Channels of the test that drove the reference.
 
     Returns:
         One comparison for each shared signal, in the order of the test's channels.
     """
-    given, limits = tolerances or {}, bands or {}
+    limits = bands or {}
     return tuple(
         replace(row, verdict="input") if row.channel in inputs else row
-        for row in (_compare(pair, name, given, limits.get(name)) for name in pair.ours)
+        for row in (_compare(pair, name, tolerances[name], limits.get(name)) for name in pair.ours)
     )
 
 
 def _compare(
     pair: Pair,
     channel: str,
-    given: Mapping[str, float],
+    tolerance: Tolerance,
     band: tuple[np.ndarray, np.ndarray] | None,
 ) -> SignalComparison:
     ours, theirs = pair.ours[channel], pair.theirs[channel]
     known = np.isfinite(ours) & np.isfinite(theirs)
     if np.sum(known) < 2:
         nan = float("nan")
-        none = Tolerance(nan, "")
-        return SignalComparison(channel, 0.0, nan, nan, nan, nan, None, none, nan, None, None,
-                                None, "not comparable")  # fmt: skip
+        return SignalComparison(channel, 0.0, nan, nan, nan, nan, None, tolerance, nan, None,
+                                None, None, "not comparable")  # fmt: skip
     time_s, a, b = pair.time_s[known], ours[known], theirs[known]
     steps = bridged_steps(time_s)
     weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
     weight = weight / np.sum(weight)
     difference = a - b
     bias = float(weight @ difference)
-    tolerance = tolerance_of(channel, b, given)
     share = float(weight @ (np.abs(difference) <= tolerance.value))
     unbiased = float(weight @ (np.abs(difference - bias) <= tolerance.value))
     worst = int(np.argmax(np.abs(difference)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -49,6 +49,26 @@ class Pair:
     offset: Offset
     method: str
     findings: tuple[Finding, ...]
+
+    def within(self, from_s: float, to_s: float) -> Pair:
+        """Return the part between two moments on the test's clock [s].
+
+        Raises:
+            InputError: If too few common samples are left.
+        """
+        inside = (self.time_s >= from_s) & (self.time_s <= to_s)
+        if np.sum(inside) < FEWEST:
+            raise InputError(
+                f"Expected at least {FEWEST} samples common to all, got {np.sum(inside)}.",
+                where=f"{self.test}, {self.reference}",
+                remedy="Are they of one manoeuvre?",
+            )
+        return replace(
+            self,
+            time_s=self.time_s[inside],
+            ours={name: values[inside] for name, values in self.ours.items()},
+            theirs={name: values[inside] for name, values in self.theirs.items()},
+        )
 
 
 def pair_records(

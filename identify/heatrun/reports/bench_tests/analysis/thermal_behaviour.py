@@ -12,8 +12,9 @@ from ....motor import Motor
 from ..card import NOT_OF_THE_MACHINE
 from ..simulated import Simulated, simulate_run
 from .drive import has
-from .equilibrium import Equilibrium, equilibrium
+from .equilibrium import Equilibrium, equilibria
 from .loss_split import LossSplit, split_losses
+from .steady_of_network import SteadyNetwork, steady_of_network
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,10 @@ class ThermalBehaviour:
     Attributes:
         temperatures: Channels that were measured, in their canonical order.
         losses: Split of the losses, or None with a finding.
-        settled: For each part of the machine.
+        settled: For each part of the machine, each stretch of constant load.
         simulated: After a run, or None.
+        steady: Where the network of the run comes to rest under the load of the last stretch, if
+            the winding did not get there; else None.
         findings: Doubts, and what could not be determined.
     """
 
@@ -33,6 +36,7 @@ class ThermalBehaviour:
     settled: tuple[Equilibrium, ...]
     simulated: Simulated | None
     findings: tuple[Finding, ...]
+    steady: SteadyNetwork | None = None
 
     @property
     def allows_calibration(self) -> bool:
@@ -82,10 +86,23 @@ def thermal_behaviour(record: Record, motor: Motor, run: Path | None = None) -> 
                 record.name,
             )
         )
+    settled = tuple(each for c in parts for each in equilibria(record, motor, c))
     return ThermalBehaviour(
         temperatures=temperatures,
         losses=losses,
-        settled=tuple(equilibrium(record, motor, c) for c in parts),
+        settled=settled,
         simulated=simulated,
         findings=tuple(findings),
+        steady=_steady(simulated, settled),
     )
+
+
+def _steady(simulated: Simulated | None, settled: tuple[Equilibrium, ...]) -> SteadyNetwork | None:
+    """The network at rest, where the winding was stopped before it on a load that was held."""
+    of_winding = [each for each in settled if each.channel == "winding_degC"]
+    if simulated is None or not of_winding:
+        return None
+    last = of_winding[-1]
+    if last.is_reached is True or not last.is_held or last.stretch is None:
+        return None
+    return steady_of_network(simulated.prediction, last.stretch)

@@ -9,8 +9,12 @@ from ....bench.checks.samples import median_step, samples
 from ....bench.record import Finding, Record
 from ....motor import Motor
 from ..reference import Limits, Reference, bands_on_axis
+from .combined_uncertainty import combined_uncertainty, scale_of
+from .compare_figures import FigureComparison, compare_figures, evidence, within
 from .compare_signals import SignalComparison, compare_signals
+from .drive import with_powers
 from .pair import Pair, pair_records
+from .tolerances import Tolerance, tolerance_of
 
 
 @dataclass(frozen=True)
@@ -20,12 +24,14 @@ class Validation:
     Attributes:
         pair: Both on one axis.
         signals: Signal by signal, in the order of the test's channels.
+        figures: Energy, distance and consumption over the time in common.
         bands: Lower and upper 95 % limit of the reference on the common axis, by channel.
         findings: Doubts.
     """
 
     pair: Pair
     signals: tuple[SignalComparison, ...]
+    figures: tuple[FigureComparison, ...]
     bands: Mapping[str, Limits]
     findings: tuple[Finding, ...]
 
@@ -33,6 +39,11 @@ class Validation:
     def judged(self) -> tuple[SignalComparison, ...]:
         """The signals that are evidence."""
         return tuple(s for s in self.signals if s.verdict not in ("input", "not comparable"))
+
+    @property
+    def judged_figures(self) -> tuple[FigureComparison, ...]:
+        """The figures that are evidence."""
+        return evidence(self.figures)
 
 
 def validate(
@@ -49,26 +60,76 @@ def validate(
         test: The record whose clock is kept.
         reference: The other prototype's.
         motor: The machine.
-        tolerances: By channel, in its unit (K for temperatures).
+        tolerances: By channel or figure, in its unit (K for temperatures).
         offset_s: What is added to the reference's clock [s]; searched if None; a run that the
             test itself drove brings its own.
 
     Raises:
         InputError: If they share no signal or no time, or the offset cannot be found.
     """
-    pair = _aligned(test, reference, motor, offset_s)
+    pair = align(test, reference, motor, offset_s)
+    return judge(test, reference, motor, pair, tolerances or {})
+
+
+def judge(
+    test: Record, reference: Reference, motor: Motor, pair: Pair, given: Mapping[str, float]
+) -> Validation:
+    """Judge two aligned records signal by signal, and figure by figure.
+
+    Args:
+        test: The record whose clock the pair is on.
+        reference: The other prototype's.
+        motor: The machine.
+        pair: Both on one axis, or a part of it.
+        given: Tolerances of the user, as `validate`.
+    """
     bands = bands_on_axis(reference, pair)
-    signals = compare_signals(pair, tolerances, bands, reference.inputs)
-    findings = (*pair.findings, *_not_used(tolerances, pair))
-    return Validation(pair, signals, bands, findings)
+    limits = _tolerances(test, reference, motor, pair, bands, given)
+    signals = compare_signals(pair, limits, bands, reference.inputs)
+    from_s, to_s = float(pair.time_s[0]), float(pair.time_s[-1])
+    shift_s = pair.offset.offset_s
+    figures = compare_figures(
+        within(test, from_s, to_s), within(reference.record, from_s - shift_s, to_s - shift_s),
+        motor, signals, given, reference.inputs,
+    )  # fmt: skip
+    findings = (*pair.findings, *_not_used(given, pair, figures))
+    return Validation(pair, signals, figures, bands, findings)
 
 
-def _aligned(test: Record, reference: Reference, motor: Motor, offset_s: float | None) -> Pair:
-    """The pair at an offset that is given, brought along by the reference, or found.
+def _tolerances(
+    test: Record,
+    reference: Reference,
+    motor: Motor,
+    pair: Pair,
+    bands: Mapping[str, Limits],
+    given: Mapping[str, float],
+) -> dict[str, Tolerance]:
+    """The tolerance of each shared signal."""
+    test = with_powers(test, motor)
+    reference = replace(reference, record=with_powers(reference.record, motor))
+    found = {}
+    for channel in pair.ours:
+        scale = scale_of(channel, pair, reference.record, motor)
+        unknown = combined_uncertainty(channel, scale, test, reference, bands.get(channel), motor)
+        found[channel] = tolerance_of(channel, scale, unknown, given)
+    return found
+
+
+def align(test: Record, reference: Reference, motor: Motor, offset_s: float | None) -> Pair:
+    """Return the pair at an offset that is given, brought along by the reference, or found.
 
     The inputs in a simulated record are means over the step before each stamp, its temperatures
     those at the stamp: a search by the inputs is off by half a step for the temperatures. So the
     offset that such a record brings along holds where the search is within a step of it.
+
+    Args:
+        test: The record whose clock is kept.
+        reference: The other prototype's.
+        motor: The machine.
+        offset_s: As `validate`.
+
+    Raises:
+        InputError: As `validate`.
     """
     if offset_s is not None:
         return pair_records(test, reference.record, motor, offset_s=offset_s)
@@ -91,8 +152,11 @@ def _by(pair: Pair, method: str) -> Pair:
     return replace(pair, offset=replace(pair.offset, method=method))
 
 
-def _not_used(tolerances: Mapping[str, float] | None, pair: Pair) -> tuple[Finding, ...]:
-    unused = [channel for channel in tolerances or {} if channel not in pair.ours]
+def _not_used(
+    given: Mapping[str, float], pair: Pair, figures: tuple[FigureComparison, ...]
+) -> tuple[Finding, ...]:
+    shared = {*pair.ours, *(figure.name for figure in figures)}
+    unused = [name for name in given if name not in shared]
     if not unused:
         return ()
     return (

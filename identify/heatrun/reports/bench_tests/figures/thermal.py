@@ -2,24 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ....bench.record import Record
+from ..analysis.equilibrium import Equilibrium
 from ..analysis.loss_split import LossSplit
+from ..analysis.steady_rise import SteadyRise
 from ..simulated import Simulated
 from .drive import samples_or_nan
 from .plot import CYCLE, finish, line, stacked, unit, wording
 
+CONTINUED = 3.0
+"""A course is drawn on for so many of its time constants [1], at most twice as long as the test."""
 
-def temperatures(record: Record, behaviour_channels: tuple[str, ...]) -> Figure:
-    """Return all temperatures of a test over time."""
+
+def temperatures(
+    record: Record, behaviour_channels: tuple[str, ...], continued: Sequence[Equilibrium] = ()
+) -> Figure:
+    """Return all temperatures of a test over time, and what some would have come to."""
     figure, (axis,) = stacked([2.9])
     for number, channel in enumerate(behaviour_channels):
         line(axis, *samples_or_nan(record, channel), wording(channel), number)
+    for each in continued:
+        if isinstance(each.steady, SteadyRise):
+            _continue(axis, each, each.steady, behaviour_channels.index(each.channel), record)
     axis.set_ylabel(f"temperature [{unit('winding_degC')}]", fontsize=8)
     finish([axis])
     return figure
+
+
+def _continue(
+    axis: Axes, found: Equilibrium, steady: SteadyRise, number: int, record: Record
+) -> None:
+    colour = CYCLE[number % len(CYCLE)]
+    span_s = min(CONTINUED * steady.tau_s, 2.0 * record.duration_s)
+    time_s = np.linspace(steady.end_s, steady.end_s + span_s, 100)
+    low, middle, high = (found.sink_degC + side for side in steady.course(time_s))
+    axis.fill_between(time_s / 60.0, low, high, color=colour, alpha=0.2, lw=0)
+    axis.plot(time_s / 60.0, middle, color=colour, lw=1.0, ls="--",
+              label=f"{wording(found.channel)}, extrapolated (95 %)")  # fmt: skip
 
 
 def losses(record: Record, split: LossSplit) -> Figure:

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from tsdownsample import MinMaxLTTBDownsampler
 
+from ...bench.channels.schema import CHANNEL
+from ...io.quantities import printed_unit
+
 GAP = 5.0
 """Steps without a reading, in medians of the signal's own step, that break the line."""
 
@@ -20,10 +23,11 @@ class Trace:
 
     Attributes:
         test: Name of the test.
-        channel: Canonical channel.
+        channel: Canonical channel, or the name of a column that is none.
         time_s: Times with a reading, ascending [s], shape (reading,).
-        value: Readings in the channel's unit, shape (reading,).
+        value: Readings in the unit, shape (reading,).
         step_s: Median step between readings [s].
+        unit: Unit of the readings.
     """
 
     test: str
@@ -31,16 +35,37 @@ class Trace:
     time_s: np.ndarray
     value: np.ndarray
     step_s: float
+    unit: str
+
+    @property
+    def printed_unit(self) -> str:
+        """The unit as it is written on the page."""
+        return printed_unit(self.unit) if self.channel in CHANNEL else self.unit
+
+    @property
+    def name(self) -> str:
+        """The signal as it is written on the page."""
+        if self.channel not in CHANNEL:
+            return self.channel
+        return self.channel.removesuffix("_" + self.unit).replace("_", " ")
 
     @classmethod
-    def of(cls, test: str, channel: str, time_s: np.ndarray, value: np.ndarray) -> Trace:
+    def of(
+        cls,
+        test: str,
+        channel: str,
+        time_s: np.ndarray,
+        value: np.ndarray,
+        unit: str | None = None,
+    ) -> Trace:
         """Take a channel of a record; samples that the file does not have are left out.
 
         Args:
             test: Name of the test.
-            channel: Canonical channel.
+            channel: Canonical channel, or the name of a column that is none.
             time_s: Time of each sample [s], shape (time,); put in order where it runs backwards.
             value: Reading of each sample, NaN where there is none, shape (time,).
+            unit: Unit of a column that is no channel.
         """
         is_read = np.isfinite(value) & np.isfinite(time_s)
         if not is_read.all():
@@ -51,7 +76,24 @@ class Trace:
             time_s, value = time_s[order], value[order]
             steps = np.diff(time_s)
         step = float(np.median(steps)) if steps.size else 0.0
-        return cls(test, channel, np.ascontiguousarray(time_s), np.ascontiguousarray(value), step)
+        time_s, value = np.ascontiguousarray(time_s), np.ascontiguousarray(value)
+        return cls(
+            test, channel, time_s, value, step, CHANNEL[channel].unit if unit is None else unit
+        )
+
+    def at(self, time_s: float) -> float:
+        """Return the reading nearest to a time; NaN where there is none within a usual step.
+
+        Args:
+            time_s: The time [s].
+        """
+        behind = int(np.searchsorted(self.time_s, time_s))
+        near = [i for i in (behind - 1, behind) if 0 <= i < self.time_s.size]
+        if not near:
+            return float("nan")
+        best = min(near, key=lambda i: abs(float(self.time_s[i]) - time_s))
+        is_near = abs(float(self.time_s[best]) - time_s) <= max(GAP * self.step_s, 1e-9)
+        return float(self.value[best]) if is_near else float("nan")
 
     def window(self, start: float, end: float, num_points: int) -> tuple[np.ndarray, np.ndarray]:
         """Return what a plot of a time window shows.

@@ -1,0 +1,30 @@
+"""Work beside the page, which goes on meanwhile."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import TypeVar
+
+import panel as pn
+
+T = TypeVar("T")
+
+
+def in_background(work: Callable[[], T], show: Callable[[T], None]) -> None:
+    """Do work in a thread of its own and show what came of it in the page's turn.
+
+    Args:
+        work: Raises nothing; touches nothing of the page.
+        show: Gets what the work has returned. Without a page, at once.
+    """
+    document = pn.state.curdoc
+    if document is None:
+        show(work())
+        return
+
+    def run() -> None:
+        found = work()
+        document.add_next_tick_callback(lambda: show(found))
+
+    threading.Thread(target=run, daemon=True, name="heatrun reader").start()

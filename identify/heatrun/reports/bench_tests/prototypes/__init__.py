@@ -1,0 +1,1 @@
+"""Several prototypes on one manoeuvre in one view: virtual, semi-real, real, and repeats."""

@@ -1,0 +1,228 @@
+"""Whether a result can be used, in words that a customer understands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from ...bench.record import Finding
+from ...io.printable import clean
+from ...io.quantities import rounded
+from ...results import FitResult
+from ...results.model import FittedModel
+from ...results.parameter import FittedParameter
+
+Use = Literal["usable", "restricted", "not usable"]
+
+USES: dict[str, str] = {
+    "Ceq": "warm-up and time to a limit",
+    "Req": "steady temperatures and continuous current",
+    "Ceq_w": "overloads of minutes",
+    "Ceq_sr": "warm-up and time to a limit",
+    "Req_w": "the rise of the winding above the stator",
+    "Req_sr": "steady temperatures and continuous current",
+}
+"""What a parameter of the networks of the thesis is needed for."""
+
+CAPACITY, RESISTANCE = "loads that change", "steady temperatures"
+"""What the parameters of other networks are needed for."""
+
+LOW_COVERAGE = 0.8
+"""Share of held-out readings inside the 95 % band below which predictions are doubted [1]."""
+
+NOT_FOLLOWED = 0.05
+"""RMSE of a fitted test over the rise of its winding from which on a network does not follow it
+[1]; in a good fit it is some thousandths."""
+
+INCOMPLETE = ("misfit", "missing_effect")
+"""Findings that the tests show more than the network has."""
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The verdict of a certificate.
+
+    Attributes:
+        use: Whether the parameters can be used.
+        sentence: The same in words.
+        reasons: What it rests on and what restricts it, in sentences.
+    """
+
+    use: Use
+    sentence: str
+    reasons: tuple[str, ...]
+
+
+def favoured(result: FitResult) -> str:
+    """Return the name of the network that a certificate states: the favoured one, or the last."""
+    order = result.verdict.order
+    return order if order in result.models else list(result.models)[-1]
+
+
+def headline(result: FitResult) -> Headline:
+    """Return whether the network that the data favour can be used, and for what not.
+
+    Args:
+        result: What stands in `fit.json`.
+    """
+    model = result.models[favoured(result)]
+    title = model.title.capitalize()
+    free = {name: entry for name, entry in thermal(model).items() if not entry.fixed}
+    lost = [name for name, entry in free.items() if entry.identifiability == "not identifiable"]
+    weak = [name for name, entry in free.items() if entry.identifiability == "weak"]
+    reasons = (*_accuracy(model), *_doubts(result, model), *_given(model))
+    if model.result != "converged":
+        return Headline(
+            "not usable",
+            f"{title}. The fit did not converge: do not use these parameters.",
+            reasons,
+        )
+    astray = _not_followed(result, model)
+    if astray:
+        return Headline("not usable", f"{title}. {astray}", reasons)
+    if lost:
+        are = "is" if len(lost) == 1 else "are"
+        return Headline(
+            "not usable" if len(lost) == len(free) else "restricted",
+            f"{title}. {len(lost)} of {len(free)} parameters {are} not identifiable from these "
+            f"tests ({', '.join(lost)}): do not use for {_uses(lost)}.",
+            reasons,
+        )
+    if weak:
+        are = "is" if len(weak) == 1 else "are"
+        return Headline(
+            "restricted",
+            f"{title}. {len(weak)} of {len(free)} parameters {are} known only roughly "
+            f"({', '.join(f'{n} ± {_percent(free[n])}' for n in weak)}): allow for it in "
+            f"{_uses(weak)}.",
+            reasons,
+        )
+    if not model.posterior.is_sound or _fails_held_out(model) or _lacks(result, model):
+        return Headline(
+            "restricted",
+            f"{title}. All {len(free)} parameters are identified, with the restrictions below.",
+            reasons,
+        )
+    return Headline(
+        "usable",
+        f"{title}. All {len(free)} parameters are identified: the network can be used within the "
+        "conditions of the tests.",
+        reasons,
+    )
+
+
+def thermal(model: FittedModel) -> dict[str, FittedParameter]:
+    """Return the parameters of the network itself, without the resistance of the winding."""
+    return {n: p for n, p in model.parameters.items() if p.unit != "ohm"}
+
+
+def _uses(names: Sequence[str]) -> str:
+    """Return what parameters are needed for, in words."""
+    words = dict.fromkeys(
+        USES.get(name, CAPACITY if name.startswith("Ceq") else RESISTANCE) for name in names
+    )
+    *others, last = words
+    return f"{', '.join(others)} and {last}" if others else last
+
+
+def _percent(entry: FittedParameter) -> str:
+    return f"{rounded(200.0 * entry.sd / abs(entry.value), 2)} %" if entry.value else "unknown"
+
+
+def _accuracy(model: FittedModel) -> list[str]:
+    """Return how well the network follows the tests, held-out ones first."""
+    words = []
+    for role, named in (("holdout", "Held-out test"), ("calibration", "Fitted test")):
+        words += [
+            f"{named} {row.test}: RMSE {row.rmse_K:.2f} K, maximum error {row.max_K:.1f} K, "
+            f"{100 * row.coverage_95:.0f} % of the readings in the 95 % band."
+            for row in model.residuals
+            if row.role == role
+        ]
+    return words
+
+
+def _fails_held_out(model: FittedModel) -> bool:
+    return any(row.role == "holdout" and row.coverage_95 < LOW_COVERAGE for row in model.residuals)
+
+
+def _not_followed(result: FitResult, model: FittedModel) -> str:
+    """Return which fitted test the network does not follow, as a sentence; empty if it does."""
+    tests = {test.name: test for test in result.tests}
+    for row in model.residuals:
+        test = tests.get(row.test)
+        if row.role != "calibration" or test is None:
+            continue
+        if test.winding_degC is None or test.sink_degC is None:
+            continue
+        rise = test.winding_degC[1] - test.sink_degC[0]
+        if rise > 0 and row.rmse_K > NOT_FOLLOWED * rise:
+            return (
+                f"The network does not follow the fitted test {clean(row.test)} (RMSE "
+                f"{row.rmse_K:.1f} K, {100 * row.rmse_K / rise:.0f} % of the rise): do not use it."
+            )
+    return ""
+
+
+def _lacks(result: FitResult, model: FittedModel) -> bool:
+    return any(
+        f.id in INCOMPLETE and f.severity != "note" and _concerns(f, result, model)
+        for f in result.findings
+    )
+
+
+def _doubts(result: FitResult, model: FittedModel) -> list[str]:
+    """Return what restricts the use, in sentences."""
+    words = []
+    if _fails_held_out(model):
+        words.append(
+            "The 95 % band misses too many readings of a held-out test: do not rely on it for "
+            "predictions of other tests."
+        )
+    if not model.posterior.is_sound:
+        words.append("The intervals are indicative: the diagnostics of the sampling are not met.")
+    if _lacks(result, model):
+        words.append(
+            "The network lacks something that the tests show: its intervals are wider for it, and "
+            "`heatrun discover` searches for what it is."
+        )
+    words += _against_others(result)
+    warnings = [f for f in result.findings if f.severity != "note" and _concerns(f, result, model)]
+    if warnings:
+        number = "1 warning" if len(warnings) == 1 else f"{len(warnings)} warnings"
+        words.append(f"{number} of the checks: see Findings in the annex.")
+    return words
+
+
+def _against_others(result: FitResult) -> list[str]:
+    """Return how sure the choice of the network is, in plain words."""
+    factor = result.verdict.log_bayes_factor
+    if len(result.models) != 2 or factor is None or not math.isfinite(factor):
+        return []
+    small, large = (model.title for model in result.models.values())
+    if result.verdict.order == "undecided":
+        return [f"The data do not decide between {small} and {large}."]
+    chance = 1.0 / (1.0 + math.exp(min(abs(factor), 700.0)))
+    other = large if factor < 0 else small
+    spoken = "below 0.1 %" if chance < 0.001 else f"{rounded(100.0 * chance, 2)} %"
+    return [f"Chance that the {other} describes the fitted tests better: {spoken}."]
+
+
+def _concerns(finding: Finding, result: FitResult, model: FittedModel) -> bool:
+    """Return whether a finding is not about another network than this one alone."""
+    text = finding.message.replace("-", " ").casefold()
+    others = [each.title for each in result.models.values() if each.title != model.title]
+    return model.title in text or not any(title in text for title in others)
+
+
+def _given(model: FittedModel) -> list[str]:
+    """Return what stands in the table without having been measured in these tests."""
+    words = []
+    for name, entry in model.parameters.items():
+        if entry.fixed:
+            words.append(f"{name} is given in the motor file, not estimated.")
+        elif entry.unit == "ohm" and entry.identifiability == "not identifiable":
+            words.append(f"{name} is that of the motor file: these tests do not measure it.")
+    return words

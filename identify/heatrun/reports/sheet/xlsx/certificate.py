@@ -1,0 +1,91 @@
+"""The first sheet of the workbook: the certificate, with numbers as they are printed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ....io.quantities import printed_unit
+from ....results import FitResult
+from ....results.parameter import FittedParameter
+from ..digits import format_value
+from ..headline import favoured
+from ..printed import interval_ends, printed
+from .cells import Cells, write
+
+INSTRUMENTS = ["measured", "instrument", "class", "calibration", "valid until"]
+PARAMETERS = ["parameter", "meaning", "value", "± U (k = 2)", "95 % low", "95 % high", "unit",
+              "judgement", "prior 95 %", "prior from"]  # fmt: skip
+
+
+def add_certificate(book: Any, cells: Cells, result: FitResult, content: Mapping[str, Any]) -> None:
+    """Write the sheet.
+
+    Args:
+        book: The workbook.
+        cells: Its formats.
+        result: What stands in `fit.json`.
+        content: The same from `sheet_content`.
+    """
+    said = content["certificate"]
+    sheet = book.add_worksheet("Certificate")
+    sheet.write_string(0, 0, f"{said['title']}: {content['title']}", cells.bold)
+    sheet.write_string(1, 0, said["headline"], cells.bold)
+    row = 2
+    for reason in said["reasons"]:
+        sheet.write_string(row, 0, reason)
+        row += 1
+    row += 1
+    for label, value in [*said["identification"], *said["signatures"], *said["statement"],
+                         ["Remarks", said["remarks"]]]:  # fmt: skip
+        sheet.write_string(row, 0, label, cells.bold)
+        sheet.write_string(row, 1, value)
+        row += 1
+    row = _table(sheet, cells, row + 1, PARAMETERS)
+    model = result.models[favoured(result)]
+    priors = {name: text for name, text, _ in content["models"][_place(result)]["priors"]}
+    for entry, words in zip(model.parameters.values(), said["parameters"], strict=True):
+        for column, value in enumerate(_numbers(entry), start=2):
+            _number(sheet, cells, row, column, value)
+        texts = {0: words[0], 1: words[1], 6: printed_unit(entry.unit), 7: words[3],
+                 8: priors.get(words[0], ""), 9: entry.prior_basis}  # fmt: skip
+        for column, text in texts.items():
+            write(sheet, row, column, text)
+        row += 1
+    sheet.write_string(row, 0, said["rule"])
+    if said["instruments"]:
+        row = _table(sheet, cells, row + 2, INSTRUMENTS)
+        for one in said["instruments"]:
+            for column, text in enumerate(one):
+                write(sheet, row, column, text)
+            row += 1
+    sheet.set_column(0, 0, 20)
+    sheet.set_column(1, 1, 44)
+    sheet.set_column(2, 9, 16)
+
+
+def _table(sheet: Any, cells: Cells, row: int, head: list[str]) -> int:
+    """Write the heads of a table and return the row below them."""
+    sheet.write_row(row, 0, head, cells.bold)
+    return row + 1
+
+
+def _place(result: FitResult) -> int:
+    return list(result.models).index(favoured(result))
+
+
+def _numbers(entry: FittedParameter) -> tuple[str, str, str, str]:
+    """Return value, U and both ends of the interval as they are printed; empty where none is."""
+    form = printed(entry).form
+    if form == "given":
+        return format_value(entry.value, None)[0], "", "", ""
+    low, high = interval_ends(entry.interval_95, entry.sd)
+    if form == "expanded":
+        return (*format_value(entry.value, 2 * entry.sd), low, high)
+    return format_value(entry.value, entry.sd)[0], "", low, high
+
+
+def _number(sheet: Any, cells: Cells, row: int, column: int, text: str) -> None:
+    """Write a printed number as a number that looks the same."""
+    if text:
+        write(sheet, row, column, float(text), cells.digits(len(text.partition(".")[2])))

@@ -1,0 +1,86 @@
+"""The tab “Simulate and export”: the commands that it starts, and what it hands out of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from heatrun.app.folder import Folder
+from heatrun.app.store import RecordStore
+from heatrun.app.tabs.page import Page
+from heatrun.app.uploads import UploadRoom
+from heatrun.cli import _parser
+from heatrun.errors import InputError
+
+# The page runs on Panel 1.6 too, which knows only the names that 2.0 will drop.
+pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")
+
+
+class Told:
+    """A queue that keeps the words it is given and takes no command."""
+
+    words: list[str] = []  # noqa: RUF012
+
+    def submit(self, words: list[str]) -> None:
+        self.words = list(words)
+        raise InputError("Nothing is run here.")
+
+
+@pytest.fixture
+def queue() -> Told:
+    return Told()
+
+
+@pytest.fixture
+def page(folder: Path, tmp_path: Path, queue: Told) -> Page:
+    (tmp_path / "runs" / "cold").mkdir(parents=True)
+    (tmp_path / "runs" / "cold" / "manifest.json").write_text("{}")
+    (tmp_path / "sent").mkdir()
+    sent = UploadRoom(tmp_path / "sent", 1000)
+    page = Page(Folder(folder), tmp_path / "runs", sent, RecordStore(), queue)
+    page._sidebar.tests.value = ["duty_30min.csv.gz"]
+    return page
+
+
+def _press(page: Page, name: str) -> None:
+    (button,) = page.using.view.select(lambda each: getattr(each, "name", "") == name)
+    button.clicks += 1
+
+
+def test_the_commands_are_those_of_the_command_line(page, queue, folder, tmp_path):
+    _press(page, "Simulate")
+    assert queue.words == []  # no run is chosen
+    page._sidebar.run.value = "cold"
+    _press(page, "Simulate")
+    options = _parser().parse_args(queue.words)
+    assert options.tests == [folder / "duty_30min.csv.gz"]
+    assert (options.motor, options.source) == (folder / "motor.toml", str(tmp_path / "runs/cold"))
+    assert options.out == tmp_path / "simulated"
+    _press(page, "Export")
+    options = _parser().parse_args(queue.words)
+    assert str(tmp_path / "runs/cold") in queue.words
+    assert (options.to, options.out) == ("mat", tmp_path / "exported" / "cold")
+
+
+def test_only_files_of_their_folder_are_handed_out(page, tmp_path):
+    (tmp_path / "simulated").mkdir()
+    (tmp_path / "simulated" / "a_virtual.csv").write_text("time_s\n0\n")
+    (tmp_path / "secret.csv").write_text("secret")
+    rows = [
+        {"test": "<b>", "network": "second", "effects": [], "rmse_K": None, "file": str(file)}
+        for file in (tmp_path / "simulated" / "a_virtual.csv", tmp_path / "secret.csv")
+    ]
+    shown: list = []
+
+    class Place:
+        def __setitem__(self, key: slice, value: list) -> None:
+            shown.extend(value)
+
+    page.using._show_simulated(SimpleNamespace(output={"simulated": rows}), Place())
+    said, files = shown
+    assert "<b>" not in said.object
+    inside, outside = files
+    assert inside.callback().read() == b"time_s\n0\n"
+    assert b"secret" not in outside.callback().read().replace(b"secret.csv", b"")

@@ -1,0 +1,75 @@
+"""A run folder whose posterior lies closely around the truth of the generator's machine."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import xarray
+
+from heatrun.bench.record import Record
+from heatrun.bench.reduction import reduce
+from heatrun.inference.model import Model, parameters
+from heatrun.motor import Motor, ParameterOverride
+from heatrun.runs.model_text import ModelOfRun, model_text
+from heatrun.runs.motor_text import motor_text
+
+TRUTH = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062}
+INSTRUMENTS = ("current_gain", "power_gain", "sensor_gain", "sensor_offset", "ambient_offset")
+NUM_DRAWS = 500
+FITTED = "a"
+"""Stands for the SHA-256 of the file that the run was calibrated on."""
+
+
+def seal(folder: Path) -> None:
+    """List the files of a run with their digests, as a finished run does."""
+    files = {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.glob("*.*")
+             if p.name != "manifest.json"}  # fmt: skip
+    inputs = [{"path": "motor.toml", "sha256": "of the motor"}, {"path": "a.csv", "sha256": FITTED}]
+    manifest = {"files": files, "inputs": inputs}
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+
+
+def run_near_truth(folder: Path, motor: Motor, test: Record) -> Path:
+    """Write a run in the form of a calibration on a test called `duty`.
+
+    Args:
+        folder: Made here.
+        motor: The machine.
+        test: What the priors are taken from.
+    """
+    folder.mkdir()
+    rng = np.random.default_rng(6)
+    result = json.loads((Path(__file__).parents[1] / "stored" / "fit-1.json").read_text())
+    result["motor"] |= {"name": "reference", "path": "motor.toml", "sha256": "of the motor"}
+    second = result["models"]["second"]
+    entry = second["parameters"]["Ceq_w"]
+    second["parameters"] = {n: {**entry, "value": value} for n, value in TRUTH.items()}
+    second["nuisances"] = {n: {**entry, "value": 0.0, "fixed": True} for n in INSTRUMENTS}
+    described = {"name": "duty", "path": "a.csv", "sha256": FITTED, "role": "calibration"}
+    tests = [{**result["tests"][0], **described}]
+    result |= {"models": {"second": second}, "tests": tests}
+    (folder / "fit.json").write_text(json.dumps(result), encoding="utf-8")
+    certain = {name: ParameterOverride(fixed=0.0) for name in (*INSTRUMENTS, "load_timing")}
+    model = Model.of("second", motor)
+    blocks = replace(reduce(test, motor), name="duty")
+    known = parameters(model, replace(motor, parameters=certain), [blocks])
+    text = model_text(ModelOfRun(model, known))
+    (folder / "model_second.toml").write_bytes(text)
+    (folder / "motor.toml").write_bytes(motor_text(motor))
+    around = {**TRUTH, "noise_sd": 0.2, "noise_time": 200.0, "noise_white": 0.02}
+    draws = {
+        name: (("chain", "draw"), value * (1.0 + 0.005 * rng.normal(size=(1, NUM_DRAWS))))
+        for name, value in around.items()
+    }
+    starts = 20.0 + 0.2 * rng.normal(size=(2, 1, NUM_DRAWS, 1))
+    for name, start in zip(("Tw_start", "Tsr_start"), starts, strict=True):
+        draws[name] = (("chain", "draw", "test"), start)
+    xarray.Dataset(draws).to_netcdf(
+        folder / "posterior_second.nc", group="posterior", engine="h5netcdf"
+    )
+    seal(folder)
+    return folder

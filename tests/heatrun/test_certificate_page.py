@@ -1,0 +1,273 @@
+"""Page 1 of the sheet: verdict, numbers, days, names to the letter, blank lines for the rest."""
+
+from __future__ import annotations
+
+import doctest
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import openpyxl
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from pypdf import PdfReader
+
+from heatrun.bench.record import Finding
+from heatrun.certificate import Certificate, Instrument
+from heatrun.reports.sheet import printed as printed_module
+from heatrun.reports.sheet.certificate import certificate_content
+from heatrun.reports.sheet.content import sheet_content
+from heatrun.reports.sheet.days import test_days as days_of
+from heatrun.reports.sheet.figures import save
+from heatrun.reports.sheet.glyphs import shown
+from heatrun.reports.sheet.headline import headline
+from heatrun.reports.sheet.pdf import write_pdf
+from heatrun.reports.sheet.printed import printed
+from heatrun.reports.sheet.xlsx import write_xlsx
+from heatrun.results import FitResult, from_json, to_json
+from heatrun.results.parameter import FittedParameter
+
+STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
+
+HOSTILE = '#panic() $a_1$ *b* <script> & "q" @import \\ ]]> Ångström שלום'
+
+
+@pytest.fixture(scope="module")
+def result():
+    return from_json(STORED.read_bytes(), FitResult, "fit.json", str(STORED))
+
+
+def parameter(value, sd, interval, unit="J/K", **more):
+    return FittedParameter(
+        value=value, unit=unit, sd=sd, sd_type_a=sd, sd_type_b=0.0, interval_95=interval,
+        relative_sd=None, prior_95=(0.0, 1.0), prior_basis="", meaning="", fixed=False, **more,
+    )  # fmt: skip
+
+
+def with_second(stored, **changes):
+    """The stored result with other values in fields of its second-order model."""
+    models = {**stored.models, "second": replace(stored.models["second"], **changes)}
+    return replace(stored, models=models)
+
+
+def judged(result, **verdicts):
+    """The stored result with other verdicts on parameters of its second-order model."""
+    held = result.models["second"].parameters
+    changed = {name: replace(held[name], identifiability=word) for name, word in verdicts.items()}
+    return with_second(result, parameters={**held, **changed})
+
+
+@pytest.mark.parametrize(
+    ("entry", "text"),
+    [
+        # normal: the ends are at 1.96 u
+        (parameter(666.0, 10.0, (646.4, 685.6)), "666 ± 20 J/K"),
+        (parameter(640.0, 32.0, (577.0, 703.0)), "640 ± 64 J/K"),
+        (parameter(15090.0, 185.0, (14727.0, 15453.0)), "15090 ± 370 J/K"),
+        (parameter(-0.0004, 0.05, (-0.098, 0.098), "1"), "0.00 ± 0.10"),
+        (parameter(0.0062, 6.2e-5, (0.00608, 0.00632), "ohm"), "0.00620 ± 0.00012 Ω"),
+        # ± 1300 about 1420 would begin at 120; the interval begins at 470
+        (parameter(1420.0, 650.0, (470.0, 3230.0)), "470 … 3230 J/K"),
+        (parameter(0.1468, 0.00498, (0.13996, 0.1626), "K/W"), "0.1400 … 0.1626 K/W"),
+        # an end above 0 is not printed as 0
+        (parameter(900.0, 690.0, (4.2, 3230.0)), "4.2 … 3230 J/K"),
+        (replace(parameter(0.11625, 0.0, (0.11625, 0.11625), "K/W"), fixed=True), "0.11625 K/W"),
+    ],
+)
+def test_a_number_is_printed_with_u_or_as_its_interval(entry, text):
+    assert printed(entry).text == text
+    assert "e+" not in text
+
+
+def test_the_places_follow_the_uncertainty():
+    assert doctest.testmod(printed_module).failed == 0
+
+
+def test_the_network_that_the_data_favour_is_stated(result):
+    assert certificate_content(result, Certificate())["network"] == "second order"
+    first = replace(result, verdict=replace(result.verdict, order="first"))
+    said = certificate_content(first, Certificate())
+    assert said["network"] == "first order"
+    assert [row[0] for row in said["parameters"]] == ["Ceq", "Req"]
+    assert said["use"] == "not usable"
+    model = first.models["first"]
+    close = tuple(replace(row, rmse_K=0.5) for row in model.residuals)
+    near = replace(first, models={**first.models, "first": replace(model, residuals=close)})
+    assert headline(near).use == "not usable"
+    assert headline(near).sentence == (
+        "First order. 2 of 2 parameters are not identifiable from these tests (Ceq, Req): do not "
+        "use for warm-up and time to a limit and steady temperatures and continuous current."
+    )
+
+
+def test_identified_parameters_can_be_used(result):
+    said = headline(result)
+    assert said.use == "usable"
+    assert said.sentence.startswith("Second order. All 4 parameters are identified")
+    assert "Rs0 is that of the motor file: these tests do not measure it." in said.reasons
+
+
+def test_what_is_not_identifiable_is_not_to_be_used(result):
+    said = headline(judged(result, Ceq_sr="not identifiable", Req_w="weak"))
+    assert said.use == "restricted"
+    assert said.sentence == (
+        "Second order. 1 of 4 parameters is not identifiable from these tests (Ceq_sr): do not "
+        "use for warm-up and time to a limit."
+    )
+    # U of Req_w: 2 · 0.001624 / 0.14481 = 2.2 %
+    rough = headline(judged(result, Req_w="weak"))
+    assert rough.use == "restricted"
+    assert "known only roughly (Req_w ± 2.2 %)" in rough.sentence
+
+
+def test_a_fit_or_a_prediction_that_fails_is_said(result):
+    assert headline(with_second(result, result="not_converged")).use == "not usable"
+    model = result.models["second"]
+    rows = tuple(
+        replace(row, coverage_95=0.5 if row.role == "holdout" else row.coverage_95)
+        for row in model.residuals
+    )
+    said = headline(with_second(result, residuals=rows))
+    assert said.use == "restricted"
+    assert any("misses too many readings of a held-out test" in each for each in said.reasons)
+    doubtful = with_second(result, posterior=replace(model.posterior, is_sound=False))
+    assert headline(doubtful).use == "restricted"
+
+
+def test_a_network_that_does_not_follow_its_test_is_not_to_be_used(result):
+    """The winding of the stored test rises from the sink by some 100 K: 15 K are not followed."""
+    fitted = result.tests[0]
+    rise = fitted.winding_degC[1] - fitted.sink_degC[0]
+    assert 60.0 < rise < 150.0
+    rows = tuple(
+        replace(row, rmse_K=15.0) if row.role == "calibration" else row
+        for row in result.models["second"].residuals
+    )
+    said = headline(with_second(result, residuals=rows))
+    assert said.use == "not usable"
+    assert said.sentence == (
+        "Second order. The network does not follow the fitted test duty_30min (RMSE 15.0 K, "
+        f"{100 * 15.0 / rise:.0f} % of the rise): do not use it."
+    )
+
+
+def test_a_network_that_lacks_something_is_restricted(result):
+    lack = Finding("missing_effect", "warning", "the second-order network is incomplete")
+    said = headline(replace(result, findings=(lack,)))
+    assert said.use == "restricted"
+    assert any("lacks something that the tests show" in reason for reason in said.reasons)
+    other = Finding("missing_effect", "warning", "the first-order network is incomplete")
+    assert headline(replace(result, findings=(other,))).use == "usable"
+
+
+def test_the_choice_of_the_network_is_told_as_a_chance(result):
+    """A log Bayes factor of 3: 1/(1 + e³) = 4.7 %."""
+    close = replace(result, verdict=replace(result.verdict, log_bayes_factor=3.0))
+    assert any("4.7 %" in reason for reason in headline(close).reasons)
+    assert any("below 0.1 %" in reason for reason in headline(result).reasons)
+
+
+def test_the_days_are_those_of_the_records_or_as_stated(result):
+    one, other = result.tests
+    dated = replace(
+        result, tests=(replace(one, start="2026-03-05"), replace(other, start="2026-03-04"))
+    )
+    assert str(days_of(dated, Certificate())) == "2026-03-04 to 2026-03-05"
+    assert str(days_of(result, Certificate())) == ""
+    half = replace(result, tests=(replace(one, start="2026-03-05"), other))
+    assert str(days_of(half, Certificate())) == ""
+    stated = days_of(dated, Certificate(test_from="2026-03-09"))
+    assert str(stated) == "2026-03-09"
+    assert stated.note == "By the clocks of the records: 2026-03-04 to 2026-03-05."
+    long = replace(dated, tests=(replace(one, start="2026-03-05", duration_s=90000.0),))
+    assert str(days_of(long, Certificate())) == "2026-03-05 to 2026-03-06"
+
+
+def pages(result, certificate, folder):
+    figure = Figure(figsize=(6, 3))
+    figure.subplots()
+    drawn = save(figure, folder / "certificate.png")
+    path = write_pdf(sheet_content(result, certificate), [drawn, drawn], folder / "sheet.pdf")
+    return [" ".join(page.extract_text().split()) for page in PdfReader(path).pages]
+
+
+def test_an_empty_block_leaves_lines_to_fill_in(result, tmp_path):
+    text, *annex = pages(result, Certificate(), tmp_path)
+    for label in ("Certificate number", "Laboratory", "Customer", "Serial number", "Date of test",
+                  "Date of issue", "Operator", "Approved by", "Signature",
+                  "Instruments"):  # fmt: skip
+        assert label in text
+    assert "Condition" not in text.replace("Conditions", "")
+    assert f"page 1 of {len(annex) + 1}" in text
+    assert annex[0].startswith("Annex")
+    for heading in ("Method", "SHA-256", "priors", "Correlation", "Residuals", "Findings"):
+        assert any(heading in page for page in annex)
+
+
+def test_names_stand_on_page_1_to_the_letter(result, tmp_path):
+    rows = Instrument(HOSTILE[:60], HOSTILE, "0.2", HOSTILE, "2027-01-31")
+    stated = Certificate(
+        number=HOSTILE, laboratory=HOSTILE, customer=HOSTILE, operator="A. Ångström",
+        bench="W" * 120, remarks=HOSTILE * 8, instruments=(rows,),
+    )  # fmt: skip
+    text, second, *_ = pages(result, stated, tmp_path)
+    flat = "".join(text.split())
+    for word in ("#panic()", "$a_1$", "*b*", "<script>", '"q"', "@import", "Ångström", "W" * 120):
+        assert flat.count(word) >= 1
+    assert second.startswith("Annex")
+
+
+def test_many_instruments_go_to_the_annex(result, tmp_path):
+    stated = Certificate(instruments=tuple(Instrument(f"quantity {n}") for n in range(20)))
+    first, *annex = pages(result, stated, tmp_path)
+    assert "as listed in the annex" in first
+    assert any("quantity 19" in page for page in annex)
+
+
+def test_a_letter_that_no_font_has_stands_as_its_number():
+    private = chr(0xE000)  # of no script: no font is right
+    found = shown({"name": f"A. Ångström {private}", "rows": [[private]], "number": 3})
+    assert found.content in (
+        {"name": "A. Ångström [U+E000]", "rows": [["[U+E000]"]], "number": 3},
+        {"name": f"A. Ångström {private}", "rows": [[private]], "number": 3},
+    )
+    plain = shown({"name": "A. Ångström Ω ± … שלום Привет"})
+    assert plain.content == {"name": "A. Ångström Ω ± … שלום Привет"}
+    assert not plain.needs_system_fonts
+
+
+def test_the_json_keeps_its_keys_and_gets_the_certificate(result):
+    content = json.loads(to_json(sheet_content(result, Certificate(number="7"))))
+    assert {"title", "verdict", "meta", "definitions", "tests", "columns", "models", "comparison",
+            "findings", "limits", "certificate"} <= set(content)  # fmt: skip
+    assert ["Certificate number", "7"] in content["certificate"]["identification"]
+    assert content["certificate"]["parameters"][0][2] == "664 ± 15 J/K"
+
+
+def test_the_workbook_shows_the_digits_of_the_sheet(result, tmp_path):
+    times = [0.0, 20.0]
+    columns = ("time_s", "measured_degC", "losses_W", "phase_current_A", "sink_degC",
+               "second_winding_degC")  # fmt: skip
+    table = pd.DataFrame({name: times for name in columns})
+    stated = Certificate(number="=1+1", issue_date="2026-03-09", operator=HOSTILE)
+    content = sheet_content(result, stated)
+    book = openpyxl.load_workbook(
+        write_xlsx(result, content, [("t", "calibration", table)], tmp_path / "sheet.xlsx")
+    )
+    assert book.sheetnames[:2] == ["Certificate", "Parameters"]
+    rows = {row[0].value: row for row in book["Certificate"].iter_rows()}
+    assert (rows["Certificate number"][1].value, rows["Certificate number"][1].data_type) == (
+        "=1+1",
+        "s",
+    )
+    assert rows["Date of issue"][1].value == "2026-03-09"
+    assert rows["Operator"][1].value == HOSTILE
+    heat = [cell.value for cell in rows["Ceq_w"]]
+    assert heat[2:8] == [664, 15, 648.8, 677.8, "J/K", "identified"]
+    flow = rows["Req_sr"]
+    assert (flow[2].value, flow[2].number_format, flow[6].value) == (0.1155, "0.0000", "K/W")
+    head, *rest = list(book["Parameters"].values)[3:]
+    assert head[12:15] == ("prior 95 % low", "prior 95 % high", "prior from")
+    ohm = next(row for row in rest if row[1] == "Rs0")
+    assert ohm[3] == "Ω"

@@ -1,0 +1,152 @@
+"""The Digital Calibration Certificate: by the structure of DCC 3.3.0, nothing made up."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from dcc_structure import DCC, SI, violations
+
+from heatrun.certificate import Certificate, Instrument
+from heatrun.errors import InputError
+from heatrun.reports.sheet.dcc.document import dcc_text
+from heatrun.reports.sheet.dcc.schema import validate
+from heatrun.results import FitResult, from_json
+
+STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
+
+STATED = Certificate(
+    number="2026-0147", laboratory="Bench 3", laboratory_address="Corso Duca 24, Torino",
+    customer="Example Motors", customer_address="Via Roma 1, Torino", serial_number="SN 0042",
+    operator="A. Ångström", approved_by="李", performed_at="laboratory", country="IT",
+    test_from="2026-03-04", test_until="2026-03-05",
+    instruments=(Instrument("current", "IT 400", "0.2", "LAT 139", "2027-01-31"),),
+)  # fmt: skip
+
+HOSTILE = '#panic() $a_1$ <script> & "q" ]]> <?xml?> --> Ångström 李 שלום'
+
+
+@pytest.fixture(scope="module")
+def result():
+    return from_json(STORED.read_bytes(), FitResult, "fit.json", str(STORED))
+
+
+def parsed(result, certificate=STATED):
+    return ElementTree.fromstring(dcc_text(result, certificate))
+
+
+def texts(root, name):
+    return [each.text for each in root.iter(f"{DCC}{name}")]
+
+
+def test_it_has_the_structure_of_the_schema(result):
+    root = parsed(result)
+    assert violations(root) == []
+    assert root.get("schemaVersion") == "3.3.0"
+
+
+def test_the_structure_would_be_missed(result):
+    """The table of the schema finds an element that is gone, added, moved or empty."""
+    whole = parsed(result)
+    core = f"{DCC}administrativeData/{DCC}coreData"
+    for change in (
+        lambda at: at.remove(at.find(f"{DCC}uniqueIdentifier")),
+        lambda at: at.append(copy.deepcopy(at.find(f"{DCC}uniqueIdentifier"))),
+        lambda at: at.insert(0, at[-1]),
+        lambda at: setattr(at.find(f"{DCC}uniqueIdentifier"), "text", ""),
+        lambda at: setattr(at.find(f"{DCC}countryCodeISO3166_1"), "text", "Italy"),
+    ):
+        broken = copy.deepcopy(whole)
+        change(broken.find(core))
+        assert violations(broken) != []
+
+
+def test_the_results_are_those_of_the_sheet(result):
+    """Value 663.61 with u 7.4963: U = 15, so 664 ± 15 J/K; by hand from the stored result."""
+    reals = {each.findtext(f"{SI}label"): each for each in parsed(result).iter(f"{SI}real")}
+    heat = reals["Ceq_w"]
+    assert (heat.findtext(f"{SI}value"), heat.findtext(f"{SI}unit")) == (
+        "664",
+        "\\joule\\per\\kelvin",
+    )
+    stated = heat.find(f"{SI}measurementUncertaintyUnivariate/{SI}expandedMU")
+    assert [each.text for each in stated] == ["15", "2", "0.95"]
+    assert reals["Req_sr"].findtext(f"{SI}unit") == "\\kelvin\\per\\watt"
+    assert reals["Req_sr"].findtext(f"{SI}value") == "0.1155"
+
+
+def test_a_skewed_quantity_carries_its_interval(result):
+    first = replace(result, verdict=replace(result.verdict, order="first"))
+    reals = {each.findtext(f"{SI}label"): each for each in parsed(first).iter(f"{SI}real")}
+    held = reals["Ceq"].find(f"{SI}measurementUncertaintyUnivariate/{SI}coverageIntervalMU")
+    assert [each.text for each in held] == ["2200", "2200", "10600", "0.95"]
+
+
+def test_names_stand_there_to_the_letter(result):
+    hostile = replace(STATED, customer=HOSTILE, operator=HOSTILE, number=HOSTILE)
+    named = replace(result, motor=replace(result.motor, name=HOSTILE + "\x1b[31m\udcff"))
+    root = parsed(named, hostile)
+    assert violations(root) == []
+    assert root.find(f".//{DCC}customer/{DCC}name/{DCC}content").text == HOSTILE
+    assert texts(root, "uniqueIdentifier") == [HOSTILE]
+    assert root.find(f".//{DCC}item/{DCC}name/{DCC}content").text.startswith(HOSTILE)
+
+
+def test_who_approves_it_signs(result):
+    assert texts(parsed(result), "role") == ["approved by", "operator"]
+    assert texts(parsed(result), "mainSigner") == ["true", "false"]
+    alone = parsed(result, replace(STATED, approved_by=""))
+    assert (texts(alone, "role"), texts(alone, "mainSigner")) == (["operator"], ["true"])
+
+
+def test_what_is_missing_is_named_and_not_made_up(result):
+    with pytest.raises(InputError) as error:
+        dcc_text(result, Certificate())
+    for key in ("number", "laboratory_address", "country", "serial_number", "performed_at",
+                "approved_by or operator", "test_from"):  # fmt: skip
+        assert key in error.value.problem
+    with pytest.raises(InputError, match=r"Missing: country\."):
+        dcc_text(result, replace(STATED, country=""))
+
+
+def test_the_days_of_the_records_do_for_those_of_the_certificate(result):
+    dated = tuple(replace(test, start=f"2026-03-0{n}") for n, test in enumerate(result.tests, 4))
+    root = parsed(replace(result, tests=dated), replace(STATED, test_from="", test_until=""))
+    assert texts(root, "beginPerformanceDate") == ["2026-03-04"]
+    assert texts(root, "endPerformanceDate") == ["2026-03-05"]
+
+
+def test_it_is_validated_by_the_copy_of_the_user(result, tmp_path):
+    """A schema of the same names that asks for version 3.3.0 and imports another from afar."""
+    pytest.importorskip("xmlschema")
+    head = '<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" elementFormDefault="qualified"'
+    (tmp_path / "SI_Format.xsd").write_text(
+        f'{head} targetNamespace="https://ptb.de/si"><xs:element name="real"/></xs:schema>'
+    )
+    schema = tmp_path / "dcc.xsd"
+
+    def write(version):
+        schema.write_text(f"""{head} xmlns:si="https://ptb.de/si"
+            targetNamespace="https://ptb.de/dcc">
+          <xs:import namespace="https://ptb.de/si"
+            schemaLocation="https://ptb.de/si/v2.2.1/SI_Format.xsd"/>
+          <xs:element name="digitalCalibrationCertificate"><xs:complexType><xs:sequence>
+            <xs:any namespace="##any" processContents="skip" maxOccurs="unbounded"/></xs:sequence>
+            <xs:attribute name="schemaVersion" type="xs:string" fixed="{version}"/>
+          </xs:complexType></xs:element>
+          <xs:element name="uses"><xs:complexType><xs:sequence><xs:element ref="si:real"/>
+          </xs:sequence></xs:complexType></xs:element>
+        </xs:schema>""")
+
+    document = dcc_text(result, STATED)
+    write("3.3.0")
+    validate(document, schema)
+    write("3.2.1")
+    with pytest.raises(InputError, match=r"does not follow the schema.*3\.2\.1"):
+        validate(document, schema)
+    (tmp_path / "SI_Format.xsd").unlink()
+    with pytest.raises(InputError, match="schema cannot be read"):
+        validate(document, schema)

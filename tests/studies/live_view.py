@@ -1,0 +1,160 @@
+"""How the live view follows two running tests, of 20 and 0.4 rows/s: lag, memory, errors.
+
+    python tests/studies/live_view.py [--minutes 10] [--out FOLDER]
+
+Needs Chromium. Prints a line a minute and writes `follow.json` and a screenshot into the folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+WRITER = ROOT / "tests" / "app" / "bench_writer.py"
+RATES = {"fast.csv": "20", "slow.csv": "0.4"}
+LOOK_S = 5.0
+START_S = 60.0
+
+SHOWN = """
+() => {
+  const plots = Object.values(Bokeh.index).flatMap((view) => [...view.model.references()])
+    .filter((m) => m.type === "Figure");
+  return plots.flatMap((plot) => plot.renderers)
+    .filter((r) => r.type === "GlyphRenderer" && r.data_source.name === "signal")
+    .map((r) => { const t = Array.from(r.data_source.data.t).filter(Number.isFinite);
+                  const dash = r.glyph.line_dash?.value ?? r.glyph.line_dash;
+                  const solid = dash === "solid" || dash.length === 0;
+                  return [t.length, t[t.length - 1], solid]; });
+}
+"""
+"""Points, time of the newest, and if it is solid, of each line; the second test's are not."""
+
+
+def main() -> None:
+    """Follow, measure and write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--out", type=Path, default=Path("live-view"))
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary) / "bench"
+        folder.mkdir()
+        writers = [[str(WRITER), str(folder / name), rate, "1"] for name, rate in RATES.items()]
+        view = ["-m", "heatrun.cli", "view", str(folder), "--no-browser", "--port", "0"]
+        log = Path(temporary) / "log"
+        with running(*writers, log=log), running(view, log=log) as (server,):
+            found = follow(folder, address(log), server, options.minutes * 60.0, options.out)
+        found["log"] = log.read_text().splitlines()[1:]
+    (options.out / "follow.json").write_text(json.dumps(found, indent=1) + "\n")
+    print(json.dumps({name: value for name, value in found.items() if name != "rows"}))
+
+
+@contextmanager
+def running(*commands: list[str], log: Path) -> Iterator[list[subprocess.Popen[bytes]]]:
+    """Run Python with some words each, and end it."""
+    with log.open("ab") as file:
+        started = [subprocess.Popen([sys.executable, *words], stderr=file) for words in commands]
+    try:
+        yield started
+    finally:
+        for process in started:
+            process.terminate()
+            process.wait(20)
+
+
+def address(log: Path) -> str:
+    """Return the address that the server prints."""
+    end = time.monotonic() + START_S
+    while time.monotonic() < end:
+        if found := re.search(r"http://\S+:\d+/", log.read_text()):
+            return found.group()
+        time.sleep(0.2)
+    sys.exit(log.read_text())
+
+
+def follow(folder: Path, url: str, server: Any, duration_s: float, out: Path) -> dict[str, Any]:
+    """Keep a page open on both tests and note how far it is behind them."""
+    from playwright.sync_api import sync_playwright
+
+    problems: list[str] = []
+    rows: list[dict[str, float]] = []
+    while not all((folder / name).exists() and written(folder / name)[0] > 1 for name in RATES):
+        time.sleep(0.2)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=shutil.which("chromium"), args=["--no-sandbox"]
+        )
+        page = browser.new_page(viewport={"width": 1400, "height": 900})
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
+        page.goto(f"{url}?test=fast.csv&test=slow.csv&follow=1")
+        page.locator(".bk-Figure").first.wait_for(timeout=60_000)
+        page.get_by_label("oil_pressure [bar]").first.check()
+        gauge = page.context.new_cdp_session(page)
+        gauge.send("Performance.enable")
+        begin, used_s = time.monotonic(), processor_s(server.pid)
+        while time.monotonic() < begin + duration_s:
+            time.sleep(LOOK_S)
+            row: dict[str, float] = {"at_s": round(time.monotonic() - begin, 1)}
+            files = {name: written(folder / name) for name in RATES}
+            lines = page.evaluate(SHOWN)
+            for name, is_solid in (("fast.csv", True), ("slow.csv", False)):
+                own = [line for line in lines if line[2] == is_solid]
+                row |= {
+                    f"{name} rows": files[name][0],
+                    f"{name} points": own[0][0],
+                    f"{name} lag_s": round(files[name][1] - min(line[1] for line in own), 2),
+                }
+            metrics = gauge.send("Performance.getMetrics")["metrics"]
+            heap = next(each["value"] for each in metrics if each["name"] == "JSHeapUsedSize")
+            row |= {"server_MB": round(resident_MB(server.pid)), "page_MB": round(heap / 1e6)}
+            rows.append(row)
+            if len(rows) % round(60 / LOOK_S) == 0:
+                print(json.dumps(row), flush=True)
+        page.screenshot(path=out / "follow.png")
+        browser.close()
+    lags = {name: [row[f"{name} lag_s"] for row in rows] for name in RATES}
+    return {
+        "problems": problems,
+        "lag_median_s": {name: statistics.median(each) for name, each in lags.items()},
+        "lag_largest_s": {name: max(each) for name, each in lags.items()},
+        "server_processor_share": round((processor_s(server.pid) - used_s) / duration_s, 4),
+        "rows": rows,
+    }
+
+
+def written(path: Path) -> tuple[int, float]:
+    """Return how many rows of a file are whole, and the time of the last [s]."""
+    lines = path.read_bytes().rpartition(b"\n")[0].split(b"\n")
+    return len(lines) - 1, float(lines[-1].split(b",")[0]) if len(lines) > 1 else 0.0
+
+
+def resident_MB(pid: int) -> float:
+    """Return the memory of a process [MB]."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    found = re.search(r"VmRSS:\s+(\d+)", status)
+    return int(found.group(1)) / 1e3 if found else 0.0
+
+
+def processor_s(pid: int) -> float:
+    """Return the processor time of a process [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+if __name__ == "__main__":
+    main()
