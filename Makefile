@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # A second Python for `make test-latest`: the newest there is above 3.11.
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
-.PHONY: demo test test-slow test-latest lint types check bench study-coverage study-crosschecks \
+.PHONY: demo demo-results test test-slow test-latest lint types check bench study-coverage study-crosschecks \
   study-bodies study-discovery study-exam study-faults study-first-hour study-fuzz study-misfit study-paderborn \
   study-readings study-real study-view audit docs notebooks schemas lock clean
 
@@ -36,6 +36,10 @@ check: lint types test
 
 bench: $(VENV)/ready
 	$(BIN)/python tests/benchmarks/run.py
+
+# Certificate, workbook, DCC, reports and discovery of bundled data, kept under results/demo.
+demo-results: $(VENV)/ready
+	$(BIN)/python tests/studies/demo_results.py
 
 # From five unlike files to a certificate by init, check and calibrate.
 study-first-hour: $(VENV)/ready

@@ -169,7 +169,12 @@ def test_nothing_is_left_when_the_server_ends(serve, wire, tmp_path, monkeypatch
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
-    server = serve()
+    # these tests may run under nohup, whose children do not hear of a hang-up
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    try:
+        server = serve()
+    finally:
+        signal.signal(signal.SIGHUP, before)
     tab = wire.Tab(server.url, "?test=duty_30min.csv.gz&motor=motor.toml")
     assert [each for each in temporary.iterdir() if each.name.startswith("heatrun-uploads-")]
     (button,) = [
