@@ -51,7 +51,7 @@ def draw_all(
 def gap(predictions: Sequence[tuple[Prediction, Prediction]], roles: Sequence[str]) -> Figure:
     """Return the errors over time before and after, with the bands of the final model."""
     num = len(predictions)
-    figure = Figure(figsize=(7.2, 0.8 + 1.9 * num), layout="constrained")
+    figure = Figure(figsize=(7.2, 0.9 + 2.0 * num), layout="constrained")
     axes = np.atleast_1d(figure.subplots(num, 1))
     for axis, (before, after), role in zip(axes, predictions, roles, strict=True):
         minutes = after.test.time / 60.0
@@ -61,19 +61,20 @@ def gap(predictions: Sequence[tuple[Prediction, Prediction]], roles: Sequence[st
         pairs = [("network alone", before, BEFORE)]
         if after is not before:
             pairs.append(("with what was missing", after, AFTER))
+        sizes = []
         for label, prediction, colour in pairs:
             seen = prediction.test.is_observed
             size = float(np.sqrt(np.mean(prediction.residual[seen] ** 2)))
-            axis.plot(minutes, prediction.residual, color=colour, lw=0.9,
-                      label=f"{label}: {size:.2f} K RMSE")  # fmt: skip
+            sizes.append(f"{label} {size:.2f} K")
+            axis.plot(minutes, prediction.residual, color=colour, lw=0.9, label=label)
         axis.axhline(0.0, color="0.5", lw=0.6)
         axis.set_ylabel("measured −\nmodel [K]")
-        axis.set_title(f"{plain(after.test.name)} ({role})", loc="left", fontsize=9)
-        axis.legend(
-            fontsize=7, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.98)
-        )
+        title = f"{plain(after.test.name)} ({role})\nRMSE: {', '.join(sizes)}"
+        axis.set_title(title, loc="left", fontsize=8)
         _trim(axis)
     axes[-1].set_xlabel("time [min]")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=7, frameon=False)
     return figure
 
 
