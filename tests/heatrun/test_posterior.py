@@ -168,3 +168,21 @@ def test_draws_from_a_proposal_that_is_off_are_accepted_as_the_posterior_wants(
     sd = posterior.flat.std(axis=0)
     assert np.max(np.abs(chain.mean(axis=0) - posterior.flat.mean(axis=0)) / sd) < 0.12
     assert np.max(np.abs(chain.std(axis=0) / sd - 1.0)) < 0.1
+
+
+def test_a_quick_posterior_that_cannot_be_had_says_why(fitted, monkeypatch, short_chunks):
+    monkeypatch.setattr("heatrun.inference.sampling.importance.PARETO_LIMIT", -1.0)
+    told = []
+    asked = sample(
+        fitted,
+        method="quick",
+        seed=1,
+        most_steps=200,
+        progress=lambda sentence, share: told.append(sentence),
+    )
+    assert asked.convergence is not None
+    assert asked.convergence.num_steps == 80  # half of the steps, less the burn-in
+    assert "With `--quick`, MCMC took the place of importance sampling" in asked.sentence()
+    assert f"Pareto k {asked.weighted.pareto_k:.2f}" in asked.sentence()
+    assert told
+    assert all("importance sampling is not reliable here" in sentence for sentence in told)

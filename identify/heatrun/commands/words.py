@@ -70,7 +70,7 @@ def add_sampling(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--quick",
         action="store_true",
-        help="importance sampling instead of MCMC where its diagnostics allow",
+        help="importance sampling instead of MCMC where its diagnostics allow, else a shorter MCMC",
     )
 
 

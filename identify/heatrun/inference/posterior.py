@@ -14,8 +14,9 @@ from .batches import at_once
 from .draws import Draws
 from .fitting.fit_result import Fit
 from .plausible_effects import PlausibleEffects
-from .sampling.convergence import ESS_WANTED, Convergence, judge
+from .sampling.convergence import FULL, QUICK, Convergence, judge
 from .sampling.importance import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted, importance_sample
+from .sampling.spread import spread
 
 NUM_ENSEMBLES = 2
 """Ensembles that run apart, so that they can be held against each other."""
@@ -51,6 +52,8 @@ class Posterior:
         method: How they were drawn.
         weighted: The importance samples that came first.
         convergence: Verdict on the ensembles; None for importance sampling.
+        was_to_be_quick: Whether the ensembles stand in for importance samples that could not be
+            trusted.
         plausible: Effects behind the draws, where these are averaged over models with one; None
             where all draws are of the network alone.
         alone: The posterior before it was averaged; None where it was not.
@@ -62,6 +65,7 @@ class Posterior:
     method: Method
     weighted: Weighted
     convergence: Convergence | None
+    was_to_be_quick: bool = False
     plausible: PlausibleEffects | None = None
     alone: Posterior | None = None
 
@@ -89,12 +93,16 @@ class Posterior:
                 "Drawn from normal laws around the fits with one effect each: without one, the "
                 "network does not explain the tests."
             )
-        if self.convergence is not None:
-            return self.convergence.sentence()
         figures = (
             f"Pareto k {self.weighted.pareto_k:.2f}, limit {PARETO_LIMIT:g}; effective sample size "
             f"{self.weighted.effective_size:.0f}, at least {LEAST_EFFECTIVE:g}"
         )
+        if self.convergence is not None:
+            why = (
+                " With `--quick`, MCMC took the place of importance sampling, which is faster and "
+                f"not reliable for these tests ({figures})."
+            )
+            return self.convergence.sentence() + (why if self.was_to_be_quick else "")
         if self.weighted.is_sound:
             return f"Importance sampling is reliable ({figures})."
         return f"Importance sampling is not reliable ({figures}): the intervals are indicative."
@@ -137,15 +145,20 @@ def sample(
 
     Args:
         fit: The fit.
-        method: `"emcee"`: MCMC; `"quick"`: importance sampling if it is sound, else MCMC.
+        method: `"emcee"`: MCMC; `"quick"`: importance sampling if it is sound, else MCMC of half
+            the effective sample size, given up after half the steps.
         seed: Random seed.
         folder: Where checkpoints are written and taken up again; None for none.
         progress: Called with a sentence and the share done.
         most_steps: Steps of an ensemble after which it is given up.
     """
     weighted = importance_sample(fit, seed=seed)
-    if method == "quick" and weighted.is_sound:
+    is_quick = method == "quick"
+    if is_quick and weighted.is_sound:
         return _of_weighted(fit, weighted, seed)
+    wanted = QUICK if is_quick else FULL
+    most_steps = most_steps // 2 if is_quick else most_steps
+    instead = "importance sampling is not reliable here, MCMC instead: " if is_quick else ""
 
     from .sampling.ensemble import (
         Ensemble,  # emcee takes half a second, and most commands never sample
@@ -162,17 +175,17 @@ def sample(
         num_steps = ensembles[0].num_steps
         drop = int(BURN_IN * num_steps)
         chains = np.stack([ensemble.chain()[drop:] for ensemble in ensembles])
-        convergence = judge(chains)
+        convergence = judge(chains, wanted)
         if progress is not None:
             progress(
-                f"{num_steps} steps, effective sample size {convergence.effective_size:.0f} "
-                f"of {ESS_WANTED:.0f}",
-                min(1.0, max(convergence.effective_size / ESS_WANTED, num_steps / most_steps)),
+                f"{instead}{num_steps} steps, effective sample size "
+                f"{convergence.effective_size:.0f} of {wanted.size:.0f}",
+                min(1.0, max(convergence.effective_size / wanted.size, num_steps / most_steps)),
             )
         if (convergence.is_enough and num_steps >= 2 * CHUNK) or num_steps >= most_steps:
             break
     density = np.stack([ensemble.density()[drop:] for ensemble in ensembles])
-    return Posterior(fit, keep(chains), keep(density), "emcee", weighted, convergence)
+    return Posterior(fit, keep(chains), keep(density), "emcee", weighted, convergence, is_quick)
 
 
 def keep(draws: Float[np.ndarray, "ensemble step walker ..."]) -> np.ndarray:
@@ -193,6 +206,5 @@ def weighted_draws(fit: Fit, *, seed: int = 0) -> Posterior:
 
 
 def _of_weighted(fit: Fit, weighted: Weighted, seed: int) -> Posterior:
-    picked = weighted.pick(NUM_KEPT, np.random.default_rng([seed, 1]))[None]
-    vectors, density = weighted.vectors[picked], weighted.log_density[picked]
-    return Posterior(fit, vectors, density, "importance", weighted, None)
+    vectors, density = spread(fit, weighted, NUM_KEPT, np.random.default_rng([seed, 1]))
+    return Posterior(fit, vectors[None], density[None], "importance", weighted, None)
