@@ -7,7 +7,7 @@ LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import s
 
 .PHONY: demo demo-results test test-slow test-latest lint types check bench study-coverage study-crosschecks \
   study-bodies study-discovery study-exam study-faults study-first-hour study-fuzz study-misfit study-paderborn \
-  study-readings study-real study-view audit docs notebooks schemas lock clean
+  study-readings study-real study-thresholds study-view audit docs notebooks schemas lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -54,6 +54,10 @@ study-crosschecks: $(VENV)/ready
 study-discovery: $(VENV)/ready
 	$(BIN)/python tests/studies/discovery.py --clean 72 --unknown 32 --pairs 32
 	$(BIN)/python tests/studies/discovery_time.py
+
+# The discovery's thresholds at half and at twice their values.
+study-thresholds: $(VENV)/ready
+	$(BIN)/python tests/studies/discovery_thresholds.py
 
 study-misfit: $(VENV)/ready
 	$(BIN)/python tests/studies/misfit.py
