@@ -70,6 +70,8 @@ class Motor:
         sink: Which channel is the temperature T0 that the stator loses its heat to.
         insulation_class: IEC 60085 class letter, or None.
         rated_speed_rpm: Speed that effects are scaled with [rpm], or None for the largest seen.
+        mass_kg: Mass of the machine without gear and carriage [kg], or None if not known.
+        conductor_mass_kg: Mass of the bare conductor of the winding [kg], or None.
         resistance_coefficient_degC: B of R(T) = R (B + T)/(B + Tref) [degC].
         phase_resistance_ohm: Rs0 at the reference temperature [ohm], or None if not known.
         reference_temperature_degC: Temperature that Rs0 holds for [degC].
@@ -99,6 +101,8 @@ class Motor:
     sink: Literal["ambient", "coolant"] = "ambient"
     insulation_class: str | None = None
     rated_speed_rpm: float | None = None
+    mass_kg: float | None = None
+    conductor_mass_kg: float | None = None
     resistance_coefficient_degC: float = 234.5
     phase_resistance_ohm: float | None = None
     reference_temperature_degC: float = 25.0

@@ -63,6 +63,9 @@ MOTOR = Section(
             "continuous current and the time to the limit.", '"F"', "no ratings"),
         Key("rated_speed_rpm", "Speed that effects of the speed are scaled with [rpm].", "6000",
             "the largest speed in the records"),
+        Key("mass_kg", "Mass of the machine without gear, carriage and cables [kg]: the heat "
+            "capacity of all but the winding is then known to a factor of 2, which a short test "
+            "does not tell.", "38.5", "capacities from how fast the tests warm"),
         Key("raster_s", "Step that MDF and TDMS channels are averaged to [s].", "1.0",
             "the samples of the winding"),
         Key("decimal", 'Decimal sign of text tables, "." or ","; the other one then separates '
@@ -84,6 +87,9 @@ WINDING = Section(
             "none: a calibration needs it, unless the current is 0 throughout"),
         Key("reference_temperature_degC", "Temperature at which the resistance was measured [°C].",
             "25.0", "25"),
+        Key("conductor_mass_kg", "Mass of the bare copper or aluminium of the winding [kg], end "
+            "windings included: the heat capacity of the winding is then known to a factor of 1.5.",
+            "4.2", "capacity from how fast the tests warm"),
     ),
 )  # fmt: skip
 

@@ -34,6 +34,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "sink",
         "insulation_class",
         "rated_speed_rpm",
+        "mass_kg",
         "raster_s",
         "decimal",
     ),
@@ -42,6 +43,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "resistance_coefficient_degC",
         "phase_resistance_ohm",
         "reference_temperature_degC",
+        "conductor_mass_kg",
     ),
     "vehicle": ("gear_ratio", "wheel_radius_m"),
     "adequacy": ("unmodelled_heat", "heat_time_s"),
@@ -117,6 +119,8 @@ def parse_motor(data: bytes, where: str) -> Motor:
         insulation_class=_choice(motor, "insulation_class", INSULATION_CLASSES, at),
         rated_speed_rpm=_number(motor, "rated_speed_rpm", POSITIVE, at),
         resistance_coefficient_degC=_coefficient(winding, at_winding),
+        mass_kg=_number(motor, "mass_kg", POSITIVE, at),
+        conductor_mass_kg=_conductor_mass(winding, motor, where),
         phase_resistance_ohm=_number(winding, "phase_resistance_ohm", POSITIVE, at_winding),
         reference_temperature_degC=_or_default(
             _number(winding, "reference_temperature_degC", REFERENCE_RANGE, at_winding),
@@ -215,6 +219,21 @@ def _coefficient(winding: Mapping[str, Any], where: str) -> float:
     if coefficient is not None:
         return coefficient
     return COEFFICIENTS_degC[material or "copper"]
+
+
+def _conductor_mass(
+    winding: Mapping[str, Any], motor: Mapping[str, Any], where: str
+) -> float | None:
+    """Return the mass of the conductor [kg], which is a part of that of the machine."""
+    conductor = _number(winding, "conductor_mass_kg", POSITIVE, f"{where}, [winding]")
+    whole = _number(motor, "mass_kg", POSITIVE, f"{where}, [motor]")
+    if conductor is not None and whole is not None and conductor >= whole:
+        raise InputError(
+            f"Expected conductor_mass_kg below mass_kg, got {conductor:g} of {whole:g} kg.",
+            where=f"{where}, [winding]",
+            remedy="Write both in kg; mass_kg is that of the whole machine.",
+        )
+    return conductor
 
 
 def _effects(section: Mapping[str, Any], where: str) -> tuple[str, ...]:

@@ -219,7 +219,7 @@ def table(rows: list[dict[str, Any]], seed: int, planned: int) -> str:
         f"({counts}). Each entry is the count with the threshold at half, as it is, and at twice "
         "(or at the values given), all others as they are. `heatrun.discovery.run.discover` on "
         "two tests of 2 h with a third held out, without the posterior, which no threshold "
-        "touches. Another result: the verdict, a name or a set differs in any way from that as it is.",
+        "touches. Another result: the verdict, a name or a set differs from that as it is.",
         "",
         "| threshold | what | values | clean machines claimed | unknown causes flagged "
         "| effects right | pairs right | another result |",

@@ -30,6 +30,7 @@ from .instruments import (
     torque_error,
 )
 from .networks import BUILT_IN, NetworkForm, network_named
+from .networks.masses import Masses
 from .networks.scale import scale_of_tests, scaled
 from .parameters import Parameter, ParameterSet, check_names, collect, override
 
@@ -117,7 +118,8 @@ class Model:
         copper = 0.0
         if self.kind == "map":
             copper = self.phases * (motor.phase_resistance_ohm or 0.0)
-        return replace(self, form=scaled(self.form, scale_of_tests(tests, copper)))
+        masses = Masses(motor.mass_kg, motor.conductor_mass_kg, motor.resistance_coefficient_degC)
+        return replace(self, form=scaled(self.form, scale_of_tests(tests, copper), masses))
 
     @property
     def name(self) -> str:

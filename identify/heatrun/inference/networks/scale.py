@@ -1,8 +1,8 @@
 """The scale of a machine, read off its tests: what default priors of a network are centred on.
 
 A drone's motor and a ship's differ by six powers of ten in every capacity and resistance. How fast
-the winding warms and how far says the scale of both; the priors around it stay wide, and a prior
-that the user states is left as it is.
+the winding warms and how far says the scale of both; the priors around it stay wide. Masses in the
+motor file say more of the capacities (`masses`). A prior that the user states is left as it is.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from ...bench.blocks import Blocks
 from ...io.quantities import rounded
 from ..parameters import Parameter
 from .form import NetworkForm
+from .masses import Masses
 from .priors import CAPACITANCE, RESISTANCE
 
 WINDOW_S = 60.0
@@ -75,28 +76,40 @@ def scale_of_tests(tests: Sequence[Blocks], copper_ohm: float = 0.0) -> Scale | 
     )
 
 
-def scaled(form: NetworkForm, scale: Scale | None) -> NetworkForm:
-    """Return a network whose default priors are centred on a scale; others stay as they are."""
-    if scale is None:
-        return form
+def scaled(form: NetworkForm, scale: Scale | None, masses: Masses) -> NetworkForm:
+    """Return a network whose default priors suit a machine; others stay as they are.
+
+    Args:
+        form: The network.
+        scale: What its tests say; None for nothing.
+        masses: What its motor file says.
+    """
     others = [node for node in form.nodes if node != form.copper]
-    body = BODY_OVER_WINDING * scale.capacity
+    known = masses.capacities(form.copper, others)
 
     def capacity(node: str, parameter: Parameter) -> Parameter:
+        if node in known:
+            return _around(parameter, CAPACITANCE, *known[node])
+        if scale is None:
+            return parameter
+        body = BODY_OVER_WINDING * scale.capacity
         if not others:
             centre = scale.capacity + body
         else:
             centre = scale.capacity if node == form.copper else body / len(others)
         return _around(parameter, CAPACITANCE, centre, SD_CAPACITANCE, scale.basis)
 
-    share = 1.0 if not others else 0.5
+    def resistance(parameter: Parameter) -> Parameter:
+        if scale is None:
+            return parameter
+        share = 1.0 if not others else 0.5
+        centre = share * scale.resistance
+        return _around(parameter, RESISTANCE, centre, SD_RESISTANCE, scale.basis)
+
     return replace(
         form,
         capacitance=tuple((node, capacity(node, p)) for node, p in form.capacitance),
-        resistance=tuple(
-            (link, _around(p, RESISTANCE, share * scale.resistance, SD_RESISTANCE, scale.basis))
-            for link, p in form.resistance
-        ),
+        resistance=tuple((link, resistance(p)) for link, p in form.resistance),
     )
 
 
@@ -104,7 +117,7 @@ def _around(parameter: Parameter, default: str, centre: float, sd: float, basis:
     if parameter.basis != default or parameter.fixed is not None:
         return parameter  # the network's file states it
     factor = np.exp(1.96 * sd)
-    words = f"log-normal, 95 % within a factor of {factor:.0f}: {basis}"
+    words = f"log-normal, 95 % within a factor of {rounded(factor, 2)}: {basis}"
     return replace(parameter, centre=centre, sd=sd, basis=words)
 
 
