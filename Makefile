@@ -7,7 +7,7 @@ LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import s
 
 .PHONY: demo demo-results test test-slow test-latest lint types check bench study-coverage study-crosschecks \
   study-bodies study-discovery study-exam study-faults study-first-hour study-fuzz study-misfit study-paderborn \
-  study-readings study-real study-thresholds study-view audit docs notebooks schemas lock clean
+  study-readings study-real study-thresholds study-view audit docs notebooks notebooks-rendered schemas lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -40,6 +40,10 @@ bench: $(VENV)/ready
 # Certificate, workbook, DCC, reports and discovery of bundled data, kept under results/demo.
 demo-results: $(VENV)/ready
 	$(BIN)/python tests/studies/demo_results.py
+
+# The notebooks with their outputs as pages under results/notebooks.
+notebooks-rendered: $(VENV)/ready
+	$(BIN)/python tests/studies/rendered_notebooks.py
 
 # From five unlike files to a certificate by init, check and calibrate.
 study-first-hour: $(VENV)/ready
