@@ -22,9 +22,7 @@ SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
 TIME = re.compile(r"(?P<number>[0-9]+(\.[0-9]*)?|\.[0-9]+)\s*(?P<unit>s|min|h)?")
 ROW = re.compile(r"row\s*(?P<row>[0-9]{1,15})")
-SUFFIX = re.compile(
-    r"(?P<test>.+)@(?P<stretch>(?P<start>[^@/\\+]*?)\.\.(?P<end>[^@/\\+]*))", re.DOTALL
-)
+SUFFIX = re.compile(r"(?P<test>.+)@(?P<stretch>[^@/\\+]*?\.\.[^@/\\+]*)", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -48,6 +46,16 @@ class Stretch:
         return f"{word}{_number(self.start)}{unit}..{last}"
 
 
+def split_stretch(text: str) -> tuple[str, str]:
+    """Return a test as the command line names it, and the stretch behind it, empty where none is.
+
+    Args:
+        text: Such as `drive.csv@10min..90min`, which gives `drive.csv` and `10min..90min`.
+    """
+    found = SUFFIX.fullmatch(text)
+    return (text, "") if found is None else (found["test"], found["stretch"])
+
+
 def stretch_of(text: str) -> tuple[str, Stretch | None]:
     """Return a test as the command line names it, without its stretch, and the stretch.
 
@@ -57,10 +65,11 @@ def stretch_of(text: str) -> tuple[str, Stretch | None]:
     Raises:
         InputError: If what stands behind `@` is no stretch.
     """
-    found = SUFFIX.fullmatch(text)
-    if found is None:
+    test, stretch = split_stretch(text)
+    if not stretch:
         return text, None
-    return found["test"], parse_stretch(found["start"], found["end"], text)
+    start, _, end = stretch.partition("..")
+    return test, parse_stretch(start, end, text)
 
 
 def parse_stretch(start: str, end: str, where: str) -> Stretch:
