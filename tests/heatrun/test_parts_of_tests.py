@@ -139,6 +139,9 @@ def test_another_test_is_left_alone(bench):
         ("use_rows = [[1.5, 600]]", "whole number from 1"),
         ("use = [[0, 600]]\nuse_rows = [[1, 600]]", "Both use and use_rows"),
         ('mask = [[0, ""]]', "seconds from 0"),
+        ('mask = [["row 1", "row 600"]]', "Expected a time such as 600s"),
+        ('use = [["row 1", "row 600"]]', "use_rows"),
+        ('use = [["ten", 600]]', "'ten'"),
         ("uses = [[0, 600]]", "uses"),
     ],
 )
