@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_checks_contract import FAULTS, VARIANTS, named
+from faults_of_records import FAULTS, VARIANTS
+from heat_runs import named
 
 from heatrun.bench.checks import check_record
 from heatrun.bench.joined import parts_of
