@@ -10,6 +10,10 @@ from ..io.printable import printable
 from ..io.quantities import printed_unit, quantity, rounded
 from ..results import DiscoveryResult, FitResult
 from ..results.values import known
+from .sheet.printed import interval_ends
+
+MOST_SPANS = 6
+"""Of what is missing; more of them are in the report."""
 
 _MARK = {"error": "ERROR  ", "warning": "warning", "note": "note   "}
 
@@ -40,10 +44,10 @@ def result_text(result: FitResult) -> str:
         effects = "".join(f", {effect.id}" for effect in model.effects)
         lines += ["", f"{model.title.capitalize()}{effects}"]
         for name, entry in model.parameters.items():
-            low, high = entry.interval_95
+            low, high = interval_ends(entry.interval_95, entry.sd)
             lines.append(
-                f"  {name:<7} {entry.value:>11.5g} {printed_unit(entry.unit):<4} "
-                f"95 % {low:.4g} … {high:.4g}   {entry.identifiability or ''}: {entry.why or ''}"
+                f"  {name:<7} {rounded(entry.value, 5):>11} {printed_unit(entry.unit):<4} "
+                f"95 % {low} … {high}   {entry.identifiability or ''}: {entry.why or ''}"
             )
         for row in model.residuals:
             lines.append(
@@ -97,13 +101,17 @@ def discovery_text(result: DiscoveryResult) -> str:
             )
     if result.holdout is not None and result.holdout.took_part_in_selection:
         lines.append(result.holdout.sentence)
-    for span in result.where[:6]:
+    if result.where:
+        lines.append("What the network alone misses, with 95 % intervals:")
+    for span in result.where[:MOST_SPANS]:
         missing, unit = span.missing
         low, high = span.interval_95
         lines.append(
-            f"{span.test}, {span.from_s / 60:.0f} to {span.to_s / 60:.0f} min, "
+            f"  {span.test}, {span.from_s / 60:.0f} to {span.to_s / 60:.0f} min, "
             f"{span.node}: {missing:+.3g} {unit} ({low:+.3g} … {high:+.3g})"
         )
+    if len(result.where) > MOST_SPANS:
+        lines.append(f"  and {len(result.where) - MOST_SPANS} more in discovery.pdf")
     test = result.next_test
     if test is not None:
         lines.append(

@@ -1,0 +1,36 @@
+"""Results as text for the terminal."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from heatrun.reports.terminal import discovery_text, result_text
+from heatrun.results import DiscoveryResult, FitResult, from_json
+
+STORED = Path(__file__).parents[1] / "stored"
+
+
+def test_a_large_capacity_has_no_exponent():
+    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+    second = stored.models["second"]
+    large = replace(
+        second.parameters["Ceq_sr"], value=151234.0, sd=2600.0, interval_95=(146123.0, 156321.0)
+    )
+    models = {"second": replace(second, parameters={"Ceq_sr": large})}
+    said = result_text(replace(stored, models=models))
+    assert re.search(r"Ceq_sr +151230 J/K +95 % 146100 … 156300 ", said)
+
+
+def test_what_is_missing_is_said_to_be_missing():
+    """Below figures of the model after, watts without a word read as what is still missing."""
+    stored = from_json(
+        (STORED / "discovery-2.json").read_bytes(), DiscoveryResult, "discovery.json", "stored"
+    )
+    span = stored.where[0]
+    lines = discovery_text(replace(stored, where=(span,) * 8)).splitlines()
+    place = lines.index("What the network alone misses, with 95 % intervals:")
+    assert all(line.startswith(f"  {span.test}, ") for line in lines[place + 1 : place + 7])
+    assert lines[place + 7] == "  and 2 more in discovery.pdf"
+    assert "alone misses" not in discovery_text(replace(stored, where=()))
