@@ -8,6 +8,7 @@ from pathlib import Path
 
 from heatrun.reports.terminal import discovery_text, result_text
 from heatrun.results import DiscoveryResult, FitResult, from_json
+from heatrun.results.derived import DerivedFigure
 
 STORED = Path(__file__).parents[1] / "stored"
 
@@ -21,6 +22,24 @@ def test_a_large_capacity_has_no_exponent():
     models = {"second": replace(second, parameters={"Ceq_sr": large})}
     said = result_text(replace(stored, models=models))
     assert re.search(r"Ceq_sr +151230 J/K +95 % 146100 … 156300 ", said)
+
+
+def test_a_rating_that_was_asked_for_is_told_or_refused():
+    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+    current = DerivedFigure(
+        value=140.279, unit="A", sd=0.74, interval_95=(139.608, 142.139), condition="S2-30, class F"
+    )
+    no_class = DerivedFigure(refused="no insulation class")
+    told = {
+        "continuous_current_A": no_class,
+        "S2-30_current_A": current,
+        "S3-40_current_A": no_class,
+    }
+    models = {"second": replace(stored.models["second"], derived=told)}
+    said = result_text(replace(stored, models=models)).splitlines()
+    assert "  S2-30_current_A: 140.3 A  95 % 139.6 … 142.1   S2-30, class F" in said
+    assert "  S3-40_current_A: refused, no insulation class" in said
+    assert not any("continuous_current_A" in line for line in said)  # nobody asked for it
 
 
 def test_what_is_missing_is_said_to_be_missing():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from ..bench import Finding
@@ -9,8 +10,12 @@ from ..bench.channels.column_mapping import mapping_text
 from ..io.printable import printable
 from ..io.quantities import printed_unit, quantity, rounded
 from ..results import DiscoveryResult, FitResult
-from ..results.values import known
+from ..results.derived import DerivedFigure
+from ..results.values import known, number
 from .sheet.printed import interval_ends
+
+CURRENT, UNASKED = "_current_A", "continuous_current_A"
+"""End of the names of ratings, and the one that nobody needs to ask for by `--rating`."""
 
 MOST_SPANS = 6
 """Of what is missing; more of them are in the report."""
@@ -61,6 +66,11 @@ def result_text(result: FitResult) -> str:
                 f"{'fitted as' if body.fitted else 'against'} {body.node}: RMSE "
                 f"{body.rmse_K:.2f} K, {100 * body.coverage_95:.0f} % inside the 95 % band"
             )
+        lines += [
+            f"  {_rating(name, figure)}"
+            for name, figure in model.derived.items()
+            if name.endswith(CURRENT) and (name != UNASKED or not known(figure.refused))
+        ]
         lines.append(f"  {model.posterior.verdict}")
         if model.about_missing():
             lines.append(f"  {model.about_missing()}")
@@ -77,6 +87,17 @@ def result_text(result: FitResult) -> str:
             f"  {_MARK[f.severity]} {f.where}: {f.message} {f.remedy}".rstrip() for f in graver
         ]
     return "\n".join(printable(line) for text in lines for line in text.split("\n"))
+
+
+def _rating(name: str, figure: DerivedFigure) -> str:
+    """Return a current at the insulation limit, or why there is none."""
+    if refused := known(figure.refused):
+        return f"{name}: refused, {refused}"
+    value = "not determined" if math.isnan(figure.median) else f"{rounded(figure.median, 4)} A"
+    low, high = (number(end) for end in known(figure.interval_95) or (None, None))
+    return (
+        f"{name}: {value}  95 % {rounded(low, 4)} … {rounded(high, 4)}   {known(figure.condition)}"
+    )
 
 
 def discovery_text(result: DiscoveryResult) -> str:
