@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ....bench.channels.schema import CHANNELS
 from ....bench.checks.samples import median_step, samples
+from ..analysis.compare_figures import FigureComparison
 from ..analysis.compare_signals import SignalComparison
 from ..analysis.general_information import FIGURES
 from ..card import NOT_OF_THE_MACHINE
