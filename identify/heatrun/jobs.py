@@ -85,10 +85,11 @@ def calibrate_into(
     if folder.note:
         say(folder.note)
     work = work_of_calibration([form.name for form in networks], len(tests), method, progress)
-    found = calibrate(
-        motor, tests, networks=networks, effects=effects, method=method, seed=seed,
-        command=command, duties=duties, folder=folder, say=say, work=work,
-    )  # fmt: skip
+    with folder.dropped_if_refused():
+        found = calibrate(
+            motor, tests, networks=networks, effects=effects, method=method, seed=seed,
+            command=command, duties=duties, folder=folder, say=say, work=work,
+        )  # fmt: skip
     say("writing the sheet")
     work.at("writing", "writing the run")
     run = write_run(folder, motor, found.result, found.posteriors, found.predictions)
@@ -154,9 +155,10 @@ def discover_into(
     if folder.note:
         say(folder.note)
     work = work_of_discovery(len(tests), method, progress)
-    job = run_job(
-        motor, tests, folder, order=network, known=known, kinds=kinds, method=method, seed=seed,
-        command=command, say=say, work=work,
-    )  # fmt: skip
+    with folder.dropped_if_refused():
+        job = run_job(
+            motor, tests, folder, order=network, known=known, kinds=kinds, method=method,
+            seed=seed, command=command, say=say, work=work,
+        )  # fmt: skip
     work.finish()
     return job

@@ -24,6 +24,15 @@ def test_a_large_capacity_has_no_exponent():
     assert re.search(r"Ceq_sr +151230 J/K +95 % 146100 … 156300 ", said)
 
 
+def test_figures_of_long_names_stand_below_each_other():
+    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+    second = stored.models["second"]
+    entry = second.parameters["Ceq_w"]
+    models = {"four": replace(second, parameters={"Ceq_tooth": entry, "Req_winding_tooth": entry})}
+    lines = result_text(replace(stored, models=models)).splitlines()
+    assert len({line.index("95 %") for line in lines if line.startswith(("  Ceq", "  Req"))}) == 1
+
+
 def test_a_rating_that_was_asked_for_is_told_or_refused():
     stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
     current = DerivedFigure(

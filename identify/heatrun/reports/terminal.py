@@ -48,10 +48,11 @@ def result_text(result: FitResult) -> str:
     for model in result.models.values():
         effects = "".join(f", {effect.id}" for effect in model.effects)
         lines += ["", f"{model.title.capitalize()}{effects}"]
+        width = max([7, *map(len, model.parameters)])
         for name, entry in model.parameters.items():
             low, high = interval_ends(entry.interval_95, entry.sd)
             lines.append(
-                f"  {name:<7} {rounded(entry.value, 5):>11} {printed_unit(entry.unit):<4} "
+                f"  {name:<{width}} {rounded(entry.value, 5):>11} {printed_unit(entry.unit):<4} "
                 f"95 % {low} … {high}   {entry.identifiability or ''}: {entry.why or ''}"
             )
         for row in model.residuals:
