@@ -38,7 +38,7 @@ def test_every_help_is_printed(words, capsys):
 def test_the_bare_name_lists_the_commands(capsys):
     assert cli.main([]) == 2
     said = capsys.readouterr()
-    assert all(f"    {name} " in said.err for name in COMMANDS)
+    assert set(COMMANDS) <= set(said.err.split())
     assert said.out == ""
 
 
