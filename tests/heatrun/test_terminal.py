@@ -9,6 +9,7 @@ from pathlib import Path
 from heatrun.reports.terminal import discovery_text, result_text
 from heatrun.results import DiscoveryResult, FitResult, from_json
 from heatrun.results.derived import DerivedFigure
+from heatrun.runs.run import Run
 
 STORED = Path(__file__).parents[1] / "stored"
 
@@ -22,6 +23,16 @@ def test_a_large_capacity_has_no_exponent():
     models = {"second": replace(second, parameters={"Ceq_sr": large})}
     said = result_text(replace(stored, models=models))
     assert re.search(r"Ceq_sr +151230 J/K +95 % 146100 … 156300 ", said)
+
+
+def test_a_run_at_the_prompt_is_one_line():
+    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+    said = repr(Run(Path("results") / "runs" / "demo", stored))
+    first = stored.tests[0]
+    assert said.startswith(f"<Run {Path('results', 'runs', 'demo')}: {stored.motor.name}; ")
+    assert "second order" in said
+    assert f"{first.name} ({first.role})" in said
+    assert len(said) < 300
 
 
 def test_figures_of_long_names_stand_below_each_other():
