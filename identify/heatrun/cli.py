@@ -30,7 +30,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     with ends_at_once():
-        options = _parser().parse_args(words)
+        parser = _parser()
+        if not words:  # whoever types the bare name wants to know what there is
+            parser.print_help(sys.stderr)
+            return WRONG_USE
+        options = parser.parse_args(words)
         options.command_line = shlex.join(["heatrun", *words])
     # a command that serves until it is stopped says `set_defaults(handles_interrupt=True)`
     handles_interrupt = getattr(options, "handles_interrupt", False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
@@ -79,16 +80,20 @@ def calibrate_into(
         method=method,
         seed=seed,
     )
+    # what the sheet says beside the numbers: a run with other words on it is another result
+    stated = motor.certificate.as_section()
+    further = (*duties, *([json.dumps(stated, sort_keys=True)] if stated else []))
     if not is_named and not is_replacing:
-        path = free_place(path, same, duties)
-    folder = RunFolder.begin(path, same, further=duties, is_replacing=is_replacing)
+        path = free_place(path, same, further)
+    folder = RunFolder.begin(path, same, further=further, is_replacing=is_replacing)
     if folder.note:
         say(folder.note)
     work = work_of_calibration([form.name for form in networks], len(tests), method, progress)
-    found = calibrate(
-        motor, tests, networks=networks, effects=effects, method=method, seed=seed,
-        command=command, duties=duties, folder=folder, say=say, work=work,
-    )  # fmt: skip
+    with folder.dropped_if_refused():
+        found = calibrate(
+            motor, tests, networks=networks, effects=effects, method=method, seed=seed,
+            command=command, duties=duties, folder=folder, say=say, work=work,
+        )  # fmt: skip
     say("writing the sheet")
     work.at("writing", "writing the run")
     run = write_run(folder, motor, found.result, found.posteriors, found.predictions)
@@ -154,9 +159,10 @@ def discover_into(
     if folder.note:
         say(folder.note)
     work = work_of_discovery(len(tests), method, progress)
-    job = run_job(
-        motor, tests, folder, order=network, known=known, kinds=kinds, method=method, seed=seed,
-        command=command, say=say, work=work,
-    )  # fmt: skip
+    with folder.dropped_if_refused():
+        job = run_job(
+            motor, tests, folder, order=network, known=known, kinds=kinds, method=method,
+            seed=seed, command=command, say=say, work=work,
+        )  # fmt: skip
     work.finish()
     return job

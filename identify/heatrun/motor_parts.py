@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from .bench.stretch import Stretch, parse_stretch
+from .bench.stretch import Stretch, in_order, parse_time
 from .errors import InputError
 from .io.toml_text import check_keys
 from .motor import PartsOfTest
@@ -63,24 +63,28 @@ def _stretches(keys: Mapping[str, Any], key: str, where: str) -> tuple[Stretch, 
             remedy=f"Write {key} = [[600, 5400], [7200, 9000]]: first and last "
             f"{'row' if key == 'use_rows' else 'second'} of each.",
         )
-    prefix = "row " if key == "use_rows" else ""
+    at = f"{where}, {key}"
     return tuple(
-        parse_stretch(*(_end(end, prefix, key, where) for end in pair), where=f"{where}, {key}")
-        for pair in listed
+        in_order(Stretch(_end(first, key, at), _end(last, key, at), key == "use_rows"), at)
+        for first, last in listed
     )
 
 
-def _end(value: Any, prefix: str, key: str, where: str) -> str:
-    """Return one end of a window as it would stand behind a file."""
+def _end(value: Any, key: str, where: str) -> float:
+    """Return one end of a window, a time [s] or a row."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    is_whole = isinstance(value, int) and 1 <= value < 10**15
-    if prefix and is_number and is_whole:
-        return f"{prefix}{value}"
-    if not prefix and is_number and 0 <= value <= 1e12:
-        return f"{value:.12f}".rstrip("0").rstrip(".")
-    if not prefix and isinstance(value, str) and value.strip():
-        return value
-    kind = "a whole number from 1" if prefix else "seconds from 0, or a text such as '90 min'"
+    if key == "use_rows":
+        kind = "a whole number from 1"
+        if is_number and isinstance(value, int) and 1 <= value < 10**15:
+            return float(value)
+    else:
+        kind = "seconds from 0, or a text such as '90 min'"
+        if is_number and 0 <= value <= 1e12:
+            return float(value)
+        if isinstance(value, str) and value.strip():
+            return parse_time(
+                value, where, "Rows stand under use_rows, as numbers: use_rows = [[1, 5000]]."
+            )
     raise InputError(
         f"Expected {kind} for an end of {key}, got {str(value)[:80]!r}.",
         where=where,

@@ -1,31 +1,34 @@
-"""A calibrated record that the tests of the statistics share."""
+"""What several files of tests share: a calibrated record, and a run on the disk."""
 
 from __future__ import annotations
 
+import os
+import shutil
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from filelock import FileLock
 
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
+from heatrun.calibration import calibrate, load_tests, manifest
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
 from heatrun.motor import Motor
+from heatrun.motorfile import load_motor
+from heatrun.runs.run_folder import RunFolder
+from heatrun.runs.write import write_run
 
 # what several files of tests write stands beside them as a plain script
 sys.path.insert(0, str(Path(__file__).parent))
+from run_files import CHANNELS, write_csv
 
-NAMES = {
-    "t": "time_s",
-    "Is": "phase_current_A",
-    "Pd": "losses_W",
-    "Te": "ambient_degC",
-    "Tw_m": "winding_degC",
-    "speed_rpm": "speed_rpm",
-}
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+
+NAMES = {column: channel for channel, column in CHANNELS.items()}
 
 
 @pytest.fixture(scope="session")
@@ -65,3 +68,46 @@ def blocks(duty, motor):
 @pytest.fixture(scope="session")
 def fitted(blocks, motor):
     return fit(Problem.of(Model.of("second", motor), motor, [blocks]))
+
+
+@pytest.fixture(scope="session")
+def finished_day(tmp_path_factory, duty, bench, generator):
+    """A folder with a motor file, two records at 1 Hz and a run of both orders on them.
+
+    The duty is the one that other tests fit too, so its compilations are shared. Where the tests
+    run in several processes, the first that needs it makes it for all.
+    """
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "finished_day"
+    with FileLock(folder.with_suffix(".lock")):
+        if not folder.exists():
+            partial = tmp_path_factory.mktemp("bench_day")
+            _calibrate_day(partial, duty, bench(generator.constant_load(1800.0), seed=5))
+            partial.rename(folder)
+    return folder
+
+
+def _calibrate_day(folder, duty, step):
+    shutil.copy(DATA / "motor.toml", folder / "motor.toml")
+    write_csv(duty, folder / "duty.csv")
+    write_csv(step, folder / "step.csv")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        motor = load_motor("motor.toml")
+        found = calibrate(
+            motor,
+            load_tests(motor, [Path("duty.csv")], [Path("step.csv")]),
+            networks=["first", "second"],
+            method="quick",
+        )
+        run = RunFolder.begin(Path("run"), {})
+        write_run(run, found.motor, found.result, found.posteriors, found.predictions)
+        run.finish(manifest(found, "", 0))
+
+
+@pytest.fixture
+def day(finished_day, tmp_path, monkeypatch):
+    """A copy of it to spoil, as the working directory."""
+    shutil.copytree(finished_day, tmp_path / "day")
+    monkeypatch.chdir(tmp_path / "day")
+    return Path()

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_checks_contract import FAULTS, VARIANTS, named
+from faults_of_records import FAULTS, VARIANTS
+from heat_runs import CLEAN, named
 
 from heatrun.bench.checks import check_record
+from heatrun.bench.checks.advice import section_of
 from heatrun.bench.joined import parts_of
 from heatrun.bench.record import Record
 from heatrun.motor import Motor
@@ -74,3 +77,9 @@ def test_a_cooling_is_used_where_losses_are_absent():
     assert part.time_s[0] == pytest.approx(begin_s, abs=15.0)
     assert part.time_s[-1] == time_s[-1]
     assert not named(check_record(part, Motor("M")), "losses_absent")
+
+
+@pytest.mark.parametrize("name", ["drive", "a b", 'say "x"', "à\u2028b", "bell\x07", "rubout\x7f"])
+def test_the_advised_section_names_the_test(name):
+    header = section_of(replace(CLEAN, name=name))
+    assert tomllib.loads(header) == {"tests": {name: {}}}

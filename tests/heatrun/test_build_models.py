@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
-import subprocess
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
 import simulink_models
+from octave import needs_octave, octave
 from simulink_models import Diagram
 
 from heatrun.bench.readers.read import read_record
@@ -31,8 +29,6 @@ VALUES = {
     "first": {"Ceq": 12500.0, "Req": 0.132, "Tw_start": 20.4},
 }  # fmt: skip
 MODEL = {"second": SECOND, "first": FIRST}
-OCTAVE = shutil.which("octave-cli")
-needs_octave = pytest.mark.skipif(OCTAVE is None, reason="GNU Octave is not installed")
 
 
 @pytest.fixture(scope="module")
@@ -147,15 +143,11 @@ def build(folder, variables, tail=""):
     (folder / "all.m").write_text(f"source('{folder}/build_models.m');\n{tail}")
     calls = folder / "calls.txt"
     calls.unlink(missing_ok=True)
-    own = {**os.environ, "HOME": str(folder), "XDG_DATA_HOME": str(folder),
-           "SIMULINK_CALLS": str(calls), "SIMULINK_FILE": str(folder / "any.slx")}  # fmt: skip
-    assert OCTAVE is not None
-    done = subprocess.run(
-        [OCTAVE, "--no-init-file", "--path", str(stubs), str(folder / "all.m")],
-        capture_output=True, text=True, timeout=120, check=False, env=own,
+    said = octave(
+        folder / "all.m", folder, "--path", str(stubs),
+        SIMULINK_CALLS=str(calls), SIMULINK_FILE=str(folder / "any.slx"),
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return [line.split("\t") for line in calls.read_text().splitlines()], done.stdout
+    return [line.split("\t") for line in calls.read_text().splitlines()], said
 
 
 def diagrams(calls):

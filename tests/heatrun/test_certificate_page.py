@@ -13,6 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 from pypdf import PdfReader
 
+from heatrun.bench.joined import BY_CONSTANTS
 from heatrun.bench.record import Finding
 from heatrun.certificate import Certificate, Instrument
 from heatrun.reports.sheet import printed as printed_module
@@ -216,6 +217,28 @@ def test_names_stand_on_page_1_to_the_letter(result, tmp_path):
     for word in ("#panic()", "$a_1$", "*b*", "<script>", '"q"', "@import", "Ångström", "W" * 120):
         assert flat.count(word) >= 1
     assert second.startswith("Annex")
+
+
+def test_what_the_motor_file_states_is_not_called_measured(result):
+    def measured(*tests):
+        found = sheet_content(replace(result, tests=tests), Certificate())
+        (said,) = [text for label, text in found["certificate"]["statement"] if label == "Measured"]
+        (sink,) = [text for label, text in found["definitions"] if label == "T0"]
+        return said, sink
+
+    test = replace(result.tests[0], role="calibration")
+    room = replace(test, notes=(*test.notes, f"ambient_degC = 22 {BY_CONSTANTS}"))
+    said, sink = measured(test)
+    assert "ambient temperature over time" in said
+    assert "not measured" not in said
+    assert "the measured ambient temperature" in sink
+    said, sink = measured(room)
+    assert "ambient temperature over time" not in said
+    assert "Ambient temperature as stated in the motor file, not measured." in said
+    assert "that the motor file states" in sink
+    said, _ = measured(test, room)
+    assert "ambient temperature over time" in said
+    assert "Ambient temperature in 1 of 2 tests as stated" in said
 
 
 def test_many_instruments_go_to_the_annex(result, tmp_path):

@@ -35,6 +35,13 @@ def test_every_help_is_printed(words, capsys):
         assert "parameters with 95 % intervals" in said
 
 
+def test_the_bare_name_lists_the_commands(capsys):
+    assert cli.main([]) == 2
+    said = capsys.readouterr()
+    assert set(COMMANDS) <= set(said.err.split())
+    assert said.out == ""
+
+
 @pytest.fixture(scope="module")
 def table():
     """The bundled duty at 1 Hz."""

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
-import subprocess
 from dataclasses import dataclass, replace
 from importlib.resources import files
 
 import numpy as np
 import pandas as pd
 import pytest
+from octave import needs_octave, octave
 
 from heatrun.bench.record import Record
 from heatrun.export import mat_bytes, network_variables, simulate_network
@@ -21,8 +19,7 @@ from heatrun.motor import Motor
 from lptn import EFFECTS
 
 SCRIPT = files("heatrun.export") / "templates" / "run_network.m"
-OCTAVE = shutil.which("octave-cli")
-pytestmark = pytest.mark.skipif(OCTAVE is None, reason="GNU Octave is not installed")
+pytestmark = needs_octave
 
 MOTOR = Motor("bench", phase_resistance_ohm=0.0062)
 MAP = replace(MOTOR, losses="map")
@@ -154,7 +151,7 @@ def course():
 
 
 @pytest.fixture(scope="module")
-def octave(course, tmp_path_factory):
+def integrated(course, tmp_path_factory):
     """Table and printed RMSE of every case, from one process of Octave."""
     root = tmp_path_factory.mktemp("octave")
     folders = {}
@@ -166,25 +163,17 @@ def octave(course, tmp_path_factory):
     lines = ["1;", "function one(name, file)", "  printf('%s: ', name); source(file);", "end"]
     lines += [f"one('{name}', '{folder / 'run_network.m'}');" for name, folder in folders.items()]
     (root / "all.m").write_text("\n".join(lines))
-    # as it leaves, Octave complains where the home has no folder for its own data
-    own = {**os.environ, "HOME": str(root), "XDG_DATA_HOME": str(root)}
-    assert OCTAVE is not None
-    done = subprocess.run(
-        [OCTAVE, "--no-init-file", str(root / "all.m")],
-        capture_output=True, text=True, timeout=300, check=False, env=own,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
-    printed = re.findall(PRINTED, done.stdout, flags=re.MULTILINE)
-    assert [name for name, _, _ in printed] == list(folders), done.stdout
+    said = octave(root / "all.m", root, timeout=300)
+    printed = re.findall(PRINTED, said, flags=re.MULTILINE)
+    assert [name for name, _, _ in printed] == list(folders), said
     tables = {name: pd.read_csv(folder / "network_course.csv") for name, folder in folders.items()}
     return {name: (tables[name], float(rmse), int(num)) for name, rmse, num in printed}
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_octave_and_lptn_agree(name, course, octave):
+def test_octave_and_lptn_agree(name, course, integrated):
     found = course[name][1]
-    table, rmse, num_read = octave[name]
+    table, rmse, num_read = integrated[name]
     expected = {f"{node}_degC": T for node, T in found.temperature.items()}
     expected |= {"time_s": found.time, "reading_degC": found.reading}
     assert set(table) == set(expected)
@@ -198,8 +187,8 @@ def test_octave_and_lptn_agree(name, course, octave):
 
 
 @pytest.mark.parametrize("kind", EFFECTS, ids=lambda kind: kind.card.id)
-def test_each_effect_is_seen_far_beyond_the_agreement(kind, octave):
+def test_each_effect_is_seen_far_beyond_the_agreement(kind, integrated):
     """Else a script that left it out would agree as well."""
     base = "none, one node" if getattr(kind, "rebuilds", False) else "none"
-    with_it, without = octave[kind.card.id][0], octave[base][0]
+    with_it, without = integrated[kind.card.id][0], integrated[base][0]
     assert np.max(np.abs(with_it["reading_degC"] - without["reading_degC"])) > 20 * CLOSE_K

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from test_export_octave import needs_octave, run_octave
+from octave import needs_octave
+from test_export_octave import run_octave
 
 from heatrun import cli
 from heatrun.bench.readers.mat5 import read_variables

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import gzip
-import os
 import re
-import shutil
-import subprocess
 import time
 from importlib.resources import files
 from pathlib import Path
@@ -14,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from octave import needs_octave, octave
 
 from heatrun.bench.readers.read import read_record
 from heatrun.bench.record import Record
@@ -28,8 +26,6 @@ SECOND = {
     "Tw_start": 20.4, "Tsr_start": 19.8,
 }  # fmt: skip
 FIRST = {"Ceq": 12500.0, "Req": 0.132, "Tw_start": 20.4}
-OCTAVE = shutil.which("octave-cli")
-needs_octave = pytest.mark.skipif(OCTAVE is None, reason="GNU Octave is not installed")
 
 
 @pytest.fixture(scope="module")
@@ -52,18 +48,10 @@ def run_octave(folder, variables):
     (folder / "prova.mat").write_bytes(mat_bytes(variables))
     (folder / "run_prova.m").write_bytes(SCRIPT.read_bytes())
     started = time.perf_counter()
-    assert OCTAVE is not None
-    # as it leaves, Octave complains where the home has no folder for its own data
-    own = {**os.environ, "HOME": str(folder), "XDG_DATA_HOME": str(folder)}
-    done = subprocess.run(
-        [OCTAVE, "--no-init-file", str(folder / "run_prova.m")],
-        capture_output=True, text=True, timeout=120, check=False, env=own,
-    )  # fmt: skip
+    said = octave(folder / "run_prova.m", folder)
     seconds = time.perf_counter() - started
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
-    printed = re.search(r"RMSE of Tw to Tw_m: ([0-9.]+) K over (\d+) readings", done.stdout)
-    assert printed, done.stdout
+    printed = re.search(r"RMSE of Tw to Tw_m: ([0-9.]+) K over (\d+) readings", said)
+    assert printed, said
     return pd.read_csv(folder / "prova_course.csv"), float(printed[1]), seconds
 
 

@@ -11,6 +11,7 @@ import pytest
 from heatrun.bench.checks import check_record
 from heatrun.bench.joined import read_test, read_tests, read_whole_test
 from heatrun.bench.reduction import reduce
+from heatrun.bench.stretch import split_stretch
 from heatrun.cli import main
 from heatrun.errors import InputError
 from heatrun.motorfile import parse_motor
@@ -86,6 +87,19 @@ def test_a_file_of_that_name_is_the_file(bench):
     assert read_test(named, machine()).time_s.size == 3601
 
 
+@pytest.mark.parametrize(
+    ("text", "test", "stretch"),
+    [
+        ("drive.csv@10min..90min", "drive.csv", "10min..90min"),
+        ("a.csv+b.csv@10Hz@..60", "a.csv+b.csv@10Hz", "..60"),
+        ("a.csv+b.csv@10Hz", "a.csv+b.csv@10Hz", ""),
+        ("rig@bench/../drive.csv", "rig@bench/../drive.csv", ""),  # a path, no stretch
+    ],
+)
+def test_a_test_and_the_stretch_behind_it(text, test, stretch):
+    assert split_stretch(text) == (test, stretch)
+
+
 def test_use_of_one_stretch(bench):
     record = read_test(bench / "drive.csv", machine("[tests.drive]\nuse = [[600, 1800]]\n"))
     assert (record.name, record.time_s[0], record.time_s[-1]) == ("drive", 600, 1800)
@@ -125,6 +139,9 @@ def test_another_test_is_left_alone(bench):
         ("use_rows = [[1.5, 600]]", "whole number from 1"),
         ("use = [[0, 600]]\nuse_rows = [[1, 600]]", "Both use and use_rows"),
         ('mask = [[0, ""]]', "seconds from 0"),
+        ('mask = [["row 1", "row 600"]]', "Expected a time such as 600s"),
+        ('use = [["row 1", "row 600"]]', "use_rows"),
+        ('use = [["ten", 600]]', "'ten'"),
         ("uses = [[0, 600]]", "uses"),
     ],
 )
@@ -215,3 +232,9 @@ def test_from_and_until_on_the_command_line(bench, capsys):
     assert "@5min..3000" in content["next"]
     assert main([*arguments[:2], f"{arguments[2]}@0..60", "--from", "5min"]) == 2
     assert main([*arguments[:2], str(bench), "--from", "5min"]) == 2
+
+
+def test_a_path_with_an_at_sign_names_no_part(bench, capsys):
+    path = f"{bench}/rig@bench/../drive.csv"
+    assert main(["check", str(bench / "motor.toml"), path, "--from", "5min"]) == 1
+    assert "names its part already" not in capsys.readouterr().err

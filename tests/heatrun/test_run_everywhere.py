@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import doctest
 import json
-import os
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from octave import needs_octave, octave
 
 import heatrun
 from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.export import simulate_network
 
-OCTAVE = shutil.which("octave-cli")
 MOTOR = """[motor]
 name = "bench"
 rated_speed_rpm = 6000
@@ -125,19 +122,12 @@ def test_sheet_and_export_of_a_network_with_effects(day, capsys, monkeypatch):
     assert written["variables"]["nodes"]["value"] == ["winding", "tooth", "yoke", "rotor"]
 
 
-@pytest.mark.skipif(OCTAVE is None, reason="GNU Octave is not installed")
+@needs_octave
 @pytest.mark.parametrize("test", ["duty", "step"])
 def test_octave_integrates_the_export_of_the_run(test, day, capsys, monkeypatch):
     monkeypatch.chdir(day)
     written = json_of(capsys, "export", "run", "--to", "mat", "--test", test, "--out", test)
-    assert OCTAVE is not None
-    # as it leaves, Octave complains where the home has no folder for its own data
-    own = {**os.environ, "HOME": str(day), "XDG_DATA_HOME": str(day)}
-    done = subprocess.run(
-        [OCTAVE, "--no-init-file", written["files"][1]],
-        capture_output=True, text=True, timeout=120, check=False, env=own,
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
+    said = octave(written["files"][1], day)
     table = pd.read_csv(Path(test, "network_course.csv"))
     course = simulate_network(Path(test, "network.mat").read_bytes())
     np.testing.assert_allclose(table["reading_degC"], course.reading, rtol=0, atol=1e-3)
@@ -146,7 +136,7 @@ def test_octave_integrates_the_export_of_the_run(test, day, capsys, monkeypatch)
     measured = pd.read_csv(f"{test}.csv")["winding_degC"]
     rmse = np.sqrt(np.mean((table["reading_degC"] - measured) ** 2))
     # four decimals are printed, six stand in the table
-    assert f"RMSE of the reading to Tw_m: {rmse:.4f} K over {len(measured)} readings" in done.stdout
+    assert f"RMSE of the reading to Tw_m: {rmse:.4f} K over {len(measured)} readings" in said
     assert written["rmse_reading_K"] == pytest.approx(rmse, abs=1e-3)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from heatrun import jobs
+from heatrun.certificate import Certificate
 from heatrun.errors import InputError
 from heatrun.io.free_names import free_name, numbered
 from heatrun.motor import Motor
@@ -99,6 +100,29 @@ def test_a_job_asks_for_the_place_as_it_was_named(
             tmp_path / "run", Motor("m"), [], [], is_named=is_named, is_replacing=is_replacing
         )
     assert [folder.path.name for folder in begun] == ([] if place is None else [place])
+
+
+def test_a_run_with_a_certificate_is_not_replaced_by_one_without(tmp_path, monkeypatch):
+    """Only `--meta` made the difference: the digest of the motor file is the same."""
+    begun = []
+
+    def calibrate(*_, folder, **__):
+        begun.append(folder)
+        raise InputError("so far it goes here; the rest takes minutes")
+
+    def begin(stated):
+        machine = Motor("m", certificate=stated)
+        with pytest.raises(InputError) as raised:
+            jobs.calibrate_into(tmp_path / "run", machine, [], [])
+        return str(raised.value)
+
+    monkeypatch.setattr(jobs, "calibrate", calibrate)
+    begin(Certificate(laboratory="Bench 3"))
+    (folder,) = begun
+    folder.partial.mkdir()
+    folder.finish({})
+    assert "holds another run" in begin(Certificate())
+    assert "so far it goes" in begin(Certificate(laboratory="Bench 3"))
 
 
 def test_numbers_stand_before_the_ending(tmp_path):

@@ -12,10 +12,8 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import tomli_w
-
 from ..errors import InputError
-from ..io.toml_text import parse_toml
+from ..io.toml_text import parse_toml, table_header
 from ..motorfile import parse_motor
 
 Window = tuple[float, float]
@@ -84,8 +82,7 @@ def windows_text(name: str, windows: Sequence[Window]) -> str:
         name: The test.
         windows: Begin and end of each [s].
     """
-    header = tomli_w.dumps({"tests": {name: {}}}).strip().splitlines()[-1]
-    return f"{header}\n{USE} = {_value(windows)}\n"
+    return f"{table_header('tests', name)}\n{USE} = {_value(windows)}\n"
 
 
 def write_windows(data: bytes, name: str, windows: Sequence[Window], where: str) -> bytes:

@@ -19,6 +19,9 @@ RATE = re.compile(r"^(?P<path>.*)@(?P<rate>[^@/\\]*)Hz$", re.DOTALL)
 SHEET = re.compile(r"^(?P<path>.+\.xls[xm](?:\.gz)?)#(?P<sheet>.+)$", re.DOTALL | re.IGNORECASE)
 NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?|\.[0-9]+")
 
+BY_CONSTANTS = "throughout: [constants] of the motor file"
+"""End of the note on a channel that was not measured."""
+
 
 def read_tests(path: Path | str, motor: Motor) -> tuple[Record, ...]:
     """Read a test, in as many records as `[tests.NAME]` of the motor file has stretches of it.
@@ -152,8 +155,7 @@ def _with_constants(record: Record, motor: Motor) -> Record:
         return record
     size = record.time_s.size
     channels = {name: np.full(size, value) for name, value in added.items()}
-    notes = [f"{name} = {value:g} throughout: [constants] of the motor file"
-             for name, value in added.items()]  # fmt: skip
+    notes = [f"{name} = {value:g} {BY_CONSTANTS}" for name, value in added.items()]
     return replace(record, channels={**record.channels, **channels}, notes=(*record.notes, *notes))
 
 

@@ -22,9 +22,7 @@ SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
 TIME = re.compile(r"(?P<number>[0-9]+(\.[0-9]*)?|\.[0-9]+)\s*(?P<unit>s|min|h)?")
 ROW = re.compile(r"row\s*(?P<row>[0-9]{1,15})")
-SUFFIX = re.compile(
-    r"(?P<test>.+)@(?P<stretch>(?P<start>[^@/\\+]*?)\.\.(?P<end>[^@/\\+]*))", re.DOTALL
-)
+SUFFIX = re.compile(r"(?P<test>.+)@(?P<stretch>[^@/\\+]*?\.\.[^@/\\+]*)", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -48,6 +46,16 @@ class Stretch:
         return f"{word}{_number(self.start)}{unit}..{last}"
 
 
+def split_stretch(text: str) -> tuple[str, str]:
+    """Return a test as the command line names it, and the stretch behind it, empty where none is.
+
+    Args:
+        text: Such as `drive.csv@10min..90min`, which gives `drive.csv` and `10min..90min`.
+    """
+    found = SUFFIX.fullmatch(text)
+    return (text, "") if found is None else (found["test"], found["stretch"])
+
+
 def stretch_of(text: str) -> tuple[str, Stretch | None]:
     """Return a test as the command line names it, without its stretch, and the stretch.
 
@@ -57,10 +65,11 @@ def stretch_of(text: str) -> tuple[str, Stretch | None]:
     Raises:
         InputError: If what stands behind `@` is no stretch.
     """
-    found = SUFFIX.fullmatch(text)
-    if found is None:
+    test, stretch = split_stretch(text)
+    if not stretch:
         return text, None
-    return found["test"], parse_stretch(found["start"], found["end"], text)
+    start, _, end = stretch.partition("..")
+    return test, parse_stretch(start, end, text)
 
 
 def parse_stretch(start: str, end: str, where: str) -> Stretch:
@@ -78,8 +87,50 @@ def parse_stretch(start: str, end: str, where: str) -> Stretch:
     if any(rows):
         first = _row(rows[0], start, 1.0, where)
         last = _row(rows[1], end, math.inf, where)
-        return _ordered(Stretch(first, last, in_rows=True), where)
-    return _ordered(Stretch(_time(start, 0.0, where), _time(end, math.inf, where)), where)
+        return in_order(Stretch(first, last, in_rows=True), where)
+    first = parse_time(start, where) if start.strip() else 0.0
+    last = parse_time(end, where) if end.strip() else math.inf
+    return in_order(Stretch(first, last), where)
+
+
+def parse_time(
+    text: str,
+    where: str,
+    remedy: str = "Write a stretch as FILE@10min..90min, rows as FILE@row 1..row 5000.",
+) -> float:
+    """Return a time such as `600s`, `10 min` or `1.5h` in seconds.
+
+    Args:
+        text: The time.
+        where: What to name in an error.
+        remedy: What to do about one.
+
+    Raises:
+        InputError: If it is none.
+    """
+    found = TIME.fullmatch(text.strip())
+    if found is None:
+        raise InputError(
+            f"Expected a time such as 600s, 10min or 1.5h, got '{text.strip()[:80]}'.",
+            where=where,
+            remedy=remedy,
+        )
+    return float(found["number"]) * SECONDS[found["unit"] or "s"]
+
+
+def in_order(stretch: Stretch, where: str) -> Stretch:
+    """Return a stretch that ends after it begins.
+
+    Raises:
+        InputError: If it does not; `where` is what to name in the error.
+    """
+    if stretch.end <= stretch.start:
+        raise InputError(
+            f"The stretch {stretch} ends before it begins.",
+            where=where,
+            remedy="Write the earlier end first.",
+        )
+    return stretch
 
 
 def cut(record: Record, stretch: Stretch, said_by: str) -> Record:
@@ -173,19 +224,6 @@ def with_seen_start(record: Record) -> Record:
     return record
 
 
-def _time(text: str, otherwise: float, where: str) -> float:
-    if not text.strip():
-        return otherwise
-    found = TIME.fullmatch(text.strip())
-    if found is None:
-        raise InputError(
-            f"Expected a time such as 600s, 10min or 1.5h, got '{text.strip()[:80]}'.",
-            where=where,
-            remedy="Write a stretch as FILE@10min..90min, rows as FILE@row 1..row 5000.",
-        )
-    return float(found["number"]) * SECONDS[found["unit"] or "s"]
-
-
 def _row(found: re.Match[str] | None, text: str, otherwise: float, where: str) -> float:
     if not text.strip():
         return otherwise
@@ -196,16 +234,6 @@ def _row(found: re.Match[str] | None, text: str, otherwise: float, where: str) -
             remedy="Write both ends as rows, or both as times.",
         )
     return float(found["row"])
-
-
-def _ordered(stretch: Stretch, where: str) -> Stretch:
-    if stretch.end <= stretch.start:
-        raise InputError(
-            f"The stretch {stretch} ends before it begins.",
-            where=where,
-            remedy="Write the earlier end first.",
-        )
-    return stretch
 
 
 def _number(value: float) -> str:

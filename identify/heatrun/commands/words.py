@@ -44,8 +44,10 @@ def cut_tests(options: argparse.Namespace) -> None:
     start, end = (getattr(options, f"{name}_time", "") for name in ("from", "until"))
     if not start and not end:
         return
+    from ..bench.stretch import split_stretch  # bench is slow to import
+
     for test in options.tests:
-        if ".." in str(test).rpartition("@")[2] and not test.exists():
+        if split_stretch(str(test))[1] and not test.exists():
             raise UsageError(f"{test} names its part already; leave out --from and --until.")
         if test.is_dir():
             raise UsageError(f"{test} is a folder; --from and --until are for files.")

@@ -7,7 +7,6 @@ counted first, in one pass over the text that knows strings and comments and not
 
 from __future__ import annotations
 
-import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -23,8 +22,6 @@ MOST_LEVELS = 16
 
 MOST_DOTS = 16
 """Dots in one key; a motor file needs one."""
-
-BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 TOKEN = re.compile(
     r'"""(?:[^"\\]|\\.|"(?!""))*+"""'
@@ -74,9 +71,18 @@ def parse_toml(data: bytes, where: str, what: str = "motor file") -> dict[str, A
         ) from error
 
 
-def toml_key(name: str) -> str:
-    """Return a name as it stands between the dots of a TOML key: bare, or in quotes."""
-    return name if BARE_KEY.fullmatch(name) else json.dumps(name, ensure_ascii=False)
+def table_header(*keys: str) -> str:
+    """Return the line that begins a table: `[tests.drive]`, `[tests."a b"]`.
+
+    Args:
+        keys: From the outermost on; one that is no bare key is put in quotes.
+    """
+    import tomli_w
+
+    content: dict[str, Any] = {}
+    for key in reversed(keys):
+        content = {key: content}
+    return tomli_w.dumps(content).strip("\n")
 
 
 def check_keys(content: Mapping[str, Any], known: Sequence[str], where: str, kind: str) -> None:

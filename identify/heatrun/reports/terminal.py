@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from ..bench import Finding
@@ -9,7 +10,15 @@ from ..bench.channels.column_mapping import mapping_text
 from ..io.printable import printable
 from ..io.quantities import printed_unit, quantity, rounded
 from ..results import DiscoveryResult, FitResult
-from ..results.values import known
+from ..results.derived import DerivedFigure
+from ..results.values import known, number
+from .sheet.printed import interval_ends
+
+CURRENT, UNASKED = "_current_A", "continuous_current_A"
+"""End of the names of ratings, and the one that nobody needs to ask for by `--rating`."""
+
+MOST_SPANS = 6
+"""Of what is missing; more of them are in the report."""
 
 _MARK = {"error": "ERROR  ", "warning": "warning", "note": "note   "}
 
@@ -39,11 +48,12 @@ def result_text(result: FitResult) -> str:
     for model in result.models.values():
         effects = "".join(f", {effect.id}" for effect in model.effects)
         lines += ["", f"{model.title.capitalize()}{effects}"]
+        width = max([7, *map(len, model.parameters)])
         for name, entry in model.parameters.items():
-            low, high = entry.interval_95
+            low, high = interval_ends(entry.interval_95, entry.sd)
             lines.append(
-                f"  {name:<7} {entry.value:>11.5g} {printed_unit(entry.unit):<4} "
-                f"95 % {low:.4g} … {high:.4g}   {entry.identifiability or ''}: {entry.why or ''}"
+                f"  {name:<{width}} {rounded(entry.value, 5):>11} {printed_unit(entry.unit):<4} "
+                f"95 % {low} … {high}   {entry.identifiability or ''}: {entry.why or ''}"
             )
         for row in model.residuals:
             lines.append(
@@ -57,6 +67,11 @@ def result_text(result: FitResult) -> str:
                 f"{'fitted as' if body.fitted else 'against'} {body.node}: RMSE "
                 f"{body.rmse_K:.2f} K, {100 * body.coverage_95:.0f} % inside the 95 % band"
             )
+        lines += [
+            f"  {_rating(name, figure)}"
+            for name, figure in model.derived.items()
+            if name.endswith(CURRENT) and (name != UNASKED or not known(figure.refused))
+        ]
         lines.append(f"  {model.posterior.verdict}")
         if model.about_missing():
             lines.append(f"  {model.about_missing()}")
@@ -73,6 +88,17 @@ def result_text(result: FitResult) -> str:
             f"  {_MARK[f.severity]} {f.where}: {f.message} {f.remedy}".rstrip() for f in graver
         ]
     return "\n".join(printable(line) for text in lines for line in text.split("\n"))
+
+
+def _rating(name: str, figure: DerivedFigure) -> str:
+    """Return a current at the insulation limit, or why there is none."""
+    if refused := known(figure.refused):
+        return f"{name}: refused, {refused}"
+    value = "not determined" if math.isnan(figure.median) else f"{rounded(figure.median, 4)} A"
+    low, high = (number(end) for end in known(figure.interval_95) or (None, None))
+    return (
+        f"{name}: {value}  95 % {rounded(low, 4)} … {rounded(high, 4)}   {known(figure.condition)}"
+    )
 
 
 def discovery_text(result: DiscoveryResult) -> str:
@@ -97,13 +123,17 @@ def discovery_text(result: DiscoveryResult) -> str:
             )
     if result.holdout is not None and result.holdout.took_part_in_selection:
         lines.append(result.holdout.sentence)
-    for span in result.where[:6]:
+    if result.where:
+        lines.append("What the network alone misses, with 95 % intervals:")
+    for span in result.where[:MOST_SPANS]:
         missing, unit = span.missing
         low, high = span.interval_95
         lines.append(
-            f"{span.test}, {span.from_s / 60:.0f} to {span.to_s / 60:.0f} min, "
+            f"  {span.test}, {span.from_s / 60:.0f} to {span.to_s / 60:.0f} min, "
             f"{span.node}: {missing:+.3g} {unit} ({low:+.3g} … {high:+.3g})"
         )
+    if len(result.where) > MOST_SPANS:
+        lines.append(f"  and {len(result.where) - MOST_SPANS} more in discovery.pdf")
     test = result.next_test
     if test is not None:
         lines.append(

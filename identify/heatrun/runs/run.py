@@ -71,7 +71,7 @@ class RunTest:
     said: DescribedTest
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """What a calibration or a discovery left, read back from its folder.
 
@@ -88,6 +88,12 @@ class Run:
     result: FitResult
     read: Read = Path.read_bytes
     is_finished: bool = True
+
+    def __repr__(self) -> str:
+        """Return it on one line: the whole result is thousands of them."""
+        networks = ", ".join(model.title for model in self.result.models.values())
+        tests = ", ".join(f"{test.name} ({test.role})" for test in self.result.tests)
+        return f"<Run {self.path}: {self.result.motor.name}; {networks}; {tests}>"
 
     def file(self, name: str) -> bytes:
         """Return a file of the run.

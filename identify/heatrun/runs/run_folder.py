@@ -12,8 +12,8 @@ import json
 import os
 import platform
 import shutil
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -97,6 +97,17 @@ class RunFolder:
     def checkpoints(self) -> Path:
         """Folder of the sampler's checkpoints."""
         return self.partial / CHECKPOINTS
+
+    @contextmanager
+    def dropped_if_refused(self) -> Iterator[None]:
+        """Leave no folder behind where the input is refused before anything was worked out."""
+        try:
+            yield
+        except InputError:
+            if {entry.name for entry in self.partial.iterdir()} <= {IDENTITY}:
+                (self.partial / IDENTITY).unlink(missing_ok=True)
+                _drop_if_empty(self.partial)
+            raise
 
     def write_json(self, name: str, content: Any) -> None:
         """Write a JSON file, whole or not at all; content as `heatrun.results.to_json`."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..bench.readers.open_file import digest
+from ..bench.stretch import split_stretch
 from ..errors import InputError
 
 
@@ -49,7 +50,7 @@ def as_named(path: str, test: str, command: str) -> str:
 
 def _parts(word: str) -> list[str]:
     """Return a word of the command line and its files, without the stretch behind them."""
-    test = word.rpartition("@")[0] if ".." in word.rpartition("@")[2] else word
+    test, _ = split_stretch(word)
     return [test, *test.split("+")]
 
 

@@ -72,14 +72,16 @@ def _rms_current(channels: Channels, phases: int) -> np.ndarray:
 
 
 SHAFT = ("torque_Nm", "speed_rpm")
+DQ = ("u_d_V", "u_q_V", "i_d_A", "i_q_A")
 WITH_INVERTER = "; the losses of the inverter are in it"
+AMPLITUDE_INVARIANT = ", amplitude-invariant"
 
 DERIVATIONS: tuple[Derivation, ...] = (
     Derivation(
         "phase_current_A",
         ("i_d_A", "i_q_A"),
         _rms_current,
-        "sqrt(i_d² + i_q²)/sqrt(2), amplitude-invariant",
+        f"sqrt(i_d² + i_q²)/sqrt(2){AMPLITUDE_INVARIANT}",
     ),
     Derivation(
         "losses_W",
@@ -95,9 +97,9 @@ DERIVATIONS: tuple[Derivation, ...] = (
     ),
     Derivation(
         "losses_W",
-        ("u_d_V", "u_q_V", "i_d_A", "i_q_A", *SHAFT),
+        (*DQ, *SHAFT),
         lambda channels, phases: dq_power(channels, phases) - shaft_power(channels),
-        "phases/2·(u_d·i_d + u_q·i_q) - torque·omega, amplitude-invariant",
+        f"phases/2·(u_d·i_d + u_q·i_q) - torque·omega{AMPLITUDE_INVARIANT}",
     ),
     Derivation(
         "losses_W",

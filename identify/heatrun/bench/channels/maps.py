@@ -46,7 +46,7 @@ THESIS = ColumnMap(
 COMPUTED = "the worksheet computes it from the measured columns"
 
 WORKSHEET = ColumnMap(
-    "worksheet of the thesis (t, Tw, P, Is)",
+    "thesis worksheet (t, Tw, P, Is)",
     {
         "t": "time_s",
         "Is": "phase_current_A",

@@ -6,10 +6,10 @@ import numpy as np
 
 from ...motor import Motor
 from ..channels.header import split_name
+from ..channels.units import require_unit
 from ..record import ColumnReading, Finding, Record
+from .losses import BLOCK_S
 from .samples import block_means, place, samples, sink_channel
-
-BLOCK_S = 10.0
 
 LARGEST_W, SMALLEST_W = 1e6, 1e-3
 """Losses of a generator of 100 MW, and of a watch."""
@@ -20,8 +20,6 @@ thousands."""
 
 OTHER_UNITS = {"W": ("kW", "mW"), "kW": ("W", "MW"), "MW": ("kW", "W"), "mW": ("W",)}
 """By the unit that losses were read in, those that they may be in."""
-
-FACTORS = {"mW": 1e-3, "W": 1.0, "kW": 1e3, "MW": 1e6}
 
 
 def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
@@ -65,7 +63,7 @@ def _explained(reading: ColumnReading | None, largest_W: float) -> str:
     if reading is None or reading.unit not in OTHER_UNITS:
         return ""
     shown = [
-        f"{largest_W * FACTORS[unit] / FACTORS[reading.unit]:.3g} W if in {unit}"
+        f"{largest_W * _factor(unit) / _factor(reading.unit):.3g} W if in {unit}"
         for unit in OTHER_UNITS[reading.unit]
     ]
     return f" Column '{reading.column}' is read as {reading.unit}; it would be {', '.join(shown)}."
@@ -77,9 +75,14 @@ def _remedy(reading: ColumnReading | None, is_large: bool) -> str:
     label = split_name(reading.column)[0]
     if reading.unit not in OTHER_UNITS:
         return f'State the unit in [columns]: losses_W = "{label} [UNIT]".'
-    units = sorted(OTHER_UNITS[reading.unit], key=FACTORS.__getitem__)
+    units = sorted(OTHER_UNITS[reading.unit], key=_factor)
     likely = units[0] if is_large else units[-1]
     return (
         f'State the unit in [columns]: losses_W = "{label} [{likely}]", or '
         f'"{label} [{reading.unit}]" if it is right.'
     )
+
+
+def _factor(symbol: str) -> float:
+    """Return the watts of a unit of power."""
+    return require_unit(symbol, "power", where="").factor

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...io.toml_text import toml_key
+from ...io.toml_text import table_header
 from ..record import Record
 
 MOST_WINDOWS = 8
@@ -16,7 +16,7 @@ MOST_WINDOWS = 8
 
 def section_of(record: Record) -> str:
     """Return the section of the motor file that says which parts of a record are used."""
-    return "[tests.NAME]" if record.stretch else f"[tests.{toml_key(record.name)}]"
+    return "[tests.NAME]" if record.stretch else table_header("tests", record.name)
 
 
 def use_line(record: Record, *windows: tuple[float, float]) -> str:

@@ -7,10 +7,8 @@ import numpy as np
 from ...motor import Motor
 from ..record import Finding, Record
 from .advice import use_line
+from .losses import BLOCK_S
 from .samples import block_means, is_loaded, place, samples, sink_channel, with_all_heat
-
-BLOCK_S = 10.0
-"""Means over 10 s are free of the noise of power and temperature."""
 
 FEWEST_BLOCKS = 30
 """A cooling of five minutes tells the time constant of a winding."""

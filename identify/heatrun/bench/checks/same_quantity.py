@@ -8,19 +8,25 @@ in W, the other one tells.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...motor import Motor
-from ..channels.derive import dq_power, shaft_power
+from ..channels.derive import (
+    AMPLITUDE_INVARIANT,
+    DERIVATIONS,
+    DQ,
+    SHAFT,
+    Derivation,
+    dq_power,
+    recorded_shaft_power,
+    shaft_power,
+)
 from ..record import Finding, Record
-from .losses import SHAFT_GAIN_SD
+from .losses import BLOCK_S, SHAFT_GAIN_SD
 from .samples import block_means, place, samples
-
-BLOCK_S = 10.0
-"""Means over 10 s are free of noise and of the channels' own filters."""
 
 LOADED = 0.2
 """In parts of the largest value [1]: below, offsets of the instruments decide."""
@@ -64,52 +70,39 @@ SPEEDS = {
 
 @dataclass(frozen=True)
 class Twice:
-    """A quantity that a record may hold twice.
+    """A quantity that a record may hold twice: as a column of its own, and by a derivation.
 
     Attributes:
-        given: The channel that is a column of its own.
-        needs: The channels that it also follows from.
-        compute: From these and the number of phases to the values, shape (block,).
-        formula: For the message.
-        factors: What a ratio of the given one to the other would mean; {0} is the given channel.
-        of_shaft: The difference of two powers, which an error of the shaft's takes along.
+        way: How it follows from other channels.
+        factors: What a ratio of the column to that would mean; {0} is the channel.
     """
 
-    given: str
-    needs: tuple[str, ...]
-    compute: Callable[[Mapping[str, np.ndarray], int], np.ndarray]
-    formula: str
+    way: Derivation
     factors: Mapping[float, str]
-    of_shaft: Callable[[Mapping[str, np.ndarray]], np.ndarray] | None = None
 
 
-def _mechanical(channels: Mapping[str, np.ndarray]) -> np.ndarray:
-    return channels["mechanical_power_W"]
+def _derived(channel: str, factors: Mapping[float, str]) -> tuple[Twice, ...]:
+    """Return the ways to a channel; those from a DC link hold the inverter's losses too."""
+    return tuple(
+        Twice(way, factors)
+        for way in DERIVATIONS
+        if way.channel == channel and not any(name.startswith("dc_") for name in way.needs)
+    )
 
 
-DQ = ("u_d_V", "u_q_V", "i_d_A", "i_q_A")
-SHAFT = ("torque_Nm", "speed_rpm")
-
-TWICE: tuple[Twice, ...] = (
-    Twice("phase_current_A", ("i_d_A", "i_q_A"),
-          lambda c, _: np.hypot(c["i_d_A"], c["i_q_A"]) / ROOT_2,
-          "sqrt(i_d² + i_q²)/sqrt(2)", CURRENTS),
-    Twice("mechanical_power_W", SHAFT, lambda c, _: shaft_power(c), "torque·omega", SPEEDS),
-    Twice("electrical_power_W", DQ, dq_power, "phases/2·(u_d·i_d + u_q·i_q)",
+POWERS: tuple[Twice, ...] = (
+    Twice(Derivation("mechanical_power_W", SHAFT, lambda c, _: shaft_power(c), "torque·omega"),
+          SPEEDS),
+    Twice(Derivation("electrical_power_W", DQ, dq_power, "phases/2·(u_d·i_d + u_q·i_q)"),
           {1.5: "d and q come from the power-invariant transform", **THOUSANDS}),
-    Twice("dc_power_W", ("dc_voltage_V", "dc_current_A"),
-          lambda c, _: c["dc_voltage_V"] * c["dc_current_A"], "dc_voltage_V·dc_current_A",
+    Twice(Derivation("dc_power_W", ("dc_voltage_V", "dc_current_A"),
+                     lambda c, _: c["dc_voltage_V"] * c["dc_current_A"],
+                     "dc_voltage_V·dc_current_A"),
           THOUSANDS),
-    Twice("losses_W", ("electrical_power_W", "mechanical_power_W"),
-          lambda c, _: c["electrical_power_W"] - c["mechanical_power_W"],
-          "electrical_power_W - mechanical_power_W", THOUSANDS, _mechanical),
-    Twice("losses_W", ("electrical_power_W", *SHAFT),
-          lambda c, _: c["electrical_power_W"] - shaft_power(c),
-          "electrical_power_W - torque·omega", THOUSANDS, shaft_power),
-    Twice("losses_W", (*DQ, *SHAFT), lambda c, phases: dq_power(c, phases) - shaft_power(c),
-          "phases/2·(u_d·i_d + u_q·i_q) - torque·omega", THOUSANDS, shaft_power),
 )  # fmt: skip
-"""Losses behind a DC link are left out: the inverter's are in them."""
+"""Powers are never derived for a record, only compared."""
+
+TWICE = (*_derived("phase_current_A", CURRENTS), *POWERS, *_derived("losses_W", THOUSANDS))
 
 
 def columns_disagree(record: Record, motor: Motor) -> tuple[Finding, ...]:
@@ -123,14 +116,15 @@ def columns_disagree(record: Record, motor: Motor) -> tuple[Finding, ...]:
     found: list[Finding] = []
     told: set[str] = set()
     for twice in TWICE:
-        if twice.given in told or not all(name in columns for name in (twice.given, *twice.needs)):
+        given = twice.way.channel
+        if given in told or not all(name in columns for name in (given, *twice.way.needs)):
             continue
-        if twice.given == "losses_W" and motor.losses == "map":
+        if given == "losses_W" and motor.losses == "map":
             continue
         finding = _compared(record, motor, twice, columns)
         if finding is not None:
             found.append(finding)
-            told.add(twice.given)
+            told.add(given)
     return tuple(found)
 
 
@@ -138,12 +132,15 @@ def _compared(
     record: Record, motor: Motor, twice: Twice, columns: Mapping[str, str]
 ) -> Finding | None:
     """Return the finding about one quantity, None where both ways agree or cannot be compared."""
-    time_s, given, *others = samples(record, twice.given, *twice.needs)
+    way = twice.way
+    time_s, given, *others = samples(record, way.channel, *way.needs)
     if time_s.size < FEWEST_BLOCKS:
         return None
-    parts = dict(zip(twice.needs, others, strict=True))
-    computed = twice.compute(parts, motor.phases)
-    shaft = np.zeros(time_s.size) if twice.of_shaft is None else np.abs(twice.of_shaft(parts))
+    parts = dict(zip(way.needs, others, strict=True))
+    computed = way.compute(parts, motor.phases)
+    # a difference of two powers takes the error of the shaft's along
+    part = recorded_shaft_power(parts) if way.channel == "losses_W" else None
+    shaft = np.zeros(time_s.size) if part is None else np.abs(part)
     time_s, given, computed, shaft = block_means(time_s, BLOCK_S, given, computed, shaft)
     sides = np.abs(given), np.abs(computed)
     loaded = np.logical_and.reduce([side > LOADED * np.max(side, initial=0.0) for side in sides])
@@ -158,16 +155,17 @@ def _compared(
     is_error = off > REFUSED + allowed
     cause = _meaning(ratio, twice)
     likely = f" That is the factor where {cause}." if cause else ""
-    named = ", ".join(f"'{columns[name]}'" for name in (twice.given, *twice.needs))
-    silence = " and ".join(f'{name} = "none"' for name in _droppable(twice))
+    named = ", ".join(f"'{columns[name]}'" for name in (way.channel, *way.needs))
+    silence = " and ".join(f'{name} = "none"' for name in _droppable(way.needs))
+    formula = way.formula.removesuffix(AMPLITUDE_INVARIANT)
     return Finding(
         "columns_disagree",
         "error" if is_error else "warning",
-        f"Expected {twice.given} = {twice.formula}; under load it is {ratio:.3g} times that "
+        f"Expected {way.channel} = {formula}; under load it is {ratio:.3g} times that "
         f"(columns {named}).{likely}",
-        place(record, twice.given, float(time_s[0]), float(time_s[-1])),
+        place(record, way.channel, float(time_s[0]), float(time_s[-1])),
         "Find out which of the columns is wrong. State its unit in [columns], or leave it out "
-        f'there: {twice.given} = "none" or {silence}.',
+        f'there: {way.channel} = "none" or {silence}.',
         values={"ratio": ratio, "allowed": AGREE + allowed},
     )
 
@@ -175,12 +173,12 @@ def _compared(
 def _meaning(ratio: float, twice: Twice) -> str:
     """Return what the ratio would mean, empty where it is near no known factor."""
     if ratio < 0.0:
-        return f"one of the two has the other sign: {twice.given} or the powers"
+        return f"one of the two has the other sign: {twice.way.channel} or the powers"
     known = [(abs(math.log(ratio / factor)), text) for factor, text in twice.factors.items()]
     distance, text = min(known)
-    return text.format(twice.given) if distance < NEAR else ""
+    return text.format(twice.way.channel) if distance < NEAR else ""
 
 
-def _droppable(twice: Twice) -> Sequence[str]:
+def _droppable(needs: Sequence[str]) -> Sequence[str]:
     """Return the channels without which the other way to the quantity is gone."""
-    return twice.needs if twice.needs == ("i_d_A", "i_q_A") else twice.needs[:1]
+    return needs if needs == ("i_d_A", "i_q_A") else needs[:1]

@@ -15,6 +15,7 @@ from .analysis.compare_signals import VERDICTS, SignalComparison
 from .analysis.tolerances import PERCENT, RULE
 from .analysis.validation import Validation, validate
 from .card import TEST_TYPES
+from .figure_cells import figure_cells, is_judged
 from .figures.pair import overlay
 from .figures.plot import unit, wording
 from .independence import before, fitted_by, same_file, simulated_as
@@ -176,16 +177,9 @@ def _tables(found: Validation) -> tuple[Table, ...]:
 
 
 def _figure_line(figure: FigureComparison) -> Line:
-    is_judged = figure.verdict in ("agrees", "differs")
-    cells = (
-        figure.test,
-        figure.reference,
-        figure.difference_percent,
-        figure.tolerance.value if is_judged else None,
-        figure.verdict,
-    )
-    given = "tolerance given" if is_judged and figure.tolerance.decided_by == "given" else ""
-    return Line(figure.label, figure.unit, cells, figure.note or given)
+    is_given = is_judged(figure) and figure.tolerance.decided_by == "given"
+    note = figure.note or ("tolerance given" if is_given else "")
+    return Line(figure.label, figure.unit, figure_cells(figure), note)
 
 
 def _evidence_first(found: Validation) -> list[SignalComparison]:

@@ -14,6 +14,7 @@ from ...results.values import Interval
 from .days import test_days
 from .headline import favoured, headline
 from .printed import RULE, printed
+from .stated import num_stated
 
 TITLE = "Certificate of thermal parameters"
 
@@ -154,9 +155,18 @@ def _statement(result: FitResult) -> list[list[str]]:
 
 
 def _measured(result: FitResult, fitted: list[DescribedTest]) -> str:
-    losses = "total losses" if result.motor.losses == "balance" else "losses other than copper"
-    what = ["winding temperature", losses, "phase current"]
-    what += ["speed"] if any(test.speed_rpm for test in fitted) else []
+    what = {
+        "winding_degC": "winding temperature",
+        "losses_W": "total losses"
+        if result.motor.losses == "balance"
+        else "losses other than copper",
+        "phase_current_A": "phase current",
+    }
+    if any(test.speed_rpm for test in fitted):
+        what["speed_rpm"] = "speed"
+    what[f"{result.motor.sink}_degC"] = f"{result.motor.sink} temperature"
+    stated = {channel: num for channel in what if (num := num_stated(fitted, channel))}
+    measured = [word for channel, word in what.items() if stated.get(channel, 0) < len(fitted)]
     minutes = sum(test.duration_s for test in fitted) / 60.0
     samples = sum(test.num_samples for test in fitted)
     number = "1 test" if len(fitted) == 1 else f"{len(fitted)} tests"
@@ -165,9 +175,15 @@ def _measured(result: FitResult, fitted: list[DescribedTest]) -> str:
     held = [test for test in result.tests if test.role == "holdout"]
     unseen = f"; {len(held)} more held out to check the prediction" if held else ""
     return (
-        f"{_sentence(_listed([*what, f'{result.motor.sink} temperature']))} over time, in "
-        f"{number} ({names}{more}): {minutes:.0f} min, {samples} samples{unseen}."
+        f"{_sentence(_listed(measured))} over time, in {number} ({names}{more}): "
+        f"{minutes:.0f} min, {samples} samples{unseen}."
+        + "".join(f" {_not_measured(what[c], num, len(fitted))}" for c, num in stated.items())
     )
+
+
+def _not_measured(word: str, num: int, num_tests: int) -> str:
+    part = "" if num == num_tests else f" in {num} of {num_tests} tests"
+    return f"{_sentence(word)}{part} as stated in the motor file, not measured."
 
 
 def _method(result: FitResult) -> str:

@@ -15,7 +15,6 @@ from ...io.quantities import quantity, rounded
 from ...io.without_folders import command_without_folders, without_folders
 from ...results import FitResult
 from ...results.derived import DerivedFigure
-from ...results.fit import FittedMotor
 from ...results.model import FittedModel, FittedNoise, LoggerNoise
 from ...results.parameter import FittedParameter
 from ...results.tested import DescribedTest
@@ -23,6 +22,7 @@ from ...results.values import Interval, known
 from .certificate import certificate_content
 from .digits import format_interval, format_value, signed
 from .printed import interval_ends, printed
+from .stated import num_stated
 
 DEFINITIONS = (
     ("Tw", "temperature that the winding sensor reads, taken as the mean of the winding [°C]"),
@@ -67,7 +67,7 @@ def sheet_content(result: FitResult, certificate: Certificate | None = None) -> 
             ["command", clean(command_without_folders(result.command))],
             ["seed", str(result.seed)],
         ],
-        "definitions": [[name, text] for name, text in DEFINITIONS] + _loss_definitions(motor),
+        "definitions": [[name, text] for name, text in DEFINITIONS] + _definitions_of(result),
         "tests": [_test(test) for test in result.tests],
         "columns": [
             {"tests": clean(names), "rows": rows, "assumed": _assumed(rows)}
@@ -91,14 +91,18 @@ def _sentence(finding: Finding) -> str:
     return f"{finding.where}: {finding.message} {finding.remedy}".strip(": ")
 
 
-def _loss_definitions(motor: FittedMotor) -> list[list[str]]:
+def _definitions_of(result: FitResult) -> list[list[str]]:
+    """Return symbols whose meaning depends on the motor file."""
+    motor = result.motor
     if motor.losses == "balance":
         pol = ["Pol", "other losses, Pd − Pjs, where Pd is measured: electrical in minus "
                       "mechanical out [W]"]  # fmt: skip
     else:
         pol = ["Pol", "other losses, taken from a map or a model; Pjs comes on top [W]"]
     sink = {"ambient": "ambient temperature", "coolant": "coolant temperature"}[motor.sink]
-    return [pol, ["T0", f"temperature of the sink: the measured {sink} [°C]"]]
+    is_stated = num_stated(result.tests, f"{motor.sink}_degC") == len(result.tests)
+    known = f"the {sink} that the motor file states" if is_stated else f"the measured {sink}"
+    return [pol, ["T0", f"temperature of the sink: {known} [°C]"]]
 
 
 def _test(test: DescribedTest) -> list[str]:

@@ -8,6 +8,7 @@ from ..analysis.compare_figures import FigureComparison
 from ..analysis.compare_signals import SignalComparison
 from ..analysis.general_information import FIGURES
 from ..card import NOT_OF_THE_MACHINE
+from ..figure_cells import figure_cells
 from ..figures.plot import unit, wording
 from ..report import Column, Line, Row, Table
 from .confront import Compared, Confrontation
@@ -196,23 +197,13 @@ def _information(found: Confrontation) -> Table:
 
 def _figures(found: Confrontation) -> list[Table]:
     lines = [
-        _figure_line(pair, figure) for pair in found.pairs for figure in pair.validation.figures
+        Line(f"{one.label}, {pair.name}", one.unit, figure_cells(one), one.note)
+        for pair in found.pairs
+        for one in pair.validation.figures
     ]
     if not lines:
         return []
     return [Table("Energy, distance and consumption, pair by pair", FIGURE_COLUMNS, tuple(lines))]
-
-
-def _figure_line(pair: Compared, figure: FigureComparison) -> Line:
-    is_judged = figure.verdict in ("agrees", "differs")
-    cells = (
-        figure.test,
-        figure.reference,
-        figure.difference_percent,
-        figure.tolerance.value if is_judged else None,
-        figure.verdict,
-    )
-    return Line(f"{figure.label}, {pair.name}", figure.unit, cells, figure.note)
 
 
 def _networks(found: Confrontation) -> Table:

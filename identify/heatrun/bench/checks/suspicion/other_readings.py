@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...motor import Motor
-from ..channels.derive import DERIVATIONS, derive
-from ..channels.schema import CHANNEL
-from ..channels.unit_table import QUANTITIES, Unit
-from ..channels.units import find_unit, to_canonical
-from ..record import ColumnReading, Record, UnitSource
-from .samples import is_measured
+from ....motor import Motor
+from ...channels.derive import DERIVATIONS, derive
+from ...channels.schema import CHANNEL
+from ...channels.unit_table import QUANTITIES, Unit
+from ...channels.units import find_unit, to_canonical
+from ...record import ColumnReading, Record, UnitSource
+from ..samples import is_measured
 
 LEAST_FACTOR = 1.4
 """Units closer than this [1], such as foot-pounds and newton metres, are no matter of relations

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...motor import Motor
-from ..record import Record
-from .samples import samples, sink_channel
+from ....motor import Motor
+from ...record import Record
+from ..samples import samples, sink_channel
 
 BLOCKS = 300
 MIN_SAMPLES = 30

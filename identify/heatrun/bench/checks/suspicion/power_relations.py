@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...motor import Motor
-from ..channels.derive import dq_power, shaft_power
-from ..record import Record
+from ....motor import Motor
+from ...channels.derive import dq_power, shaft_power
+from ...record import Record
+from ..losses import COPPER_TOLERANCE, copper_shares
+from ..samples import block_means, samples
 from .conflict import Conflict
-from .losses import COPPER_TOLERANCE, copper_shares
-from .samples import block_means, samples
 
 LOW_EFFICIENCY = 0.12
 """Best efficiency [1] at which an error of 2 pi/60 in the shaft's power may hide: 1.15/9.55."""

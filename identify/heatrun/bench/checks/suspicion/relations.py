@@ -12,14 +12,14 @@ import math
 
 import numpy as np
 
-from ...motor import Motor
-from ..record import Record
+from ....motor import Motor
+from ...record import Record
+from ..crude_fit import crude_fit
+from ..losses import COPPER_TOLERANCE, copper_shares
+from ..samples import samples
 from .conflict import Conflict
-from .crude_fit import crude_fit
-from .losses import COPPER_TOLERANCE, copper_shares
 from .one_node import one_node, unsettled
 from .power_relations import power_conflicts, speed_conflicts
-from .samples import samples
 
 SHORTEST_S = {"ambient": 25.0, "coolant": 1.5}
 """Time constants [s] at 1 W/K below which no machine lies. In air a motor of 100 g has 50 s in the

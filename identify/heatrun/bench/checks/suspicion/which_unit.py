@@ -14,16 +14,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...motor import Motor
-from ..record import Finding, Record
+from ....motor import Motor
+from ...record import Finding, Record
+from ..losses import losses_negative
+from ..samples import place, samples
+from ..sensor import sensor_detached, temperature_jump
+from ..units import ambient_implausible, units_temperature
 from .conflict import Conflict
-from .losses import losses_negative
 from .one_node import one_node, unsettled
 from .other_readings import OtherReading, other_readings, scaled_readings
 from .relations import USUAL_BY_SIZE_S, conflicts
-from .samples import place, samples
-from .sensor import sensor_detached, temperature_jump
-from .units import ambient_implausible, units_temperature
 
 MAX_SAMPLES = 20_000
 """Relations hold for means: a longer record is thinned before it is tried in thirty units."""

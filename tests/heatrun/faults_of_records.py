@@ -1,0 +1,312 @@
+"""A fault for each check, and the same faults in other forms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from heat_runs import (
+    CLEAN,
+    LINK,
+    MOTOR,
+    SMOOTH,
+    STEADY,
+    TIME,
+    as_columns,
+    at,
+    changed,
+    clipped,
+    edited,
+    every,
+    fell_off,
+    heat_run,
+    motor_and_generator,
+    shifted_clock,
+    without,
+)
+
+from heatrun.bench.record import ColumnReading, Record
+from heatrun.motor import Motor, ParameterOverride
+
+JITTER = TIME + 0.03 * np.random.default_rng(1).uniform(-1.0, 1.0, TIME.size)
+NO_BALANCE = replace(MOTOR, losses="map")
+HEATED = (TIME > 600.0) & (TIME < 900.0)  # at standstill under 100 A, copper loss alone
+LOCKED = changed(
+    CLEAN,
+    speed_rpm=np.where(HEATED, 0.0, CLEAN["speed_rpm"]),
+    phase_current_A=np.where(HEATED, 100.0, CLEAN["phase_current_A"]),
+    losses_W=np.where(
+        HEATED, 3.0 * 0.0062 * (234.5 + CLEAN["winding_degC"]) / 259.5 * 100.0**2, CLEAN["losses_W"]
+    ),
+)
+RIPPLE = np.random.default_rng(3).uniform(7.0, 10.0, TIME.size)
+
+# id: record with the fault, motor, severity, value that says where or how much, its bounds
+FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
+    "missing_channel": (without(CLEAN, "losses_W"), MOTOR, "error", "", (0, 0)),
+    "simulated_by_heatrun": (
+        replace(CLEAN, unused=("copper_loss_W", "other_loss_W", "flow_stator_ambient_W")),
+        MOTOR, "warning", "", (0, 0),
+    ),
+    "too_few_samples": (every(CLEAN, 12000), MOTOR, "error", "num_usable", (3, 3)),
+    "time_backwards": (shifted_clock(CLEAN, 900.0, -60.0), MOTOR, "error", "from_s", (899, 900)),
+    "time_duplicate": (
+        changed(CLEAN, time_s=np.floor(TIME)), MOTOR, "error", "share", (0.85, 0.95)
+    ),
+    "time_gap": (shifted_clock(CLEAN, 900.0, 60.0), MOTOR, "warning", "from_s", (899, 900)),
+    "time_jitter": (changed(CLEAN, time_s=JITTER), MOTOR, "note", "relative_spread", (0.15, 0.35)),
+    "sampling": (every(CLEAN, 200), MOTOR, "warning", "step_s", (20, 20)),
+    "nan_block": (
+        edited(CLEAN, "winding_degC", 600.0, 630.0, np.nan), MOTOR, "error", "longest_s", (29, 31)
+    ),
+    "units_temperature": (
+        changed(
+            CLEAN,
+            winding_degC=CLEAN["winding_degC"] + 273.15,
+            ambient_degC=CLEAN["ambient_degC"] + 273.15,
+        ),
+        MOTOR, "error", "as_degC", (20, 24),
+    ),
+    "unit_suspected": (
+        changed(CLEAN, time_s=CLEAN.time_s / 3600.0), MOTOR, "error", "factor_time_s_h",
+        (3600, 3600),
+    ),
+    "unit_assumed": (
+        replace(
+            CLEAN,
+            mapping=(ColumnReading("time_s", "t", "s", "assumed", "names of the time", "run.csv"),),
+        ),
+        MOTOR, "note", "num_columns", (1, 1),
+    ),
+    "ambient_implausible": (
+        changed(CLEAN, ambient_degC=CLEAN["winding_degC"], winding_degC=CLEAN["ambient_degC"]),
+        MOTOR, "error", "", (0, 0),
+    ),
+    "sensor_stuck": (
+        edited(CLEAN, "winding_degC", 300.0, 700.0, 60.0), MOTOR, "error", "from_s", (200, 320)
+    ),
+    "sensor_detached": (fell_off(CLEAN, 2000.0), MOTOR, "error", "to_s", (2000, 2010)),
+    "temperature_jump": (
+        edited(CLEAN, "winding_degC", 1500.0, 1e9, lambda T: T + 6.0),
+        MOTOR, "error", "from_s", (1499, 1501),
+    ),
+    "saturation": (
+        clipped(CLEAN, "losses_W", np.quantile(CLEAN["losses_W"], 0.97)),
+        MOTOR, "warning", "num_samples", (500, 1200),
+    ),
+    "resolution": (CLEAN, MOTOR, "note", "step_K", (1, 1)),
+    "truncation": (
+        heat_run(ambient=22.8, cut_off=True), MOTOR, "warning", "offset_K", (-0.85, -0.75)
+    ),
+    "losses_negative": (
+        edited(CLEAN, "losses_W", 1000.0, 1120.0, lambda P: -P),
+        MOTOR, "error", "from_s", (995, 1015),
+    ),
+    "losses_below_copper": (
+        changed(CLEAN, phase_current_A=CLEAN["phase_current_A"] * np.sqrt(2.0)),
+        MOTOR, "error", "copper_share", (1.03, 2.0),
+    ),
+    "current_amplitude": (
+        changed(CLEAN, phase_current_A=CLEAN["phase_current_A"] * np.sqrt(2.0)),
+        MOTOR, "warning", "copper_share_halved", (0.5, 1.0),
+    ),
+    "standstill_losses": (
+        edited(LOCKED, "losses_W", 600.0, 900.0, lambda P: 1.06 * P),
+        MOTOR, "warning", "ratio", (1.055, 1.065),
+    ),
+    "losses_absent": (
+        changed(CLEAN, losses_W=0.0 * TIME, phase_current_A=0.0 * TIME),
+        MOTOR, "error", "rise_K", (30, 150),
+    ),
+    "losses_of_dc_link": (
+        changed(LINK, losses_W=8.0 * CLEAN["losses_W"]), MOTOR, "warning", "ratio", (0.99, 1.01)
+    ),
+    "losses_absurd": (
+        changed(CLEAN, losses_W=3000.0 * CLEAN["losses_W"]), MOTOR, "error",
+        "largest_W", (2e6, 5e6)
+    ),
+    "columns_disagree": (
+        as_columns(changed(
+            CLEAN, i_d_A=0.0 * TIME, i_q_A=CLEAN["phase_current_A"],
+        )),
+        MOTOR, "error", "ratio", (1.41, 1.42)
+    ),
+    "shaft_power_disagrees": (
+        motor_and_generator(0.03), MOTOR, "warning", "gain", (0.028, 0.032)
+    ),
+    "no_heating": (
+        changed(CLEAN, winding_degC=CLEAN["ambient_degC"]), MOTOR, "error", "rise_K", (0, 1)
+    ),
+    "start_not_in_equilibrium": (heat_run(start=35.0), MOTOR, "warning", "excess_K", (12, 14)),
+    "ambient_moving": (heat_run(drift_K_per_h=3.0), MOTOR, "warning", "slope_K_per_h", (2.8, 3.2)),
+    "single_step": (STEADY, MOTOR, "warning", "current_A", (119, 121)),
+    "too_short": (heat_run(minutes=12.0), MOTOR, "warning", "time_constants", (0.1, 0.75)),
+}  # fmt: skip
+
+
+STRETCHED = edited(CLEAN, "winding_degC", 2700.0, 1e9, CLEAN["winding_degC"][27000])
+LIMIT = float(np.quantile(CLEAN["winding_degC"], 0.9))
+
+# The same faults in another form: id, record, motor, severity expected (None: silent)
+VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
+    "one NaN": (
+        "nan_block", edited(CLEAN, "losses_W", 600.0, 600.1, np.nan), MOTOR, "warning"
+    ),
+    "NaN in a spare channel": (
+        "nan_block", edited(CLEAN, "speed_rpm", 0.0, 900.0, np.nan), MOTOR, "note"
+    ),
+    "infinite losses": (
+        "nan_block", edited(CLEAN, "losses_W", 600.0, 640.0, np.inf), MOTOR, "error"
+    ),
+    "row written twice": (
+        "time_duplicate", at(CLEAN, np.sort(np.append(np.arange(TIME.size), 999))),
+        MOTOR, "warning",
+    ),
+    "six minutes missing": ("time_gap", shifted_clock(CLEAN, 900.0, 360.0), MOTOR, "error"),
+    "stuck to the end": ("sensor_stuck", STRETCHED, MOTOR, "error"),
+    "stuck and flickering elsewhere": (
+        "sensor_stuck",
+        edited(SMOOTH, "winding_degC", 900.0, 912.0, SMOOTH["winding_degC"][9000]),
+        MOTOR, "warning",
+    ),
+    "constant": ("sensor_stuck", edited(CLEAN, "winding_degC", 0, 1e9, 22.0), MOTOR, "error"),
+    "plateau at 1 degC": ("sensor_stuck", STEADY, MOTOR, None),
+    "open circuit": (
+        "sensor_detached", edited(CLEAN, "winding_degC", 800.0, 805.0, 1372.0), MOTOR, "error"
+    ),
+    "counter overflow": (
+        "sensor_detached", edited(CLEAN, "winding_degC", 800.0, 805.0, -327.68), MOTOR, "error"
+    ),
+    "spike": (
+        "temperature_jump", edited(CLEAN, "winding_degC", 800.0, 800.15, 140.0), MOTOR, "warning"
+    ),
+    "rounded reading clipped": (
+        "saturation", clipped(CLEAN, "winding_degC", np.floor(LIMIT)), MOTOR, "error"
+    ),
+    "live reading clipped": (
+        "saturation",
+        clipped(SMOOTH, "winding_degC", float(np.quantile(SMOOTH["winding_degC"], 0.9))),
+        MOTOR, "error",
+    ),
+    "tenths": ("resolution", heat_run(rounding=0.1, minutes=30.0), MOTOR, "note"),
+    "unrounded": ("resolution", SMOOTH, MOTOR, None),
+    "one degree": ("truncation", CLEAN, MOTOR, "note"),
+    "one negative sample": (
+        "losses_negative", edited(CLEAN, "losses_W", 800.0, 800.1, -900.0), MOTOR, "warning"
+    ),
+    "losses from a map": (
+        "losses_below_copper",
+        changed(CLEAN, losses_W=0.2 * CLEAN["losses_W"]), NO_BALANCE, None,
+    ),
+    "losses low for two minutes": (
+        "losses_below_copper",
+        edited(CLEAN, "losses_W", 20.0, 140.0, lambda P: 0.5 * P), MOTOR, "warning",
+    ),
+    "standstill that agrees": ("standstill_losses", LOCKED, MOTOR, "note"),
+    "Fahrenheit": (
+        "units_temperature",
+        changed(
+            CLEAN,
+            winding_degC=32.0 + 1.8 * CLEAN["winding_degC"],
+            ambient_degC=32.0 + 1.8 * CLEAN["ambient_degC"],
+        ),
+        MOTOR, "error",
+    ),
+    "Fahrenheit in the winding alone": (
+        "units_temperature",
+        changed(CLEAN, winding_degC=32.0 + 1.8 * CLEAN["winding_degC"]), MOTOR, "warning",
+    ),
+    "Fahrenheit in the ambient alone": (
+        "units_temperature",
+        changed(CLEAN, ambient_degC=32.0 + 1.8 * CLEAN["ambient_degC"]), MOTOR, "error",
+    ),
+    "chamber at 70 degC, unit declared": (
+        "units_temperature",
+        heat_run(ambient=70.0, minutes=30.0),
+        replace(MOTOR, columns={"ambient_degC": "T_amb [degC]"}), "warning",
+    ),
+    "ambient of 300 degC": (
+        "ambient_implausible", changed(CLEAN, ambient_degC=TIME * 0.0 + 340.0), MOTOR, "error"
+    ),
+    "no losses, warmed by the room": (
+        "losses_absent",
+        changed(
+            CLEAN,
+            losses_W=0.0 * TIME,
+            phase_current_A=0.0 * TIME,
+            ambient_degC=CLEAN["winding_degC"] + 3.0,
+        ),
+        MOTOR, None,
+    ),
+    "no losses, cooling curve": (
+        "losses_absent",
+        changed(
+            heat_run(start=90.0, currents=(0.0, 0.0), minutes=30.0),
+            losses_W=np.zeros(18000), phase_current_A=np.zeros(18000),
+        ),
+        MOTOR, None,
+    ),
+    "copper alone": ("losses_absent", changed(CLEAN, losses_W=0.0 * TIME), NO_BALANCE, None),
+    "link whose current varies from sample to sample": (
+        "losses_of_dc_link",
+        changed(
+            CLEAN,
+            phase_current_A=0.0 * TIME,
+            losses_W=300.0 * RIPPLE, dc_voltage_V=300.0 + 0.0 * TIME, dc_current_A=RIPPLE,
+        ),
+        MOTOR, "warning",
+    ),
+    "balance behind a link": ("losses_of_dc_link", LINK, MOTOR, None),
+    "coil under direct current": (
+        "losses_of_dc_link",
+        changed(
+            CLEAN,
+            dc_voltage_V=CLEAN["losses_W"] / np.maximum(CLEAN["phase_current_A"], 1.0),
+            dc_current_A=np.maximum(CLEAN["phase_current_A"], 1.0),
+        ),
+        MOTOR, None,
+    ),
+    "coil at a held voltage": (
+        "losses_of_dc_link",
+        changed(
+            CLEAN,
+            losses_W=300.0 * 2000.0 / (234.5 + CLEAN["winding_degC"]),
+            dc_voltage_V=300.0 + 0.0 * TIME,
+            dc_current_A=2000.0 / (234.5 + CLEAN["winding_degC"]),
+        ),
+        MOTOR, None,
+    ),
+    "phase current read from the link": (
+        "losses_of_dc_link",
+        changed(
+            without(LINK, "dc_current_A"),
+            phase_current_A=LINK["dc_current_A"], losses_W=8.0 * CLEAN["losses_W"],
+        ),
+        MOTOR, "warning",
+    ),
+    "cooling curve": (
+        "no_heating", heat_run(start=90.0, currents=(0.0, 0.0), minutes=30.0), MOTOR, "warning"
+    ),
+    "load and cool-down": (
+        "single_step", heat_run(currents=(130.0, 130.0, 0.0), minutes=30.0), MOTOR, None
+    ),
+    "one level for 15 min": (
+        "too_short", heat_run(currents=(130.0,), minutes=15.0), MOTOR, "warning"
+    ),
+    "torque of one scale": ("shaft_power_disagrees", motor_and_generator(0.0), MOTOR, None),
+    "generator half a percent off": (
+        "shaft_power_disagrees", motor_and_generator(-0.005), MOTOR, None
+    ),
+    "generator 4 % off": ("shaft_power_disagrees", motor_and_generator(-0.04), MOTOR, "warning"),
+    "torque 5 % off": (
+        "losses_below_copper", motor_and_generator(-0.05, brakes=False), MOTOR, "error"
+    ),
+    "torque 5 % off, and allowed to be": (
+        "losses_below_copper", motor_and_generator(-0.05, brakes=False),
+        replace(MOTOR, parameters={"shaft_power_gain": ParameterOverride(sd=0.04)}), "warning"
+    ),
+    "map of losses": (
+        "shaft_power_disagrees", motor_and_generator(0.03), replace(MOTOR, losses="map"), None
+    ),
+    "settled": ("too_short", heat_run(currents=(100.0,), minutes=170.0, step_s=1.0), MOTOR, None),
+}  # fmt: skip

@@ -1,0 +1,66 @@
+"""What a finding says fits the record: what is known, how long it is, what is missing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from heat_runs import CLEAN, LINK, MOTOR, changed, heat_run, named, without
+
+from heatrun.bench.checks import check_record, excitation
+from heatrun.bench.checks.crude_fit import crude_fit
+from heatrun.bench.record import Finding
+
+
+def test_a_long_test_is_not_called_too_short_for_its_length(monkeypatch):
+    """Sixty minutes, a constant of some 900 s known to a factor of 1.6: four of them, not two."""
+    record = heat_run(4, 60.0, step_s=1.0)
+    crude = crude_fit(record, MOTOR)
+    assert crude is not None
+    unsure = replace(crude, tau_s=900.0, log_sd=0.5)
+    monkeypatch.setattr(excitation, "crude_fit", lambda *_: unsure)
+    monkeypatch.setattr(excitation, "settling_constants", lambda *_: 0.0)
+    (finding,) = named(check_record(record, MOTOR), "too_short")
+    assert finding.severity == "warning"
+    assert "at least two" not in finding.message
+    assert "between 331 and 2446 s" in finding.message
+
+
+def test_reader_findings_come_first():
+    own = Finding("reader", "note", "Seen by the reader.")
+    found = check_record(replace(CLEAN, findings=(own,)), MOTOR)
+    assert found[0] == replace(own, test="run")
+    assert len(found) > 1
+
+
+def test_a_missing_loss_is_told_beside_the_power_of_the_link():
+    record = without(without(LINK, "losses_W"), "phase_current_A")
+    found = {f.where: f.remedy for f in named(check_record(record, MOTOR), "missing_channel")}
+    assert "torque_Nm" in found["run, losses_W"]
+    assert "not the loss" in found["run, losses_W"]
+    assert "dc_current_A is not" in found["run, phase_current_A"]
+    plain = named(check_record(without(CLEAN, "losses_W"), MOTOR), "missing_channel")
+    assert "torque_Nm" not in plain[0].remedy
+
+
+def test_a_test_of_seconds_is_told_that_it_is_short():
+    cooling = heat_run(start=90.0, currents=(0.0, 0.0), minutes=0.12)
+    (finding,) = named(check_record(cooling, MOTOR), "no_heating")
+    assert finding.severity == "error"
+    assert "lasts 7 s" in finding.message
+
+
+def test_a_measured_stator_is_not_called_unknown():
+    warm = heat_run(start=35.0)
+    (alone,) = named(check_record(warm, MOTOR), "start_not_in_equilibrium")
+    assert "is then unknown" in alone.message
+    known = changed(warm, stator_degC=warm["winding_degC"])
+    (beside,) = named(check_record(known, MOTOR), "start_not_in_equilibrium")
+    assert "the stator" not in beside.message
+    assert "Map `stator_degC`" not in beside.remedy
+
+
+def test_coolant_replaces_ambient_where_it_is_the_sink():
+    record = changed(without(CLEAN, "ambient_degC"), coolant_degC=CLEAN["ambient_degC"])
+    assert named(check_record(record, MOTOR), "missing_channel")
+    cooled = replace(MOTOR, sink="coolant")
+    assert not [f for f in check_record(record, cooled) if f.severity != "note"]
