@@ -80,6 +80,19 @@ def test_a_form_that_cannot_be_changed_alone_is_refused(rest):
         write_windows(f"[motor]\nname = 'x'\n{rest}\n".encode(), "step", [(5.0, 6.0)], "m")
 
 
+def test_windows_are_read_as_the_fit_reads_them():
+    def of(rest: str, name: str = "step"):
+        return windows_of(f"[motor]\nname = 'x'\n{rest}\n".encode(), name, "motor.toml")
+
+    times = "[tests.step]\nuse = [['10 min', '0.5 h'], [3600, '90 min']]"
+    assert of(times) == [(600.0, 1800.0), (3600.0, 5400.0)]
+    assert of("[tests.step]\nmask = [[1, 2]]") == of(times, "duty") == of("") == []
+    with pytest.raises(InputError, match=r"\[tests\.step\].*use_rows"):
+        of("[tests.step]\nuse_rows = [[1, 500]]")
+    with pytest.raises(InputError, match="Expected a list of 1 to 200 pairs"):
+        of("[tests.step]\nuse = [1, 2]")
+
+
 def test_windows_join_and_are_left_out():
     assert with_window([(0.0, 10.0), (20.0, 30.0)], (8.0, 20.0)) == [(0.0, 30.0)]
     assert with_window([(20.0, 30.0)], (0.0, 10.0)) == [(0.0, 10.0), (20.0, 30.0)]

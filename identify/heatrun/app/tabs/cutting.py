@@ -10,6 +10,7 @@ from typing import Protocol
 import panel as pn
 
 from ...errors import InputError
+from ..motor_file import read_motor_file, refuse_sent, write_motor_file
 from ..motor_windows import (
     Window,
     windows_of,
@@ -19,11 +20,8 @@ from ..motor_windows import (
     write_windows,
 )
 from ..pane import text_pane
-from ..server.confined import read_inside, replace_inside
 from ..store import Opened
 from ..words import error_message, message
-
-MAX_MOTOR_BYTES = 1 << 20
 
 STEP_S = 0.1
 """Windows are rounded to it [s]: finer than a mouse can choose."""
@@ -128,7 +126,7 @@ class Cutting:
         try:
             if self._page.motor_path is not None and self._test.value is not None:
                 motor = self._page.motor_path
-                data = read_inside(motor.parent.resolve(), motor, MAX_MOTOR_BYTES)
+                data = read_motor_file(motor)
                 self._windows = windows_of(data, str(self._test.value), motor.name)
         except InputError as error:
             self._result.object = error_message(error)
@@ -175,12 +173,8 @@ class Cutting:
         if motor is None:
             raise InputError("Expected a motor file.", remedy="Choose one on the left.")
         root = self._page.root
-        if not motor.is_relative_to(root):
-            raise InputError(
-                "The motor file was sent to the page and ends with it.",
-                remedy="Copy the lines above into your own motor file.",
-            )
-        before = read_inside(root, motor, MAX_MOTOR_BYTES)
+        refuse_sent(root, motor)
+        before = read_motor_file(motor)
         after = write_windows(before, name, self._windows, motor.name)
-        replace_inside(root, motor, before, after)
+        write_motor_file(root, motor, before, after)
         return f"Written into {motor.name}; the rest of the file is as it was."
