@@ -288,6 +288,24 @@ def test_a_capacity_that_is_none_is_refused(day, value, said):
         export_mat(Path("run"))
 
 
+def test_effects_that_the_run_averages_over_and_the_file_lacks_are_said(day, monkeypatch):
+    found = read_run_test(Path("run"), network="first")
+
+    def findings(added_K, missing):
+        reading = found.predicted.reading + added_K
+        predicted = replace(found.predicted, reading=reading, maybe_missing=missing)
+        changed = replace(found, predicted=predicted)
+        monkeypatch.setattr("heatrun.export.mat.read_run_test", lambda *_, **__: changed)
+        exported = export_mat(Path("run"), folder=Path("out"), is_replacing=True)
+        return [each for each in exported["findings"] if each.id == "effects_left_out"]
+
+    (finding,) = findings(8.0, {"speed_cooling": 0.2, "winding_node": 0.7})
+    assert "speed_cooling 20 %, winding_node 70 %" in finding.message
+    assert "--with winding_node" in finding.remedy
+    assert finding.values["effects_K"] == pytest.approx(8.0, abs=0.3)
+    assert findings(0.0, {"winding_node": 0.7}) == findings(8.0, {}) == []
+
+
 def test_a_run_without_a_calibrated_test_is_refused(day):
     edit(Path("run/fit.json"), lambda result: result["tests"].pop(0))
     with pytest.raises(InputError, match="no test that was calibrated on"):
