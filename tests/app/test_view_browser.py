@@ -105,8 +105,9 @@ def test_calibrate_and_download_the_sheet_and_a_report(served, tab):
     _tab(tab, "Simulate and export")
     tab.get_by_label("What is exported").select_option(label="the tests chosen on the left")
     tab.get_by_role("button", name="Export").click()
+    _text(tab, "RMSE of the winding [K]")
     with tab.expect_download() as download:
-        tab.get_by_text("prova.mat").first.click(timeout=LONG_MS)
+        tab.get_by_text("prova.mat", exact=True).click(timeout=LONG_MS)
     assert download.value.path().read_bytes().startswith(b"MATLAB")
     assert (served.out.parent / "exported/duty_30min_calibrate_step_30min/prova.mat").is_file()
     assert tab.problems == []
@@ -150,7 +151,7 @@ def test_names_from_files_are_text(served, tab, bench_data):
     tab.locator(".bk-Figure").first.wait_for()
     tab.get_by_label("bad.csv").first.check()
     tab.locator(".error").first.wait_for()
-    for each in ("Checks", "Calibration", "Discovery", "Report", "Signals"):
+    for each in ("Checks", "Motor file", "Calibration", "Discovery", "Report", "Signals"):
         _tab(tab, each)
         time.sleep(0.3)
     assert tab.evaluate("window.hacked") is None

@@ -105,8 +105,8 @@ def test_what_was_exported_is_said_and_handed_out(page, tmp_path):
     (written / "prova.mat").write_bytes(b"MATLAB")
     one = {
         "files": [str(written / "prova.mat")], "test": "<b>", "title": "second order",
-        "effects": [], "rmse_K": 0.3, "notes": ["<i>"],
-        "findings": [{"message": "corrected", "remedy": "Pass --corrected."}],
+        "effects": [], "rmse_K": 0.3,
+        "findings": [{"message": "<i>", "remedy": "Pass --corrected."}],
     }  # fmt: skip
     for output, num in ((one, 1), ({"exports": [one, one]}, 2)):
         made: list = []

@@ -25,7 +25,7 @@ SIMULATED, EXPORTED = "simulated", "exported"
 
 OWN, CHOSEN = "a test of the run", "the tests chosen on the left"
 
-OF_RUN, OF_PAGE = "the run's own", "the one chosen on the left"
+OF_RUN, OF_PAGE = "the run's own motor file", "the motor file on the left"
 
 
 class Using:
@@ -47,7 +47,7 @@ class Using:
         )
         self._tests = pn.widgets.Select(name="What is exported", options=[OWN, CHOSEN], width=260)
         self._motor = pn.widgets.Select(
-            name="Motor file of the tests", options=[OF_RUN, OF_PAGE], width=260, visible=False
+            name="Columns and machine from", options=[OF_RUN, OF_PAGE], width=260, visible=False
         )
         self._corrected = pn.widgets.Checkbox(
             name="Correct Is, Pd and Te by the errors of current, losses, sink and timing that "
@@ -164,7 +164,6 @@ class Using:
                  "not measured" if rmse is None else float(rmse))
             ],
         )  # fmt: skip
-        said += "".join(message("note", str(note)) for note in written.get("notes") or ())
         said += "".join(
             message("warning", f"{f.get('message', '')} {f.get('remedy', '')}")
             for f in findings or ()
