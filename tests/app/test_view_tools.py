@@ -150,6 +150,29 @@ def test_the_form_cuts_and_writes(tmp_path):
     assert motor.read_bytes() == written
 
 
+@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")
+def test_windows_that_were_changed_elsewhere_are_not_written_over(tmp_path):
+    motor = tmp_path / "motor.toml"
+    motor.write_bytes(b"[motor]\nname = 'x'\n[tests.step]\nuse = [['1 min', '2 min']]\n")
+    form = Cutting(SimpleNamespace(motor_path=motor, root=tmp_path))
+    record = Record("step", {"time_s": np.arange(1000.0)})
+    form.offer([Opened(record, tmp_path / "step.csv", Stamp(1, 1))], {})
+    form.select(500.0, 600.0)
+    form._keep.clicks += 1
+    assert form._windows == [(60.0, 120.0), (500.0, 600.0)]
+    theirs = motor.read_bytes().replace(b"'2 min'", b"'3 min'")
+    motor.write_bytes(theirs)
+    form._write.clicks += 1
+    assert "have changed in the motor file" in form._result.object
+    assert motor.read_bytes() == theirs
+    assert form._windows == [(60.0, 180.0)]
+    form._keep.clicks += 1
+    form._write.clicks += 1
+    form._leave.clicks += 1
+    form._write.clicks += 1  # again, over what the form has written itself
+    assert windows_of(motor.read_bytes(), "step", "m") == [(60.0, 180.0)]
+
+
 def test_two_cursors_give_the_difference_of_every_signal():
     traces = [_trace("a", "winding_degC"), _trace("a", "oil [bar]", "bar")]
     html = cursor_table(traces, 10.2, 40.0, 7200.0)

@@ -54,6 +54,7 @@ class Cutting:
         self._shifts_s: Mapping[str, float] = {}
         self._selected: Window | None = None
         self._windows: list[Window] = []
+        self._in_file: list[Window] = []
         self._test = pn.widgets.Select(name="Test", sizing_mode="stretch_width")
         self._keep = pn.widgets.Button(name="Use it", width=90)
         self._leave = pn.widgets.Button(name="Leave it out", width=110)
@@ -122,12 +123,13 @@ class Cutting:
 
     def _begin(self) -> None:
         """Start from what the motor file says of the test."""
-        self._windows = []
+        self._windows, self._in_file = [], []
         try:
             if self._page.motor_path is not None and self._test.value is not None:
                 motor = self._page.motor_path
                 data = read_motor_file(motor)
-                self._windows = windows_of(data, str(self._test.value), motor.name)
+                self._in_file = windows_of(data, str(self._test.value), motor.name)
+                self._windows = self._in_file
         except InputError as error:
             self._result.object = error_message(error)
         self._show()
@@ -175,6 +177,14 @@ class Cutting:
         root = self._page.root
         refuse_sent(root, motor)
         before = read_motor_file(motor)
+        if windows_of(before, name, motor.name) != self._in_file:
+            self._begin()
+            raise InputError(
+                f"The parts of '{name}' have changed in the motor file; nothing was written.",
+                where=motor.name,
+                remedy="Above stands what it says now: choose again, and write that.",
+            )
         after = write_windows(before, name, self._windows, motor.name)
         write_motor_file(root, motor, before, after)
+        self._in_file = windows_of(after, name, motor.name)
         return f"Written into {motor.name}; the rest of the file is as it was."
