@@ -99,6 +99,17 @@ def test_calibrate_and_download_the_sheet_and_a_report(served, tab):
     _text(tab, "The bench beside a simulation")
     tab.get_by_role("button", name="Make report").click()  # the run of above is still selected
     _text(tab, "SemiRealVsVirtualModelValidation")
+
+    tab.get_by_label("duty_30min.csv.gz").first.uncheck()
+    tab.get_by_label("step_30min.csv.gz").first.check()
+    _tab(tab, "Simulate and export")
+    tab.get_by_label("What is exported").select_option(label="the tests chosen on the left")
+    tab.get_by_role("button", name="Export").click()
+    _text(tab, "RMSE of the winding [K]")
+    with tab.expect_download() as download:
+        tab.get_by_text("prova.mat", exact=True).click(timeout=LONG_MS)
+    assert download.value.path().read_bytes().startswith(b"MATLAB")
+    assert (served.out.parent / "exported/duty_30min_calibrate_step_30min/prova.mat").is_file()
     assert tab.problems == []
 
 
@@ -140,10 +151,38 @@ def test_names_from_files_are_text(served, tab, bench_data):
     tab.locator(".bk-Figure").first.wait_for()
     tab.get_by_label("bad.csv").first.check()
     tab.locator(".error").first.wait_for()
-    for each in ("Checks", "Calibration", "Discovery", "Report", "Signals"):
+    for each in ("Checks", "Motor file", "Calibration", "Discovery", "Report", "Signals"):
         _tab(tab, each)
         time.sleep(0.3)
     assert tab.evaluate("window.hacked") is None
+
+
+def test_the_motor_file_is_edited(served, tab):
+    motor = served.folder / "edited.toml"
+    shutil.copy(served.folder / "motor.toml", motor)
+    before = motor.read_text()
+    tab.goto(f"{served.url}?motor=edited.toml")
+    _tab(tab, "Motor file")
+    text = tab.get_by_label("Text")
+    text.fill(before.replace("6000", '"<img src=x onerror=window.hacked=1>"'))
+    tab.get_by_role("button", name="Save", exact=True).click()
+    _text(tab, "Line 5")
+    assert motor.read_text() == before
+    text.fill(before.replace("6000", "5000"))
+    text.press("End")  # typed, and the field not left yet
+    text.press("Control+End")
+    text.press_sequentially("# mine")
+    motor.write_text(before + "# theirs\n")
+    _text(tab, "has changed since it was read")
+    tab.get_by_role("button", name="Read the file again").click()
+    tab.wait_for_function("(area) => area.value.endsWith('# theirs\\n')", arg=text.element_handle())
+    tab.get_by_role("button", name="Back to my text").click()
+    tab.wait_for_function("(area) => area.value.endsWith('# mine')", arg=text.element_handle())
+    tab.get_by_role("button", name="Save", exact=True).click()
+    _text(tab, "Written into edited.toml")
+    assert motor.read_text() == before.replace("6000", "5000") + "# mine"
+    assert tab.evaluate("window.hacked") is None
+    assert tab.problems == []
 
 
 def test_an_empty_folder_takes_uploads_and_refuses_what_is_none(

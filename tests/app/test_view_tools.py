@@ -80,6 +80,19 @@ def test_a_form_that_cannot_be_changed_alone_is_refused(rest):
         write_windows(f"[motor]\nname = 'x'\n{rest}\n".encode(), "step", [(5.0, 6.0)], "m")
 
 
+def test_windows_are_read_as_the_fit_reads_them():
+    def of(rest: str, name: str = "step"):
+        return windows_of(f"[motor]\nname = 'x'\n{rest}\n".encode(), name, "motor.toml")
+
+    times = "[tests.step]\nuse = [['10 min', '0.5 h'], [3600, '90 min']]"
+    assert of(times) == [(600.0, 1800.0), (3600.0, 5400.0)]
+    assert of("[tests.step]\nmask = [[1, 2]]") == of(times, "duty") == of("") == []
+    with pytest.raises(InputError, match=r"\[tests\.step\].*use_rows"):
+        of("[tests.step]\nuse_rows = [[1, 500]]")
+    with pytest.raises(InputError, match="Expected a list of 1 to 200 pairs"):
+        of("[tests.step]\nuse = [1, 2]")
+
+
 def test_windows_join_and_are_left_out():
     assert with_window([(0.0, 10.0), (20.0, 30.0)], (8.0, 20.0)) == [(0.0, 30.0)]
     assert with_window([(20.0, 30.0)], (0.0, 10.0)) == [(0.0, 10.0), (20.0, 30.0)]
@@ -135,6 +148,29 @@ def test_the_form_cuts_and_writes(tmp_path):
     sent._write.clicks += 1
     assert "was sent to the page" in sent._result.object
     assert motor.read_bytes() == written
+
+
+@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")
+def test_windows_that_were_changed_elsewhere_are_not_written_over(tmp_path):
+    motor = tmp_path / "motor.toml"
+    motor.write_bytes(b"[motor]\nname = 'x'\n[tests.step]\nuse = [['1 min', '2 min']]\n")
+    form = Cutting(SimpleNamespace(motor_path=motor, root=tmp_path))
+    record = Record("step", {"time_s": np.arange(1000.0)})
+    form.offer([Opened(record, tmp_path / "step.csv", Stamp(1, 1))], {})
+    form.select(500.0, 600.0)
+    form._keep.clicks += 1
+    assert form._windows == [(60.0, 120.0), (500.0, 600.0)]
+    theirs = motor.read_bytes().replace(b"'2 min'", b"'3 min'")
+    motor.write_bytes(theirs)
+    form._write.clicks += 1
+    assert "have changed in the motor file" in form._result.object
+    assert motor.read_bytes() == theirs
+    assert form._windows == [(60.0, 180.0)]
+    form._keep.clicks += 1
+    form._write.clicks += 1
+    form._leave.clicks += 1
+    form._write.clicks += 1  # again, over what the form has written itself
+    assert windows_of(motor.read_bytes(), "step", "m") == [(60.0, 180.0)]
 
 
 def test_two_cursors_give_the_difference_of_every_signal():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -275,3 +276,21 @@ def test_a_second_export_of_a_run_gets_a_place_of_its_own(day, capsys):
         export_mat(Path("run"), folder=Path("run"), test="step")
     export_mat(Path("run"), folder=Path("run"), test="step", is_replacing=True)
     assert Path(first[0]).read_bytes() == Path(second[0]).read_bytes()
+
+
+def test_effects_that_the_run_averages_over_and_the_file_lacks_are_said(day, monkeypatch):
+    found = read_run_test(Path("run"), network="first")
+
+    def findings(added_K, missing):
+        reading = found.predicted.reading + added_K
+        predicted = replace(found.predicted, reading=reading, maybe_missing=missing)
+        changed = replace(found, predicted=predicted)
+        monkeypatch.setattr("heatrun.export.mat.read_run_test", lambda *_, **__: changed)
+        exported = export_mat(Path("run"), folder=Path("out"), is_replacing=True)
+        return [each for each in exported["findings"] if each.id == "effects_left_out"]
+
+    (finding,) = findings(8.0, {"speed_cooling": 0.2, "winding_node": 0.7})
+    assert "speed_cooling 20 %, winding_node 70 %" in finding.message
+    assert "--with winding_node" in finding.remedy
+    assert finding.values["effects_K"] == pytest.approx(8.0, abs=0.3)
+    assert findings(0.0, {"winding_node": 0.7}) == findings(8.0, {}) == []

@@ -105,13 +105,15 @@ PART_CSS = f"""
 """Style of each part of the page, to which the plain design gives colours for light alone."""
 
 TABS_CSS = """
+    .bk-headers-wrapper { flex-wrap: wrap; }
     .bk-tab { color: var(--hr-ink); }
     .bk-tab.bk-active {
       background: var(--hr-paper); color: var(--hr-ink); border-color: var(--hr-faint);
       font-weight: 600;
     }
 """
-"""Style of the tabs, whose chosen one the plain design paints for light alone."""
+"""Style of the tabs, whose chosen one the plain design paints for light alone; in two rows where
+there is no room for one."""
 
 PANE_CSS = """
     :host { color: var(--hr-ink); }

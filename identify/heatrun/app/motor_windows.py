@@ -7,7 +7,6 @@ comes of it is parsed and held against what it should say.
 from __future__ import annotations
 
 import copy
-import math
 import tomllib
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -30,17 +29,18 @@ def windows_of(data: bytes, name: str, where: str) -> list[Window]:
         where: The file, for messages.
 
     Raises:
-        InputError: If the file is no TOML.
+        InputError: If the file is no motor file, or says the parts of the test in rows.
     """
-    tests = parse_toml(data, where).get("tests")
-    held = tests.get(name) if isinstance(tests, dict) else None
-    use = held.get(USE) if isinstance(held, dict) else None
-    pairs = use if isinstance(use, list) else []
-    return [
-        (float(pair[0]), float(pair[1]))
-        for pair in pairs
-        if isinstance(pair, list) and len(pair) == 2 and all(map(_is_time, pair))
-    ]
+    parts = parse_motor(data, where).tests.get(name)
+    use = parts.use if parts is not None else ()
+    if any(stretch.in_rows for stretch in use):
+        raise InputError(
+            "The parts of the test that count are given in rows (use_rows), and the page shows "
+            "times.",
+            where=f"{where}, [tests.{name}]",
+            remedy=f"Write them as times to change them here: {USE} = [[600, 5400]].",
+        )
+    return [(stretch.start, stretch.end) for stretch in use]
 
 
 def with_window(windows: Sequence[Window], window: Window) -> list[Window]:
@@ -183,7 +183,3 @@ def _value(windows: Sequence[Window]) -> str:
 
 def _number(value: float) -> str:
     return str(round(float(value), 3)).removesuffix(".0")
-
-
-def _is_time(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -73,15 +73,29 @@ class Reader:
             names: Tests as the page lists them.
             motor_name: The motor file as the page lists it, or None.
         """
-        opened: dict[str, Opened] = {}
-        refused: dict[str, Refused] = {}
-        findings = []
         with opening_by(self.opener):
             try:
                 motor = self._motor(motor_name)
             except Exception as error:
                 fault = message("warning", "The motor file is at fault.")
                 return Reading({}, problem(str(motor_name), error), fault)
+        return self._read(names, motor)
+
+    def check(self, names: Sequence[str], motor: Motor) -> str:
+        """Return what a machine that stands in no file yet finds in tests, as HTML.
+
+        Args:
+            names: As `read`.
+            motor: The machine.
+        """
+        reading = self._read(names, motor)
+        return reading.problems + (reading.checks or "")
+
+    def _read(self, names: Sequence[str], motor: Motor | None) -> Reading:
+        opened: dict[str, Opened] = {}
+        refused: dict[str, Refused] = {}
+        findings = []
+        with opening_by(self.opener):
             for name in names:
                 stamp = Stamp(-1, -1)
                 try:

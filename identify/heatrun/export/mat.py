@@ -124,6 +124,7 @@ def _export(
         notes = (*notes, f"{signals} are corrected as in the run: {_words(corrections)}.")
     else:
         findings = _left_out(corrections, difference, found.record.name, contents.file)
+    findings += _effects_left_out(found, full.reading, contents.file)
     content = {contents.file: mat_bytes(variables)}
     for script in contents.scripts:
         content[script] = files("heatrun.export").joinpath("templates", script).read_bytes()
@@ -199,6 +200,33 @@ def _left_out(
             remedy="Pass --corrected to have them applied to current, losses and sink.",
             test=test,
             values={"corrections_K": difference},
+        ),
+    )
+
+
+def _effects_left_out(found: RunAndTest, reading: np.ndarray, file: str) -> tuple[Finding, ...]:
+    """Say where the run predicts by effects that its network, and so the file, does not have."""
+    predicted = found.predicted
+    if predicted is None or not predicted.maybe_missing:
+        return ()
+    exported = np.interp(predicted.time_s, found.record.time_s, reading)
+    difference = float(np.nanmax(np.abs(exported - predicted.reading)))
+    if not difference > LARGEST_UNSAID_K:
+        return ()
+    spoken = ", ".join(f"{n} {100 * p:.0f} %" for n, p in predicted.maybe_missing.items())
+    likely = max(predicted.maybe_missing, key=lambda name: predicted.maybe_missing[name])
+    return (
+        Finding(
+            id="effects_left_out",
+            severity="warning",
+            message="The run's network may miss effects, which its own predictions hold "
+            f"({spoken}) and {file} does not: its temperatures are up to {difference:.2g} K "
+            f"from those predictions (limit {LARGEST_UNSAID_K} K).",
+            where=found.record.name,
+            remedy=f"Calibrate with the effect, `--with {likely}`, or with a network of more "
+            "nodes, and export that run.",
+            test=found.record.name,
+            values={"effects_K": difference},
         ),
     )
 

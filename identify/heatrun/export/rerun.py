@@ -21,8 +21,24 @@ from ..inference.model import Model
 from ..io.toml_text import parse_toml
 from ..motor import Motor
 from ..motorfile import load_motor
+from ..results.values import known
 from ..runs.run import Run, RunTest, model_name, open_run
 from ..runs.sources import SourceFile, refuse_changed
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """What a run predicts of a test, with the effects that it averages over.
+
+    Attributes:
+        time_s: Times of the blocks on the record's own axis [s], shape (block,).
+        reading: Median of the winding's reading [degC], shape (block,).
+        maybe_missing: Probability of each effect that the network may miss [1], by its id.
+    """
+
+    time_s: np.ndarray
+    reading: np.ndarray
+    maybe_missing: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -41,6 +57,7 @@ class RunAndTest:
         blocks: The test as it was reduced.
         inputs: Every file that the run was made of, as the manifest names it, and of a new test.
         notes: Sentences on where the values come from.
+        predicted: What the run itself predicts, None for a file of parameters.
     """
 
     run: Path
@@ -52,6 +69,7 @@ class RunAndTest:
     blocks: Blocks
     inputs: tuple[Path, ...]
     notes: tuple[str, ...] = ()
+    predicted: Predicted | None = None
 
 
 def read_run_test(run: Path, *, test: str | None = None, network: str | None = None) -> RunAndTest:
@@ -105,7 +123,11 @@ def of_record(
         values |= _as_written(run, run.choose(network), record.name, values)
     _refuse_negative(values, run.path)
     files = tuple(Path(entry["path"]) for entry in run.manifest["inputs"])
-    return RunAndTest(run.path, found.model, motor, record, values, is_held_out, found.test, files)
+    rows = known(run.result.models[run.choose(network)].maybe_missing) or ()
+    missing = {row.id: row.probability for row in rows if row.test in (None, record.name)}
+    predicted = Predicted(found.time_s, found.median, missing)
+    return RunAndTest(run.path, found.model, motor, record, values, is_held_out, found.test, files,
+                      predicted=predicted)  # fmt: skip
 
 
 def effects_of(run: Path, network: str | None = None) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from typing import Protocol
 import panel as pn
 
 from ...errors import InputError
+from ..motor_file import read_motor_file, refuse_sent, write_motor_file
 from ..motor_windows import (
     Window,
     windows_of,
@@ -19,11 +20,8 @@ from ..motor_windows import (
     write_windows,
 )
 from ..pane import text_pane
-from ..server.confined import read_inside, replace_inside
 from ..store import Opened
 from ..words import error_message, message
-
-MAX_MOTOR_BYTES = 1 << 20
 
 STEP_S = 0.1
 """Windows are rounded to it [s]: finer than a mouse can choose."""
@@ -56,6 +54,7 @@ class Cutting:
         self._shifts_s: Mapping[str, float] = {}
         self._selected: Window | None = None
         self._windows: list[Window] = []
+        self._in_file: list[Window] = []
         self._test = pn.widgets.Select(name="Test", sizing_mode="stretch_width")
         self._keep = pn.widgets.Button(name="Use it", width=90)
         self._leave = pn.widgets.Button(name="Leave it out", width=110)
@@ -124,12 +123,13 @@ class Cutting:
 
     def _begin(self) -> None:
         """Start from what the motor file says of the test."""
-        self._windows = []
+        self._windows, self._in_file = [], []
         try:
             if self._page.motor_path is not None and self._test.value is not None:
                 motor = self._page.motor_path
-                data = read_inside(motor.parent.resolve(), motor, MAX_MOTOR_BYTES)
-                self._windows = windows_of(data, str(self._test.value), motor.name)
+                data = read_motor_file(motor)
+                self._in_file = windows_of(data, str(self._test.value), motor.name)
+                self._windows = self._in_file
         except InputError as error:
             self._result.object = error_message(error)
         self._show()
@@ -175,12 +175,16 @@ class Cutting:
         if motor is None:
             raise InputError("Expected a motor file.", remedy="Choose one on the left.")
         root = self._page.root
-        if not motor.is_relative_to(root):
+        refuse_sent(root, motor)
+        before = read_motor_file(motor)
+        if windows_of(before, name, motor.name) != self._in_file:
+            self._begin()
             raise InputError(
-                "The motor file was sent to the page and ends with it.",
-                remedy="Copy the lines above into your own motor file.",
+                f"The parts of '{name}' have changed in the motor file; nothing was written.",
+                where=motor.name,
+                remedy="Above stands what it says now: choose again, and write that.",
             )
-        before = read_inside(root, motor, MAX_MOTOR_BYTES)
         after = write_windows(before, name, self._windows, motor.name)
-        replace_inside(root, motor, before, after)
+        write_motor_file(root, motor, before, after)
+        self._in_file = windows_of(after, name, motor.name)
         return f"Written into {motor.name}; the rest of the file is as it was."

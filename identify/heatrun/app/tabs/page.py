@@ -26,6 +26,7 @@ from ..words import error_message, message
 from .calibrating import calibrating
 from .cutting import Cutting
 from .discovering import discovering
+from .editing import Editing
 from .following import Tests
 from .reporting import Reporting
 from .sending import Sending
@@ -46,6 +47,7 @@ class Page:
         view: The page.
         out: Folder of the runs.
         root: The folder that is shown.
+        reader: Reads and checks the tests.
     """
 
     def __init__(
@@ -56,13 +58,15 @@ class Page:
         self._store = store
         self._runs: dict[str, Run] = {}
         self._theme = asked_theme()
-        self._tests = Tests(Reader(self.path, store, self._open), self._take)
+        self.reader = Reader(self.path, store, self._open)
+        self._tests = Tests(self.reader, self._take)
 
         self._sidebar = Sidebar()
         self._sending = Sending(room, self.list_folder)
         self._banner = text_pane()
         self.signals = Signals(Cutting(self), lambda: self._draw())
         self._checks = text_pane(message("note", "Choose tests on the left."))
+        self.editing = Editing(self)
         self.calibrating = calibrating(self, queue)
         self.discovering = discovering(self, queue)
         self.reporting = Reporting(self, queue)
@@ -70,6 +74,7 @@ class Page:
         self._tabs = pn.Tabs(
             ("Signals", self.signals.view),
             ("Checks", self._checks),
+            ("Motor file", self.editing.view),
             ("Calibration", self.calibrating.view),
             ("Discovery", self.discovering.view),
             ("Report", self.reporting.view),
@@ -84,6 +89,7 @@ class Page:
         self._sidebar.take_address()
         self._connect()
         self._choose_channels()
+        self.editing.choose()
         if self.chosen:
             self.open_tests()
 
@@ -92,6 +98,7 @@ class Page:
         left = self._sidebar
         for widget, act in (
             (left.motor, self.open_tests),
+            (left.motor, self.editing.choose),
             (left.tests, self.open_tests),
             (left.kind, self._choose_channels),
             (left.channels, self._draw),
@@ -116,10 +123,14 @@ class Page:
         return self._sidebar.kind.value  # pyright: ignore[reportReturnType]
 
     @property
+    def motor_name(self) -> str | None:
+        """The motor file that is chosen, as the page lists it, or None."""
+        return self._sidebar.motor_name
+
+    @property
     def motor_path(self) -> Path | None:
         """The motor file that is chosen, or None."""
-        name = self._sidebar.motor_name
-        return None if name is None else self.path(name)
+        return None if self.motor_name is None else self.path(self.motor_name)
 
     @property
     def tests(self) -> list[str]:
@@ -165,6 +176,7 @@ class Page:
 
     def _look_again(self) -> None:
         self.list_folder()
+        self.editing.choose()
         self.open_tests()
 
     def list_folder(self) -> None:
@@ -256,6 +268,7 @@ class Page:
         self._say_following()
 
     def _watch(self) -> None:
+        self.editing.look()
         if self._sidebar.follow.value:
             if self._tests.has_news:
                 self._tests.follow(self._sidebar.motor_name)

@@ -1,0 +1,61 @@
+"""The motor file that is chosen on the page: read, and written where nothing is lost by it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import InputError
+from ..io.toml_text import LARGEST_BYTES
+from .server.confined import read_inside, replace_inside
+
+
+def read_motor_file(path: Path) -> bytes:
+    """Return the content of a motor file.
+
+    Args:
+        path: The file, as the page has found it in one of its folders.
+
+    Raises:
+        InputError: If it is no regular file any more, cannot be read or is too large.
+    """
+    return read_inside(path.parent.resolve(), path, LARGEST_BYTES)
+
+
+def write_motor_file(root: Path, path: Path, before: bytes, after: bytes) -> None:
+    """Put another content into a motor file, whole or not at all.
+
+    Args:
+        root: The folder that is shown, with links resolved; nothing is written outside it.
+        path: The file.
+        before: What it holds; with anything else in it, it stays.
+        after: What it is to hold.
+
+    Raises:
+        InputError: If it was sent to the page, or as `heatrun.app.server.confined.replace_inside`.
+    """
+    refuse_sent(root, path)
+    if len(after) > LARGEST_BYTES:
+        raise InputError(
+            f"Expected a motor file of at most {LARGEST_BYTES // 2**20} MB, got more.",
+            where=path.name,
+            remedy="Check what was put in; it was not written.",
+        )
+    replace_inside(root, path, before, after)
+
+
+def refuse_sent(root: Path, path: Path) -> None:
+    """Refuse to write a motor file that is none of the folder that is shown.
+
+    Args:
+        root: The folder, with links resolved.
+        path: The file.
+
+    Raises:
+        InputError: If it lies elsewhere.
+    """
+    if not path.is_relative_to(root):
+        raise InputError(
+            "The motor file was sent to the page and ends with it.",
+            where=path.name,
+            remedy="Copy the text into your own motor file.",
+        )
