@@ -9,7 +9,7 @@ from .block_means import block_means
 from .constant_drive import heat_input
 from .effects import EFFECTS
 from .hold import Held, hold
-from .inputs import Drive, Inputs
+from .inputs import SIGNALS, Drive, Inputs
 from .linearise import Linearised, linearise, time_constants
 from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, copper_loss
 from .network import Network, first_order, second_order
@@ -23,6 +23,7 @@ __all__ = [
     "ALUMINIUM_COEFFICIENT",
     "COPPER_COEFFICIENT",
     "EFFECTS",
+    "SIGNALS",
     "CopperLosses",
     "Drive",
     "Held",

@@ -43,6 +43,7 @@ sensors = { winding_degC = "winding" }
 BASES = {
     "first": "first",
     "second": "second",
+    "cooled": "cooled",
     "four": read_network(FOUR_NODES, "four.toml"),
     "four in air": read_network(FOUR_NODES.replace(b"coolant", b"ambient"), "four.toml"),
 }
@@ -128,6 +129,8 @@ TOGETHER = {
     "three nodes more": Case(effects=("rotor_node", "housing_node", "neighbour_body")),
     "uneven": Case(effects=("speed_cooling", "sensor_lag"), record=uneven()),
     "fast sensor": Case(effects=("sensor_lag",), values=(("sensor_lag.tau", 1.0),)),
+    "two sinks": Case("cooled", ("speed_cooling", "natural_convection", "radiation")),
+    "two sinks, rises above the coolant": Case("cooled", motor=replace(MOTOR, sink="coolant")),
     "four nodes": Case("four", motor=replace(MOTOR, sink="coolant")),
     "four nodes with effects": Case("four in air", ("speed_cooling", "sensor_lag", "radiation")),
 }

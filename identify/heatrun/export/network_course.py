@@ -90,6 +90,7 @@ def _network(found: Mapping[str, Any]) -> tuple[Network, dict[str, float]]:
         share={n: jnp.asarray(s) for n, s in zip(nodes, by_node["share"], strict=True) if s},
         copper_node=found["copper_node"],
         boundary=found["sink"],
+        second_boundary=found.get("second_sink", ""),
     )
     return network, dict(zip(nodes, map(float, by_node["start"]), strict=True))
 
@@ -127,6 +128,7 @@ def _inputs(found: Mapping[str, Any], grid: Grid) -> Inputs:
         speed=mean("speed_rpm", RPM),
         coolant=mean("coolant_degC"),
         fan=mean("fan"),
+        second_sink=mean("Te2"),
         rated_speed=found["rated_speed_rpm"] * RPM,
         rated_current=found["rated_current_A"],
     )

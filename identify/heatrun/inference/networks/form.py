@@ -35,6 +35,8 @@ class NetworkForm:
             for the one node that takes the rest.
         copper: Node that the copper loss heats.
         sink: Name of the boundary.
+        second_sink: Name of the second boundary; empty where there is one sink. A network of two
+            sinks names the channels that they are measured by, `"ambient"` and `"coolant"`.
         sensors: Node that each measured temperature belongs to, by channel: the winding's and
             those of bodies.
         starts: Name of the start temperature of each node.
@@ -51,11 +53,12 @@ class NetworkForm:
     sensors: tuple[tuple[str, str], ...]
     starts: tuple[tuple[str, str], ...]
     effects: tuple[str, ...] = ()
+    second_sink: str = ""
 
     def _key(self) -> tuple[Any, ...]:
         shares = tuple((n, s.name if isinstance(s, Parameter) else s) for n, s in self.share)
         named = [(place, p.name) for place, p in (*self.capacitance, *self.resistance)]
-        rest = (self.copper, self.sink, self.sensors, self.starts, self.effects)
+        rest = (self.copper, self.sinks, self.sensors, self.starts, self.effects)
         return (self.name, self.title, tuple(named), shares, *rest)
 
     def __eq__(self, other: object) -> bool:
@@ -68,6 +71,17 @@ class NetworkForm:
     def nodes(self) -> tuple[str, ...]:
         """Names of the nodes, in the order of the text."""
         return tuple(node for node, _ in self.capacitance)
+
+    @property
+    def sinks(self) -> tuple[str, ...]:
+        """Names of the boundaries, the one that stands for T0 first."""
+        return (self.sink, self.second_sink) if self.second_sink else (self.sink,)
+
+    def with_main_sink(self, sink: str) -> NetworkForm:
+        """Return the network with one of its two sinks as T0; a network of one stays as it is."""
+        if not self.second_sink or sink == self.sink:
+            return self
+        return replace(self, sink=self.second_sink, second_sink=self.sink)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -108,10 +122,10 @@ class NetworkForm:
     def body(self) -> tuple[str, str]:
         """Names of capacitance and resistance of the node that holds the slow heat.
 
-        It is the node with the largest capacitance (by its prior) of those tied to the sink.
+        It is the node with the largest capacitance (by its prior) of those tied to a sink.
         """
         capacitance = dict(self.capacitance)
-        tied = [(link[0], R) for link, R in self.resistance if link[1] == self.sink]
+        tied = [(link[0], R) for link, R in self.resistance if link[1] in self.sinks]
         node, resistance = max(tied, key=lambda pair: capacitance[pair[0]].centre)
         return capacitance[node].name, resistance.name
 
@@ -131,4 +145,5 @@ class NetworkForm:
             share=shares,
             copper_node=self.copper,
             boundary=self.sink,
+            second_boundary=self.second_sink,
         )
