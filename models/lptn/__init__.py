@@ -15,6 +15,7 @@ from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, cop
 from .network import Network, first_order, second_order
 from .sensor import Sensor
 from .simulate import Trace, longest_step, reading, reference, simulate
+from .speed_loss import SpeedLoss
 from .stability import growth_rate, is_stable
 from .steady_state import SteadyCurrent, steady_current, steady_state
 from .time_to import time_to
@@ -31,6 +32,7 @@ __all__ = [
     "Linearised",
     "Network",
     "Sensor",
+    "SpeedLoss",
     "SteadyCurrent",
     "Trace",
     "accumulate",

@@ -11,7 +11,16 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.io
 
-from lptn import EFFECTS, CopperLosses, Inputs, Network, Sensor, longest_step, simulate
+from lptn import (
+    EFFECTS,
+    CopperLosses,
+    Inputs,
+    Network,
+    Sensor,
+    SpeedLoss,
+    longest_step,
+    simulate,
+)
 from lptn.effects import AbstractEffect, NodeEffect
 from lptn.effects.sensor_lag import SensorLag
 from lptn.effects.time_shift import TimeShift
@@ -106,7 +115,7 @@ def _losses(found: Mapping[str, Any]) -> CopperLosses:
 
 
 def _effect(said: Mapping[str, Any]) -> AbstractEffect:
-    kind = {kind.card.id: kind for kind in EFFECTS}[said["id"]]
+    kind = {kind.card.id: kind for kind in (*EFFECTS, SpeedLoss)}[said["id"]]
     places: dict[str, Any] = {}
     if "node" in said:
         places["node"] = said["node"]

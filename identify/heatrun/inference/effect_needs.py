@@ -69,6 +69,29 @@ def refuse_unmeasured_sink(sink: str, tests: Sequence[Blocks], title: str) -> No
             )
 
 
+def refuse_unmeasured_speed(kinds: Sequence[str], tests: Sequence[Blocks], title: str) -> None:
+    """Refuse tests without a speed where losses of a network follow it.
+
+    Args:
+        kinds: The losses that do, such as `"mechanical"`.
+        tests: The reduced records.
+        title: The network in a sentence.
+
+    Raises:
+        InputError: With the test and the channel.
+    """
+    for test in tests:
+        if kinds and test.inputs.speed is None:
+            raise InputError(
+                f"in the network {title!r} the {' and the '.join(kinds)} loss follows the speed, "
+                "and this test has no speed_rpm.",
+                where=test.name,
+                remedy='Map the channel: [columns] speed_rpm = "name in the file [unit]"; give it '
+                "where it is held: [constants] speed_rpm = 3000; or take by_speed out of the "
+                "network.",
+            )
+
+
 def refuse_unplaced(kinds: Sequence[type[AbstractEffect]], network: Network, title: str) -> None:
     """Refuse effects that a network has no place for.
 

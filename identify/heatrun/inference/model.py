@@ -18,7 +18,12 @@ from ..bench.channels.schema import BODIES, body_name
 from ..errors import InputError
 from ..motor import Adequacy, Motor
 from .catalogue import effects_named
-from .effect_needs import refuse_lacking, refuse_unmeasured_sink, refuse_unplaced
+from .effect_needs import (
+    refuse_lacking,
+    refuse_unmeasured_sink,
+    refuse_unmeasured_speed,
+    refuse_unplaced,
+)
 from .effect_parameters import effect_names, effect_parameters, qualified
 from .instruments import (
     BODY_PARTS,
@@ -168,9 +173,10 @@ class Model:
 
         Raises:
             InputError: With the effect, and the channel and the test or the links of the network;
-                or with the test that lacks the temperature of a sink.
+                or with the test that lacks the temperature of a sink, or the speed.
         """
         refuse_unmeasured_sink(self.form.second_sink, tests, self.title)
+        refuse_unmeasured_speed([loss.kind for loss in self.form.by_speed], tests, self.title)
         kinds = [kind for kind in self.effects if kind not in searched]
         refuse_lacking(kinds, tests)
         refuse_unplaced(kinds, self.topology(), self.title)
@@ -231,15 +237,15 @@ class Model:
         return {node: values[name] for node, name in self.form.starts}
 
     def built_effects(self, values: Values) -> tuple[AbstractEffect, ...]:
-        """Return the effects for values by name."""
+        """Return the effects for values by name, with the network's own losses by speed."""
         wanted = [
             (kind, {name: values[qualified(kind, name)] for name in kind.card.parameters})
             for kind in self.effects
         ]
         effects = build_all(wanted, self.network(values))
-        if "load_timing" in values:
-            return (*effects, TimeShift(values["load_timing"]))
-        return effects
+        by_speed = [part for loss in self.form.by_speed for part in loss.build(values)]
+        late = [TimeShift(values["load_timing"])] if "load_timing" in values else []
+        return (*by_speed, *effects, *late)
 
     def block_means(self, values: Values, test: Observation) -> Float[Array, " row"]:
         """Return the modelled means over the blocks of a test [degC], in its rows."""

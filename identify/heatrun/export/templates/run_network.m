@@ -8,6 +8,7 @@
 % Copper loss:   Pjs = phases Rs0 Is^2 (B + T)/(B + Tref), T of the copper node
 % Other losses:  losses = 'balance': Pol = Pd - Pjs;   losses = 'map': Pol as measured
 %                share(i) of them heats node i.
+% Losses by speed (speed_loss) heat a node of their own; of a balance, Pol is what they leave.
 % Effects change this balance, add nodes, or change what the sensor reads, each by the law that
 % stands below under its name. They act in the order of the file.
 %
@@ -231,6 +232,12 @@ for i = 1:num_samples - 1
             watts = q.k*y(2)/rated_current^2*s^1.5;
             in_copper = is_balance*watts;
             in_other = ~is_balance*watts;
+          case 'speed_loss'
+            rate = omega/(1000*pi/30);
+            watts = q.linear*rate + q.square*rate^2;
+            heat(n) = heat(n) + watts;
+            in_other = -is_balance*watts;
+            Pol = Pol - is_balance*watts;
           case 'standby_loss'
             in_other = q.P0;
           case 'loss_gain'

@@ -11,10 +11,10 @@ from ...errors import InputError, did_you_mean
 from ...io.toml_text import check_keys, parse_toml
 from ..parameters import Parameter
 from .form import WINDING, Link, NetworkForm
-from .losses import losses_of
+from .losses import Shares, losses_of, speed_losses
 from .priors import capacitance, prior_text, resistance, said_of
 
-KEYS = ("name", "title", "nodes", "sinks", "links", "losses", "sensors", "effects")
+KEYS = ("name", "title", "nodes", "sinks", "links", "losses", "by_speed", "sensors", "effects")
 PARAMETER_KEYS = (
     "capacitance", "resistance", "share", "start",
     "value", "sd", "sd_log", "relative_sd", "fixed", "meaning", "basis",
@@ -72,6 +72,7 @@ def network_of(content: Mapping[str, Any], where: str) -> NetworkForm:
         raise InputError("expected sections [parameters.NAME].", where=where)
     for name, keys in said.items():
         check_keys(keys, PARAMETER_KEYS, f"{where}, [parameters.{name}]", "key")
+    by_speed = speed_losses(network, nodes, said, at, where)
     copper, share = losses_of(network, nodes, said, at, where)
     form = NetworkForm(
         name=_text(network, "name", at),
@@ -84,6 +85,7 @@ def network_of(content: Mapping[str, Any], where: str) -> NetworkForm:
         copper=copper,
         sink=sinks[0],
         second_sink=sinks[1] if len(sinks) > 1 else "",
+        by_speed=by_speed,
         sensors=_sensors(network, nodes, at),
         starts=(),
         effects=_names(network, "effects", at) if network.get("effects") else (),
@@ -102,7 +104,12 @@ def network_text(form: NetworkForm) -> dict[str, Any]:
         "nodes": list(form.nodes),
         "sinks": list(form.sinks),
         "links": [list(link) for link, _ in form.resistance],
-        "losses": {"copper": form.copper, "other": _other(form)},
+        "losses": {
+            "copper": form.copper,
+            "other": _other(form.share),
+            **{loss.kind: _other(loss.share) for loss in form.by_speed},
+        },
+        "by_speed": [loss.kind for loss in form.by_speed],
         "sensors": dict(form.sensors),
         "effects": list(form.effects),
     }
@@ -114,6 +121,8 @@ def network_text(form: NetworkForm) -> dict[str, Any]:
     for node, share in form.share:
         if isinstance(share, Parameter):
             parameters[share.name] = {"share": node, **prior_text(share)}
+    for loss in form.by_speed:
+        parameters |= {parameter.name: prior_text(parameter) for parameter in loss.parameters}
     for node, name in form.starts:
         parameters[name] = {"start": node}
     return {"network": network, "parameters": parameters}
@@ -220,9 +229,9 @@ def _text(network: Mapping[str, Any], key: str, at: str) -> str:
     return value
 
 
-def _other(form: NetworkForm) -> Any:
-    if len(form.share) == 1:
-        return form.share[0][0]
-    if any(isinstance(share, Parameter) for _, share in form.share):
-        return [node for node, _ in form.share]
-    return {node: share for node, share in form.share if isinstance(share, float)}
+def _other(shares: Shares) -> Any:
+    if len(shares) == 1:
+        return shares[0][0]
+    if any(isinstance(share, Parameter) for _, share in shares):
+        return [node for node, _ in shares]
+    return {node: share for node, share in shares if isinstance(share, float)}
