@@ -58,7 +58,8 @@ MOTOR = Section(
             'mechanical power out; "map" for the losses other than copper alone, from a map or a '
             "model. The copper loss is then added from the current.", '"balance"', '"balance"'),
         Key("sink", 'What the stator loses its heat to: "ambient" (ambient_degC) or "coolant" '
-            "(coolant_degC).", '"ambient"', '"ambient"'),
+            "(coolant_degC). A network of both sinks takes this one for the rise, and the other "
+            "from its own channel.", '"ambient"', '"ambient"'),
         Key("insulation_class", "Letter of IEC 60085 (A, E, B, F, H, N, R). With it come the "
             "continuous current and the time to the limit.", '"F"', "no ratings"),
         Key("rated_speed_rpm", "Speed that effects of the speed are scaled with [rpm].", "6000",
@@ -256,6 +257,7 @@ PARAMETER_MEANINGS: dict[str, str] = {
     "sensor_offset": "Offset of the winding's sensor",
     "sensor_gain": "Relative error of the winding's sensor, of the rise above the sink",
     "ambient_offset": "Offset of the sink's sensor",
+    "second_sink_offset": "Offset of the second sink's sensor, where the network has two sinks",
     "power_gain": "Relative error of the losses",
     "current_gain": "Relative error of the current",
     "torque_offset": "Offset of the torque",

@@ -17,7 +17,7 @@ UNITS = {
     "Req": "K/W", "Req_w": "K/W", "Req_sr": "K/W",
     "Rs0": "ohm",
     "Tw_start": "degC", "Tsr_start": "degC",
-    "sensor_offset": "K", "ambient_offset": "K",
+    "sensor_offset": "K", "ambient_offset": "K", "second_sink_offset": "K",
     "power_gain": "1", "sensor_gain": "1", "current_gain": "1",
     "torque_offset": "N m",
     "shaft_power_gain": "1", "shaft_power_offset": "W",

@@ -9,12 +9,13 @@ from .block_means import block_means
 from .constant_drive import heat_input
 from .effects import EFFECTS
 from .hold import Held, hold
-from .inputs import Drive, Inputs
+from .inputs import SIGNALS, Drive, Inputs
 from .linearise import Linearised, linearise, time_constants
 from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, copper_loss
 from .network import Network, first_order, second_order
 from .sensor import Sensor
 from .simulate import Trace, longest_step, reading, reference, simulate
+from .speed_loss import SpeedLoss
 from .stability import growth_rate, is_stable
 from .steady_state import SteadyCurrent, steady_current, steady_state
 from .time_to import time_to
@@ -23,6 +24,7 @@ __all__ = [
     "ALUMINIUM_COEFFICIENT",
     "COPPER_COEFFICIENT",
     "EFFECTS",
+    "SIGNALS",
     "CopperLosses",
     "Drive",
     "Held",
@@ -30,6 +32,7 @@ __all__ = [
     "Linearised",
     "Network",
     "Sensor",
+    "SpeedLoss",
     "SteadyCurrent",
     "Trace",
     "accumulate",

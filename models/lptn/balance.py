@@ -56,6 +56,9 @@ def heat_balance(
         heat=heat,
         conductance={link: 1.0 / network.resistance[link] for link in network.links},
         sink=drive.ambient + losses.ambient_offset,
+        second_sink=None
+        if drive.second_sink is None
+        else drive.second_sink + losses.second_sink_offset,
         network=network,
         losses=losses,
         copper=copper,
@@ -75,6 +78,6 @@ def rates(
         first, second = link
         flow = terms.flow(link, temperature)
         net[first] = net[first] - flow
-        if second != network.boundary:
+        if second not in network.boundaries:
             net[second] = net[second] + flow
     return {node: net[node] / network.capacitance[node] for node in network.nodes}

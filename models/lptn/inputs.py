@@ -8,6 +8,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+SIGNALS = (
+    "current_squared", "losses", "ambient", "speed", "coolant", "fan", "shaft_power", "second_sink",
+)  # fmt: skip
+"""What varies in time among the inputs, those that may be absent among it."""
+
 
 class Inputs(eqx.Module):
     """Means over consecutive intervals; the state lives at their edges.
@@ -27,6 +32,8 @@ class Inputs(eqx.Module):
         coolant: Mean coolant temperature [degC], shape (time,), or None.
         fan: Fan or coolant flow relative to its rated value [1], shape (time,), or None.
         shaft_power: Mean mechanical power Pm, positive as a motor [W], shape (time,), or None.
+        second_sink: Mean temperature of the second sink [degC], shape (time,), or None; only a
+            network with a second boundary has a use for it.
         rated_speed: Speed that laws are scaled with [rad/s].
         rated_current: Rms current that laws are scaled with [A].
     """
@@ -39,6 +46,7 @@ class Inputs(eqx.Module):
     coolant: Float[Array, " time"] | None = None
     fan: Float[Array, " time"] | None = None
     shaft_power: Float[Array, " time"] | None = None
+    second_sink: Float[Array, " time"] | None = None
     rated_speed: Float[Array, ""] | float = 1.0
     rated_current: Float[Array, ""] | float = 1.0
 
@@ -49,7 +57,7 @@ class Inputs(eqx.Module):
                 "(time,): give one mean per interval."
             )
         num_time = self.num_time
-        for name in ("losses", "ambient", "speed", "coolant", "fan", "shaft_power"):
+        for name in SIGNALS[1:]:
             values = getattr(self, name)
             if values is not None and values.shape != (num_time,):
                 raise ValueError(
@@ -98,6 +106,7 @@ class Inputs(eqx.Module):
             coolant=self.coolant,
             fan=self.fan,
             shaft_power=self.shaft_power,
+            second_sink=self.second_sink,
             current_ratio_squared=self.current_squared / self.rated_current**2,
         )
 
@@ -116,6 +125,7 @@ class Drive(eqx.Module):
         fan: Fan or flow over its rated value [1], or None.
         current_ratio_squared: Mean squared current over the squared rated current [1].
         shaft_power: Mechanical power [W], or None.
+        second_sink: Temperature of the second sink [degC], or None.
     """
 
     time: Float[Array, "..."]
@@ -128,6 +138,7 @@ class Drive(eqx.Module):
     fan: Float[Array, "..."] | None
     current_ratio_squared: Float[Array, "..."]
     shaft_power: Float[Array, "..."] | None = None
+    second_sink: Float[Array, "..."] | None = None
 
     @classmethod
     def constant(
@@ -140,6 +151,7 @@ class Drive(eqx.Module):
         coolant: Float[Array, ""] | float | None = None,
         fan: Float[Array, ""] | float | None = None,
         shaft_power: Float[Array, ""] | float | None = None,
+        second_sink: Float[Array, ""] | float | None = None,
         time: Float[Array, ""] | float = 0.0,
         rated_speed: Float[Array, ""] | float = 1.0,
         rated_current: Float[Array, ""] | float = 1.0,
@@ -154,6 +166,7 @@ class Drive(eqx.Module):
             coolant: Coolant temperature [degC], or None.
             fan: Fan or flow over its rated value [1], or None.
             shaft_power: Mechanical power [W], or None.
+            second_sink: Temperature of the second sink [degC], or None.
             time: Instant since the start of a test at which effects that follow the time
                 stand [s].
             rated_speed: As in `Inputs`.
@@ -174,6 +187,7 @@ class Drive(eqx.Module):
             coolant=number(coolant),
             fan=number(fan),
             shaft_power=number(shaft_power),
+            second_sink=number(second_sink),
             current_ratio_squared=squared / jnp.asarray(rated_current, dtype=float) ** 2,
         )
 

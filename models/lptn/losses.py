@@ -39,6 +39,7 @@ class CopperLosses(eqx.Module):
         shaft_power_gain: Correction of the mechanical power [1]; the model uses Pd - gain Pm. As
             the offset, it has a meaning under `kind="balance"` only.
         shaft_power_offset: Correction of the mechanical power, to be added to it [W].
+        second_sink_offset: Correction of the second sink's temperature, to be added to it [K].
     """
 
     Rs0: Float[Array, ""]
@@ -52,6 +53,7 @@ class CopperLosses(eqx.Module):
     current_gain: Float[Array, ""] | float = 0.0
     shaft_power_gain: Float[Array, ""] | float = 0.0
     shaft_power_offset: Float[Array, ""] | float = 0.0
+    second_sink_offset: Float[Array, ""] | float = 0.0
 
     def slope(self, current_squared: Float[Array, "..."]) -> Float[Array, "..."]:
         """Return k of P_js = k (B + Tw) [W/K], shape as `current_squared` [A^2]."""

@@ -123,7 +123,8 @@ def prepare(
 
     Raises:
         ValueError: If JAX runs in float32, a start temperature is missing or no scalar, the
-            sensor sits nowhere, or a torque offset has no speed to act on.
+            sensor sits nowhere, a torque offset has no speed to act on, or a second boundary
+            no temperature.
     """
     if not jax.config.read("jax_enable_x64"):
         raise ValueError(
@@ -139,6 +140,11 @@ def prepare(
         raise ValueError(
             f"A torque offset of {float(losses.torque_offset):.3g} N m needs the speed, and "
             f"{type(inputs).__name__}.speed is None: give the speed, or drop the offset."
+        )
+    if network.second_boundary and inputs.second_sink is None:
+        raise ValueError(
+            f"The network also loses heat to {network.second_boundary!r}, and "
+            f"{type(inputs).__name__}.second_sink is None: give the temperature of that sink."
         )
     full_start = {node: jnp.asarray(start[node], dtype=float) for node in network.nodes}
     for node, T in full_start.items():

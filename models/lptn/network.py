@@ -1,4 +1,4 @@
-"""Thermal networks as data: nodes with a capacitance, links with a resistance, one boundary.
+"""Thermal networks as data: nodes with a capacitance, links with a resistance, a boundary or two.
 
 The topology is the keys of two dictionaries, so a third node is one more entry and no new
 class. `first_order` and `second_order` are the two networks that the bench calibrates.
@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 Link = tuple[str, str]
-"""Names of the two ends of a link, the boundary last where it is one of them."""
+"""Names of the two ends of a link, a boundary last where it is one of them."""
 
 
 class Network(eqx.Module):
@@ -26,6 +26,9 @@ class Network(eqx.Module):
             to one. Nodes that are not named get none.
         copper_node: Node that the copper loss heats and whose temperature sets R(T).
         boundary: Name of the end of a link that is held at T0.
+        second_boundary: Name of the end of a link that is held at the temperature of a second
+            sink, such as the air around a machine whose yoke is cooled by a liquid; empty
+            where there is none.
     """
 
     capacitance: dict[str, Float[Array, ""]]
@@ -33,15 +36,16 @@ class Network(eqx.Module):
     share: dict[str, Float[Array, ""]]
     copper_node: str = eqx.field(static=True, default="winding")
     boundary: str = eqx.field(static=True, default="ambient")
+    second_boundary: str = eqx.field(static=True, default="")
 
     def __check_init__(self) -> None:
         nodes = set(self.capacitance)
         for link in self.resistance:
-            unknown = set(link) - nodes - {self.boundary}
-            if unknown or link[0] == link[1] or link[0] == self.boundary:
+            unknown = set(link) - nodes - set(self.boundaries)
+            if unknown or link[0] == link[1] or link[0] in self.boundaries:
                 raise ValueError(
                     f"Link {link} must join two different nodes of {sorted(nodes)}, or a node and "
-                    f"the boundary {self.boundary!r}, the boundary last."
+                    f"the boundary {' or '.join(map(repr, self.boundaries))}, the boundary last."
                 )
         for name in [self.copper_node, *self.share]:
             if name not in nodes:
@@ -53,6 +57,11 @@ class Network(eqx.Module):
     def nodes(self) -> tuple[str, ...]:
         """Names of the nodes, sorted."""
         return tuple(sorted(self.capacitance))
+
+    @property
+    def boundaries(self) -> tuple[str, ...]:
+        """Names of the ends of links that are held at a temperature, that at T0 first."""
+        return (self.boundary, self.second_boundary) if self.second_boundary else (self.boundary,)
 
     @property
     def links(self) -> tuple[Link, ...]:
@@ -78,10 +87,10 @@ class Network(eqx.Module):
         Raises:
             ValueError: If the name is taken or a link leads nowhere.
         """
-        if name in self.capacitance or name == self.boundary:
+        if name in self.capacitance or name in self.boundaries:
             raise ValueError(f"The network already has a node {name!r}: choose another name.")
         new_links = {
-            ((name, end) if end == self.boundary else (end, name)): jnp.asarray(R)
+            ((name, end) if end in self.boundaries else (end, name)): jnp.asarray(R)
             for end, R in links.items()
         }
         shares = dict(self.share)
@@ -94,6 +103,7 @@ class Network(eqx.Module):
             share=shares,
             copper_node=self.copper_node,
             boundary=self.boundary,
+            second_boundary=self.second_boundary,
         )
 
 

@@ -32,7 +32,9 @@ def growth_rate(network: Network, losses: CopperLosses, current_squared: float) 
         the growth.
     Reference: IEC 60034-1, 8.6.2 (resistance and temperature).
     """
-    drive = Drive.constant(current_squared=current_squared, losses=0.0, ambient=0.0, speed=0.0)
+    drive = Drive.constant(
+        current_squared=current_squared, losses=0.0, ambient=0.0, speed=0.0, second_sink=0.0
+    )
     at = linearise(network, losses, drive, dict.fromkeys(network.nodes, 0.0))
     return float(np.max(np.linalg.eigvals(np.asarray(at.A)).real))
 

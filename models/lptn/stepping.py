@@ -114,11 +114,11 @@ def _dynamics(network: Network, losses: CopperLosses) -> tuple[Matrix, Matrix]:
     for first, second in network.links:
         G = 1.0 / network.resistance[first, second]
         for near, far in ((first, second), (second, first)):
-            if near == network.boundary:
+            if near in network.boundaries:
                 continue
             rate = G / network.capacitance[near]
             fixed[near, near] = fixed.get((near, near), 0.0) - rate
-            if far != network.boundary:
+            if far not in network.boundaries:
                 fixed[near, far] = fixed.get((near, far), 0.0) + rate
     copper = network.copper_node
     feedback = {(node, copper): weight for node, weight in _copper(network, losses).items()}
@@ -135,20 +135,20 @@ def _copper(network: Network, losses: CopperLosses) -> Vector:
 
 
 def _put_in(network: Network, losses: CopperLosses) -> Callable[[Drive], State]:
-    """Return the rate of each node [K/s] from losses and sink, the sink counted from -B."""
+    """Return the rate of each node [K/s] from losses and sinks, the sinks counted from -B."""
     shares = {node: part / network.capacitance[node] for node, part in network.share.items()}
     gains = {node: (1.0 + losses.power_gain) * share for node, share in shares.items()}
     torque = {node: -losses.torque_offset * share for node, share in shares.items()}
     shaft = {node: -losses.shaft_power_gain * share for node, share in shares.items()}
     shaft_offset = {node: -losses.shaft_power_offset * share for node, share in shares.items()}
     has_shaft = not (_is_zero(losses.shaft_power_gain) and _is_zero(losses.shaft_power_offset))
-    sink: Vector = {}
-    for first, second in network.links:
-        if second == network.boundary:
-            rate = 1.0 / (network.resistance[first, second] * network.capacitance[first])
-            sink[first] = sink.get(first, 0.0) + rate
-    shift = losses.coefficient + losses.ambient_offset
-    constant = {node: rate * shift for node, rate in sink.items()}
+    sink = _to_boundary(network, network.boundary)
+    second_sink = _to_boundary(network, network.second_boundary)
+    constant: Vector = {}
+    offsets = (losses.ambient_offset, losses.second_sink_offset)
+    for to_sink, offset in zip((sink, second_sink), offsets, strict=True):
+        for node, rate in to_sink.items():
+            constant[node] = _sum(constant.get(node), rate * (losses.coefficient + offset))
 
     def put_in(drive: Drive) -> State:
         rates: dict[str, Any] = {}
@@ -158,6 +158,7 @@ def _put_in(network: Network, losses: CopperLosses) -> Callable[[Drive], State]:
             parts = (
                 constant.get(node),
                 _product(sink.get(node), drive.ambient),
+                _product(second_sink.get(node), drive.second_sink),
                 _product(gains.get(node), drive.losses),
                 _product(torque.get(node), drive.speed_rad) if turns else None,
                 _product(shaft.get(node), drive.shaft_power) if drives else None,
@@ -169,6 +170,16 @@ def _put_in(network: Network, losses: CopperLosses) -> Callable[[Drive], State]:
         return rates
 
     return put_in
+
+
+def _to_boundary(network: Network, boundary: str) -> Vector:
+    """Return the rate of each node per kelvin of a boundary [1/s]; empty for the name of none."""
+    rates: Vector = {}
+    for first, second in network.links:
+        if second == boundary:
+            rate = 1.0 / (network.resistance[first, second] * network.capacitance[first])
+            rates[first] = rates.get(first, 0.0) + rate
+    return rates
 
 
 def _is_zero(value: Scalar) -> bool:

@@ -37,10 +37,16 @@ links = [["winding", "tooth"], ["tooth", "yoke"], ["tooth", "rotor"], ["yoke", "
 losses = { copper = "winding", iron = ["tooth", "yoke"], mechanical = "rotor" }
 sensors = { winding_degC = "winding" }
 """
+TURNING = FOUR_NODES.replace(b"coolant", b"ambient").replace(
+    b"sensors", b'by_speed = ["mechanical"]\nsensors'
+)
+FRICTION = (("P_mechanical_n", 30.0), ("P_mechanical_n2", 5.0))
 BASES = {
     "first": "first",
     "second": "second",
+    "cooled": "cooled",
     "four": read_network(FOUR_NODES, "four.toml"),
+    "turning": read_network(TURNING, "turning.toml"),
     "four in air": read_network(FOUR_NODES.replace(b"coolant", b"ambient"), "four.toml"),
 }
 KINDS = {kind.card.id: kind for kind in EFFECTS}
@@ -125,7 +131,13 @@ TOGETHER = {
     "three nodes more": Case(effects=("rotor_node", "housing_node", "neighbour_body")),
     "uneven": Case(effects=("speed_cooling", "sensor_lag"), record=uneven()),
     "fast sensor": Case(effects=("sensor_lag",), values=(("sensor_lag.tau", 1.0),)),
+    "two sinks": Case("cooled", ("speed_cooling", "natural_convection", "radiation")),
+    "two sinks, rises above the coolant": Case("cooled", motor=replace(MOTOR, sink="coolant")),
     "four nodes": Case("four", motor=replace(MOTOR, sink="coolant")),
+    "losses by speed": Case(
+        "turning", ("external_loss", "ac_copper_loss", "standby_loss"), values=FRICTION
+    ),
+    "losses by speed, map": Case("turning", ("external_loss",), MAP, values=FRICTION),
     "four nodes with effects": Case("four in air", ("speed_cooling", "sensor_lag", "radiation")),
 }
 OF_A_MAP = ("ac_copper_loss", "stray_load_loss", "loss_gain", "copper_coefficient",

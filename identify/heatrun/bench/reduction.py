@@ -33,6 +33,9 @@ with a faster node is refused (`inference.steps`)."""
 FEWEST_BLOCKS = 90
 """A short test gets shorter blocks, so that at least this many remain for the noise model."""
 
+OTHER_SINK = {"ambient": "coolant_degC", "coolant": "ambient_degC"}
+"""Channel of the sink that the motor file does not name as its own, for networks of both."""
+
 FEWEST_SAMPLES = 20
 """With fewer readings than this not even the noise can be told from the parameters."""
 
@@ -154,6 +157,10 @@ def _inputs(
     coolant = None
     if "coolant_degC" in record and np.any(np.isfinite(record["coolant_degC"])):
         coolant = mean("coolant_degC")
+    second = OTHER_SINK[motor.sink]
+    second_sink = coolant if second == "coolant_degC" else None
+    if second_sink is None and second in record and np.any(np.isfinite(record[second])):
+        second_sink = mean(second)
     fan = None
     for channel in ("fan", "coolant_flow_L_per_min"):
         if fan is None and channel in record and np.nanmax(np.abs(record[channel])) > 0:
@@ -175,6 +182,7 @@ def _inputs(
         coolant=None if coolant is None else jnp.asarray(coolant),
         fan=None if fan is None else jnp.asarray(fan),
         shaft_power=None if shaft is None else jnp.asarray(shaft),
+        second_sink=None if second_sink is None else jnp.asarray(second_sink),
         rated_speed=jnp.asarray(
             fastest if rated is None else rated * 2 * math.pi / 60, dtype=float
         ),

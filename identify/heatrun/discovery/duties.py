@@ -89,6 +89,7 @@ def imagined(
     )
     channel = other + copper if losses.kind == "balance" else other
     ambient = float(np.mean(np.asarray(like.inputs.ambient)))
+    second = like.inputs.second_sink
     inputs = Inputs(
         step=like.inputs.step,
         current_squared=jnp.asarray(squared),
@@ -97,6 +98,7 @@ def imagined(
         speed=None if speed is None else jnp.asarray(speed),
         coolant=None if like.inputs.coolant is None else jnp.full(num, ambient + 10.0),
         fan=None if like.inputs.fan is None else jnp.ones(num),
+        second_sink=None if second is None else jnp.full(num, float(jnp.mean(second))),
         rated_speed=like.inputs.rated_speed,
         rated_current=like.inputs.rated_current,
     )

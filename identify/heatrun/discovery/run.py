@@ -23,6 +23,7 @@ from ..inference.posterior import Posterior, sample, weighted_draws
 from ..inference.predict import Prediction, predict
 from ..motor import Motor
 from ..work import SILENT, Work
+from .bodies import bodies_sentence, unsearched_bodies
 from .extended import extended_fit
 from .grow import Growth, grow
 from .judging.acceptance import gap
@@ -182,6 +183,8 @@ def discover(
     watch.lap("where")
     traces = find_traces(growth, before.excess) if not named else []
     said = verdict(growth, named, before, after, traces)
+    unsearched = unsearched_bodies(bare, [*tests, *held_out])
+    said = replace(said, sentence=said.sentence + bodies_sentence(unsearched))
     is_ambiguous = said.word == "ambiguous"
     tied = ties(engine, final, named) if is_ambiguous else None
     watch.lap("ties")

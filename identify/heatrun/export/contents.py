@@ -89,7 +89,7 @@ def mat_bytes(variables: Mapping[str, Any]) -> bytes:
 
 def _is_same(form: NetworkForm, other: NetworkForm) -> bool:
     """Whether two networks have the same nodes, links, losses and names; priors may differ."""
-    parts = ("names", "nodes", "share", "copper", "sink", "sensors", "starts")
+    parts = ("names", "nodes", "share", "copper", "sinks", "sensors", "starts")
     links = [[link for link, _ in each.resistance] for each in (form, other)]
     same = all(getattr(form, part) == getattr(other, part) for part in parts)
     return same and links[0] == links[1]

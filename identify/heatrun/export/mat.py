@@ -120,7 +120,8 @@ def _export(
     findings: tuple[Finding, ...] = ()
     if is_corrected:
         variables, plain = corrected, full
-        signals = f"Is, {'Pol' if 'Pol' in variables else 'Pd'} and Te"
+        loss = "Pol" if "Pol" in variables else "Pd"
+        signals = f"Is, {loss}, Te and Te2" if "Te2" in variables else f"Is, {loss} and Te"
         notes = (*notes, f"{signals} are corrected as in the run: {_words(corrections)}.")
     else:
         findings = _left_out(corrections, difference, found.record.name, contents.file)
@@ -233,7 +234,8 @@ def _effects_left_out(found: RunAndTest, reading: np.ndarray, file: str) -> tupl
 
 def _words(corrections: Corrections) -> str:
     units = {"current_gain": "", "power_gain": "", "torque_offset": " N m", "ambient_offset": " K",
-             "load_timing": " s", "shaft_power_gain": "", "shaft_power_offset": " W"}  # fmt: skip
+             "load_timing": " s", "shaft_power_gain": "", "shaft_power_offset": " W",
+             "second_sink_offset": " K"}  # fmt: skip
     given = {name: getattr(corrections, name) for name in units}
     return ", ".join(f"{n} = {v:.3g}{units[n]}" for n, v in given.items() if v) or "by nothing"
 

@@ -11,7 +11,16 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.io
 
-from lptn import EFFECTS, CopperLosses, Inputs, Network, Sensor, longest_step, simulate
+from lptn import (
+    EFFECTS,
+    CopperLosses,
+    Inputs,
+    Network,
+    Sensor,
+    SpeedLoss,
+    longest_step,
+    simulate,
+)
 from lptn.effects import AbstractEffect, NodeEffect
 from lptn.effects.sensor_lag import SensorLag
 from lptn.effects.time_shift import TimeShift
@@ -90,6 +99,7 @@ def _network(found: Mapping[str, Any]) -> tuple[Network, dict[str, float]]:
         share={n: jnp.asarray(s) for n, s in zip(nodes, by_node["share"], strict=True) if s},
         copper_node=found["copper_node"],
         boundary=found["sink"],
+        second_boundary=found.get("second_sink", ""),
     )
     return network, dict(zip(nodes, map(float, by_node["start"]), strict=True))
 
@@ -105,7 +115,7 @@ def _losses(found: Mapping[str, Any]) -> CopperLosses:
 
 
 def _effect(said: Mapping[str, Any]) -> AbstractEffect:
-    kind = {kind.card.id: kind for kind in EFFECTS}[said["id"]]
+    kind = {kind.card.id: kind for kind in (*EFFECTS, SpeedLoss)}[said["id"]]
     places: dict[str, Any] = {}
     if "node" in said:
         places["node"] = said["node"]
@@ -127,6 +137,7 @@ def _inputs(found: Mapping[str, Any], grid: Grid) -> Inputs:
         speed=mean("speed_rpm", RPM),
         coolant=mean("coolant_degC"),
         fan=mean("fan"),
+        second_sink=mean("Te2"),
         rated_speed=found["rated_speed_rpm"] * RPM,
         rated_current=found["rated_current_A"],
     )

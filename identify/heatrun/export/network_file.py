@@ -36,6 +36,7 @@ UNITS: Mapping[str, str] = {
     "Pol": "W",
     "Rs0": "ohm",
     "Te": "degC",
+    "Te2": "degC",
     "Tref": "degC",
     "Tw_m": "degC",
     "capacitance": "J/K",
@@ -50,6 +51,7 @@ UNITS: Mapping[str, str] = {
     "rated_current_A": "A",
     "rated_speed_rpm": "rpm",
     "resistance": "K/W",
+    "second_sink": "text",
     "sensor": "struct",
     "share": "1",
     "sink": "text",
@@ -59,7 +61,7 @@ UNITS: Mapping[str, str] = {
 }
 """Every variable that the file may have, with its unit or what it is instead of a number."""
 
-SIGNALS = ("t", "Is", "Pd", "Pol", "Te", "Tw_m", "speed_rpm", "coolant_degC", "fan")
+SIGNALS = ("t", "Is", "Pd", "Pol", "Te", "Te2", "Tw_m", "speed_rpm", "coolant_degC", "fan")
 
 NEEDS = {"speed": "speed_rpm", "speed_rad": "speed_rpm", "coolant": "coolant_degC", "fan": "fan"}
 """Signal behind what an effect's card says it needs."""
@@ -134,6 +136,10 @@ def network_variables(
         "Tw_m": record["winding_degC"],
         **_further(record, notes),
     }
+    second = model.form.second_sink
+    if second:
+        signals["Te2"] = _second_sink(record, f"{second}_degC", notes)
+        notes.append(f"Te2 holds {second}_degC, the second sink of this network.")
     _refuse_missing(model, signals, record.name)
     unread = int(np.sum(~np.isfinite(record["winding_degC"])))
     if unread:
@@ -172,6 +178,7 @@ def network_variables(
         },
         "share": _column([float(network.share.get(node, 0.0)) for node in nodes]),
         "sink": network.boundary,
+        **({"second_sink": second} if second else {}),
         "start": _column([float(starts[node]) for node in nodes]),
     } | {name: _column(signal) for name, signal in signals.items()}
     return {name: variables[name] for name in UNITS if name in variables}, tuple(notes)
@@ -188,12 +195,24 @@ def corrected_network(
     thesis = {"t": variables["t"], "Is": variables["Is"], "Te": variables["Te"]}
     changed = corrections.applied({**thesis, "Pd": variables[loss]}, shaft)
     changed[loss] = changed.pop("Pd")
+    if "Te2" in variables:
+        changed["Te2"] = variables["Te2"] + corrections.second_sink_offset
     further = {
-        name: corrections.later(variables["t"], variables[name])
-        for name in ("speed_rpm", "coolant_degC", "fan")
+        name: corrections.later(variables["t"], {**variables, **changed}[name])
+        for name in ("speed_rpm", "coolant_degC", "fan", "Te2")
         if name in variables and corrections.load_timing
     }
     return {**variables, **changed, **further}
+
+
+def _second_sink(record: Record, channel: str, notes: list[str]) -> np.ndarray:
+    if channel not in record or not np.any(np.isfinite(record[channel])):
+        raise InputError(
+            f"the network loses heat to a second sink, and this test has no {channel}.",
+            where=record.name,
+            remedy="Map the channel in [columns], or export another test of the run.",
+        )
+    return bridged(record, channel, notes)
 
 
 def _further(record: Record, notes: list[str]) -> dict[str, np.ndarray]:

@@ -63,6 +63,7 @@ class Corrections:
             say [s].
         shaft_power_gain: Relative correction of the mechanical power [1].
         shaft_power_offset: Correction of the mechanical power [W].
+        second_sink_offset: Correction of the temperature of a second sink [K].
     """
 
     current_gain: float = 0.0
@@ -74,6 +75,7 @@ class Corrections:
     load_timing: float = 0.0
     shaft_power_gain: float = 0.0
     shaft_power_offset: float = 0.0
+    second_sink_offset: float = 0.0
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> Corrections:

@@ -1,4 +1,4 @@
-"""What effects need: channels of the records, and a place in the network."""
+"""What effects and networks need: channels of the records, and a place in the network."""
 
 from __future__ import annotations
 
@@ -45,6 +45,51 @@ def refuse_lacking(kinds: Sequence[type[AbstractEffect]], tests: Sequence[Blocks
                     where=test.name,
                     remedy="Map the channel in [columns], leave the test out, or drop the effect.",
                 )
+
+
+def refuse_unmeasured_sink(sink: str, tests: Sequence[Blocks], title: str) -> None:
+    """Refuse tests that do not say how warm the second sink of a network is.
+
+    Args:
+        sink: Its name, `"ambient"` or `"coolant"`; empty where the network has no second sink.
+        tests: The reduced records.
+        title: The network in a sentence.
+
+    Raises:
+        InputError: With the test and the channel.
+    """
+    for test in tests:
+        if sink and test.inputs.second_sink is None:
+            raise InputError(
+                f"the network {title!r} loses heat to the {sink} too, and this test has no "
+                f"{sink}_degC.",
+                where=test.name,
+                remedy=f'Map the channel: [columns] {sink}_degC = "name in the file [unit]"; or '
+                f"give its mean: [constants] {sink}_degC = 20.0.",
+            )
+
+
+def refuse_unmeasured_speed(kinds: Sequence[str], tests: Sequence[Blocks], title: str) -> None:
+    """Refuse tests without a speed where losses of a network follow it.
+
+    Args:
+        kinds: The losses that do, such as `"mechanical"`.
+        tests: The reduced records.
+        title: The network in a sentence.
+
+    Raises:
+        InputError: With the test and the channel.
+    """
+    for test in tests:
+        if kinds and test.inputs.speed is None:
+            raise InputError(
+                f"in the network {title!r} the {' and the '.join(kinds)} loss follows the speed, "
+                "and this test has no speed_rpm.",
+                where=test.name,
+                remedy='Map the channel: [columns] speed_rpm = "name in the file [unit]"; give it '
+                "where it is held: [constants] speed_rpm = 3000; or take by_speed out of the "
+                "network.",
+            )
 
 
 def refuse_unplaced(kinds: Sequence[type[AbstractEffect]], network: Network, title: str) -> None:

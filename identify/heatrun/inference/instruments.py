@@ -56,6 +56,18 @@ def body_errors(tests: Sequence[Blocks]) -> list[Parameter]:
     ]  # fmt: skip
 
 
+def second_sink_error(sink: str) -> Parameter:
+    """Return the error of the temperature of a second sink.
+
+    Args:
+        sink: Its name.
+    """
+    return Parameter(
+        "second_sink_offset", "K", f"offset of the {sink} temperature", "instrument", "linear", 0.0,
+        0.5, "one point of the room or duct stands for the whole sink",
+    )  # fmt: skip
+
+
 def shaft_errors(motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:
     """Return the errors of the mechanical power, where a balance was made with it.
 

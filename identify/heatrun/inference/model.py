@@ -18,13 +18,19 @@ from ..bench.channels.schema import BODIES, body_name
 from ..errors import InputError
 from ..motor import Adequacy, Motor
 from .catalogue import effects_named
-from .effect_needs import refuse_lacking, refuse_unplaced
+from .effect_needs import (
+    refuse_lacking,
+    refuse_unmeasured_sink,
+    refuse_unmeasured_speed,
+    refuse_unplaced,
+)
 from .effect_parameters import effect_names, effect_parameters, qualified
 from .instruments import (
     BODY_PARTS,
     CURRENT_GAIN,
     INSTRUMENTS,
     body_errors,
+    second_sink_error,
     shaft_errors,
     timing_error,
     torque_error,
@@ -42,6 +48,7 @@ COLD_START_K = 2.0
 OF_ALL_NETWORKS = (
     "Rs0", "current_gain", "power_gain", "torque_offset", "sensor_gain", "sensor_offset",
     "ambient_offset", "load_timing", "shaft_power_gain", "shaft_power_offset",
+    "second_sink_offset",
 )  # fmt: skip
 """Parameters that do not belong to the network itself."""
 
@@ -89,7 +96,7 @@ class Model:
         Raises:
             InputError: If there is no such network, or its sink is not the motor's.
         """
-        form = network_named(network)
+        form = network_named(network).with_main_sink(motor.sink)
         if form.sink == "coolant" != motor.sink:
             raise InputError(
                 "the sink of the network is the coolant, that of the motor file is not.",
@@ -167,8 +174,11 @@ class Model:
             searched: Effects of the model that a search has looked at already.
 
         Raises:
-            InputError: With the effect, and the channel and the test or the links of the network.
+            InputError: With the effect, and the channel and the test or the links of the network;
+                or with the test that lacks the temperature of a sink, or the speed.
         """
+        refuse_unmeasured_sink(self.form.second_sink, tests, self.title)
+        refuse_unmeasured_speed([loss.kind for loss in self.form.by_speed], tests, self.title)
         kinds = [kind for kind in self.effects if kind not in searched]
         refuse_lacking(kinds, tests)
         refuse_unplaced(kinds, self.topology(), self.title)
@@ -193,6 +203,7 @@ class Model:
             current_gain=values.get("current_gain", 0.0),
             shaft_power_gain=values.get("shaft_power_gain", 0.0),
             shaft_power_offset=values.get("shaft_power_offset", 0.0),
+            second_sink_offset=values.get("second_sink_offset", 0.0),
         )
 
     def sensor(self, values: Values) -> Sensor:
@@ -228,15 +239,15 @@ class Model:
         return {node: values[name] for node, name in self.form.starts}
 
     def built_effects(self, values: Values) -> tuple[AbstractEffect, ...]:
-        """Return the effects for values by name."""
+        """Return the effects for values by name, with the network's own losses by speed."""
         wanted = [
             (kind, {name: values[qualified(kind, name)] for name in kind.card.parameters})
             for kind in self.effects
         ]
         effects = build_all(wanted, self.network(values))
-        if "load_timing" in values:
-            return (*effects, TimeShift(values["load_timing"]))
-        return effects
+        by_speed = [part for loss in self.form.by_speed for part in loss.build(values)]
+        late = [TimeShift(values["load_timing"])] if "load_timing" in values else []
+        return (*by_speed, *effects, *late)
 
     def block_means(self, values: Values, test: Observation) -> Float[Array, " row"]:
         """Return the modelled means over the blocks of a test [degC], in its rows."""
@@ -287,6 +298,8 @@ def parameters(
     shared = [*model.form.parameters, *_resistance(model, motor, tests), *INSTRUMENTS]
     shared += body_errors(tests)
     shared += shaft_errors(motor, tests)
+    if model.form.second_sink:
+        shared.append(second_sink_error(model.form.second_sink))
     if "torque_offset" in motor.parameters:
         shared.append(torque_error(motor, tests))
     by_test = [

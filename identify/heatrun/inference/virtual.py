@@ -69,6 +69,8 @@ def virtual_record(found: Prediction, record: Record, motor: Motor) -> pd.DataFr
     columns["phase_current_A"] = np.sqrt(np.asarray(blocks.inputs.current_squared))
     columns["losses_W"] = np.asarray(blocks.inputs.losses)
     columns[f"{motor.sink}_degC"] = np.asarray(blocks.inputs.ambient)
+    if model.form.second_sink and blocks.inputs.second_sink is not None:
+        columns[f"{model.form.second_sink}_degC"] = np.asarray(blocks.inputs.second_sink)
     if blocks.inputs.speed is not None:
         columns["speed_rpm"] = np.asarray(blocks.inputs.speed) * 30.0 / np.pi
     rows = blocks.weight.shape

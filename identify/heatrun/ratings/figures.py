@@ -48,7 +48,9 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     )
     times = time_constants(drawn.A)
     surroundings = seen.surroundings(
-        problem.model.effects, follows_time=bool(np.any(drawn.follows_time))
+        problem.model.effects,
+        follows_time=bool(np.any(drawn.follows_time)),
+        second_sink=problem.model.form.second_sink,
     )
     figures = _time_constants(drawn, times, seen.amperes, surroundings)
     heated = (

@@ -143,6 +143,7 @@ def fixed_losses(losses: CopperLosses) -> CopperLosses:
         ambient_offset=0.0,
         shaft_power_gain=0.0,
         shaft_power_offset=0.0,
+        second_sink_offset=0.0,
     )
 
 

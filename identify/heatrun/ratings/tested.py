@@ -28,8 +28,8 @@ class Tested:
         winding_degC: Highest reading of a block [degC].
         loaded_winding_degC: Mean reading of the loaded part [degC].
         loaded: Means over the loaded part: current, loss channel, speed, coolant and fan; the
-            sink is that of all tests. Speed, coolant and fan only if every test has them. Effects
-            that follow the time stand as at the start of the first test.
+            sinks are those of all tests. Speed, coolant, fan and second sink only if every test
+            has them. Effects that follow the time stand as at the start of the first test.
     """
 
     current_A: float
@@ -56,15 +56,24 @@ class Tested:
             f"temperature measured is {self.winding_degC:.0f} °C"
         )
 
-    def surroundings(self, effects: Sequence[type[AbstractEffect]], *, follows_time: bool) -> str:
+    def surroundings(
+        self,
+        effects: Sequence[type[AbstractEffect]],
+        *,
+        follows_time: bool,
+        second_sink: str = "",
+    ) -> str:
         """Return what the figures of a model with effects hold under, to follow a condition.
 
         Args:
             effects: Effects in the model.
             follows_time: Whether one of them depends on the time since the start of a test.
+            second_sink: Name of the network's second sink; empty where it has none.
         """
         needs = {need for kind in effects for need in kind.card.needs}
         parts = []
+        if second_sink and self.loaded.second_sink is not None:
+            parts.append(f"{second_sink} {float(self.loaded.second_sink):.0f} °C")
         if "speed" in needs and self.loaded.speed_rad is not None:
             parts.append(f"{float(self.loaded.speed_rad) * 30.0 / np.pi:.0f} rpm")
         if "coolant" in needs and self.loaded.coolant is not None:
@@ -89,6 +98,7 @@ def tested(tests: Sequence[Blocks]) -> Tested:
         return np.concatenate(rows)
 
     I2, losses, T0 = (np.asarray(means(n)) for n in ("current_squared", "losses", "ambient"))
+    second = means("second_sink")
     Tw = np.concatenate([test.measured for test in tests])
     loaded = (0.5 * np.max(I2) <= I2) & np.isfinite(Tw)
 
@@ -108,6 +118,7 @@ def tested(tests: Sequence[Blocks]) -> Tested:
             speed=of_load("speed"),
             coolant=of_load("coolant"),
             fan=of_load("fan"),
+            second_sink=None if second is None else float(np.mean(second)),
             rated_speed=float(first.rated_speed),
             rated_current=float(first.rated_current),
         ),

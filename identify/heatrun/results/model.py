@@ -166,6 +166,7 @@ class FittedModel:
     Attributes:
         title: Its name in words.
         nodes: Its nodes.
+        sinks: Its two sinks, the one that rises count from first; unset where it has one.
         effects: Effects that it has.
         result: How the fit ended.
         message: The same as a sentence.
@@ -186,6 +187,7 @@ class FittedModel:
 
     title: str = ""
     nodes: tuple[str, ...] = ()
+    sinks: tuple[str, ...] | UnsetType = UNSET
     effects: tuple[EffectInModel, ...] = ()
     result: Literal["converged", "not_converged", "no_start"]
     message: str

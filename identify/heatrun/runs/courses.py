@@ -36,6 +36,9 @@ def band_table(predictions: Mapping[str, Prediction]) -> pd.DataFrame:
         "losses_W": mean(test.inputs.losses),
         "sink_degC": mean(test.inputs.ambient),
     }
+    forms = [prediction.model.form for prediction in predictions.values()]
+    if test.inputs.second_sink is not None and any(form.second_sink for form in forms):
+        columns["second_sink_degC"] = mean(test.inputs.second_sink)
     if test.inputs.speed is not None:
         columns["speed_rpm"] = mean(test.inputs.speed) * 30.0 / np.pi
     for body in test.bodies:

@@ -103,6 +103,7 @@ def describe_model(
     return FittedModel(
         title=model.title,
         nodes=tuple(model.form.nodes),
+        sinks=model.form.sinks if model.form.second_sink else UNSET,
         effects=tuple(describe_effect(kind) for kind in model.effects),
         result=fit.result.name,
         message=fit.result.value,

@@ -140,6 +140,7 @@ class Terms:
         heat: Heat put into each node [W].
         conductance: Conductance of each link [W/K].
         sink: Temperature of the boundary [degC].
+        second_sink: Temperature of the second boundary [degC]; None where none is given.
         network: The network, effects' nodes included.
         losses: Resistance, material, and what the loss channel means.
         copper: Copper loss P_js of the base model [W].
@@ -153,6 +154,7 @@ class Terms:
     losses: CopperLosses
     copper: Float[Array, "..."]
     other: Float[Array, "..."]
+    second_sink: Float[Array, "..."] | None = None
 
     def add_heat(self, node: str, watts: Float[Array, "..."]) -> Terms:
         """Return the terms with more heat [W] put into a node.
@@ -204,13 +206,23 @@ class Terms:
         """Return the terms with another temperature of the boundary [degC]."""
         return replace(self, sink=temperature)
 
+    def far_end(
+        self, link: Link, temperature: Mapping[str, Float[Array, "..."]]
+    ) -> Float[Array, "..."]:
+        """Return the temperature at the second end of a link [degC], a node or a sink."""
+        end = link[1]
+        if end == self.network.boundary:
+            return self.sink
+        if end == self.network.second_boundary and self.second_sink is not None:
+            return self.second_sink
+        return temperature[end]
+
     def flow(
         self, link: Link, temperature: Mapping[str, Float[Array, "..."]]
     ) -> Float[Array, "..."]:
         """Return the heat flow [W] through a link, from its first end to its second."""
-        first, second = link
-        far = self.sink if second == self.network.boundary else temperature[second]
-        return self.conductance[link] * (temperature[first] - far)
+        difference = temperature[link[0]] - self.far_end(link, temperature)
+        return self.conductance[link] * difference
 
 
 def require(values: Float[Array, "..."] | None, effect: str, channel: str) -> Float[Array, "..."]:

@@ -8,6 +8,7 @@ from typing import ClassVar
 from jaxtyping import Array, Float
 
 from ..inputs import Drive
+from ..network import Network
 from .base import EffectCard, HeatEffect, Quantity, Terms, require
 
 
@@ -36,6 +37,11 @@ class CoolantSink(HeatEffect):
             "a": Quantity("1", 0.0, 0.0, 1.0, 0.5, "share of the coolant in the sink"),
         },
     )
+
+    @classmethod
+    def fits(cls, network: Network) -> bool:
+        """Whether the network has one sink: with two of them each has its own resistance."""
+        return not network.second_boundary
 
     def apply(
         self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive

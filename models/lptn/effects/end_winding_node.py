@@ -64,6 +64,7 @@ class EndWindingNode(NodeEffect, HeatEffect, SensorEffect):
             share=network.share,
             copper_node=winding,
             boundary=network.boundary,
+            second_boundary=network.second_boundary,
         )
         return split.with_node(OVERHANG, capacitance=part, links={winding: self.tau / part})
 

@@ -57,7 +57,7 @@ class NaturalConvection(HeatEffect):
     ) -> Terms:
         """As `HeatEffect.apply`."""
         node = self.link[0]
-        theta = temperature[node] - terms.sink
+        theta = temperature[node] - terms.far_end(self.link, temperature)
         # 1 K^2 keeps the slope finite where the difference changes sign
         ratio = ((theta**2 + 1.0) / REFERENCE_K**2) ** (0.5 * self.n)
         return terms.scale_conductance(self.link, 1.0 - self.f + self.f * ratio)

@@ -20,6 +20,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import least_squares
 
+from lptn import SIGNALS
+
 from ...bench.blocks import Blocks, Observation
 from ...inference import noise as noise_module
 from ...inference.loggers import Loggers
@@ -292,7 +294,7 @@ def _extended(test: Observation, more: int, per_block: int) -> Observation:
         return jnp.concatenate([values, jnp.full(more * per_block, values[-1])])
 
     inputs = test.inputs
-    for name in ("current_squared", "losses", "ambient", "speed", "coolant", "fan", "shaft_power"):
+    for name in SIGNALS:
         if getattr(inputs, name) is not None:
             inputs = eqx.tree_at(lambda i, n=name: getattr(i, n), inputs,
                                  hold(getattr(inputs, name)))  # fmt: skip

@@ -8,6 +8,7 @@
 % Copper loss:   Pjs = phases Rs0 Is^2 (B + T)/(B + Tref), T of the copper node
 % Other losses:  losses = 'balance': Pol = Pd - Pjs;   losses = 'map': Pol as measured
 %                share(i) of them heats node i.
+% Losses by speed (speed_loss) heat a node of their own; of a balance, Pol is what they leave.
 % Effects change this balance, add nodes, or change what the sensor reads, each by the law that
 % stands below under its name. They act in the order of the file.
 %
@@ -79,7 +80,8 @@ for e = 1:numel(effects)
   end
 end
 
-% Numbers of nodes and links; the sink is the last entry of [T; sink].
+% Numbers of nodes and links; the sinks are the last entries of [T; sink; second sink].
+has_second = isfield(p, 'second_sink');
 num_nodes = numel(names);
 num_links = numel(R);
 first = zeros(num_links, 1);
@@ -90,6 +92,8 @@ for l = 1:num_links
   into(first(l), l) = -1;
   if strcmp(pairs{l, 2}, p.sink)
     second(l) = num_nodes + 1;
+  elseif has_second && strcmp(pairs{l, 2}, p.second_sink)
+    second(l) = num_nodes + 2;
   else
     second(l) = find(strcmp(names, pairs{l, 2}));
     into(second(l), l) = 1;
@@ -116,11 +120,11 @@ for e = 1:numel(effects)
   end
 end
 
-% One row per sample: time, squared current, losses, sink, speed [rad/s], coolant, fan. The square
-% runs straight from sample to sample, because it is what heats.
+% One row per sample: time, squared current, losses, sink, speed [rad/s], coolant, fan, second
+% sink. The square runs straight from sample to sample, because it is what heats.
 t = p.t - p.t(1);
 num_samples = numel(t);
-x = zeros(num_samples, 7);
+x = zeros(num_samples, 8);
 x(:, 1) = t;
 x(:, 2) = p.Is.^2;
 if is_balance
@@ -137,6 +141,9 @@ if isfield(p, 'coolant_degC')
 end
 if isfield(p, 'fan')
   x(:, 7) = p.fan;
+end
+if has_second
+  x(:, 8) = p.Te2;
 end
 rated_speed = p.rated_speed_rpm*pi/30;
 rated_current = p.rated_current_A;
@@ -191,7 +198,8 @@ for i = 1:num_samples - 1
           case 'radiation'
             heat(n) = heat(n) - 5.670374419e-8*q.eA*((T(n) + 273.15)^4 - (sink + 273.15)^4);
           case 'natural_convection'
-            theta = T(first(n)) - sink;
+            ends = [T; sink; y(8)];
+            theta = T(first(n)) - ends(second(n));
             g(n) = g(n)*(1 - q.f + q.f*((theta^2 + 1)/40^2)^(0.5*q.n));
           case 'speed_cooling'
             g(n) = g(n)*(1 + q.g*(s > 0)*s^q.m);
@@ -224,6 +232,12 @@ for i = 1:num_samples - 1
             watts = q.k*y(2)/rated_current^2*s^1.5;
             in_copper = is_balance*watts;
             in_other = ~is_balance*watts;
+          case 'speed_loss'
+            rate = omega/(1000*pi/30);
+            watts = q.linear*rate + q.square*rate^2;
+            heat(n) = heat(n) + watts;
+            in_other = -is_balance*watts;
+            Pol = Pol - is_balance*watts;
           case 'standby_loss'
             in_other = q.P0;
           case 'loss_gain'
@@ -245,7 +259,7 @@ for i = 1:num_samples - 1
             outer = R(first == body & second == num_nodes + 1);
             held = 1 - min(1, 0.3*(1 - 0.3)*q.x*outer*both/q.tau);
             if held > 0
-              with_sink = [T; sink];
+              with_sink = [T; sink; y(8)];
               flow = g.*(T(first) - with_sink(second));
               flow(first == copper & second == body) = 0;
               gained = heat + into*flow;
@@ -262,7 +276,7 @@ for i = 1:num_samples - 1
         heat = heat + (in_other - is_balance*in_copper)*share;
         heat(copper) = heat(copper) + in_copper;
       end
-      with_sink = [T; sink];
+      with_sink = [T; sink; y(8)];
       slope = (heat + into*(g.*(T(first) - with_sink(second))))./C;
       mean_slope = mean_slope + weight(stage)*slope;
       if stage == 1

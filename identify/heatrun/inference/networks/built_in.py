@@ -13,7 +13,7 @@ from .text import read_network
 BUILT_IN = ("first", "second")
 """Names of the two networks that every bench compares, by growing number of nodes."""
 
-SHIPPED = (*BUILT_IN, "three", "four")
+SHIPPED = (*BUILT_IN, "cooled", "three", "four")
 """Names of all networks that come with the package."""
 
 

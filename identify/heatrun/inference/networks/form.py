@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from lptn import Network
+from lptn import Network, SpeedLoss
 
 from ..parameters import Parameter
 
@@ -17,6 +17,51 @@ Link = tuple[str, str]
 
 WINDING = "winding_degC"
 """Channel of the winding's sensor, which every network has."""
+
+
+@dataclass(frozen=True)
+class SpeedLossForm:
+    """A kind of loss that follows the speed, without numbers.
+
+    Attributes:
+        kind: `"iron"` or `"mechanical"`.
+        linear: Parameter of the part that grows with the speed [W at 1000 rpm].
+        square: Parameter of the part that grows with its square [W at 1000 rpm].
+        share: Share [1] of it by node, as `NetworkForm.share`.
+    """
+
+    kind: str
+    linear: Parameter
+    square: Parameter
+    share: tuple[tuple[str, float | Parameter | None], ...]
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its parameters: watts, then shares."""
+        shares = [share for _, share in self.share if isinstance(share, Parameter)]
+        return (self.linear, self.square, *shares)
+
+    def build(self, values: Mapping[str, Float[Array, ""] | float]) -> tuple[SpeedLoss, ...]:
+        """Return the loss of each node for values by parameter name [their units]."""
+        linear, square = (jnp.asarray(values[p.name]) for p in (self.linear, self.square))
+        shares = shares_of(self.share, values)
+        return tuple(SpeedLoss(part * linear, part * square, node) for node, part in shares.items())
+
+
+def shares_of(
+    share: tuple[tuple[str, float | Parameter | None], ...],
+    values: Mapping[str, Float[Array, ""] | float],
+) -> dict[str, Float[Array, ""]]:
+    """Return shares by node [1] that add up to one, for values by parameter name."""
+    shares: dict[str, Float[Array, ""]] = {}
+    for node, part in share:
+        if part is not None:
+            number = values[part.name] if isinstance(part, Parameter) else part
+            shares[node] = jnp.asarray(number)
+    for node, part in share:
+        if part is None:
+            shares[node] = 1.0 - sum(shares.values(), start=jnp.asarray(0.0))
+    return shares
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +80,9 @@ class NetworkForm:
             for the one node that takes the rest.
         copper: Node that the copper loss heats.
         sink: Name of the boundary.
+        second_sink: Name of the second boundary; empty where there is one sink. A network of two
+            sinks names the channels that they are measured by, `"ambient"` and `"coolant"`.
+        by_speed: Losses that follow the speed, apart from those that the shares divide.
         sensors: Node that each measured temperature belongs to, by channel: the winding's and
             those of bodies.
         starts: Name of the start temperature of each node.
@@ -51,12 +99,18 @@ class NetworkForm:
     sensors: tuple[tuple[str, str], ...]
     starts: tuple[tuple[str, str], ...]
     effects: tuple[str, ...] = ()
+    second_sink: str = ""
+    by_speed: tuple[SpeedLossForm, ...] = ()
 
     def _key(self) -> tuple[Any, ...]:
         shares = tuple((n, s.name if isinstance(s, Parameter) else s) for n, s in self.share)
         named = [(place, p.name) for place, p in (*self.capacitance, *self.resistance)]
-        rest = (self.copper, self.sink, self.sensors, self.starts, self.effects)
-        return (self.name, self.title, tuple(named), shares, *rest)
+        rest = (self.copper, self.sinks, self.sensors, self.starts, self.effects)
+        by_speed = [
+            (loss.kind, tuple(p.name for p in loss.parameters), tuple(n for n, _ in loss.share))
+            for loss in self.by_speed
+        ]
+        return (self.name, self.title, tuple(named), shares, tuple(by_speed), *rest)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, NetworkForm) and self._key() == other._key()
@@ -70,13 +124,25 @@ class NetworkForm:
         return tuple(node for node, _ in self.capacitance)
 
     @property
+    def sinks(self) -> tuple[str, ...]:
+        """Names of the boundaries, the one that stands for T0 first."""
+        return (self.sink, self.second_sink) if self.second_sink else (self.sink,)
+
+    def with_main_sink(self, sink: str) -> NetworkForm:
+        """Return the network with one of its two sinks as T0; a network of one stays as it is."""
+        if not self.second_sink or sink == self.sink:
+            return self
+        return replace(self, sink=self.second_sink, second_sink=self.sink)
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Parameters of the network: capacitances, resistances, shares."""
+        """Parameters of the network: capacitances, resistances, shares, losses by speed."""
         shares = [share for _, share in self.share if isinstance(share, Parameter)]
         return (
             *(parameter for _, parameter in self.capacitance),
             *(parameter for _, parameter in self.resistance),
             *shares,
+            *(parameter for loss in self.by_speed for parameter in loss.parameters),
         )
 
     @property
@@ -108,27 +174,21 @@ class NetworkForm:
     def body(self) -> tuple[str, str]:
         """Names of capacitance and resistance of the node that holds the slow heat.
 
-        It is the node with the largest capacitance (by its prior) of those tied to the sink.
+        It is the node with the largest capacitance (by its prior) of those tied to a sink.
         """
         capacitance = dict(self.capacitance)
-        tied = [(link[0], R) for link, R in self.resistance if link[1] == self.sink]
+        tied = [(link[0], R) for link, R in self.resistance if link[1] in self.sinks]
         node, resistance = max(tied, key=lambda pair: capacitance[pair[0]].centre)
         return capacitance[node].name, resistance.name
 
     def build(self, values: Mapping[str, Float[Array, ""] | float]) -> Network:
         """Return the network for values by parameter name [their units]."""
-        shares: dict[str, Float[Array, ""]] = {}
-        for node, share in self.share:
-            if share is not None:
-                number = values[share.name] if isinstance(share, Parameter) else share
-                shares[node] = jnp.asarray(number)
-        for node, share in self.share:
-            if share is None:
-                shares[node] = 1.0 - sum(shares.values(), start=jnp.asarray(0.0))
+        own = {node: jnp.asarray(0.0) for loss in self.by_speed for node, _ in loss.share}
         return Network(
             capacitance={node: jnp.asarray(values[p.name]) for node, p in self.capacitance},
             resistance={link: jnp.asarray(values[p.name]) for link, p in self.resistance},
-            share=shares,
+            share=own | shares_of(self.share, values),
             copper_node=self.copper,
             boundary=self.sink,
+            second_boundary=self.second_sink,
         )

@@ -15,7 +15,8 @@ import numpy as np
 from ...bench.blocks import Blocks
 from ...io.quantities import rounded
 from ..parameters import Parameter
-from .form import NetworkForm
+from .form import NetworkForm, SpeedLossForm
+from .losses import SD_SPEED_LOSS, SPEED_LOSS
 from .masses import Masses
 from .priors import CAPACITANCE, RESISTANCE
 
@@ -36,6 +37,9 @@ SD_CAPACITANCE, SD_RESISTANCE = 1.3, 1.8
 """Prior standard deviations of the logarithm around the scale: factors of 13 and 34 at 95 %. A
 short test tells little of how hot the machine would become."""
 
+OF_LOSS = 0.1
+"""Iron or friction loss at the largest speed over the mean loss [1], for each of its terms."""
+
 LEAST_RISE_K = 1.0
 """Rise below which a test has no scale [K]."""
 
@@ -47,11 +51,15 @@ class Scale:
     Attributes:
         capacity: Heat capacity of the winding [J/K].
         resistance: Resistance from the winding to the sink [K/W].
+        loss: Mean of the losses until the winding is hottest [W].
+        fastest: Largest speed [1000 rpm]; 0 where none was measured.
         basis: Where it comes from, in words.
     """
 
     capacity: float
     resistance: float
+    loss: float
+    fastest: float
     basis: str
 
 
@@ -71,6 +79,8 @@ def scale_of_tests(tests: Sequence[Blocks], copper_ohm: float = 0.0) -> Scale | 
     return Scale(
         capacity=float(IN_WINDING * power / slope),
         resistance=float(rise / mean_loss),
+        loss=float(mean_loss),
+        fastest=max((_fastest(test) for test in tests), default=0.0),
         basis=f"the winding warms by {rounded(60.0 * slope, 2)} K/min at {rounded(power)} W and "
         f"rises by {rounded(rise, 2)} K at {rounded(mean_loss)} W",
     )
@@ -110,7 +120,32 @@ def scaled(form: NetworkForm, scale: Scale | None, masses: Masses) -> NetworkFor
         form,
         capacitance=tuple((node, capacity(node, p)) for node, p in form.capacitance),
         resistance=tuple((link, resistance(p)) for link, p in form.resistance),
+        by_speed=tuple(_scaled_by_speed(loss, scale) for loss in form.by_speed),
     )
+
+
+def _scaled_by_speed(loss: SpeedLossForm, scale: Scale | None) -> SpeedLossForm:
+    if scale is None or not scale.fastest:
+        return loss
+
+    def around(parameter: Parameter, exponent: int) -> Parameter:
+        if parameter.basis != SPEED_LOSS or parameter.fixed is not None:
+            return parameter
+        words = (
+            f"log-normal, 95 % within a factor of {np.exp(1.96 * SD_SPEED_LOSS):.0f}: at "
+            f"{rounded(1000.0 * scale.fastest)} rpm a tenth of the mean loss of "
+            f"{rounded(scale.loss)} W"
+        )
+        centre = OF_LOSS * scale.loss / scale.fastest**exponent
+        return replace(parameter, centre=centre, sd=SD_SPEED_LOSS, basis=words)
+
+    return replace(loss, linear=around(loss.linear, 1), square=around(loss.square, 2))
+
+
+def _fastest(test: Blocks) -> float:
+    """Return the largest speed of a test [1000 rpm], 0 where it turns at none or has none."""
+    speed = test.inputs.speed
+    return 0.0 if speed is None else float(np.max(np.abs(np.asarray(speed)))) * 0.03 / np.pi
 
 
 def _around(parameter: Parameter, default: str, centre: float, sd: float, basis: str) -> Parameter:

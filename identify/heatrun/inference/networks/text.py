@@ -11,14 +11,17 @@ from ...errors import InputError, did_you_mean
 from ...io.toml_text import check_keys, parse_toml
 from ..parameters import Parameter
 from .form import WINDING, Link, NetworkForm
-from .losses import losses_of
+from .losses import Shares, losses_of, speed_losses
 from .priors import capacitance, prior_text, resistance, said_of
 
-KEYS = ("name", "title", "nodes", "sinks", "links", "losses", "sensors", "effects")
+KEYS = ("name", "title", "nodes", "sinks", "links", "losses", "by_speed", "sensors", "effects")
 PARAMETER_KEYS = (
     "capacitance", "resistance", "share", "start",
     "value", "sd", "sd_log", "relative_sd", "fixed", "meaning", "basis",
 )  # fmt: skip
+TWO_SINKS = ("ambient", "coolant")
+"""Sinks of a network of two: each is named after the channel that measures it."""
+
 MOST_NODES = 12
 """Nodes of a network: more than one winding sensor will ever tell apart."""
 
@@ -52,21 +55,24 @@ def network_of(content: Mapping[str, Any], where: str) -> NetworkForm:
     if len(nodes) > MOST_NODES:
         raise InputError(f"{len(nodes)} nodes, expected at most {MOST_NODES}.", where=at)
     sinks = _names(network, "sinks", at) if "sinks" in network else ("ambient",)
-    if len(sinks) != 1:
+    if len(sinks) != 1 and set(sinks) != set(TWO_SINKS):
         raise InputError(
-            f"{len(sinks)} sinks, expected one: a record holds one sink temperature.",
+            f"{len(sinks)} sinks, {', '.join(sinks)}; expected one, or ambient and coolant: the "
+            "temperature of each is a channel of the record.",
             where=at,
-            remedy='Write sinks = ["ambient"], or ["coolant"] with [motor] sink = "coolant".',
+            remedy='Write sinks = ["ambient"], ["coolant"] with [motor] sink = "coolant", or '
+            '["coolant", "ambient"].',
         )
-    sink = sinks[0]
-    if sink in nodes:
-        raise InputError(f"{sink} is a node and the sink.", where=at, remedy="Rename one.")
-    links = _links(network, nodes, sink, at)
+    for sink in sinks:
+        if sink in nodes:
+            raise InputError(f"{sink} is a node and the sink.", where=at, remedy="Rename one.")
+    links = _links(network, nodes, sinks, at)
     said = content.get("parameters", {})
     if not isinstance(said, dict) or not all(isinstance(v, dict) for v in said.values()):
         raise InputError("expected sections [parameters.NAME].", where=where)
     for name, keys in said.items():
         check_keys(keys, PARAMETER_KEYS, f"{where}, [parameters.{name}]", "key")
+    by_speed = speed_losses(network, nodes, said, at, where)
     copper, share = losses_of(network, nodes, said, at, where)
     form = NetworkForm(
         name=_text(network, "name", at),
@@ -77,7 +83,9 @@ def network_of(content: Mapping[str, Any], where: str) -> NetworkForm:
         resistance=tuple((link, resistance(link, said, where)) for link in links),
         share=share,
         copper=copper,
-        sink=sink,
+        sink=sinks[0],
+        second_sink=sinks[1] if len(sinks) > 1 else "",
+        by_speed=by_speed,
         sensors=_sensors(network, nodes, at),
         starts=(),
         effects=_names(network, "effects", at) if network.get("effects") else (),
@@ -94,9 +102,14 @@ def network_text(form: NetworkForm) -> dict[str, Any]:
         "name": form.name,
         "title": form.title,
         "nodes": list(form.nodes),
-        "sinks": [form.sink],
+        "sinks": list(form.sinks),
         "links": [list(link) for link, _ in form.resistance],
-        "losses": {"copper": form.copper, "other": _other(form)},
+        "losses": {
+            "copper": form.copper,
+            "other": _other(form.share),
+            **{loss.kind: _other(loss.share) for loss in form.by_speed},
+        },
+        "by_speed": [loss.kind for loss in form.by_speed],
         "sensors": dict(form.sensors),
         "effects": list(form.effects),
     }
@@ -108,13 +121,15 @@ def network_text(form: NetworkForm) -> dict[str, Any]:
     for node, share in form.share:
         if isinstance(share, Parameter):
             parameters[share.name] = {"share": node, **prior_text(share)}
+    for loss in form.by_speed:
+        parameters |= {parameter.name: prior_text(parameter) for parameter in loss.parameters}
     for node, name in form.starts:
         parameters[name] = {"start": node}
     return {"network": network, "parameters": parameters}
 
 
 def _links(
-    network: Mapping[str, Any], nodes: Sequence[str], sink: str, at: str
+    network: Mapping[str, Any], nodes: Sequence[str], sinks: Sequence[str], at: str
 ) -> tuple[Link, ...]:
     links = network.get("links")
     if not isinstance(links, list) or not links:
@@ -123,14 +138,25 @@ def _links(
     result: list[Link] = []
     for link in links:
         is_pair = isinstance(link, list) and len(link) == 2 and link[0] != link[1]
-        if not is_pair or any(end not in (*nodes, sink) for end in link):
+        is_pair = is_pair and not set(link) <= set(sinks)
+        if not is_pair or any(end not in (*nodes, *sinks) for end in link):
             raise InputError(
-                f"link {link!r:.60}: expected two different names of {[*nodes, sink]}.", where=at
+                f"link {link!r:.60}: expected two different names of {[*nodes, *sinks]}, one of "
+                "them a node.",
+                where=at,
             )
-        a, b = (link[1], link[0]) if link[0] == sink else link
+        a, b = (link[1], link[0]) if link[0] in sinks else link
         if (a, b) in result or (b, a) in result:
             raise InputError(f"the link of {a} and {b} is there twice.", where=at)
         result.append((a, b))
+    for sink in sinks:
+        if len(sinks) > 1 and not any(sink == end for _, end in result):
+            raise InputError(
+                f"no link leads to the sink {sink}.",
+                where=at,
+                remedy=f'Add a link such as ["{nodes[-1]}", "{sink}"], or take {sink} out of '
+                "sinks.",
+            )
     return tuple(result)
 
 
@@ -153,15 +179,15 @@ def _sensors(
 
 
 def _connected(form: NetworkForm, at: str) -> None:
-    reached, grown = {form.sink}, True
+    reached, grown = set(form.sinks), True
     while grown:
         more = {n for link, _ in form.resistance if set(link) & reached for n in link} - reached
         reached, grown = reached | more, bool(more)
     apart = [node for node in form.nodes if node not in reached]
     if apart:
         raise InputError(
-            f"no path of links leads from {', '.join(apart)} to the sink {form.sink}: its heat "
-            "could not leave.",
+            f"no path of links leads from {', '.join(apart)} to the sink "
+            f"{' or '.join(form.sinks)}: its heat could not leave.",
             where=at,
             remedy=f'Add a link such as ["{apart[0]}", "{form.sink}"].',
         )
@@ -203,9 +229,9 @@ def _text(network: Mapping[str, Any], key: str, at: str) -> str:
     return value
 
 
-def _other(form: NetworkForm) -> Any:
-    if len(form.share) == 1:
-        return form.share[0][0]
-    if any(isinstance(share, Parameter) for _, share in form.share):
-        return [node for node, _ in form.share]
-    return {node: share for node, share in form.share if isinstance(share, float)}
+def _other(shares: Shares) -> Any:
+    if len(shares) == 1:
+        return shares[0][0]
+    if any(isinstance(share, Parameter) for _, share in shares):
+        return [node for node, _ in shares]
+    return {node: share for node, share in shares if isinstance(share, float)}

@@ -67,7 +67,9 @@ def sheet_content(result: FitResult, certificate: Certificate | None = None) -> 
             ["command", clean(command_without_folders(result.command))],
             ["seed", str(result.seed)],
         ],
-        "definitions": [[name, text] for name, text in DEFINITIONS] + _definitions_of(result),
+        "definitions": [[name, text] for name, text in DEFINITIONS]
+        + _definitions_of(result)
+        + _second_sinks(result),
         "tests": [_test(test) for test in result.tests],
         "columns": [
             {"tests": clean(names), "rows": rows, "assumed": _assumed(rows)}
@@ -103,6 +105,17 @@ def _definitions_of(result: FitResult) -> list[list[str]]:
     is_stated = num_stated(result.tests, f"{motor.sink}_degC") == len(result.tests)
     known = f"the {sink} that the motor file states" if is_stated else f"the measured {sink}"
     return [pol, ["T0", f"temperature of the sink: {known} [°C]"]]
+
+
+def _second_sinks(result: FitResult) -> list[list[str]]:
+    """Return a line on the other sink, where a network has two."""
+    pairs = [known(model.sinks) for model in result.models.values()]
+    names = {pair[1] for pair in pairs if pair is not None}
+    return [
+        [f"T {name}", f"temperature of the second sink: the measured {name} temperature [°C]; "
+                      f"the resistances named after {name} lead to it"]
+        for name in sorted(names)
+    ]  # fmt: skip
 
 
 def _test(test: DescribedTest) -> list[str]:

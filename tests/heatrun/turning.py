@@ -1,0 +1,102 @@
+"""A motor of three bodies whose friction heats the rotor, integrated by SciPy."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from heatrun.bench.record import Record
+
+TRUTH = {
+    "Ceq_winding": 700.0, "Ceq_stator": 9000.0, "Ceq_rotor": 2500.0, "Req_winding_stator": 0.12,
+    "Req_stator_rotor": 0.25, "Req_stator_ambient": 0.06,
+    "P_mechanical_n": 30.0, "P_mechanical_n2": 12.0,
+}  # fmt: skip
+RS0 = 0.0062
+NETWORK = """
+[network]
+name = "turning"
+nodes = ["winding", "stator", "rotor"]
+links = [["winding", "stator"], ["stator", "rotor"], ["stator", "ambient"]]
+losses = { copper = "winding", iron = "stator", mechanical = "rotor" }
+by_speed = ["mechanical"]
+sensors = { winding_degC = "winding", stator_degC = "stator", rotor_degC = "rotor" }
+"""
+T0 = 22.0
+
+
+def amperes(t):
+    return np.where(np.asarray(t) % 1500.0 < 900.0, 190.0, 60.0)
+
+
+def rpm(t):
+    return np.array([1000.0, 5000.0, 0.0, 3000.0, 6000.0, 2000.0])[
+        np.minimum((np.asarray(t) // 1000.0).astype(int), 5)
+    ]
+
+
+def iron(t):
+    """Iron loss [W]: by the speed, and by the load too."""
+    return 60.0 * rpm(t) / 1000.0 + 100.0 * (np.asarray(t) % 1500.0 < 900.0)
+
+
+def friction(t):
+    s = rpm(t) / 1000.0
+    return TRUTH["P_mechanical_n"] * s + TRUTH["P_mechanical_n2"] * s**2
+
+
+def copper(t, winding):
+    return 3.0 * amperes(t) ** 2 * RS0 * (234.5 + winding) / 259.5
+
+
+def course(time):
+    """Temperatures of winding, stator and rotor [degC]."""
+    p = TRUTH
+
+    def slope(t, T):
+        winding, stator, rotor = T
+        into = (winding - stator) / p["Req_winding_stator"]
+        on = (stator - rotor) / p["Req_stator_rotor"]
+        out = (stator - T0) / p["Req_stator_ambient"]
+        return [
+            (copper(t, winding) - into) / p["Ceq_winding"],
+            (iron(t) + into - on - out) / p["Ceq_stator"],
+            (friction(t) + on) / p["Ceq_rotor"],
+        ]
+
+    found = solve_ivp(
+        slope, (0.0, time[-1]), [T0, T0, T0], t_eval=time, max_step=1.0, rtol=1e-8, atol=1e-8
+    )
+    return found.y
+
+
+def record(seed=17, *, kind="balance"):
+    """A record at 1 Hz; 0.1 K of noise, rounded to 0.1 K.
+
+    With `kind="map"` the losses are those of the iron alone.
+    """
+    time = np.arange(0.0, 6000.0, 1.0)
+    winding, stator, rotor = course(time)
+    rng = np.random.default_rng(seed)
+
+    def read(course):
+        return np.round(course + 0.1 * rng.standard_normal(time.size), 1)
+
+    # the sample at the end of a second holds what the second held
+    held = np.maximum(time - 0.5, 0.0)
+    losses = iron(held)
+    if kind == "balance":
+        losses = losses + friction(held) + copper(held, winding)
+    return Record(
+        "duty",
+        {
+            "time_s": time,
+            "phase_current_A": amperes(held),
+            "losses_W": losses,
+            "ambient_degC": np.full(time.size, T0),
+            "speed_rpm": rpm(held),
+            "winding_degC": read(winding),
+            "stator_degC": read(stator),
+            "rotor_degC": read(rotor),
+        },
+    )
