@@ -96,6 +96,7 @@ def test_a_first_order_fit_says_that_it_misfits(blocks, motor):
     found = fit(Problem.of(Model.of("first", motor), motor, [blocks]))
     (misfit,) = [finding for finding in found.findings if finding.id == "misfit"]
     assert misfit.values["rmse_K"] > 5.0
+    assert "RMSE" not in misfit.message  # a user reads one for a test, that of the run's median
     # and stays where plain least squares is: noise and heat have not swallowed the misfit
     assert found.rmse_K() < 1.1 * found.stats["rmse_white_K"]
 

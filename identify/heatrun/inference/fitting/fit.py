@@ -307,13 +307,12 @@ def _misfit(problem: Problem, state: _State) -> list[Finding]:
         Finding(
             id="misfit",
             severity="warning",
-            message=f"the {problem.model.words} is incomplete: {'; '.join(reasons)} (RMSE "
-            f"{rmse:.2f} K). The 95 % intervals allow for slow heat of this size, not for every "
-            "cause.",
+            message=f"the {problem.model.words} is incomplete: {'; '.join(reasons)}. The 95 % "
+            "intervals allow for slow heat of this size, not for every cause.",
             where=problem.label,
             remedy="Search for the missing effect with `heatrun discover`.",
             values={
-                "rmse_K": rmse,
+                "rmse_K": rmse,  # of the most probable parameters; that of the run is its median's
                 "low_frequency_excess": excess,
                 "unmodelled_heat": heat,
                 "noise_time_s": float(noise.time),
