@@ -99,7 +99,7 @@ study-coverage: $(VENV)/ready
 	$(BIN)/python tests/studies/coverage_study.py
 
 notebooks: $(VENV)/ready
-	$(BIN)/pytest -n auto -m notebook $(if $(NOTEBOOKS),-k "$(NOTEBOOKS)")
+	$(BIN)/pytest -n auto tests/test_notebooks.py $(if $(NOTEBOOKS),-k "$(NOTEBOOKS)")
 
 # The JSON schemas of fit.json and discovery.json, from the types in identify/heatrun/results.
 schemas: $(VENV)/ready

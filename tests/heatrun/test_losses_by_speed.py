@@ -16,6 +16,7 @@ from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model, override_names
+from heatrun.inference.networks.masses import Masses
 from heatrun.inference.networks.scale import scale_of_tests, scaled
 from heatrun.inference.networks.text import network_of, network_text, read_network
 from heatrun.inference.problem import Problem
@@ -113,12 +114,12 @@ def test_priors_follow_the_losses_and_the_speed_of_the_tests():
     scale = scale_of_tests([test])
     assert scale is not None
     assert scale.fastest == pytest.approx(6.0)
-    (loss,) = scaled(FORM, scale).by_speed
+    (loss,) = scaled(FORM, scale, Masses()).by_speed
     assert loss.linear.centre * 6.0 == pytest.approx(0.1 * scale.loss)
     assert loss.square.centre * 36.0 == pytest.approx(0.1 * scale.loss)
     content = network_text(FORM)
     content["parameters"]["P_mechanical_n"] = {"value": 25.0, "relative_sd": 0.5}
-    (stated,) = scaled(network_of(content, "stated"), scale).by_speed
+    (stated,) = scaled(network_of(content, "stated"), scale, Masses()).by_speed
     assert stated.linear.centre == 25.0
     assert (loss.linear.unit, loss.square.unit) == ("W", "W")
     assert "P_mechanical_n2" in override_names(FORM)

@@ -198,8 +198,8 @@ for i = 1:num_samples - 1
           case 'radiation'
             heat(n) = heat(n) - 5.670374419e-8*q.eA*((T(n) + 273.15)^4 - (sink + 273.15)^4);
           case 'natural_convection'
-            ends = [T; sink; y(8)];
-            theta = T(first(n)) - ends(second(n));
+            far = [T; sink; y(8)];
+            theta = T(first(n)) - far(second(n));
             g(n) = g(n)*(1 - q.f + q.f*((theta^2 + 1)/40^2)^(0.5*q.n));
           case 'speed_cooling'
             g(n) = g(n)*(1 + q.g*(s > 0)*s^q.m);

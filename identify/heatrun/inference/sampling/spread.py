@@ -13,7 +13,7 @@ from jaxtyping import Float
 from ..fitting.fit_result import Fit
 from .importance import Weighted, evaluate
 
-ROUNDS = 8
+ROUNDS = 5
 """Steps of each draw."""
 
 GAMMA = 1.2
