@@ -1,6 +1,6 @@
 """The notebooks with their outputs as Markdown pages: `make notebooks-rendered`.
 
-Runs every notebook from top to bottom in a copy of its folder's place and writes
+Runs every notebook from top to bottom in its folder and writes
 `results/notebooks/NAME.md` with the figures beside it, so that they can be read where no Python
 is. The notebooks themselves are stored without outputs.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import base64
 import re
+import tempfile
 import warnings
 from pathlib import Path
 from typing import Any
@@ -85,8 +86,10 @@ def _fenced(text: str, language: str) -> str:
 
 
 def _shortened(text: str) -> str:
-    """Return a text's first lines, with how many follow."""
-    lines = [line.replace(str(HERE), "…") for line in text.splitlines()]
+    """Return a text's first lines without this machine's folders, with how many follow."""
+    for folder in (str(HERE), tempfile.gettempdir()):
+        text = text.replace(folder, "…")
+    lines = text.splitlines()
     if len(lines) <= LONGEST:
         return "\n".join(lines)
     return "\n".join([*lines[:LONGEST], f"… {len(lines) - LONGEST} more lines"])
