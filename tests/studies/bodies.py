@@ -15,9 +15,9 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from bodies_cases import jobs, run
+from bodies_cases import KINDS, jobs, run
 from bodies_table import table
-from study_runs import rows_as_they_come, said_of, write_rows
+from study_runs import rows_as_they_come, rows_done, said_of, write_rows
 
 REPORTING_SEED = 300_000
 
@@ -30,13 +30,18 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--minutes", type=float, default=float("inf"),
                         help="no case is begun after this; their order is by chance")  # fmt: skip
+    parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS),
+                        help="records of these kinds only")  # fmt: skip
+    parser.add_argument("--resume", action="store_true", help="go on behind the rows in --out")
     parser.add_argument("--out", type=Path, default=Path("results") / "bodies")
     options = parser.parse_args()
     listed = jobs(options.seed, options.repeats)
     options.out.mkdir(parents=True, exist_ok=True)
-    rows: list[dict[str, Any]] = []
+    rows = rows_done(options.out / "study.json", options.seed) if options.resume else []
+    done = {row["seed"] for row in rows}
+    left = [job for job in listed if job["kind"] in options.kinds and job["seed"] not in done]
     for finished in rows_as_they_come(
-        listed, run, processes=options.processes, minutes=options.minutes
+        left, run, processes=options.processes, minutes=options.minutes
     ):
         for row in finished:
             rows.append(row)

@@ -26,6 +26,7 @@ from matplotlib.figure import Figure
 sys.path.insert(0, str(Path(__file__).parent))
 
 from discovery_gates import claims, gates, hidden_effects, is_right
+from study_runs import rows_done
 
 REPORTING_SEED = 110_000
 
@@ -57,7 +58,8 @@ def main() -> None:
     listed = jobs(options.seed, options.repeats, options.clean, options.unknown, options.pairs)
     options.out.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
-    rows = _done(options.out / "study.json", options.seed) if options.resume else []
+    rows = rows_done(options.out / "study.json", options.seed) if options.resume else []
+    rows.sort(key=lambda row: row["place"])
     context = multiprocessing.get_context("spawn")  # JAX must not be forked
     with context.Pool(options.processes) as pool:
         for first in range(len(rows), len(listed), options.processes):
@@ -70,14 +72,6 @@ def main() -> None:
                       f"{[n['id'] for n in row['named']]} {row['seconds']:.0f} s "
                       f"{row['failure'][-200:]}", flush=True)  # fmt: skip
             write(rows, options.out, " ".join(sys.argv), options.seed, len(listed))
-
-
-def _done(path: Path, seed: int) -> list[dict[str, Any]]:
-    """Return the rows of an unfinished study in the order in which they were run."""
-    content = json.loads(path.read_text(encoding="utf-8"))
-    if content["seed"] != seed:
-        raise SystemExit(f"{path} is of seed {content['seed']}, not {seed}: give another --out.")
-    return sorted(content["rows"], key=lambda row: row["place"])
 
 
 def _run(job: dict[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,6 @@ would have, without the posterior, which no threshold touches. Writes rows and a
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import tempfile
 import time
@@ -27,7 +26,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from discovery_gates import all_right, claims
-from study_runs import rows_as_they_come, write_rows
+from study_runs import rows_as_they_come, rows_done, write_rows
 
 REPORTING_SEED = 120_000
 ROOM = "heatrun.discovery"
@@ -116,9 +115,7 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     path, listed = options.out / "study.json", jobs(options.seed, options.repeats)
-    rows: list[dict[str, Any]] = []
-    if options.resume:
-        rows = json.loads(path.read_text(encoding="utf-8"))["rows"]
+    rows = rows_done(path, options.seed) if options.resume else []
     done = {row["seed"] for row in rows}
     left = [job for job in listed if job["seed"] not in done]
     work = partial(rows_as_they_come, processes=options.processes, minutes=options.minutes)

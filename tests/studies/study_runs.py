@@ -16,6 +16,9 @@ from typing import Any
 
 PACKAGES = ("heatrun", "jax", "numpy", "scipy", "optimistix")
 
+TASKS = 40
+"""Cases of one worker process, which is then replaced: what it has compiled stays in memory."""
+
 Row = dict[str, Any]
 
 
@@ -33,13 +36,26 @@ def rows_as_they_come(
     begin = time.monotonic()
     context = multiprocessing.get_context("spawn")  # JAX must not be forked
     left = iter(jobs)
-    with ProcessPoolExecutor(processes, mp_context=context) as pool:
+    with ProcessPoolExecutor(processes, mp_context=context, max_tasks_per_child=TASKS) as pool:
         pending = {pool.submit(run, job) for job in islice(left, processes)}
         while pending:
             done, pending = wait(pending, return_when=FIRST_COMPLETED)
             if time.monotonic() - begin < 60.0 * minutes:
                 pending |= {pool.submit(run, job) for job in islice(left, len(done))}
             yield [future.result() for future in done]
+
+
+def rows_done(path: Path, seed: int) -> list[Row]:
+    """Return the rows of an unfinished study.
+
+    Args:
+        path: What `write_rows` wrote.
+        seed: The first of the study that goes on.
+    """
+    content = json.loads(path.read_text(encoding="utf-8"))
+    if content["seed"] != seed:
+        raise SystemExit(f"{path} is of seed {content['seed']}, not {seed}: give another --out.")
+    return content["rows"]
 
 
 def said_of(row: Row) -> str:
