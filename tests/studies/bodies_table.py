@@ -12,6 +12,7 @@ from gate_rows import at_least, at_most, in_band
 
 TELLS = (
     "misfit", "missing_effect", "instrument_beyond_prior", "prior_conflict", "body_disagrees",
+    "calibration_outside_band",
     "not_converged", "several_optima", "sampling_not_converged", "standstill_losses",
     "losses_below_copper", "losses_negative", "losses_disagree", "shaft_power_disagrees",
     "power_from_nothing", "too_efficient", "little_efficiency",

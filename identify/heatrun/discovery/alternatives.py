@@ -68,10 +68,11 @@ class Alternative:
         effect: With its probability.
         parts: By scale of the amplitude.
         amplitude: Scores of the amplitudes that count as a size of 1, shape (amplitude,).
+        found: Scores of the amplitudes that the refit found, shape (amplitude,).
         amplitude_places: Their places among the parameters of the effect.
         has_one_sign: Whether the amplitudes cannot fall below zero.
-        shift: What the effect at a size of 1 adds to the scores of the fit's parameters, so that a
-            resistance that it scales stands for its mean over the tests.
+        shift: What the effect, as it was found, adds to the scores of the fit's parameters, so that
+            a resistance that it scales stands for its mean over the tests.
         slope: How a resistance that the effect scales has to fall with the scores of the amplitudes
             for the tests to be explained as well, shape (parameter, amplitude). Its mean over the
             tests does not change along this line.
@@ -82,6 +83,7 @@ class Alternative:
     effect: PlausibleEffect
     parts: tuple[Part, ...]
     amplitude: Float[np.ndarray, " amplitude"]
+    found: Float[np.ndarray, " amplitude"]
     amplitude_places: tuple[int, ...]
     has_one_sign: bool
     shift: Float[np.ndarray, " parameter"]
@@ -100,7 +102,7 @@ class Alternative:
 
     def centred(self, scores: Float[np.ndarray, "... all"]) -> Float[np.ndarray, "... parameter"]:
         """Return the scores of the fit's parameters, resistances at their mean over the tests."""
-        beyond = scores[..., self.strong] - self.amplitude
+        beyond = scores[..., self.strong] - self.found
         return scores[..., : self.shift.size] + self.shift + beyond @ self.slope.T
 
     def mean(self) -> Float[np.ndarray, " parameter"]:
@@ -222,7 +224,9 @@ def _alternative(engine: Engine, refitted: _Refitted, probability: float) -> Alt
     if place is not None:
         slot = refitted.base[place]
         without[slot] = nearest_resistance(engine, reference, without, slot)
-        shift[place] = without[slot] - reference[slot]
+        bare = found.z.copy()
+        bare[strong] = 0.0
+        shift[place] = nearest_resistance(engine, found.z, bare, slot) - found.z[slot]
         amplitudes_at = [shift.size + refitted.own.index(slot) for slot in strong]
         wide = refitted.parts[-1].covariance
         among = wide[np.ix_(amplitudes_at, amplitudes_at)]
@@ -242,6 +246,7 @@ def _alternative(engine: Engine, refitted: _Refitted, probability: float) -> Alt
         ),
         parts=refitted.parts,
         amplitude=amplitude,
+        found=found.z[strong],
         amplitude_places=tuple(refitted.own.index(slot) for slot in strong),
         has_one_sign=_has_one_sign(engine, refitted.score),
         shift=shift,

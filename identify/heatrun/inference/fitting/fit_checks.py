@@ -30,9 +30,9 @@ def fit_findings(posterior: Posterior, predictions: Sequence[Prediction]) -> lis
         posterior: Draws of a calibrated network.
         predictions: Of all tests.
     """
-    held_out = [_held_out(p) for p in predictions if p.is_held_out]
+    tests = [_held_out(p) if p.is_held_out else _fitted(p) for p in predictions]
     bodies = [_body(p, body) for p in predictions for body in p.bodies]
-    found = [each for each in (*held_out, *bodies) if each is not None]
+    found = [each for each in (*tests, *bodies) if each is not None]
     return [*found, *_instruments(posterior)]
 
 
@@ -73,6 +73,26 @@ def _held_out(prediction: Prediction) -> Finding | None:
         where=name,
         remedy="Do not use these parameters for such loads. Compare both records with `heatrun "
         "check`, search for the missing effect with `heatrun discover`, or calibrate on both.",
+        test=name,
+        values={"coverage_95": coverage, "rmse_K": prediction.rmse_K},
+    )
+
+
+def _fitted(prediction: Prediction) -> Finding | None:
+    """Return the finding that the draws do not give back a test that the network was fitted to."""
+    coverage = prediction.coverage_95()
+    if not coverage < LEAST_COVERAGE:
+        return None
+    name = prediction.test.name
+    return Finding(
+        id="calibration_outside_band",
+        severity="warning",
+        message=f"{name} (calibration): only {100.0 * coverage:.0f} % of the readings that the "
+        f"{prediction.model.words} was fitted to lie in its own 95 % band (RMSE "
+        f"{prediction.rmse_K:.2f} K): the parameters do not stand for this test.",
+        where=name,
+        remedy="Do not use these parameters. The network or the noise does not suit the test: "
+        "search for the missing effect with `heatrun discover`, or calibrate without --quick.",
         test=name,
         values={"coverage_95": coverage, "rmse_K": prediction.rmse_K},
     )
