@@ -107,6 +107,8 @@ def test_losses_of_a_map_are_no_balance(tmp_path):
         ("Pd [kW]", LOSSES_W * 4, 'losses_W = "Pd"', "warning", "[W]"),
         ("losses_W", 1e-7 * LOSSES_W, "", "error", "[kW]"),
         ("losses_W", LOSSES_W, "", None, ""),
+        # a machine of 1 MW with 15 % of overload
+        ("losses_W", LOSSES_W * 1.15e6 / LOSSES_W.max(), "", None, ""),
     ],
 )
 def test_losses_that_no_machine_has(tmp_path, header, values, line, severity, said):

@@ -11,8 +11,8 @@ from ..record import ColumnReading, Finding, Record
 from .losses import BLOCK_S
 from .samples import block_means, place, samples, sink_channel
 
-LARGEST_W, SMALLEST_W = 1e6, 1e-3
-"""Losses of a generator of 100 MW, and of a watch."""
+LARGEST_W, SMALLEST_W = 2e6, 1e-3
+"""Losses of a generator of 100 MW, overloaded, and of a watch."""
 
 LARGEST_W_PER_K = 5e4
 """Losses over temperature rise [W/K]: 20 µK/W; a machine of 1 MW with water jacket has some

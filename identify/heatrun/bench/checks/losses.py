@@ -203,7 +203,7 @@ def losses_negative(record: Record, motor: Motor) -> tuple[Finding, ...]:
             "losses_negative",
             severity,
             f"Expected losses of at least 0 W; {int(np.sum(losses < floor))} samples are "
-            f"negative, down to {lowest:.0f} W. Negative losses would cool the model.",
+            f"negative, down to {lowest:.3g} W. Negative losses would cool the model.",
             place(record, "losses_W", float(from_s), float(to_s)),
             "Check the signs of electrical and mechanical power, braking, and the torque offset.",
             values={

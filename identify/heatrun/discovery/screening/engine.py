@@ -35,6 +35,13 @@ LANES = 24
 MAX_EVALUATIONS = 30
 """Evaluations of one refit; they start near the optimum and take about six."""
 
+REACH = 8.0
+"""Prior standard deviations that a parameter of the network may go from its prior's centre, or from
+where a fit without bounds has put it."""
+
+BOUNDED = ("effect", "known")
+"""Roles of parameters whose amplitudes stay within their physical range."""
+
 
 @dataclass(frozen=True)
 class Refit:
@@ -189,6 +196,9 @@ class Engine:
             return np.concatenate([self.whiten(noise, evaluate(x)[1]), np.eye(x.size)])
 
         low, high = self.bounds(order)
+        base = np.array([self.slots[slot].parameter.role not in BOUNDED for slot in order])
+        low[base] = np.minimum(low[base], z[order][base] - REACH)
+        high[base] = np.maximum(high[base], z[order][base] + REACH)
         start = np.clip(z[order], low + 1e-9, high - 1e-9)
         solution = least_squares(
             rows,
@@ -217,10 +227,10 @@ class Engine:
 
     def bounds(self, order: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Return bounds of scores: amplitudes that cannot change sign stay on their side."""
-        low, high = np.full(len(order), -8.0), np.full(len(order), 8.0)
+        low, high = np.full(len(order), -REACH), np.full(len(order), REACH)
         for position, slot in enumerate(order):
             parameter = self.slots[slot].parameter
-            if parameter.role not in ("effect", "known"):
+            if parameter.role not in BOUNDED:
                 continue
             effect, name = parameter.name.split(".", 1)
             quantity = self.kinds[effect].card.parameters[name]
