@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -222,6 +223,31 @@ def test_a_motor_file_that_is_no_file_is_refused(tmp_path):
         load_motor(pipe)
     with pytest.raises(InputError, match="got a device"):
         load_motor("/dev/zero")
+
+
+def test_a_run_keeps_all_that_the_motor_file_says():
+    """Each field that a motor file can set is another than its default, and comes back."""
+    more = """
+    [model]
+    effects = ["radiation"]
+    [sensors]
+    yoke_degC = "stator"
+    [constants]
+    ambient_degC = 21.5
+    [adequacy]
+    unmodelled_heat = 0.004
+    [certificate]
+    number = "2026-1"
+    """
+    head = 'mass_kg = 40.0\nraster_s = 2.0\ndecimal = ","\n[winding]\nconductor_mass_kg = 4.0\n'
+    found = parse_motor((FULL.replace("[winding]\n", head, 1) + more).encode(), "m.toml")
+    default = Motor("other")
+    of_the_file = {"sha256", "path", "tests"}
+    for each in fields(Motor):
+        if each.name not in of_the_file:
+            said = getattr(found, each.name)
+            assert said != getattr(default, each.name), f"{each.name} is not set in this test"
+            assert getattr(parse_motor(motor_text(found), "m.toml"), each.name) == said, each.name
 
 
 def test_the_heat_that_a_network_may_miss_is_read_and_written_back():

@@ -1,4 +1,7 @@
-"""The motor file as TOML again, so that a run folder stands for itself."""
+"""The motor file as TOML again, so that a run folder stands for itself.
+
+All but `[tests.NAME]`: a run knows the parts of its tests by itself.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,10 @@ from typing import Any
 
 from ..motor import Adequacy, Motor
 
-MOTOR = ("name", "phases", "losses", "sink", "insulation_class", "rated_speed_rpm", "raster_s",
-         "decimal")  # fmt: skip
-WINDING = ("resistance_coefficient_degC", "phase_resistance_ohm", "reference_temperature_degC")
+MOTOR = ("name", "phases", "losses", "sink", "insulation_class", "rated_speed_rpm", "mass_kg",
+         "raster_s", "decimal")  # fmt: skip
+WINDING = ("resistance_coefficient_degC", "phase_resistance_ohm", "reference_temperature_degC",
+           "conductor_mass_kg")  # fmt: skip
 VEHICLE = ("gear_ratio", "wheel_radius_m")
 
 
