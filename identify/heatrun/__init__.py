@@ -24,6 +24,7 @@ from .version import __version__ as __version__
 if TYPE_CHECKING:
     from .api import Found, calibrate, check, compare, discover, simulate
     from .errors import InputError
+    from .fleet.population.job import population
     from .motorfile import load_motor
     from .runs.run import Run, open_run
 
@@ -37,6 +38,7 @@ __all__ = [
     "discover",
     "load_motor",
     "open_run",
+    "population",
     "simulate",
 ]
 
@@ -45,6 +47,7 @@ _PLACES = {
     "load_motor": ".motorfile",
     "Run": ".runs.run",
     "open_run": ".runs.run",
+    "population": ".fleet.population.job",
 }
 
 

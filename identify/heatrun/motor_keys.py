@@ -163,6 +163,16 @@ ADEQUACY = Section(
     ),
 )  # fmt: skip
 
+POPULATION = Section(
+    "population",
+    "What other machines of the type say of this one before its first test: priors of the thermal "
+    "parameters. `[parameters.NAME]` goes before it.",
+    (
+        Key("run", "Folder of a population, as `heatrun.population` writes it, from where this "
+            "file is.", '"../fleet"', "wide priors, scaled by the tests"),
+    ),
+)  # fmt: skip
+
 PARAMETERS = Section(
     "parameters.NAME",
     "What is known beforehand of a parameter, in its unit: either fixed, or the value of its prior "
@@ -239,8 +249,8 @@ INSTRUMENTS = Section(
 )  # fmt: skip
 
 SECTIONS: tuple[Section, ...] = (
-    MOTOR, WINDING, VEHICLE, COLUMNS, CONSTANTS, SENSORS, TESTS, MODEL, ADEQUACY, PARAMETERS,
-    CERTIFICATE, INSTRUMENTS,
+    MOTOR, WINDING, VEHICLE, COLUMNS, CONSTANTS, SENSORS, TESTS, MODEL, ADEQUACY, POPULATION,
+    PARAMETERS, CERTIFICATE, INSTRUMENTS,
 )  # fmt: skip
 """Every section, in the order of the file."""
 

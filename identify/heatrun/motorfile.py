@@ -17,6 +17,7 @@ from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
 from .io.toml_values import shown, text_of
 from .motor import Adequacy, Motor, ParameterOverride
 from .motor_parts import parse_parts
+from .motor_population import population_priors
 from .plausible import RANGES, UNITS, refuse_implausible
 
 COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
@@ -47,6 +48,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     ),
     "vehicle": ("gear_ratio", "wheel_radius_m"),
     "adequacy": ("unmodelled_heat", "heat_time_s"),
+    "population": ("run",),
 }
 """Sections with a fixed set of keys; `[columns]` and `[parameters.NAME]` have their own."""
 
@@ -71,8 +73,8 @@ def load_motor(path: str | Path) -> Motor:
 
     Args:
         path: A TOML file with `[motor]` and optionally `[winding]`, `[vehicle]`, `[columns]`,
-            `[constants]`, `[sensors]`, `[model]`, `[adequacy]`, `[tests.NAME]`, `[certificate]` and
-            `[parameters.NAME]`.
+            `[constants]`, `[sensors]`, `[model]`, `[adequacy]`, `[population]`, `[tests.NAME]`,
+            `[certificate]` and `[parameters.NAME]`.
 
     Raises:
         InputError: If the file cannot be read, has a section or key that is not known (with the
@@ -98,14 +100,14 @@ def parse_motor(data: bytes, where: str) -> Motor:
     sections = {name: _section(content, name, where) for name in KEYS}
     for name, keys in KEYS.items():
         check_keys(sections[name], keys, f"{where}, [{name}]", "key")
-    motor, winding, vehicle, adequacy = (sections[name] for name in KEYS)
+    motor, winding, vehicle, adequacy, population = (sections[name] for name in KEYS)
     if "name" not in motor:
         raise InputError(
             "Expected the name of the motor, found none.",
             where=f"{where}, [motor]",
             remedy='Add: name = "…".',
         )
-    at, at_winding, at_vehicle, at_adequacy = (f"{where}, [{name}]" for name in KEYS)
+    at, at_winding, at_vehicle, at_adequacy, _ = (f"{where}, [{name}]" for name in KEYS)
     return Motor(
         name=text_of(motor, "name", at),
         phases=_phases(motor, at),
@@ -130,7 +132,10 @@ def parse_motor(data: bytes, where: str) -> Motor:
         wheel_radius_m=_number(vehicle, "wheel_radius_m", POSITIVE, at_vehicle),
         columns=_columns(_section(content, "columns", where), where),
         constants=_constants(_section(content, "constants", where), where),
-        parameters=_parameters(_section(content, "parameters", where), where),
+        parameters={
+            **population_priors(population, where),
+            **_parameters(_section(content, "parameters", where), where),
+        },
         sensors=_sensors(_section(content, "sensors", where), where),
         tests=parse_parts(_section(content, "tests", where), where),
         effects=_effects(_section(content, "model", where), where),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -50,12 +51,17 @@ def test_every_channel_that_is_accepted_stands_on_the_page(section):
 
 
 @pytest.mark.parametrize("section", [one for one in SECTIONS if one.keys], ids=lambda one: one.name)
-def test_every_example_is_accepted(section):
+def test_every_example_is_accepted(section, tmp_path):
+    said = {"Req_sr": {"next_median": 0.1, "next_log_sd": 0.05}}
+    for folder in ("fleet", "bench"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "fleet" / "population.json").write_text(json.dumps({"parameters": said}))
+    where = str(tmp_path / "bench" / "motor.toml")
     name = section.name.replace("NAME", "Req")
     for key in section.keys:
         head = "" if key.name == "name" else HEAD
         lines = f"[{name}]\n" if name != "motor" or not head else ""
-        parse_motor(f"{head}{lines}{key.name} = {key.example}\n".encode(), "motor.toml")
+        parse_motor(f"{head}{lines}{key.name} = {key.example}\n".encode(), where)
 
 
 def test_every_parameter_with_a_range_is_explained():

@@ -1,0 +1,34 @@
+"""`[population]` of a motor file: what its sisters say of a machine before its first test."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .fleet.population.files import read_next_machine
+from .io.toml_values import text_of
+from .motor import ParameterOverride
+
+
+def population_priors(section: Mapping[str, Any], where: str) -> dict[str, ParameterOverride]:
+    """Return the priors of a machine of a known type, by parameter; none where none is given.
+
+    Each parameter has its own: correlations over the machines are left aside.
+
+    Args:
+        section: `[population]`.
+        where: The motor file; a folder is sought from where it is.
+
+    Raises:
+        InputError: If there is no population where it says.
+    """
+    if not section:
+        return {}
+    at = f"{where}, [population]"
+    folder = Path(where).parent / text_of(section, "run", at)
+    return {
+        name: ParameterOverride(value=median, relative_sd=math.expm1(log_sd))
+        for name, (median, log_sd) in read_next_machine(folder, at).items()
+    }
