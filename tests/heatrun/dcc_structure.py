@@ -109,7 +109,7 @@ TEXTS: dict[str, str] = {
     "reference": NOT_EMPTY,
     "value": NOT_EMPTY,
     "label": ".*",
-    "unit": r"(\\[a-z]+)+",
+    "unit": r"(\\[a-z]+(\{-?\d+\})?)+",
     "valueExpandedMU": POSITIVE,
     "valueStandardMU": POSITIVE,
     "intervalMin": NUMBER,

@@ -15,6 +15,7 @@ from heatrun.errors import InputError
 from heatrun.reports.sheet.dcc.document import dcc_text
 from heatrun.reports.sheet.dcc.schema import validate
 from heatrun.results import FitResult, from_json
+from lptn.effects import EFFECTS
 
 STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
 
@@ -76,6 +77,25 @@ def test_the_results_are_those_of_the_sheet(result):
     assert [each.text for each in stated] == ["15", "2", "0.95"]
     assert reals["Req_sr"].findtext(f"{SI}unit") == "\\kelvin\\per\\watt"
     assert reals["Req_sr"].findtext(f"{SI}value") == "0.1155"
+
+
+def test_a_parameter_of_any_effect_can_stand_in_it(result):
+    """D-SI: each unit a word with a backslash, powers as tothe{2}, what follows per divides."""
+    network = result.models["second"]
+    base = network.parameters["Ceq_w"]
+    effects = {
+        f"{kind.card.id}.{name}": replace(base, unit=quantity.unit, meaning=quantity.meaning)
+        for kind in EFFECTS
+        for name, quantity in kind.card.parameters.items()
+    }
+    grown = replace(network, parameters={**network.parameters, **effects})
+    root = parsed(replace(result, models={**result.models, "second": grown}))
+    assert violations(root) == []
+    units = {each.findtext(f"{SI}label"): each.findtext(f"{SI}unit")
+             for each in root.iter(f"{SI}real")}  # fmt: skip
+    assert units["radiation.eA"] == r"\metre\tothe{2}"
+    assert units["ambient_drift.d"] == r"\kelvin\per\hour"
+    assert units["contact_drift.d"] == r"\per\hour"
 
 
 def test_a_skewed_quantity_carries_its_interval(result):

@@ -33,6 +33,9 @@ UNITS: dict[str, str] = {
     "K/W": r"\kelvin\per\watt",
     "W/K": r"\watt\per\kelvin",
     "1/K": r"\per\kelvin",
+    "K/h": r"\kelvin\per\hour",
+    "1/h": r"\per\hour",
+    "m^2": r"\metre\tothe{2}",
     "N m": r"\newton\metre",
     "rpm": r"\per\minute",
 }
