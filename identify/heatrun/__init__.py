@@ -22,7 +22,7 @@ from . import runtime as runtime
 from .version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from .api import Found, calibrate, check, compare, discover, simulate
+    from .api import Found, calibrate, calibrate_fleet, check, compare, discover, simulate
     from .errors import InputError
     from .motorfile import load_motor
     from .runs.run import Run, open_run
@@ -32,6 +32,7 @@ __all__ = [
     "InputError",
     "Run",
     "calibrate",
+    "calibrate_fleet",
     "check",
     "compare",
     "discover",
