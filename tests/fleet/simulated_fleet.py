@@ -52,7 +52,7 @@ def bench_file(truth: dict[str, float], seed: int, minutes: float = 40.0) -> str
     return "\n".join(lines) + "\n"
 
 
-def write_fleet(folder: Path, num: int = 6, minutes: float = 40.0) -> list[str]:
+def write_fleet(folder: Path, num: int = 6, minutes: float = 20.0) -> list[str]:
     """Write motor file, tests and a manifest of `num` machines; return the machines' names."""
     (folder / "tests").mkdir(parents=True)
     (folder / "motor.toml").write_text(MOTOR)
@@ -60,11 +60,10 @@ def write_fleet(folder: Path, num: int = 6, minutes: float = 40.0) -> list[str]:
     rows = ["machine,type,test,supplier,date"]
     for number, name in enumerate(names):
         truth = machine_of(number)
-        for part in range(1 + (number == 1)):  # one machine has two tests
-            file = f"tests/{name}_{part}.csv"
-            (folder / file).write_text(bench_file(truth, 100 * number + part, minutes))
-            supplier = "north" if number % 2 else "south"
-            rows.append(f"{name},A,{file},{supplier},2026-03-{1 + number % 28:02d}")
+        file = f"tests/{name}.csv"
+        (folder / file).write_text(bench_file(truth, number, minutes))
+        supplier = "north" if number % 2 else "south"
+        rows.append(f"{name},A,{file},{supplier},2026-03-{1 + number % 28:02d}")
     write_manifest(folder, rows)
     (folder / "FLEET.toml").write_text(
         '[fleet]\nname = "line 3"\nmotor = "motor.toml"\nmanifest = "machines.csv"\n'

@@ -92,7 +92,7 @@ def connected(workers: Workers, most: int) -> Iterator[Any]:
         InputError: If dask is not installed, or the scheduler does not answer.
     """
     require_dask()
-    import dask
+    import dask.config
 
     quiet = {"logging": {"distributed": "critical"}, "distributed.logging.distributed": "critical"}
     with dask.config.set(quiet):
@@ -104,7 +104,7 @@ def connected(workers: Workers, most: int) -> Iterator[Any]:
 @contextmanager
 def _local(workers: Workers, most: int) -> Iterator[Any]:
     """Start processes that nobody beyond this machine, and no other user of it, can reach."""
-    import dask
+    import dask.config
     from distributed import Client, LocalCluster
 
     num = min(workers.num or os.cpu_count() or 1, max(most, 1))
@@ -116,6 +116,10 @@ def _local(workers: Workers, most: int) -> Iterator[Any]:
         "distributed.worker.http.routes": [],
         # a batch with much compiling may not answer for long; it is not lost for it
         "distributed.scheduler.worker-ttl": None,
+        # what fills a worker is compiled code, which cannot be spilled: it ends, and is replaced
+        "distributed.worker.memory.target": False,
+        "distributed.worker.memory.spill": False,
+        "distributed.worker.memory.pause": False,
         "distributed.nanny.pre-spawn-environ": {
             **dask.config.get("distributed.nanny.pre-spawn-environ", {}), **OF_WORKERS
         },
@@ -172,7 +176,10 @@ def _existing(workers: Workers) -> Iterator[Any]:
 
 
 def over_workers(
-    client: Any, batches: Sequence[Batch], done: Callable[[Batch, Done], None]
+    client: Any,
+    batches: Sequence[Batch],
+    done: Callable[[Batch, Done], None],
+    work: Callable[[Batch], Done] = work_out,
 ) -> None:
     """Have batches worked out, as many at once as there are workers.
 
@@ -180,6 +187,7 @@ def over_workers(
         client: From `connected`.
         batches: What is to be worked out.
         done: Told each batch with its rows, in the order in which they are finished.
+        work: Works out a batch in a worker.
 
     Raises:
         InputError: If a worker has other versions or settings, or the scheduler is gone.
@@ -192,14 +200,14 @@ def over_workers(
         else:
             done(batch, result)
 
-    _all_of(client, batches, ended)
+    _all_of(client, batches, ended, work)
     for batch in suspects:
-        done(batch, _one_by_one(client, batch))
+        done(batch, _one_by_one(client, batch, work))
 
 
 def _all_of(
     client: Any, batches: Sequence[Batch], ended: Callable[[Batch, Done | None], None],
-    at_once: int | None = None,
+    work: Callable[[Batch], Done], at_once: int | None = None,
 ) -> None:  # fmt: skip
     """Work out batches; tell each with what came of it, None where workers died on it."""
     from distributed import CancelledError, KilledWorker, as_completed
@@ -207,13 +215,13 @@ def _all_of(
     run = uuid4().hex[:8]
     waiting = deque(batches)
     running: dict[Any, Batch] = {}
-    finished = as_completed(raise_errors=False)
+    finished = as_completed(loop=client.loop, raise_errors=False)
 
     def fill() -> None:
         room = at_once or max(1, len(client.nthreads()))
         while waiting and len(running) < room:
             batch = waiting.popleft()
-            future = client.submit(work_out, batch, key=f"heatrun-{batch.name}-{run}", pure=False)
+            future = client.submit(work, batch, key=f"heatrun-{batch.name}-{run}", pure=False)
             running[future] = batch
             finished.add(future)
 
@@ -241,13 +249,16 @@ def _all_of(
             future.cancel()
 
 
-def _one_by_one(client: Any, batch: Batch) -> Done:
+def _one_by_one(client: Any, batch: Batch, work: Callable[[Batch], Done]) -> Done:
     """Work out the machines of a batch, one after the other and nothing beside."""
     parts: list[Done] = []
+
+    def keep(single: Batch, result: Done | None) -> None:
+        parts.append(result or given_up(single, DEATHS))
+
     for entry in batch.entries:
         single = batch.of_one(entry)
-        _all_of(client, [single], lambda one, result: parts.append(result or given_up(one, DEATHS)),
-                at_once=1)  # fmt: skip
+        _all_of(client, [single], keep, work, at_once=1)
     changed = next((part.changed for part in parts if part.changed), "")
     if changed:
         return Done(batch.name, b"", {}, changed=changed)

@@ -178,7 +178,7 @@ def _rows_of(machines: Any, where: str) -> tuple[list[str], list[Row]]:
         problem = ""
         cells: dict[str, str] = {}
         for key, value in machine.items():
-            name = ALIASES.get(key, key)
+            name = ALIASES.get(str(key), str(key))
             names[name] = None
             if isinstance(value, dict):
                 problem = f"Expected a text or a list for {key}, got {shown(value)}."

@@ -238,7 +238,8 @@ def _means(kinds: Sequence[Any], z: np.ndarray) -> list[float]:
 
 def _covariance(kinds: Sequence[Any], of_scores: np.ndarray) -> list[float]:
     scale = np.array([each.sd for each in kinds])
-    return (of_scores * scale[:, None] * scale).ravel().tolist()
+    whole = of_scores * scale[:, None] * scale
+    return (0.5 * (whole + whole.T)).ravel().tolist()
 
 
 def _sd(fit: Fit, place: int, values: dict[str, float]) -> float:
