@@ -1,4 +1,4 @@
-"""The row of a machine: the fit's numbers, the machine's truth, and reasons where there is no fit."""
+"""The row of a machine: the fit's numbers, the machine's truth, and reasons where there is none."""
 
 from __future__ import annotations
 
@@ -55,9 +55,10 @@ def test_a_row_is_the_single_fit(finished):
     tests = [t.blocks for t in load_tests(motor, [finished / "bench" / "tests" / "M002.csv"])]
     model = Model.of("second", motor).scaled(motor, tests)
     single = fit(Problem.of(model, motor, [model.with_bodies(rows) for rows in tests]))
-    assert dict(zip(row["parameters"], row["values"], strict=True)).items() <= dict(
-        single.values()
-    ).items()
+    assert (
+        dict(zip(row["parameters"], row["values"], strict=True)).items()
+        <= dict(single.values()).items()
+    )
     assert row["log_evidence"] == single.log_evidence
     places = [i for i, slot in enumerate(single.slots) if slot.parameter.role == "network"]
     sd = [single.slots[i].parameter.sd for i in places]

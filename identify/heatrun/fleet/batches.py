@@ -124,14 +124,17 @@ def digests_of(fleet: Fleet) -> dict[str, str]:
     """Return the SHA-256 of all files of a fleet, read several at once."""
     paths = list(dict.fromkeys(p for e in fleet.entries for _, p in files_by_role(e, fleet.folder)))
 
-    def one(path: str) -> str:
-        try:
-            return digest(fleet.folder / path)
-        except (OSError, ValueError, InputError):
-            return ""  # said of the machine, by the reader that cannot open it
-
     with ThreadPoolExecutor(NUM_AT_ONCE) as pool:
-        return dict(zip(paths, pool.map(one, paths), strict=True))
+        found = pool.map(digest_or_none, (fleet.folder / path for path in paths))
+        return dict(zip(paths, found, strict=True))
+
+
+def digest_or_none(path: Path) -> str:
+    """Return the SHA-256 of a file; empty if it cannot be read, which its reader says in words."""
+    try:
+        return digest(path)
+    except (OSError, ValueError, InputError):
+        return ""
 
 
 def files_by_role(entry: Entry, folder: str | Path) -> Iterator[tuple[str, str]]:

@@ -21,7 +21,7 @@ from ..inference.predict import predict
 from ..inference.problem import Problem
 from ..motor import Motor
 from ..motorfile import load_motor
-from .batches import Batch, files_by_role, resolved
+from .batches import Batch, digest_or_none, files_by_role, resolved
 from .entries import Entry
 from .rows import FAILED, REFUSED, Row, file_row, fitted, unfitted
 
@@ -77,8 +77,10 @@ def prepare(entry: Entry, batch: Batch) -> Prepared | Row:
     except ChangedInputError:
         raise
     except Refused as refusal:
+        _refuse_changed_files(entry, batch)
         found = [*entry.findings, *refusal.findings]
     except InputError as error:
+        _refuse_changed_files(entry, batch)
         gone = [each["path"] for each in inputs if not each["sha256"]]
         found = [*entry.findings, _of_error(error, "missing_file" if gone else "input_error")]
     except MemoryError:
@@ -164,6 +166,12 @@ def _prepared(entry: Entry, batch: Batch, inputs: tuple[Row, ...]) -> Prepared:
 def _motor(path: str, sha256: str) -> Motor:
     """Return a motor file, read once for all machines that name it."""
     return load_motor(path)
+
+
+def _refuse_changed_files(entry: Entry, batch: Batch) -> None:
+    """Refuse a file that has changed, before a machine is refused for what it held meanwhile."""
+    for _, path in files_by_role(entry, batch.folder):
+        _refuse_changed(digest_or_none(Path(batch.folder) / path), batch.digests[path], path)
 
 
 def _refuse_changed(now: str, planned: str, path: str) -> None:
