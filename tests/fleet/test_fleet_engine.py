@@ -18,7 +18,7 @@ from deaths import ALWAYS, rows_alone, rows_or_death
 
 from heatrun import cli
 from heatrun.errors import InputError
-from heatrun.fleet import job
+from heatrun.fleet import cluster, job
 from heatrun.fleet.batches import batches_of, digests_of, numerics
 from heatrun.fleet.cluster import Workers, connected, over_workers
 from heatrun.fleet.fleet_file import load_fleet
@@ -202,7 +202,8 @@ def listening():
     ]
 
 
-def test_workers_that_die_are_replaced_and_the_culprit_is_named(bench):
+def test_workers_that_die_are_replaced_and_the_culprit_is_named(bench, monkeypatch):
+    monkeypatch.setattr(cluster, "DEATHS", 2)
     batches = planned(bench)
     before = len(listening())
     found: dict = {}

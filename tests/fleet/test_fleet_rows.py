@@ -56,7 +56,7 @@ def test_a_row_is_the_single_fit(finished):
     model = Model.of("second", motor).scaled(motor, tests)
     single = fit(Problem.of(model, motor, [model.with_bodies(rows) for rows in tests]))
     assert (
-        dict(zip(row["parameters"], row["values"], strict=True)).items()
+        dict(zip(row["parameters"], row["parameter_values"], strict=True)).items()
         <= dict(single.values()).items()
     )
     assert row["log_evidence"] == single.log_evidence
@@ -120,13 +120,13 @@ def test_bad_machines_are_named_and_kept_apart(finished, bench, tmp_path):
         assert id in [each["id"] for each in errors], (machine, errors)
         assert all(each["remedy"] for each in errors)
         assert str(bench) not in found[machine]["findings"]
-        assert found[machine]["values"] == []
+        assert found[machine]["parameter_values"] == []
     undisturbed = {row["machine"]: row for row in rows_of(finished / "out")}
     assert found["M000"] == undisturbed["M000"]
     # M001's test lies there a second time, under another machine's name
     own = json.loads(found["M001"]["findings"])
     assert "B_role" in next(each["message"] for each in own if each["id"] == "test_of_another")
-    assert found["M001"]["values"] == undisturbed["M001"]["values"]
+    assert found["M001"]["parameter_values"] == undisturbed["M001"]["parameter_values"]
 
 
 def test_rows_of_one_machine_become_one_problem(bench):

@@ -19,7 +19,8 @@ from .rows import FITTED
 MOST_NAMED = 10
 """Machines that are named with their reason on the terminal; all stand in the file."""
 
-COLUMNS = ("machine", "type", "status", "findings", "result", "parameters", "units", "values",
+COLUMNS = ("machine", "type", "status", "findings", "result", "parameters", "parameter_units",
+           "parameter_values",
            "is_converged")  # fmt: skip
 
 
@@ -48,8 +49,8 @@ def summary(result: FleetResult) -> dict[str, Any]:
     units: dict[str, str] = {}
     for row in rows:
         if row["status"] == FITTED:
-            units |= dict(zip(row["parameters"], row["units"], strict=True))
-            for name, value in zip(row["parameters"], row["values"], strict=True):
+            units |= dict(zip(row["parameters"], row["parameter_units"], strict=True))
+            for name, value in zip(row["parameters"], row["parameter_values"], strict=True):
                 values[row["type"]][name].append(value)
     types = {
         type: {name: _spread(each, units[name]) for name, each in parameters.items()}
