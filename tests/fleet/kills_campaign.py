@@ -205,7 +205,8 @@ def table(rows: list[Row], arguments: argparse.Namespace) -> str:
         *(f"  - {fault}" for fault in faults), "",
         f"`make study-fleet-kills` (`python tests/fleet/kills_campaign.py --kills "
         f"{arguments.kills} --seed {arguments.seed}`),",
-        f"{datetime.date.today().isoformat()}, commit {commit}, Python {platform.python_version()}, {versions}.", "",
+        f"{datetime.date.today().isoformat()}, commit {commit}, "
+        f"Python {platform.python_version()}, {versions}.", "",
     ]  # fmt: skip
     return "\n".join(lines)
 
