@@ -21,7 +21,7 @@ LONGEST = (
     "test_discover.py", "test_missing.py", "test_edges.py", "test_fit.py",
     "test_attacks_files.py", "test_cli.py", "test_ratios.py", "test_bodies.py",
     "test_corpus.py", "test_coverage_small.py", "test_export_run.py", "test_ratings_figures.py",
-    "test_attacks_address.py", "test_attacks_browser.py",
+    "test_attacks_address.py", "test_attacks_browser.py", "test_fleet_engine.py",
 )  # fmt: skip
 """Files that take half a minute or more, longest first."""
 

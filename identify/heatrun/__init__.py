@@ -22,7 +22,7 @@ from . import runtime as runtime
 from .version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from .api import Found, calibrate, check, compare, discover, simulate
+    from .api import Found, calibrate, calibrate_fleet, check, compare, discover, simulate
     from .errors import InputError
     from .fleet.population.job import population
     from .motorfile import load_motor
@@ -33,6 +33,7 @@ __all__ = [
     "InputError",
     "Run",
     "calibrate",
+    "calibrate_fleet",
     "check",
     "compare",
     "discover",

@@ -151,7 +151,7 @@ def calibrate(
         raise InputError(
             f"two networks have one name: {', '.join(names)}.", remedy="Rename one in its file."
         )
-    _refuse_unplaced_bodies(motor, models)
+    refuse_unplaced_bodies(motor, models)
     for model in models:
         model.refuse_unusable([test.blocks for test in tests])
 
@@ -275,7 +275,7 @@ def manifest(calibration: Calibration, command: str, seed: int) -> dict[str, Any
     }
 
 
-def _refuse_unplaced_bodies(motor: Motor, models: Sequence[Model]) -> None:
+def refuse_unplaced_bodies(motor: Motor, models: Sequence[Model]) -> None:
     """Refuse a motor file that fits a body as a node that no network has.
 
     Raises:

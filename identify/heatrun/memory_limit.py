@@ -19,7 +19,8 @@ except ImportError:  # not a POSIX system: there is no such limit
 
 BYTES = {
     **dict.fromkeys(
-        ("calibrate", "compare", "discover", "demo", "simulate", "export", "report"), 2_400_000_000
+        ("calibrate", "compare", "discover", "demo", "simulate", "export", "report", "fleet"),
+        2_400_000_000,
     ),
     "sheet": 1_200_000_000,
 }

@@ -1,0 +1,270 @@
+"""Worker processes by dask.distributed: of this machine, or of a scheduler that runs already.
+
+Workers get one batch at a time and give its rows back as bytes; they write nothing. A worker that
+dies is replaced and its batch given to another. A batch on which workers die again and again is
+taken apart at the end, machine by machine, one at a time, so that the death tells which it was.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+from uuid import uuid4
+
+from ..errors import InputError
+from .batches import Batch
+from .parts import read_part, table_bytes
+from .work import Done, given_up, work_out
+
+DEATHS = 3
+"""Workers that die on a batch until it is taken apart, and on one machine until it is given up."""
+
+AT_LOOPBACK = "127.0.0.1"
+ANY_PORT = f"{AT_LOOPBACK}:0"
+
+START_S = 60.0
+"""Longest wait for a scheduler to answer and for its first worker [s]."""
+
+OF_WORKERS = {"OPENBLAS_NUM_THREADS": "1"}
+"""Environment of the workers of this machine; Dask sets it before NumPy is loaded."""
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Which processes work.
+
+    Attributes:
+        num: Processes of this machine, 0 for this one; None for as many as it has cores.
+        scheduler: Address of a scheduler that runs already; empty for processes of this machine.
+        memory: Memory that a worker of this machine may take, such as `"4GB"`; `"auto"` for its
+            share of the machine's.
+        tls: Files by `ca`, `cert` and `key`, for a scheduler that wants them; else Dask's own
+            configuration says.
+    """
+
+    num: int | None = None
+    scheduler: str = ""
+    memory: str = "auto"
+    tls: Mapping[str, str] | None = None
+
+    @property
+    def is_here(self) -> bool:
+        """Whether the batches are worked out in this process."""
+        return self.num == 0 and not self.scheduler
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """What holds in the workers and not here, of `heatrun.fleet.batches.SETTINGS`."""
+        return {} if self.is_here else dict(OF_WORKERS)
+
+
+def require_dask() -> None:
+    """Refuse to begin where the extra is not installed.
+
+    Raises:
+        InputError: With what to install.
+    """
+    try:
+        import distributed  # noqa: F401
+    except ImportError as error:
+        raise InputError(
+            "Working on a fleet with several processes needs dask.distributed, which is not "
+            "installed.",
+            remedy='Run: pip install "heatrun[fleet]"; or pass --workers 0 to work in this '
+            "process.",
+        ) from error
+
+
+@contextmanager
+def connected(workers: Workers, most: int) -> Iterator[Any]:
+    """Give a client of the workers for the time of the context.
+
+    Args:
+        workers: Which processes.
+        most: Batches to be worked out; no more processes are started.
+
+    Raises:
+        InputError: If dask is not installed, or the scheduler does not answer.
+    """
+    require_dask()
+    import dask.config
+
+    quiet = {"logging": {"distributed": "critical"}, "distributed.logging.distributed": "critical"}
+    with dask.config.set(quiet):
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        with _existing(workers) if workers.scheduler else _local(workers, most) as client:
+            yield client
+
+
+@contextmanager
+def _local(workers: Workers, most: int) -> Iterator[Any]:
+    """Start processes that nobody beyond this machine, and no other user of it, can reach."""
+    import dask.config
+    from distributed import Client, LocalCluster
+
+    num = min(workers.num or os.cpu_count() or 1, max(most, 1))
+    settings = {
+        "distributed.worker.multiprocessing-method": "spawn",  # JAX must not be forked
+        "distributed.scheduler.allowed-failures": DEATHS - 1,
+        "distributed.scheduler.worker-saturation": 1.0,
+        "distributed.scheduler.http.routes": [],
+        "distributed.worker.http.routes": [],
+        # a batch with much compiling may not answer for long; it is not lost for it
+        "distributed.scheduler.worker-ttl": None,
+        # what fills a worker is compiled code, which cannot be spilled: it ends, and is replaced
+        "distributed.worker.memory.target": False,
+        "distributed.worker.memory.spill": False,
+        "distributed.worker.memory.pause": False,
+        "distributed.nanny.pre-spawn-environ": {
+            **dask.config.get("distributed.nanny.pre-spawn-environ", {}), **OF_WORKERS
+        },
+    }  # fmt: skip
+    with (
+        dask.config.set(settings),
+        LocalCluster(
+            n_workers=num,
+            threads_per_worker=1,
+            processes=True,
+            host=AT_LOOPBACK,
+            dashboard_address=ANY_PORT,
+            worker_dashboard_address=ANY_PORT,
+            scheduler_kwargs={"dashboard": False},
+            memory_limit=workers.memory,
+            security=True,  # certificates of its own, for this cluster alone
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def _existing(workers: Workers) -> Iterator[Any]:
+    from distributed import Client
+    from distributed.security import Security
+
+    security = None
+    if workers.tls:
+        names = {"ca": "tls_ca_file", "cert": "tls_client_cert", "key": "tls_client_key"}
+        given = {names[key]: path for key, path in workers.tls.items()}
+        security = Security(require_encryption=True, **given)
+    try:
+        client = Client(workers.scheduler, security=security, timeout=START_S,
+                        set_as_default=False)  # fmt: skip
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError(
+            f"The scheduler does not answer ({type(error).__name__}: {str(error)[:200]}).",
+            where=workers.scheduler,
+            remedy="Check the address, such as tcp://host:8786, and for tls:// the files of "
+            "--tls-ca, --tls-cert and --tls-key.",
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=START_S)
+        except TimeoutError as error:
+            raise InputError(
+                f"The scheduler had no worker for {START_S:.0f} s.",
+                where=workers.scheduler,
+                remedy="Start workers for it, such as: dask worker ADDRESS --nthreads 1",
+            ) from error
+        yield client
+
+
+def over_workers(
+    client: Any,
+    batches: Sequence[Batch],
+    done: Callable[[Batch, Done], None],
+    work: Callable[[Batch], Done] = work_out,
+) -> None:
+    """Have batches worked out, as many at once as there are workers.
+
+    Args:
+        client: From `connected`.
+        batches: What is to be worked out.
+        done: Told each batch with its rows, in the order in which they are finished.
+        work: Works out a batch in a worker.
+
+    Raises:
+        InputError: If a worker has other versions or settings, or the scheduler is gone.
+    """
+    suspects: list[Batch] = []
+
+    def ended(batch: Batch, result: Done | None) -> None:
+        if result is None:
+            suspects.append(batch)
+        else:
+            done(batch, result)
+
+    _all_of(client, batches, ended, work)
+    for batch in suspects:
+        done(batch, _one_by_one(client, batch, work))
+
+
+def _all_of(
+    client: Any, batches: Sequence[Batch], ended: Callable[[Batch, Done | None], None],
+    work: Callable[[Batch], Done], at_once: int | None = None,
+) -> None:  # fmt: skip
+    """Work out batches; tell each with what came of it, None where workers died on it."""
+    from distributed import CancelledError, KilledWorker, as_completed
+
+    run = uuid4().hex[:8]
+    waiting = deque(batches)
+    running: dict[Any, Batch] = {}
+    finished = as_completed(loop=client.loop, raise_errors=False)
+
+    def fill() -> None:
+        room = at_once or max(1, len(client.nthreads()))
+        while waiting and len(running) < room:
+            batch = waiting.popleft()
+            future = client.submit(work, batch, key=f"heatrun-{batch.name}-{run}", pure=False)
+            running[future] = batch
+            finished.add(future)
+
+    try:
+        fill()
+        while running:
+            future = next(finished)
+            batch = running.pop(future)
+            error = None if future.status == "finished" else future.exception()
+            result = future.result() if error is None else None
+            future.release()
+            if error is not None and not isinstance(error, KilledWorker):
+                raise error
+            fill()
+            ended(batch, result)
+    except (CancelledError, OSError, TimeoutError, StopIteration) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise  # of this machine's disk, by `ended`
+        raise InputError(
+            f"The workers cannot be reached any more ({type(error).__name__}).",
+            remedy="The same command goes on from what was finished.",
+        ) from error
+    finally:
+        for future in running:
+            future.cancel()
+
+
+def _one_by_one(client: Any, batch: Batch, work: Callable[[Batch], Done]) -> Done:
+    """Work out the machines of a batch, one after the other and nothing beside."""
+    parts: list[Done] = []
+
+    def keep(single: Batch, result: Done | None) -> None:
+        parts.append(result or given_up(single, DEATHS))
+
+    for entry in batch.entries:
+        single = batch.of_one(entry)
+        _all_of(client, [single], keep, work, at_once=1)
+    changed = next((part.changed for part in parts if part.changed), "")
+    if changed:
+        return Done(batch.name, b"", {}, changed=changed)
+    return Done(
+        name=batch.name,
+        part=table_bytes([read_part(part.part) for part in parts]),
+        timing={"one_by_one": [part.timing for part in parts]},
+        lost=tuple(machine for part in parts for machine in part.lost),
+    )

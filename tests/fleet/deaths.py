@@ -1,0 +1,34 @@
+"""Work that ends the worker it runs in, for tests of what happens then; no machine is fitted."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+from heatrun.fleet.batches import Batch
+from heatrun.fleet.parts import part_bytes
+from heatrun.fleet.rows import REFUSED, unfitted
+from heatrun.fleet.work import Done
+
+ALWAYS, ONCE = "M003", "M001"
+
+
+def rows_or_death(batch: Batch) -> Done:
+    """Return rows without a fit; die at `ALWAYS`, and at `ONCE` the first time."""
+    machines = [entry.machine for entry in batch.entries]
+    if ALWAYS in machines:
+        os.kill(os.getpid(), signal.SIGKILL)
+    mark = Path(batch.folder) / "died"
+    if ONCE in machines and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    rows = [unfitted(entry, "second", REFUSED, (), ()) for entry in batch.entries]
+    return Done(batch.name, part_bytes(rows), {"machines": machines})
+
+
+def rows_alone(batch: Batch) -> Done:
+    """Return rows without a fit."""
+    machines = [entry.machine for entry in batch.entries]
+    rows = [unfitted(entry, "second", REFUSED, (), ()) for entry in batch.entries]
+    return Done(batch.name, part_bytes(rows), {"machines": machines})

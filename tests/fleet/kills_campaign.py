@@ -1,0 +1,237 @@
+"""Random kills of clients and workers of a fleet; its file is that of an undisturbed run.
+
+Each trial begins with an empty folder. The command is struck, by a signal to it or by SIGKILL to
+one of its workers, at a drawn moment, started again, and in the end left to finish. After each
+strike: no worker outlives its command, and every file that is there is whole and that of the
+undisturbed run, byte by byte.
+
+    python tests/fleet/kills_campaign.py [--kills 60] [--seed 0] [--results results/fleet]
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import hashlib
+import os
+import platform
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+sys.path.insert(0, str(Path(__file__).parent))
+from simulated_fleet import write_fleet
+
+NUM_MACHINES, BATCH = 16, 2
+SIGNALS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SHARE_OF_WORKERS = 0.5
+"""Of the strikes; the others go to the command itself."""
+
+MOST_STRIKES = 4
+"""Strikes at the command in one trial; then it is left to end."""
+
+LONGEST_S = 900.0
+GONE_S = 60.0
+"""Until then the workers of a killed command have ended."""
+
+PACKAGES = ("heatrun", "jax", "numpy", "distributed", "pyarrow")
+
+Row = dict[str, Any]
+
+
+class Bench:
+    """A fleet, its undisturbed run, and the folder that is struck."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.out = folder, folder / "out"
+        write_fleet(folder / "bench", NUM_MACHINES)
+        self.environment = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(folder / "jax"),
+                            "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
+        reference = folder / "reference"
+        begun = time.monotonic()
+        code, said = self.started(reference, 0).communicate_code()
+        if code != 0:
+            raise SystemExit(f"the undisturbed run failed: {said}")
+        self.usual_s = time.monotonic() - begun
+        self.expected = files_of(reference)
+
+    def started(self, out: Path, workers: int) -> Command:
+        """Start the command on the fleet."""
+        fleet = self.folder / "bench" / "FLEET.toml"
+        words = [sys.executable, "-m", "heatrun.cli", "fleet", str(fleet), "--batch",
+                 str(BATCH), "--workers", str(workers), "--out", str(out)]  # fmt: skip
+        return Command(words, self.environment)
+
+    def faults(self) -> list[str]:
+        """Return what is wrong with the files of a struck run."""
+        found = files_of(self.out)
+        return [
+            f"{name} is not that of the undisturbed run"
+            for name, sha in found.items()
+            if name in self.expected and sha != self.expected[name]
+        ] + [f"{name} is a part of no batch" for name in found if name not in self.expected]
+
+
+class Command:
+    """A started command; its workers are its children."""
+
+    def __init__(self, words: list[str], environment: dict[str, str]) -> None:
+        self.process = subprocess.Popen(
+            words, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        )  # fmt: skip
+
+    def children(self) -> list[psutil.Process]:
+        """Return the processes that it has started, and theirs."""
+        try:
+            return psutil.Process(self.process.pid).children(recursive=True)
+        except psutil.NoSuchProcess:
+            return []
+
+    def workers(self) -> list[psutil.Process]:
+        """Return its workers."""
+        return [p for p in self.children() if "spawn_main" in " ".join(cmdline(p))]
+
+    def communicate_code(self) -> tuple[int, str]:
+        """Wait for the end; return exit code and what was said."""
+        _, said = self.process.communicate(timeout=LONGEST_S)
+        return self.process.returncode, said.decode(errors="replace")
+
+
+def cmdline(process: psutil.Process) -> list[str]:
+    """Return the words of a process, none if it has ended."""
+    try:
+        return process.cmdline()
+    except psutil.Error:
+        return []
+
+
+def files_of(out: Path) -> dict[str, str]:
+    """Return digests of the result and of the parts; times and dates differ from run to run."""
+    paths = [out / "machines.parquet", *sorted((out / "parts").glob("*.parquet"))]
+    return {str(p.relative_to(out)): hashlib.sha256(p.read_bytes()).hexdigest()
+            for p in paths if p.exists()}  # fmt: skip
+
+
+def trial(bench: Bench, draw: random.Random) -> list[Row]:
+    """Strike a fleet until it is done; return a row for each strike and one for the end."""
+    shutil.rmtree(bench.out, ignore_errors=True)
+    rows: list[Row] = []
+    for left in reversed(range(MOST_STRIKES + 1)):
+        workers = draw.choice((1, 2, 4))
+        command = bench.started(bench.out, workers)
+        if left == 0 or draw.random() < SHARE_OF_WORKERS:
+            rows += _strike_workers(command, bench, draw, num=0 if left == 0 else 3)
+            code, said = command.communicate_code()
+            faults = bench.faults() + ([] if code == 0 else [f"exit code {code}: {said[-300:]}"])
+            missing = sorted(set(bench.expected) - set(files_of(bench.out)))
+            rows.append({"kind": "end", "faults": faults + [f"{m} is missing" for m in missing]})
+            return rows
+        rows.append(_strike_command(command, bench, draw))
+    return rows
+
+
+def _strike_workers(command: Command, bench: Bench, draw: random.Random, num: int) -> list[Row]:
+    rows: list[Row] = []
+    for _ in range(num):
+        time.sleep(draw.uniform(0.0, 0.5 * bench.usual_s))
+        workers = command.workers()
+        if command.process.poll() is not None or not workers:
+            break
+        chosen = draw.choice(workers)
+        try:
+            chosen.kill()
+        except psutil.NoSuchProcess:
+            continue
+        rows.append({"kind": "worker", "signal": "SIGKILL", "parts": _parts(bench), "faults": []})
+    return rows
+
+
+def _strike_command(command: Command, bench: Bench, draw: random.Random) -> Row:
+    sent = draw.choice(SIGNALS)
+    time.sleep(draw.uniform(0.0, bench.usual_s))
+    children = command.children()
+    was_running = command.process.poll() is None
+    command.process.send_signal(sent)
+    code, said = command.communicate_code()
+    _, alive = psutil.wait_procs(children, timeout=GONE_S)
+    faults = [f"{len(alive)} processes outlive the command"] if alive else []
+    if was_running and code not in (-sent, 130, 0):
+        faults.append(f"exit code {code} after {sent.name}: {said[-300:]}")
+    return {"kind": "command" if was_running else "late", "signal": sent.name,
+            "parts": _parts(bench), "faults": faults + bench.faults()}  # fmt: skip
+
+
+def _parts(bench: Bench) -> int:
+    return len(list((bench.out / "parts").glob("*.parquet")))
+
+
+def table(rows: list[Row], arguments: argparse.Namespace) -> str:
+    """Return the page of the campaign."""
+    strikes = [row for row in rows if row["kind"] in ("command", "worker")]
+    ends = [row for row in rows if row["kind"] == "end"]
+    faults = [fault for row in rows for fault in row["faults"]]
+    by_kind = Counter((row["kind"], row["signal"]) for row in strikes)
+    midway = sum(0 < row["parts"] < NUM_MACHINES // BATCH for row in strikes)
+    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True,
+                            cwd=Path(__file__).parent, check=False).stdout.strip()  # fmt: skip
+    lines = [
+        "# A fleet whose client and workers are killed at random", "",
+        f"{NUM_MACHINES} simulated machines in batches of {BATCH}, worked out by 1, 2 or 4 "
+        "workers. Commands are struck by a",
+        "signal, workers by SIGKILL, at drawn moments; a struck command is started again and in "
+        "the end left to finish.",
+        "After each strike and at each end, every part and the joined file are compared byte by "
+        "byte with those of an",
+        "undisturbed run without workers, and no process may outlive its command.", "",
+        "| what is struck | signal | strikes |", "|---|---|---|",
+        *(f"| {kind} | {name} | {num} |" for (kind, name), num in sorted(by_kind.items())),
+        f"| **all** | | **{len(strikes)}** |", "",
+        f"- struck while some but not all parts were there: {midway}",
+        f"- runs left to finish: {len(ends)}; identical to the last bit: "
+        f"{sum(not row['faults'] for row in ends)}",
+        f"- faults: {len(faults)}",
+        *(f"  - {fault}" for fault in faults), "",
+        f"`make study-fleet-kills` (`python tests/fleet/kills_campaign.py --kills "
+        f"{arguments.kills} --seed {arguments.seed}`),",
+        f"{datetime.date.today().isoformat()}, commit {commit}, "
+        f"Python {platform.python_version()}, {versions}.", "",
+    ]  # fmt: skip
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Strike until there were enough strikes, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # pyright: ignore[reportOptionalMemberAccess]
+    parser.add_argument("--kills", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--results", type=Path, default=Path("results/fleet"))
+    arguments = parser.parse_args()
+    draw = random.Random(arguments.seed)
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory(prefix="fleet-kills-") as folder:
+        bench = Bench(Path(folder))
+        print(f"undisturbed: {bench.usual_s:.0f} s", flush=True)
+        while sum(row["kind"] in ("command", "worker") for row in rows) < arguments.kills:
+            rows += trial(bench, draw)
+            kinds = Counter(row["kind"] for row in rows)
+            print(dict(kinds), [f for row in rows for f in row["faults"]], flush=True)
+    arguments.results.mkdir(parents=True, exist_ok=True)
+    (arguments.results / "kills.md").write_text(table(rows, arguments), encoding="utf-8")
+    if any(row["faults"] for row in rows):
+        raise SystemExit("there were faults")
+
+
+if __name__ == "__main__":
+    main()

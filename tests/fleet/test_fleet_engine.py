@@ -1,0 +1,338 @@
+"""However a fleet is worked out, disturbed or not, its file is the same to the last bit."""
+
+from __future__ import annotations
+
+import errno
+import filecmp
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+from deaths import ALWAYS, rows_alone, rows_or_death
+
+from heatrun import cli
+from heatrun.errors import InputError
+from heatrun.fleet import cluster, job
+from heatrun.fleet.batches import batches_of, digests_of, numerics
+from heatrun.fleet.cluster import Workers, connected, over_workers
+from heatrun.fleet.fleet_file import load_fleet
+from heatrun.fleet.job import calibrate_fleet_into
+from heatrun.fleet.parts import read_part
+
+pytest.importorskip("distributed")
+
+LONGEST_S = 240.0
+"""Until then a process has done what the test waits for, however busy the machine is."""
+
+
+def same(finished, out):
+    return filecmp.cmp(finished / "out" / "machines.parquet", out / "machines.parquet", False)
+
+
+def nothing_to_work_out(batch):
+    raise AssertionError(f"{[e.machine for e in batch.entries]} were worked out before")
+
+
+@pytest.fixture
+def no_work(monkeypatch):
+    monkeypatch.setattr(job, "work_out", nothing_to_work_out)
+
+
+def here(bench, out, **settings):
+    settings = {"workers": Workers(0), "batch": 2, **settings}
+    return calibrate_fleet_into(out, load_fleet(bench / "FLEET.toml"), **settings)
+
+
+@pytest.mark.parametrize("num", [pytest.param(1, marks=pytest.mark.slow), 2])
+def test_workers_give_the_same_bytes(finished, bench, tmp_path, num):
+    here(bench, tmp_path / "out", workers=Workers(num))
+    assert same(finished, tmp_path / "out")
+
+
+def test_table_and_fleet_file_give_the_same_parts(bench, tmp_path):
+    by_file = load_fleet(bench / "FLEET.toml")
+    lines = (bench / "machines.csv").read_text().splitlines()
+    alone = [f"{lines[0]},motor", *(f"{line},motor.toml" for line in lines[1:])]
+    (bench / "alone.csv").write_text("\n".join(alone) + "\n")
+    by_table = load_fleet(bench / "alone.csv")
+    names = [
+        [each.name for each in batches_of(f, digests_of(f), 2, seed=0, numerics=numerics())]
+        for f in (by_file, by_table)
+    ]
+    assert names[0] == names[1]
+    assert len(set(names[0])) == 3
+
+
+def test_a_part_is_named_by_all_that_it_depends_on(bench):
+    def names(seed=0, model=None, **settings):
+        fleet = load_fleet(bench / "FLEET.toml", model)
+        said = numerics(**settings)
+        return [e.name for e in batches_of(fleet, digests_of(fleet), 2, seed=seed, numerics=said)]
+
+    before = names()
+    assert names() == before
+    others = [names(seed=1), names(model="first"), names(XLA_FLAGS="--other")]
+    with (bench / "tests" / "M000.csv").open("a") as file:
+        file.write("1200,0,0,22,22\n")
+    changed = names()
+    assert changed[0] != before[0]
+    assert changed[1:] == before[1:]
+    with (bench / "motor.toml").open("a") as file:
+        file.write("# another motor file\n")
+    others.append(names())
+    assert all(not set(before) & set(other) for other in others)
+
+
+def test_a_second_run_does_nothing(finished, bench, tmp_path, no_work):
+    out = tmp_path / "out"
+    (finished / "out").rename(out)
+    try:
+        times = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
+        said: list[str] = []
+        result = here(bench, out, say=said.append)
+        assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == times
+    finally:
+        out.rename(finished / "out")
+    assert "nothing is left to do" in said[-1]
+    assert result.manifest["machines"] == {"all": 6, "fitted": 6}
+
+
+def test_a_grown_fleet_works_out_what_is_new(finished, bench, tmp_path, monkeypatch):
+    out = copied(finished, tmp_path)
+    with (bench / "machines.csv").open("a") as file:
+        file.write("M900,A,tests/gone.csv,,\n")
+    with pytest.raises(InputError, match="--force"):
+        here(bench, out)
+    worked: list[str] = []
+    real = job.work_out
+
+    def counted(batch):
+        worked.extend(entry.machine for entry in batch.entries)
+        return real(batch)
+
+    monkeypatch.setattr(job, "work_out", counted)
+    here(bench, out, is_replacing=True)
+    assert worked == ["M900"]
+    assert read_part(out / "machines.parquet").num_rows == 7
+
+
+def copied(finished, tmp_path):
+    """A copy of the finished folder, with its times."""
+    import shutil
+
+    return Path(shutil.copytree(finished / "out", tmp_path / "copy"))
+
+
+def test_a_damaged_part_is_worked_out_again(finished, bench, tmp_path):
+    out = copied(finished, tmp_path)
+    (out / "machines.parquet").unlink()
+    part = sorted((out / "parts").glob("*.parquet"))[0]
+    data = bytearray(part.read_bytes())
+    data[len(data) // 3] ^= 0xFF
+    part.write_bytes(data)
+    here(bench, out)
+    assert same(finished, out)
+    assert part.read_bytes() != bytes(data)
+
+
+def test_a_full_disk_loses_nothing(finished, bench, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    written: list[str] = []
+    real = job.Parts.write
+
+    def until_full(self, name, *arguments, **settings):
+        if written:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path(name)))
+        written.append(name)
+        real(self, name, *arguments, **settings)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(job.Parts, "write", until_full)
+        with pytest.raises(OSError, match="No space left"):
+            here(bench, out)
+    assert [path.stem for path in (out / "parts").glob("*.parquet")] == written
+    assert not (out / "machines.parquet").exists()
+    here(bench, out)
+    assert same(finished, out)
+
+
+def test_a_file_that_changes_meanwhile_is_named(bench, tmp_path, monkeypatch):
+    real = job.work_out
+
+    def changing(batch):
+        if batch.entries[0].machine == "M002":
+            with (bench / "tests" / "M003.csv").open("a") as file:
+                file.write("1200,0,0,22,22\n")
+        return real(batch)
+
+    monkeypatch.setattr(job, "work_out", changing)
+    with pytest.raises(InputError, match=r"M003\.csv: The file was changed"):
+        here(bench, tmp_path / "out")
+    assert len(list((tmp_path / "out" / "parts").glob("*.parquet"))) == 2
+
+
+def test_other_things_are_left_alone(bench, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("mine")
+    with pytest.raises(InputError, match="not the folder of a fleet"):
+        here(bench, tmp_path / "mine")
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
+
+
+def planned(bench, size=2):
+    fleet = load_fleet(bench / "FLEET.toml")
+    said = numerics(**Workers(2).settings)
+    return batches_of(fleet, digests_of(fleet), size, seed=0, numerics=said)
+
+
+def listening():
+    """Addresses at which this process and its children listen."""
+    own = psutil.Process()
+    return [
+        found.laddr.ip
+        for process in (own, *own.children(recursive=True))
+        for found in process.net_connections("tcp")
+        if found.status == psutil.CONN_LISTEN
+    ]
+
+
+def test_workers_that_die_are_replaced_and_the_culprit_is_named(bench, monkeypatch):
+    monkeypatch.setattr(cluster, "DEATHS", 2)
+    batches = planned(bench)
+    before = len(listening())
+    found: dict = {}
+
+    def done(batch, result):
+        assert batch.name not in found, "counted twice"
+        found[batch.name] = result
+
+    with connected(Workers(2), len(batches)) as client:
+        own = listening()
+        over_workers(client, batches, done, rows_or_death)
+    assert len(own) > before
+    assert {ip for ip in own if not ip.startswith("127.")} == set()
+    rows = [row for b in batches for row in read_part(found[b.name].part).to_pylist()]
+    assert [row["machine"] for row in rows] == [f"M{n:03d}" for n in range(6)]
+    assert [row["machine"] for row in rows if row["status"] == "failed"] == [ALWAYS]
+    (finding,) = json.loads(rows[3]["findings"])
+    assert finding["id"] == "worker_lost"
+    assert [found[b.name].lost for b in batches] == [(), (ALWAYS,), ()]
+
+
+def test_a_scheduler_that_runs_already_is_used_under_tls(bench, tmp_path):
+    import dask.config
+    from distributed import LocalCluster
+    from distributed.security import Security
+
+    security = Security.temporary()
+    files = {}
+    for key, name in (
+        ("ca", "tls_ca_file"),
+        ("cert", "tls_client_cert"),
+        ("key", "tls_client_key"),
+    ):
+        files[key] = str(tmp_path / f"{key}.pem")
+        Path(files[key]).write_text(getattr(security, name))
+    batches = planned(bench)
+    found = []
+    with (
+        dask.config.set({"distributed.scheduler.http.routes": []}),
+        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, host="127.0.0.1",
+                     protocol="tls://", security=security, dashboard_address="127.0.0.1:0",
+                     worker_dashboard_address="127.0.0.1:0") as cluster,
+    ):  # fmt: skip
+        address = cluster.scheduler_address
+        assert address.startswith("tls://")
+        with connected(Workers(None, address, tls=files), 3) as client:
+            over_workers(client, batches, lambda batch, result: found.append(result), rows_alone)
+    assert sorted(each.name for each in found) == sorted(batch.name for batch in batches)
+
+
+def test_workers_of_other_versions_are_refused(bench):
+    batches = batches_of(
+        load_fleet(bench / "FLEET.toml"), digests_of(load_fleet(bench / "FLEET.toml")), 6, seed=0,
+        numerics=numerics(XLA_FLAGS="--other"),
+    )  # fmt: skip
+    with pytest.raises(InputError, match="XLA_FLAGS '--other'"):
+        job.work_out(batches[0])
+
+
+@pytest.mark.parametrize("gone", ["pyarrow", "distributed"])
+def test_what_is_not_installed_is_named(bench, tmp_path, monkeypatch, gone):
+    from heatrun.fleet import rows
+
+    rows.schema.cache_clear()
+    monkeypatch.setitem(sys.modules, gone, None)
+    with pytest.raises(InputError, match=r'pip install "heatrun\[fleet\]"'):
+        here(bench, tmp_path / "out", workers=Workers(2))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_killed_command_goes_on(finished, bench, tmp_path):
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "heatrun.cli", "fleet", str(bench / "FLEET.toml"), "--batch",
+               "2", "--workers", "2", "--out", str(out)]  # fmt: skip
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                               stderr=subprocess.PIPE)  # fmt: skip
+    children: list[psutil.Process] = []
+    end = time.monotonic() + LONGEST_S
+    try:
+        while process.poll() is None and not list((out / "parts").glob("*.parquet")):
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        children = psutil.Process(process.pid).children(recursive=True)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        _, said = process.communicate()
+    assert process.returncode == -signal.SIGKILL, said
+    _, alive = psutil.wait_procs(children, timeout=LONGEST_S)
+    assert not alive, "workers outlive the command"
+    left = list((out / "parts").glob("*.parquet"))
+    assert 1 <= len(left) < 3
+    assert not (out / "machines.parquet").exists()
+    times = {path: path.stat().st_mtime_ns for path in left}
+    said_next: list[str] = []
+    here(bench, out, say=said_next.append)
+    assert any("were worked out before" in sentence for sentence in said_next)
+    assert {path: path.stat().st_mtime_ns for path in left} == times
+    assert same(finished, out)
+
+
+def test_the_command_prints_one_object(finished, bench, tmp_path, monkeypatch, capsys, no_work):
+    monkeypatch.chdir(tmp_path)
+    out = copied(finished, tmp_path)
+    words = ["fleet", str(bench / "FLEET.toml"), "--workers", "0", "--batch", "2"]
+    assert cli.main([*words, "--out", str(out), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["machines"] == {"all": 6, "fitted": 6}
+    assert set(found["types"]["A"]) == {"Ceq_w", "Ceq_sr", "Req_w", "Req_sr"}
+    assert cli.main([*words, "--out", str(out)]) == 0
+    said = capsys.readouterr()
+    assert "6 of 6 machines fitted" in said.out
+    assert "nothing is left to do" in said.err
+
+
+def test_a_fleet_of_which_nothing_can_be_fitted_ends_with_1(bench, tmp_path, capsys):
+    (bench / "machines.csv").write_text("machine,test\nM1,gone.csv\n")
+    words = ["fleet", str(bench / "FLEET.toml"), "--workers", "0", "--out", str(tmp_path / "out")]
+    assert cli.main(words) == 1
+    assert "gone.csv: The file cannot be opened" in capsys.readouterr().out
+
+
+WRONG = {
+    "belong together": ["--tls-ca", "ca.pem"],
+    "leave it out": ["--scheduler", "tcp://a:1", "--workers", "2"],
+    "from 1 on": ["--batch", "0"],
+}
+
+
+@pytest.mark.parametrize("sentence", WRONG)
+def test_wrong_words_end_with_2(bench, capsys, sentence):
+    assert cli.main(["fleet", str(bench / "FLEET.toml"), *WRONG[sentence]]) == 2
+    assert sentence in capsys.readouterr().err
