@@ -297,7 +297,8 @@ def _all_of(
                 name = f"heatrun-{batch.name}-{run}"
                 running[pool.client.submit(work, batch, key=name, pure=False)] = batch
             try:
-                finished = wait(list(running), LOOK_S, return_when="FIRST_COMPLETED").done
+                with pool.client.as_current():
+                    finished = wait(list(running), LOOK_S, return_when="FIRST_COMPLETED").done
             except TimeoutError:
                 continue  # to see whether there are workers still
             for future in finished:
