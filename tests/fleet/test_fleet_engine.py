@@ -6,10 +6,12 @@ import errno
 import filecmp
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import psutil
@@ -20,10 +22,11 @@ from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.fleet import cluster, job
 from heatrun.fleet.batches import batches_of, digests_of, numerics
-from heatrun.fleet.cluster import Workers, connected, over_workers
+from heatrun.fleet.cluster import Pool, Workers, connected, over_workers
 from heatrun.fleet.fleet_file import load_fleet
 from heatrun.fleet.job import calibrate_fleet_into
 from heatrun.fleet.parts import read_part
+from heatrun.io.folder_lock import FolderLock
 
 pytest.importorskip("distributed")
 
@@ -124,8 +127,6 @@ def test_a_grown_fleet_works_out_what_is_new(finished, bench, tmp_path, monkeypa
 
 def copied(finished, tmp_path):
     """A copy of the finished folder, with its times."""
-    import shutil
-
     return Path(shutil.copytree(finished / "out", tmp_path / "copy"))
 
 
@@ -177,6 +178,61 @@ def test_a_file_that_changes_meanwhile_is_named(bench, tmp_path, monkeypatch):
     assert len(list((tmp_path / "out" / "parts").glob("*.parquet"))) == 2
 
 
+def test_a_machine_that_workers_died_on_is_tried_again(finished, bench, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    real = job.work_out
+
+    def dying(batch):
+        done = real(batch)
+        return replace(done, lost=("M003",)) if "M003" in done.timing["machines"] else done
+
+    with monkeypatch.context() as patch:
+        patch.setattr(job, "work_out", dying)
+        assert not here(bench, out).manifest["is_whole"]
+    assert len(list((out / "parts").glob("*.lost.parquet"))) == 1
+    worked: list[str] = []
+
+    def counted(batch):
+        worked.extend(entry.machine for entry in batch.entries)
+        return real(batch)
+
+    monkeypatch.setattr(job, "work_out", counted)
+    assert here(bench, out).manifest["is_whole"]
+    assert worked == ["M002", "M003"]
+    assert not list((out / "parts").glob("*.lost.parquet"))
+    assert same(finished, out)
+
+
+def test_one_process_at_a_time_works_in_a_folder(bench, tmp_path):
+    lock = FolderLock.take(tmp_path / "out" / "parts")
+    with pytest.raises(InputError, match="another process"):
+        here(bench, tmp_path / "out")
+    lock.release()
+
+
+def test_a_folder_that_nobody_named_gets_a_number(bench, tmp_path):
+    (bench / "machines.csv").write_text("machine,test\nM1,gone.csv\n")
+    out = tmp_path / "fleets" / "line-3"
+    first = here(bench, out, is_named=False)
+    assert here(bench, out, is_named=False).path == first.path == out
+    (bench / "machines.csv").write_text("machine,test\nM2,gone.csv\n")
+    assert here(bench, out, is_named=False).path == out.with_name("line-3-2")
+    assert here(bench, out, is_named=False, seed=1).path == out.with_name("line-3-3")
+
+
+def test_the_rows_do_not_depend_on_where_the_fleet_lies(bench, tmp_path):
+    (bench / "tests" / "M000.csv").write_text("t,Is\n0,1\n")
+    (bench / "machines.csv").write_text("machine,test\nM0,tests/M000.csv\nM1,gone.csv\n")
+    shutil.copytree(bench, tmp_path / "elsewhere" / "bench")
+    for folder in (tmp_path, tmp_path / "elsewhere"):
+        here(folder / "bench", folder / "out")
+    assert filecmp.cmp(
+        tmp_path / "out" / "machines.parquet",
+        tmp_path / "elsewhere" / "out" / "machines.parquet",
+        shallow=False,
+    )
+
+
 def test_other_things_are_left_alone(bench, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("mine")
@@ -212,9 +268,9 @@ def test_workers_that_die_are_replaced_and_the_culprit_is_named(bench, monkeypat
         assert batch.name not in found, "counted twice"
         found[batch.name] = result
 
-    with connected(Workers(2), len(batches)) as client:
+    with connected(Workers(2), len(batches)) as pool:
         own = listening()
-        over_workers(client, batches, done, rows_or_death)
+        over_workers(pool, batches, done, rows_or_death)
     assert len(own) > before
     assert {ip for ip in own if not ip.startswith("127.")} == set()
     rows = [row for b in batches for row in read_part(found[b.name].part).to_pylist()]
@@ -223,6 +279,51 @@ def test_workers_that_die_are_replaced_and_the_culprit_is_named(bench, monkeypat
     (finding,) = json.loads(rows[3]["findings"])
     assert finding["id"] == "worker_lost"
     assert [found[b.name].lost for b in batches] == [(), (ALWAYS,), ()]
+
+
+class Missing:
+    """Stands for client and cluster of which one worker of two never comes."""
+
+    def __init__(self):
+        self.worker_spec = {0: {}, 1: {}}
+        self.asked: list[int] = []
+
+    def nthreads(self):
+        return {"tcp://first": 1}
+
+    def scale(self, num):
+        self.asked.append(num)
+        self.worker_spec |= {number: {} for number in range(num)}
+
+
+def test_a_worker_that_stays_away_is_replaced_up_to_a_bound(monkeypatch):
+    monkeypatch.setattr(cluster, "AWAY_S", -1.0)
+    missing = Missing()
+    pool = Pool(missing, missing, 2)
+    for _ in range(4 * cluster.MOST_MORE):
+        assert pool.size() == 1
+    with pytest.raises(InputError, match="do not start"):
+        [pool.size() for _ in range(2)]
+    assert missing.asked == list(range(3, 3 + 2 * cluster.MOST_MORE))
+
+
+def test_processes_that_die_as_they_start_are_started_anew(monkeypatch):
+    import distributed
+
+    calls: list[int] = []
+
+    def dying(n_workers, **settings):
+        calls.append(n_workers)
+        if len(calls) < cluster.DEATHS:
+            raise RuntimeError("Nanny failed to start.")
+        return "started"
+
+    monkeypatch.setattr(distributed, "LocalCluster", dying)
+    assert cluster._started(2, "auto") == "started"
+    assert calls == [2] * cluster.DEATHS
+    monkeypatch.setattr(cluster, "DEATHS", 0)
+    with pytest.raises(InputError, match="--workers 0"):
+        cluster._started(2, "auto")
 
 
 def test_a_scheduler_that_runs_already_is_used_under_tls(bench, tmp_path):
@@ -249,8 +350,8 @@ def test_a_scheduler_that_runs_already_is_used_under_tls(bench, tmp_path):
     ):  # fmt: skip
         address = cluster.scheduler_address
         assert address.startswith("tls://")
-        with connected(Workers(None, address, tls=files), 3) as client:
-            over_workers(client, batches, lambda batch, result: found.append(result), rows_alone)
+        with connected(Workers(None, address, tls=files), 3) as pool:
+            over_workers(pool, batches, lambda batch, result: found.append(result), rows_alone)
     assert sorted(each.name for each in found) == sorted(batch.name for batch in batches)
 
 

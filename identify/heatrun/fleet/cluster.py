@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import os
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -29,6 +30,15 @@ ANY_PORT = f"{AT_LOOPBACK}:0"
 
 START_S = 60.0
 """Longest wait for a scheduler to answer and for its first worker [s]."""
+
+LOOK_S = 5.0
+"""Between two looks at the workers while nothing is finished [s]."""
+
+AWAY_S = 30.0
+"""After which another worker is started for one that is missing [s]; one starts in three to ten."""
+
+MOST_MORE = 10
+"""Workers, for each one asked for, that are started in place of missing ones."""
 
 OF_WORKERS = {"OPENBLAS_NUM_THREADS": "1"}
 """Environment of the workers of this machine; Dask sets it before NumPy is loaded."""
@@ -80,16 +90,58 @@ def require_dask() -> None:
         ) from error
 
 
+class Pool:
+    """Workers that can be given batches.
+
+    Args:
+        client: Of their scheduler.
+        cluster: What starts them, where they are of this machine; else None.
+        num: How many there should be, where they are of this machine.
+    """
+
+    def __init__(self, client: Any, cluster: Any = None, num: int = 0) -> None:
+        self.client = client
+        self._cluster, self._num = cluster, num
+        self._short_since: float | None = None
+        self._num_more = 0
+
+    def size(self) -> int:
+        """Return how many workers there are, after those that stayed away were replaced.
+
+        Dask starts another process for a worker that dies, but gives up where that one dies while
+        it starts; with no worker left a fleet would wait for ever.
+
+        Raises:
+            InputError: If workers of this machine do not start.
+        """
+        found = len(self.client.nthreads())
+        if self._cluster is None or found >= self._num:
+            self._short_since = None
+            return found
+        now = time.monotonic()
+        if self._short_since is None:
+            self._short_since = now
+        elif now - self._short_since > AWAY_S:
+            missing = self._num - found
+            self._num_more += missing
+            if self._num_more > MOST_MORE * self._num:
+                raise _not_started("they end as soon as they begin")
+            self._cluster.scale(len(self._cluster.worker_spec) + missing)
+            self._short_since = None
+        return found
+
+
 @contextmanager
-def connected(workers: Workers, most: int) -> Iterator[Any]:
-    """Give a client of the workers for the time of the context.
+def connected(workers: Workers, most: int) -> Iterator[Pool]:
+    """Give the workers for the time of the context.
 
     Args:
         workers: Which processes.
         most: Batches to be worked out; no more processes are started.
 
     Raises:
-        InputError: If dask is not installed, or the scheduler does not answer.
+        InputError: If dask is not installed, processes do not start, or the scheduler does not
+            answer.
     """
     require_dask()
     import dask.config
@@ -97,15 +149,15 @@ def connected(workers: Workers, most: int) -> Iterator[Any]:
     quiet = {"logging": {"distributed": "critical"}, "distributed.logging.distributed": "critical"}
     with dask.config.set(quiet):
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
-        with _existing(workers) if workers.scheduler else _local(workers, most) as client:
-            yield client
+        with _existing(workers) if workers.scheduler else _local(workers, most) as pool:
+            yield pool
 
 
 @contextmanager
-def _local(workers: Workers, most: int) -> Iterator[Any]:
+def _local(workers: Workers, most: int) -> Iterator[Pool]:
     """Start processes that nobody beyond this machine, and no other user of it, can reach."""
     import dask.config
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     num = min(workers.num or os.cpu_count() or 1, max(most, 1))
     settings = {
@@ -126,25 +178,46 @@ def _local(workers: Workers, most: int) -> Iterator[Any]:
     }  # fmt: skip
     with (
         dask.config.set(settings),
-        LocalCluster(
-            n_workers=num,
-            threads_per_worker=1,
-            processes=True,
-            host=AT_LOOPBACK,
-            dashboard_address=ANY_PORT,
-            worker_dashboard_address=ANY_PORT,
-            scheduler_kwargs={"dashboard": False},
-            memory_limit=workers.memory,
-            security=True,  # certificates of its own, for this cluster alone
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
+        _started(num, workers.memory) as cluster,
         Client(cluster) as client,
     ):
-        yield client
+        yield Pool(client, cluster, num)
+
+
+def _started(num: int, memory: str) -> Any:
+    """Return processes of this machine; where one dies as it starts, they are started anew."""
+    from distributed import LocalCluster
+
+    said = ""
+    for _ in range(DEATHS):
+        try:
+            return LocalCluster(
+                n_workers=num,
+                threads_per_worker=1,
+                processes=True,
+                host=AT_LOOPBACK,
+                dashboard_address=ANY_PORT,
+                worker_dashboard_address=ANY_PORT,
+                scheduler_kwargs={"dashboard": False},
+                memory_limit=memory,
+                security=True,  # certificates of its own, for this cluster alone
+                silence_logs=logging.CRITICAL,
+            )
+        except (RuntimeError, OSError) as error:  # a TimeoutError is an OSError
+            cause = error.__cause__ or error
+            said = f"{type(cause).__name__}: {str(cause)[:200]}"
+    raise _not_started(said)
+
+
+def _not_started(why: str) -> InputError:
+    return InputError(
+        f"The worker processes do not start ({why}).",
+        remedy="Give fewer workers or more memory, or pass --workers 0 to work in this process.",
+    )
 
 
 @contextmanager
-def _existing(workers: Workers) -> Iterator[Any]:
+def _existing(workers: Workers) -> Iterator[Pool]:
     from distributed import Client
     from distributed.security import Security
 
@@ -172,11 +245,11 @@ def _existing(workers: Workers) -> Iterator[Any]:
                 where=workers.scheduler,
                 remedy="Start workers for it, such as: dask worker ADDRESS --nthreads 1",
             ) from error
-        yield client
+        yield Pool(client)
 
 
 def over_workers(
-    client: Any,
+    pool: Pool,
     batches: Sequence[Batch],
     done: Callable[[Batch, Done], None],
     work: Callable[[Batch], Done] = work_out,
@@ -184,7 +257,7 @@ def over_workers(
     """Have batches worked out, as many at once as there are workers.
 
     Args:
-        client: From `connected`.
+        pool: From `connected`.
         batches: What is to be worked out.
         done: Told each batch with its rows, in the order in which they are finished.
         work: Works out a batch in a worker.
@@ -200,44 +273,43 @@ def over_workers(
         else:
             done(batch, result)
 
-    _all_of(client, batches, ended, work)
+    _all_of(pool, batches, ended, work)
     for batch in suspects:
-        done(batch, _one_by_one(client, batch, work))
+        done(batch, _one_by_one(pool, batch, work))
 
 
 def _all_of(
-    client: Any, batches: Sequence[Batch], ended: Callable[[Batch, Done | None], None],
+    pool: Pool, batches: Sequence[Batch], ended: Callable[[Batch, Done | None], None],
     work: Callable[[Batch], Done], at_once: int | None = None,
 ) -> None:  # fmt: skip
     """Work out batches; tell each with what came of it, None where workers died on it."""
-    from distributed import CancelledError, KilledWorker, as_completed
+    from distributed import CancelledError, KilledWorker, wait
 
     run = uuid4().hex[:8]
     waiting = deque(batches)
     running: dict[Any, Batch] = {}
-    finished = as_completed(loop=client.loop, raise_errors=False)
-
-    def fill() -> None:
-        room = at_once or max(1, len(client.nthreads()))
-        while waiting and len(running) < room:
-            batch = waiting.popleft()
-            future = client.submit(work, batch, key=f"heatrun-{batch.name}-{run}", pure=False)
-            running[future] = batch
-            finished.add(future)
-
     try:
-        fill()
-        while running:
-            future = next(finished)
-            batch = running.pop(future)
-            error = None if future.status == "finished" else future.exception()
-            result = future.result() if error is None else None
-            future.release()
-            if error is not None and not isinstance(error, KilledWorker):
-                raise error
-            fill()
-            ended(batch, result)
-    except (CancelledError, OSError, TimeoutError, StopIteration) as error:
+        while waiting or running:
+            size = pool.size()
+            room = at_once or max(1, size)
+            while waiting and len(running) < room:
+                batch = waiting.popleft()
+                name = f"heatrun-{batch.name}-{run}"
+                running[pool.client.submit(work, batch, key=name, pure=False)] = batch
+            try:
+                with pool.client.as_current():
+                    finished = wait(list(running), LOOK_S, return_when="FIRST_COMPLETED").done
+            except TimeoutError:
+                continue  # to see whether there are workers still
+            for future in finished:
+                batch = running.pop(future)
+                error = None if future.status == "finished" else future.exception()
+                result = future.result() if error is None else None
+                future.release()
+                if error is not None and not isinstance(error, KilledWorker):
+                    raise error
+                ended(batch, result)
+    except (CancelledError, OSError, TimeoutError) as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise  # of this machine's disk, by `ended`
         raise InputError(
@@ -249,7 +321,7 @@ def _all_of(
             future.cancel()
 
 
-def _one_by_one(client: Any, batch: Batch, work: Callable[[Batch], Done]) -> Done:
+def _one_by_one(pool: Pool, batch: Batch, work: Callable[[Batch], Done]) -> Done:
     """Work out the machines of a batch, one after the other and nothing beside."""
     parts: list[Done] = []
 
@@ -258,7 +330,7 @@ def _one_by_one(client: Any, batch: Batch, work: Callable[[Batch], Done]) -> Don
 
     for entry in batch.entries:
         single = batch.of_one(entry)
-        _all_of(client, [single], keep, work, at_once=1)
+        _all_of(pool, [single], keep, work, at_once=1)
     changed = next((part.changed for part in parts if part.changed), "")
     if changed:
         return Done(batch.name, b"", {}, changed=changed)

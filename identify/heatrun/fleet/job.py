@@ -173,8 +173,8 @@ def _work_out(
         for each in left:
             done(each, work_out(each))
     else:
-        with connected(workers, len(left)) as client:
-            over_workers(client, left, done)
+        with connected(workers, len(left)) as pool:
+            over_workers(pool, left, done)
     if changed:
         more = f" ({len(changed)} batches)" if len(changed) > 1 else ""
         raise InputError(
