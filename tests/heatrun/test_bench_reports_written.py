@@ -100,13 +100,18 @@ def test_the_date_comes_from_the_name_else_the_header_else_the_file(tmp_path, na
 
 
 @pytest.mark.usefixtures("unset")
-def test_another_test_of_the_same_name_takes_the_next_number_and_the_same_its_own(tmp_path):
+def test_another_test_of_the_same_name_is_a_second_one_and_the_same_keeps_its_own(tmp_path):
     (tmp_path / "other").mkdir()
     one = write_drive(tmp_path / "Test_2022_12_07_001.csv")
     two = write_drive(tmp_path / "other" / "Test_2022_12_07_001.csv", current_A=5.0)
     first, second, again = make_report("general", CAR, [one, two, one], tmp_path / "out")
-    assert second.pdf.name == "GeneralInformationTest_2022_12_07_001_001.pdf"
+    assert second.pdf.name == "GeneralInformationTest_2022_12_07_001-2.pdf"
     assert again.pdf == first.pdf
+    (third,) = make_report(
+        "general", CAR, [write_drive(tmp_path / "Test_2022_12_07_001.csv", current_A=7.0)],
+        tmp_path / "out",
+    )  # fmt: skip
+    assert third.pdf.name == "GeneralInformationTest_2022_12_07_001-3.pdf"
     assert json.loads(first.json.read_text())["table"][0]["value"] == pytest.approx(30 / 3600)
     assert json.loads(second.json.read_text())["table"][0]["value"] == pytest.approx(15 / 3600)
 
@@ -119,7 +124,7 @@ def test_a_report_of_unknown_origin_is_not_overwritten(tmp_path):
         "general", CAR, [write_drive(tmp_path / "Test_2022_12_07_001.csv")], tmp_path
     )
     assert kept.read_bytes() == b"by hand"
-    assert outcome.pdf.name == "GeneralInformationTest_2022_12_07_001_001.pdf"
+    assert outcome.pdf.name == "GeneralInformationTest_2022_12_07_001-2.pdf"
 
 
 @pytest.mark.usefixtures("unset")

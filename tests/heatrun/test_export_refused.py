@@ -16,11 +16,10 @@ from heatrun.export import export_mat, read_run_test
 from heatrun.io.whole_files import write_whole
 
 
-@pytest.mark.parametrize("name", ["duty.csv", "motor.toml"])
-def test_a_changed_file_is_refused(day, name):
-    with Path(name).open("a") as file:
+def test_a_changed_record_is_refused(day):
+    with Path("duty.csv").open("a") as file:
         file.write("\n")
-    with pytest.raises(InputError, match=f"{name} has changed since the run: SHA-256"):
+    with pytest.raises(InputError, match=r"duty\.csv has changed since the run: SHA-256"):
         export_mat(Path("run"), folder=Path("out"))
     assert not Path("out").exists()
 

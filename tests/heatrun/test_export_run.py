@@ -234,6 +234,22 @@ def test_a_new_test_is_exported_with_the_run_s_own_motor_file(day, bench, genera
     assert means[later] == pytest.approx(found.nodes["winding"][later], abs=0.1)  # as above
 
 
+def test_a_test_of_the_run_is_exported_by_the_run_s_own_motor_file(day):
+    """The motor file may be edited after the run: another resistance, columns, parts of tests."""
+    before = export_mat(Path("run"), folder=Path("before"))
+    text = Path("motor.toml").read_text(encoding="utf-8")
+    Path("motor.toml").write_text(
+        text.replace("0.0062", "0.5") + '\n[columns]\nwinding_degC = "none of these"\n',
+        encoding="utf-8",
+    )
+    after = export_mat(Path("run"), folder=Path("after"))
+    Path("motor.toml").unlink()
+    gone = export_mat(Path("run"), folder=Path("gone"))
+    files = [Path(name, "prova.mat").read_bytes() for name in ("before", "after", "gone")]
+    assert files[0] == files[1] == files[2]
+    assert before["rmse_K"] == after["rmse_K"] == gone["rmse_K"]
+
+
 def test_a_test_of_the_run_is_known_by_its_bytes(day):
     Path("same.csv").write_bytes(Path("duty.csv").read_bytes())
     of_run = export_mat(Path("run"), folder=Path("one"))

@@ -83,7 +83,7 @@ def test_a_name_that_another_process_has_begun_is_taken_unless_it_is_the_same_re
     out = tmp_path / "out"
     other = FileSet.begin(out, set_name(STEM, ["another test"]))
     first = report(test_file, out)
-    assert first.pdf.name == f"{STEM}_001.pdf"
+    assert first.pdf.name == f"{STEM}-2.pdf"
     other.drop()
     identity = json.loads(first.json.read_text())["identity"]
     new = tmp_path / "new"

@@ -18,9 +18,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 sys.path.insert(0, str(Path(__file__).parent))
 
 from first_hour_files import FILES
+
+from heatrun.io.quantities import quantity, rounded
+from heatrun.reports.sheet.digits import format_interval
+from heatrun.reports.sheet.printed import printed
+from heatrun.results.parameter import FittedParameter
 
 TRUTH = Path(__file__).parents[2] / "data" / "synthetic" / "truth.json"
 
@@ -79,10 +86,7 @@ def run(kind: str, folder: Path) -> dict[str, Any]:
     fit = json.loads((out / "fit.json").read_text(encoding="utf-8"))
     found = fit["models"]["second"]["parameters"]
     truth = json.loads(TRUTH.read_text(encoding="utf-8"))["motor"]
-    row["parameters"] = {
-        name: {"value": found[name]["value"], "interval_95": found[name]["interval_95"],
-               "truth": truth[name]} for name in NAMES
-    }  # fmt: skip
+    row["parameters"] = {name: entry_of(found[name], truth[name]) for name in NAMES}
     row["covered"] = sum(
         each["interval_95"][0] <= each["truth"] <= each["interval_95"][1]
         for each in row["parameters"].values()
@@ -92,6 +96,24 @@ def run(kind: str, folder: Path) -> dict[str, Any]:
                               if each["severity"] == "warning"})  # fmt: skip
     row["written"] = sorted(path.name for path in out.iterdir() if path.is_file())
     return row
+
+
+def entry_of(found: dict[str, Any], truth: float) -> dict[str, Any]:
+    """Return what the table says of a parameter, its numbers as the certificate prints them.
+
+    Args:
+        found: The parameter as it stands in `fit.json`.
+        truth: Its true value, in the same unit.
+    """
+    entry = msgspec.convert(found, FittedParameter)
+    return {
+        "value": entry.value,
+        "interval_95": list(entry.interval_95),
+        "truth": truth,
+        "printed": printed(entry).text,
+        "printed_95": quantity(format_interval(entry.interval_95, entry.sd), entry.unit),
+        "printed_truth": quantity(rounded(truth, 5), entry.unit),
+    }
 
 
 def main() -> None:
@@ -134,11 +156,11 @@ def table(rows: list[dict[str, Any]]) -> str:
         lines += ["", f"## {row['kind']}", "", "```", *row["commands"], "```", "",
                   "Lines touched:", "", "```toml", *row["edits"], "```", "",
                   f"`check` ends: {row['suitability']}"]  # fmt: skip
-        lines += ["", "| parameter | value | 95 % | truth |", "|---|---|---|---|"]
+        lines += ["", "| parameter | as the certificate prints it | 95 % | truth |",
+                  "|---|---|---|---|"]  # fmt: skip
         for name, each in row["parameters"].items():
-            low, high = each["interval_95"]
-            lines.append(f"| {name} | {each['value']:.4g} | {low:.4g} … {high:.4g} | "
-                         f"{each['truth']:.5g} |")  # fmt: skip
+            shown = (each[key] for key in ("printed", "printed_95", "printed_truth"))
+            lines.append(f"| {name} | {' | '.join(shown)} |")
         warned = ", ".join(f"`{id}`" for id in row["findings"]) or "none"
         lines += ["", f"Warnings of the run: {warned}. Written: {', '.join(row['written'])}."]
     return "\n".join(lines) + "\n"

@@ -12,7 +12,7 @@ from heatrun.cli import main
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from first_hour import edited, run, table
+from first_hour import edited, entry_of, run, table
 from first_hour_files import FILES
 
 
@@ -32,6 +32,17 @@ def test_what_init_drafts_needs_only_its_own_lines_to_pass_the_check(kind, tmp_p
     said = json.loads(capsys.readouterr().out)
     assert said["suitability"][0]["will_do"] is True
     assert not [one for one in said["findings"] if one["severity"] == "error"]
+
+
+def test_its_numbers_are_those_of_the_certificate_without_exponents():
+    """663.61 with u = 7.4963: U = 15, by hand from the stored result."""
+    stored = Path(__file__).parents[1] / "stored" / "fit-1.json"
+    found = json.loads(stored.read_bytes())["models"]["second"]["parameters"]
+    shown = {name: entry_of(found[name], 15060.0) for name in ("Ceq_w", "Ceq_sr")}
+    assert shown["Ceq_w"]["printed"] == "664 ± 15 J/K"
+    assert shown["Ceq_sr"]["printed_truth"] == "15060 J/K"
+    assert not any("e+" in text for each in shown.values() for key, text in each.items()
+                   if key.startswith("printed"))  # fmt: skip
 
 
 @pytest.mark.slow

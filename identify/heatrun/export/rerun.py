@@ -20,10 +20,8 @@ from ..errors import InputError
 from ..inference.model import Model
 from ..io.toml_text import parse_toml
 from ..motor import Motor
-from ..motorfile import load_motor
 from ..results.values import known
 from ..runs.run import Run, RunTest, model_name, open_run
-from ..runs.sources import SourceFile, refuse_changed
 
 
 @dataclass(frozen=True)
@@ -81,14 +79,14 @@ def read_run_test(run: Path, *, test: str | None = None, network: str | None = N
         network: Name of the network; None for the last one of the run.
 
     Raises:
-        InputError: If the folder is no run, lacks the network or the test, or a file of it is
-            missing or has changed since.
+        InputError: If the folder is no run, lacks the network or the test, or a file of the test
+            is missing or has changed since; the motor file is the copy that the run keeps.
     """
     opened = open_run(run)
     name = opened.choose(network)
     try:
         chosen = _test(opened, test)
-        motor = _motor(opened)
+        motor = opened.motor
         record = _record(opened, chosen, motor)
     except InputError:
         raise
@@ -165,12 +163,6 @@ def _test(run: Run, name: str | None) -> RunTest:
         where=str(run.path),
         remedy=f"Pass --test with one of: {', '.join(test.name for test in run.tests)}.",
     )
-
-
-def _motor(run: Run) -> Motor:
-    said = run.result.motor
-    refuse_changed(SourceFile(said.path, said.sha256), run.path, "motor file")
-    return load_motor(said.path)
 
 
 def _record(run: Run, test: RunTest, motor: Motor) -> Record:

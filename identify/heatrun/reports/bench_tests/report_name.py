@@ -7,6 +7,7 @@ import hashlib
 import json
 import re
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -90,12 +91,8 @@ def choose_name(folder: Path, kind: Kind, when: DateOfTest | None, identity: lis
         OSError: If the folder cannot be read.
     """
     day = moment().date() if when is None else when.day
-    given = "" if when is None else when.number
-    numbers = [given] if given else []
-    behind = f"{given}_" if given else ""
-    numbers += [f"{behind}{number:03d}" for number in range(1, MOST_REPORTS + 1)]
     begun = names_begun(folder, CARDS[kind].stem)
-    for number in numbers:
+    for number in _numbers("" if when is None else when.number):
         name = f"{CARDS[kind].stem}_{day:%Y_%m_%d}_{number}"
         others = {n for n in begun if n.partition(".")[0] == name} - {set_name(name, identity)}
         taken = [folder / f"{name}{end}" for end in (".pdf", ".csv", ".json")]
@@ -107,6 +104,15 @@ def choose_name(folder: Path, kind: Kind, when: DateOfTest | None, identity: lis
         where=str(folder),
         remedy="Choose another folder with --out.",
     )
+
+
+def _numbers(given: str) -> Iterator[str]:
+    """Give the running numbers of a day; behind a number of the test's own, those of `-2`, `-3`."""
+    if not given:
+        yield from (f"{number:03d}" for number in range(1, MOST_REPORTS + 1))
+        return
+    yield given
+    yield from (f"{given}-{number}" for number in range(2, MOST_REPORTS + 1))
 
 
 def set_name(name: str, identity: list[str]) -> str:
