@@ -1,0 +1,1 @@
+"""Many machines of a type: their calibrations and their population."""
