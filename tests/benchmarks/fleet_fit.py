@@ -66,9 +66,8 @@ def main() -> None:
     warm = list(problems(NUM_ALONE, chosen.seed))
     timed(fits(warm, width=chosen.width))
     timed(fit(problem) for _, problem in warm[:1])
-    print(
-        "machines  batch: wall ms  processor ms  per s  left over   one: wall ms  processor ms  ratio"
-    )
+    print("machines  batch: wall ms  processor ms  per s  left over", end="")
+    print("   one: wall ms  processor ms  ratio")
     for num in chosen.machines:
         work = list(problems(num, chosen.seed))
         wall, processor, found = timed(fits(work, width=chosen.width))

@@ -373,7 +373,11 @@ def _march(
 def _packed(*trees: Any) -> tuple[Float[Array, "coefficient lane"], Any]:
     """Return the leaves of some trees in one array, and what makes trees of such an array."""
     leaves, form = jax.tree.flatten(trees)
-    return jnp.stack(leaves), lambda packed: jax.tree.unflatten(form, list(packed))
+
+    def unpacked(packed: Array) -> Any:
+        return jax.tree.unflatten(form, [packed[i] for i in range(len(leaves))])
+
+    return jnp.stack(leaves), unpacked
 
 
 def _without(terms: Mapping[Term, Array], drive: str) -> dict[Term, Array]:
