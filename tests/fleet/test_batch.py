@@ -105,8 +105,10 @@ def test_a_machine_with_garbage_does_not_touch_its_neighbours(short):
     spoilt = replace(short[0], tests=(garbage,))
     with_it, without = fit_batch([spoilt, short[1]], width=4), fit_batch([short[1]], width=4)
     assert isinstance(with_it[0], NotBatched)
-    np.testing.assert_array_equal(with_it[1].z, without[0].z)
-    np.testing.assert_array_equal(with_it[1].covariance, without[0].covariance)
+    # it stands at another place of the batch, and its noise was searched from more starts: the
+    # last digits may differ, as between any two batches
+    np.testing.assert_allclose(with_it[1].z, without[0].z, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(with_it[1].covariance, without[0].covariance, rtol=0.0, atol=1e-9)
 
 
 def test_fits_come_as_their_batches_are_full(short):
