@@ -9,9 +9,9 @@ of the time and err by 4e-6 K at 10 Hz and 2e-3 K at 2 s on a duty with hard ste
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
-from typing import Any
+from typing import Any, NamedTuple
 
 from jaxtyping import Array, Float
 
@@ -64,13 +64,29 @@ def general_step(network: Network, losses: CopperLosses, effects: Sequence[HeatE
     return advance
 
 
-def affine_step(network: Network, losses: CopperLosses, step: Scalar) -> Step:
-    """Return the step for a bare network and a fixed length [s]: affine with precomputed terms.
+class AffineTerms(NamedTuple):
+    """What the affine step of a bare network is made of; structural zeros are left out.
 
-    The state counts from -B, where the resistance vanishes: the copper loss is then proportional
-    to it, and only the heat put in from outside is left to add. With dU/dt = A U + q and
-    A = A0 + k A1, a third-order step is U' = (I + A S) U + S q with S = h + h^2 A/2 + h^3 A^2/6,
-    expanded in powers of k.
+    The state counts from -B. A step under the drive d takes it from U to P U + S q(d), where P and
+    S are polynomials of k = m Is^2 Rs0/(B + Tref), and q(d) is the rate that is put in.
+
+    Attributes:
+        powers: P by power of k [K/W]^power.
+        spread: S by power of k [s (K/W)^power].
+        put_in: What each quantity of the drive adds to the rate of each node, by its name in
+            `Drive`; `""` stands for the constant, `"shaft_offset"` for that of the shaft power.
+    """
+
+    powers: Sequence[Matrix]
+    spread: Sequence[Matrix]
+    put_in: Mapping[str, Vector]
+
+
+def affine_terms(network: Network, losses: CopperLosses, step: Scalar) -> AffineTerms:
+    """Return the terms of the affine step for a bare network and a fixed length [s].
+
+    With dU/dt = A U + q and A = A0 + k A1, a third-order step is U' = (I + A S) U + S q with
+    S = h + h^2 A/2 + h^3 A^2/6, expanded in powers of k.
     """
     fixed, feedback = _dynamics(network, losses)
     identity: Matrix = {(node, node): 1.0 for node in network.nodes}
@@ -90,17 +106,26 @@ def affine_step(network: Network, losses: CopperLosses, step: Scalar) -> Step:
         _add(_multiply(fixed, spread[2]), _multiply(feedback, spread[1])),
         _multiply(feedback, spread[2]),
     ]
-    put_in = _put_in(network, losses)
+    return AffineTerms(powers, spread, _put_in(network, losses))
+
+
+def affine_step(network: Network, losses: CopperLosses, step: Scalar) -> Step:
+    """Return the step for a bare network and a fixed length [s]: affine with precomputed terms.
+
+    The state counts from -B, where the resistance vanishes: the copper loss is then proportional
+    to it, and only the heat put in from outside is left to add; see `AffineTerms`.
+    """
+    terms = affine_terms(network, losses, step)
 
     def advance(state: State, drive: Drive, step: Scalar) -> State:
         k = losses.slope(drive.current_squared)
-        rate = put_in(drive)
+        rate = _rate(network, terms.put_in, drive)
         after: dict[str, Any] = {}
         for row in network.nodes:
             total: Any = None
-            for terms, vector in ((powers, state), (spread, rate)):
+            for matrices, vector in ((terms.powers, state), (terms.spread, rate)):
                 for column, value in vector.items():
-                    weight = _horner([term.get((row, column)) for term in terms], k)
+                    weight = horner([matrix.get((row, column)) for matrix in matrices], k)
                     total = _sum(total, _product(weight, value))
             after[row] = total
         return after
@@ -134,14 +159,9 @@ def _copper(network: Network, losses: CopperLosses) -> Vector:
     return {node: watts / network.capacitance[node] for node, watts in heat.items()}
 
 
-def _put_in(network: Network, losses: CopperLosses) -> Callable[[Drive], State]:
-    """Return the rate of each node [K/s] from losses and sinks, the sinks counted from -B."""
+def _put_in(network: Network, losses: CopperLosses) -> dict[str, Vector]:
+    """Return the rate of each node [K/s] by what puts it in, the sinks counted from -B."""
     shares = {node: part / network.capacitance[node] for node, part in network.share.items()}
-    gains = {node: (1.0 + losses.power_gain) * share for node, share in shares.items()}
-    torque = {node: -losses.torque_offset * share for node, share in shares.items()}
-    shaft = {node: -losses.shaft_power_gain * share for node, share in shares.items()}
-    shaft_offset = {node: -losses.shaft_power_offset * share for node, share in shares.items()}
-    has_shaft = not (_is_zero(losses.shaft_power_gain) and _is_zero(losses.shaft_power_offset))
     sink = _to_boundary(network, network.boundary)
     second_sink = _to_boundary(network, network.second_boundary)
     constant: Vector = {}
@@ -149,27 +169,52 @@ def _put_in(network: Network, losses: CopperLosses) -> Callable[[Drive], State]:
     for to_sink, offset in zip((sink, second_sink), offsets, strict=True):
         for node, rate in to_sink.items():
             constant[node] = _sum(constant.get(node), rate * (losses.coefficient + offset))
-
-    def put_in(drive: Drive) -> State:
-        rates: dict[str, Any] = {}
-        turns = not _is_zero(losses.torque_offset) and drive.speed_rad is not None
-        drives = has_shaft and drive.shaft_power is not None
-        for node in network.nodes:
-            parts = (
-                constant.get(node),
-                _product(sink.get(node), drive.ambient),
-                _product(second_sink.get(node), drive.second_sink),
-                _product(gains.get(node), drive.losses),
-                _product(torque.get(node), drive.speed_rad) if turns else None,
-                _product(shaft.get(node), drive.shaft_power) if drives else None,
-                shaft_offset.get(node) if drives else None,
-            )
-            total = reduce(_sum, parts)
-            if total is not None:
-                rates[node] = total
-        return rates
-
+    put_in = {
+        "": constant,
+        "ambient": sink,
+        "second_sink": second_sink,
+        "losses": {node: (1.0 + losses.power_gain) * share for node, share in shares.items()},
+    }
+    if not _is_zero(losses.torque_offset):
+        put_in["speed_rad"] = {n: -losses.torque_offset * share for n, share in shares.items()}
+    if not (_is_zero(losses.shaft_power_gain) and _is_zero(losses.shaft_power_offset)):
+        put_in["shaft_power"] = {
+            node: -losses.shaft_power_gain * share for node, share in shares.items()
+        }
+        put_in["shaft_offset"] = {
+            node: -losses.shaft_power_offset * share for node, share in shares.items()
+        }
     return put_in
+
+
+def drives(put_in: Mapping[str, Vector], drive: Drive) -> dict[str, Any]:
+    """Return the factor of each part of `AffineTerms.put_in` under a drive.
+
+    None stands for 1; what the record does not hold puts nothing in.
+    """
+    found: dict[str, Any] = {}
+    for name in put_in:
+        if name in ("", "shaft_offset"):
+            if not name or drive.shaft_power is not None:
+                found[name] = None
+        elif (value := getattr(drive, name)) is not None:
+            found[name] = value
+    return found
+
+
+def _rate(network: Network, put_in: Mapping[str, Vector], drive: Drive) -> dict[str, Any]:
+    """Return the rate that a drive puts into each node [K/s]."""
+    factors = drives(put_in, drive)
+    rates: dict[str, Any] = {}
+    for node in network.nodes:
+        parts = [
+            put_in[name].get(node) if factor is None else _product(put_in[name].get(node), factor)
+            for name, factor in factors.items()
+        ]
+        total = reduce(_sum, parts, None)
+        if total is not None:
+            rates[node] = total
+    return rates
 
 
 def _to_boundary(network: Network, boundary: str) -> Vector:
@@ -215,7 +260,7 @@ def _product(first: Any, second: Any) -> Any:
     return None if first is None or second is None else first * second
 
 
-def _horner(coefficients: Sequence[Any], k: Any) -> Any:
+def horner(coefficients: Sequence[Any], k: Any) -> Any:
     """Return c0 + c1 k + c2 k^2 + ... with None for structural zeros."""
     total = None
     for coefficient in reversed(coefficients):

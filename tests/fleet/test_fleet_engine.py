@@ -375,6 +375,7 @@ def test_what_is_not_installed_is_named(bench, tmp_path, monkeypatch, gone):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_killed_command_goes_on(finished, bench, tmp_path):
     out = tmp_path / "out"
     command = [sys.executable, "-m", "heatrun.cli", "fleet", str(bench / "FLEET.toml"), "--batch",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from measured_machine import measured_record
 
 from heatrun.bench.reduction import reduce
@@ -17,6 +18,7 @@ from heatrun.inference.problem import Problem
 from heatrun.motor import Adequacy
 
 
+@pytest.mark.slow
 def test_an_instrument_far_beyond_its_prior_is_refitted_where_it_is(generator, motor):
     """Held at 8 standard deviations, a stator sensor that sits on the housing left 4 K of misfit to
     the search, which named an effect for it."""

@@ -59,7 +59,7 @@ def heat_columns(
     """
     network = model.network(values)
     edges = test.block_s * np.arange(test.num_blocks + 1)
-    num = max(3, round(edges[-1] / SPACING_S) + 1)
+    num = num_knots(edges[-1])
     knots = np.linspace(0.0, edges[-1], num)
     hats = np.maximum(0.0, 1.0 - np.abs(edges[:, None] - knots) / (knots[1] - knots[0]))
     said = model.adequacy
@@ -73,6 +73,11 @@ def heat_columns(
     kept = min(NUM_COLUMNS, strength.size)
     columns[:, :kept] = turned[:, :kept] * strength[:kept]
     return columns
+
+
+def num_knots(duration_s: float) -> int:
+    """Return the number of knots of the heat of a test of a duration [s]."""
+    return max(3, round(duration_s / SPACING_S) + 1)
 
 
 def with_heat(problem: Problem, z: np.ndarray) -> Problem:

@@ -148,7 +148,7 @@ def whiten(
     if not num_heat:
         return _filter(residual, noise, blocks)
     rows, half_log_det = _filter(_beside_heat(residual, noise, blocks), noise, blocks)
-    freed, more = _free_of_columns(rows, num_heat)
+    freed, more = free_of_columns(rows, num_heat)
     return freed.reshape(residual.shape), half_log_det + more
 
 
@@ -160,7 +160,7 @@ def _beside_heat(
     return jnp.concatenate([noise.heat * blocks.heat, rows], axis=1)
 
 
-class _Rows(eqx.Module):
+class SensorRows(eqx.Module):
     """What the noise needs to know of the blocks of one sensor, as `Observation` has it."""
 
     is_observed: Bool[Array, "..."]
@@ -170,14 +170,14 @@ class _Rows(eqx.Module):
     noise_scale: Float[Array, "..."]
 
 
-def _by_sensor(blocks: Observation) -> _Rows:
+def _by_sensor(blocks: Observation) -> SensorRows:
     """Return the rows of each sensor, shape (sensor, block) each."""
     size = blocks.num_sensors
 
     def split(rows: Array) -> Array:
         return rows.reshape(size, -1)
 
-    return _Rows(
+    return SensorRows(
         split(blocks.is_observed),
         split(blocks.count),
         split(blocks.rounding_variance),
@@ -195,16 +195,22 @@ def _filter(
     """
     sensors = _by_sensor(blocks)
     if blocks.num_sensors == 1:
-        return _filter_one(rows, noise, jax.tree.map(lambda values: values[0], sensors))
+        return filter_rows(rows, noise, jax.tree.map(lambda values: values[0], sensors))
     split = rows.reshape(blocks.num_sensors, -1, *rows.shape[1:])
-    whitened, log_sd = jax.vmap(_filter_one, (0, None, 0))(split, noise, sensors)
+    whitened, log_sd = jax.vmap(filter_rows, (0, None, 0))(split, noise, sensors)
     return whitened.reshape(rows.shape), jnp.sum(log_sd)
 
 
-def _filter_one(
-    rows: Float[Array, "block ..."], noise: Noise, blocks: _Rows
+def filter_rows(
+    rows: Float[Array, "block ..."], noise: Noise, blocks: SensorRows
 ) -> tuple[Float[Array, "block ..."], Float[Array, ""]]:
-    """As `_filter`, for one sensor."""
+    """Return rows of one sensor whitened by the noise without heat, and half its log determinant.
+
+    Args:
+        rows: Residuals, or columns beside each other that are filtered alike.
+        noise: The noise.
+        blocks: What it needs to know of the blocks.
+    """
     noise = noise.scaled(blocks.noise_scale)
     slow = noise.sd**2
     decay = blocks.block_s / noise.time
@@ -232,7 +238,7 @@ def _filter_one(
     return whitened, jnp.sum(log_sd)
 
 
-def _free_of_columns(
+def free_of_columns(
     rows: Float[Array, "block column"], num: int
 ) -> tuple[Float[Array, "block other"], Float[Array, ""]]:
     """Return rows whitened by 1 + W W' for the first columns W, and half its log determinant.
@@ -317,7 +323,7 @@ def draw(
 
 
 def _draw_one(
-    key: Array, noise: Noise, blocks: _Rows, shape: tuple[int, ...]
+    key: Array, noise: Noise, blocks: SensorRows, shape: tuple[int, ...]
 ) -> Float[Array, "block draw"]:
     """Return the noise of one sensor [K]."""
     noise = noise.scaled(blocks.noise_scale)
@@ -354,7 +360,7 @@ def variance_of_mean(noise: Noise, block_s: float, num: int) -> float:
 
 
 def _of_blocks(
-    noise: Noise, blocks: _Rows
+    noise: Noise, blocks: SensorRows
 ) -> tuple[Float[Array, ""], Float[Array, " block"], Float[Array, " block"]]:
     """Return the decay over a block, the gain of each, and the variance beside that [1, 1, K^2]."""
     decay = blocks.block_s / noise.time

@@ -26,7 +26,7 @@ from ..problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
 from .adequacy import low_frequency_excess
 from .fit_result import RESULT, Fit, failed
 from .laplace import Spread, spread, whiten_fit
-from .restricted import estimate_loggers, estimate_noise
+from .restricted import estimate_loggers, estimate_noise, polished_noise
 
 NUM_STARTS = 16
 """Starts of the search: the centre of the prior and draws from it."""
@@ -89,10 +89,10 @@ def fit(
         InputError: If no start leads anywhere, with `throw`.
     """
     problem = replace(problem, heat=_no_heat(problem))
-    starts = _starts(problem, num_starts, seed)
+    starts = start_scores(problem, num_starts, seed)
     z, cost, steps = _search(problem, _white(ROUGH_K), starts)
     if np.any(np.isfinite(cost)):
-        implied = _implied_level(problem, z[int(np.argmin(cost))])
+        implied = implied_level(problem, _linearise(problem, z[int(np.argmin(cost))])[0])
         if implied >= ROUGH_K:
             z, cost, steps = _search(problem, _white(1.5 * implied), starts)
     if not np.any(np.isfinite(cost)):
@@ -105,7 +105,9 @@ def fit(
 
     problem, state = _settle(problem, z[best])
     problem, state, modes = _explore(problem, state, z)
-    findings = [*_misfit(problem, state)]
+    excess, is_flagged = low_frequency_excess(_innovations(problem, state), _lengths(problem))
+    rmse = _rmse(problem, state.residual)
+    findings = misfit_findings(problem, state.noise_z, rmse, excess, is_flagged)
     if not state.is_converged:
         findings.append(_not_converged(problem))
     if len(modes) > 1:
@@ -129,7 +131,7 @@ def fit(
             "num_at_best": int(np.sum(is_same)),
             "num_steps": int(steps[best]),
             "rmse_white_K": rmse_white,
-            "low_frequency_excess": _excess(problem, state)[0],
+            "low_frequency_excess": excess,
         },
     )
 
@@ -152,9 +154,13 @@ def _white(level: float) -> Noise:
     return Noise(*(jnp.asarray(number, dtype=float) for number in (0.0, 1.0, level, 0.0)))
 
 
-def _implied_level(problem: Problem, z: np.ndarray) -> float:
-    """Return the white level [K] at which slow residuals weigh what they are worth."""
-    residual = _linearise(problem, z)[0]
+def implied_level(problem: Problem, residual: np.ndarray) -> float:
+    """Return the white level [K] at which slow residuals weigh what they are worth.
+
+    Args:
+        problem: Model and tests.
+        residual: Residuals of all tests in a row [K].
+    """
     rmse = _rmse(problem, residual)
     parts = [
         part[seen] / rmse
@@ -169,7 +175,7 @@ def _lengths(problem: Problem) -> list[float]:
     return [test.block_s for test in problem.tests for _ in test.loggers]
 
 
-def _starts(problem: Problem, num_starts: int, seed: int) -> np.ndarray:
+def start_scores(problem: Problem, num_starts: int, seed: int) -> np.ndarray:
     """Return starts in scores: only the network and the resistance are spread."""
     rng = np.random.default_rng(seed)
     starts = np.zeros((num_starts, problem.num_parameters))
@@ -233,13 +239,28 @@ def _settle(problem: Problem, z: np.ndarray) -> tuple[Problem, _State]:
         problem = with_heat(problem, z)
         problem = replace(problem, loggers=estimate_loggers(problem, z, residual, jacobian))
         noise_z = estimate_noise(problem, z, residual, jacobian)
+        noise_z = polished_noise(problem, noise_z, z, residual, jacobian)
         after, _, _ = _search(problem, from_scores(noise_z), z[None])
-        shift = float(np.max(np.abs(after[0] - z)))
-        z = after[0]
+        ahead = _polished(problem, after[0], noise_z)
+        shift = float(np.max(np.abs(ahead - z)))
+        z = ahead
         residual, jacobian = _linearise(problem, z)
         if shift < SETTLED:
             break
     return problem, _State(z, noise_z, residual, jacobian, shift < 10 * SETTLED)
+
+
+def _polished(problem: Problem, z: np.ndarray, noise_z: np.ndarray) -> np.ndarray:
+    """Return the scores after one more step, which looks at the slope alone.
+
+    A search compares sums of squares, whose last digits hide what is nearer than a millionth of a
+    prior standard deviation.
+    """
+    residual, jacobian = _linearise(problem, z)
+    white = whiten_fit(problem, noise_z, residual, jacobian)
+    columns = white.jacobian
+    slope = columns.T @ white.stacked + z
+    return z - np.linalg.solve(columns.T @ columns + np.eye(z.size), slope)
 
 
 def _explore(
@@ -279,20 +300,23 @@ def _rmse(problem: Problem, stacked: np.ndarray) -> float:
     return float(np.sqrt(np.mean(stacked[problem.is_observed] ** 2)))
 
 
-def _excess(problem: Problem, state: _State) -> tuple[float, bool]:
-    """Return the low-frequency excess of the innovations, and whether it is flagged."""
-    return low_frequency_excess(_innovations(problem, state), _lengths(problem))
+def misfit_findings(
+    problem: Problem, noise_z: np.ndarray, rmse: float, excess: float, is_flagged: bool
+) -> list[Finding]:
+    """Return what the noise and the unmodelled heat say of the network.
 
-
-def _misfit(problem: Problem, state: _State) -> list[Finding]:
-    """Return what the noise and the unmodelled heat say of the network."""
-    noise = from_scores(state.noise_z)
-    rmse = _rmse(problem, state.residual)
-    excess, is_flagged = _excess(problem, state)
+    Args:
+        problem: Model and tests.
+        noise_z: Scores of the noise.
+        rmse: Of the residuals [K].
+        excess: Low-frequency excess of the innovations [1].
+        is_flagged: Whether that is above its limit.
+    """
+    noise = from_scores(noise_z)
     of_heat = noise_parameters(problem.model.adequacy)[-1]
-    heat, usual = float(of_heat.value(state.noise_z[3])), of_heat.prior_interval_95()[1]
+    heat, usual = float(of_heat.value(noise_z[3])), of_heat.prior_interval_95()[1]
     reasons = []
-    if state.noise_z[3] > MUCH_HEAT:
+    if noise_z[3] > MUCH_HEAT:
         reasons.append(
             f"it leaves heat of {100.0 * heat:.2g} % of the loss unexplained (up to "
             f"{100.0 * usual:.2g} % is usual)"

@@ -55,19 +55,47 @@ def spread(
     white = whiten_fit(problem, noise_z, residual, jacobian)
     columns = white.jacobian
     precision = columns.T @ columns + np.eye(problem.num_parameters)
-    covariance = np.linalg.inv(precision)
+    curvature = noise_precision(problem, noise_z, z, residual, jacobian)
+    values = np.concatenate(white.residuals)
+    return laplace(
+        z, noise_z, np.linalg.inv(precision), curvature, float(values @ values),
+        white.half_log_det, values.size,
+    )  # fmt: skip
 
+
+def laplace(
+    z: np.ndarray,
+    noise_z: np.ndarray,
+    covariance: Float[np.ndarray, "parameter parameter"],
+    curvature: Float[np.ndarray, "noise noise"],
+    squares: float,
+    half_log_det: float,
+    num_read: int,
+) -> Spread:
+    """Return the spread around a fit from what its residuals say.
+
+    Args:
+        z: Scores of the parameters.
+        noise_z: Scores of the noise.
+        covariance: Of the scores of the parameters, given the noise.
+        curvature: From `restricted.noise_precision`.
+        squares: Sum of the squared whitened residuals [1].
+        half_log_det: Half the log determinant of the covariance of noise and heat.
+        num_read: Blocks with a reading.
+    """
     # what comes of the readings, and what of the priors: the two add up to the covariance
     type_a = covariance - covariance @ covariance
 
-    curvature = noise_precision(problem, noise_z, z, residual, jacobian)
-    size = problem.num_parameters + NUM_NOISE
+    size = z.size + NUM_NOISE
     full = np.zeros((size, size))
-    full[: problem.num_parameters, : problem.num_parameters] = covariance
-    full[problem.num_parameters :, problem.num_parameters :] = _positive_inverse(curvature)
-    mode = _log_posterior(problem, z, noise_z, white)
+    full[: z.size, : z.size] = covariance
+    full[z.size :, z.size :] = _positive_inverse(curvature)
+    density = -0.5 * squares - half_log_det - 0.5 * num_read * float(np.log(2 * np.pi))
+    vector = np.concatenate([z, noise_z])
+    prior = -0.5 * float(vector @ vector) - 0.5 * vector.size * float(np.log(2 * np.pi))
     log_det = float(np.linalg.slogdet(full)[1])
-    return Spread(full, type_a, mode + 0.5 * log_det + 0.5 * size * float(np.log(2 * np.pi)))
+    evidence = density + prior + 0.5 * log_det + 0.5 * size * float(np.log(2 * np.pi))
+    return Spread(full, type_a, evidence)
 
 
 class Whitened(NamedTuple):
@@ -75,11 +103,13 @@ class Whitened(NamedTuple):
 
     Attributes:
         residuals: Of the observed blocks of each sensor of each test [1].
+        stacked: Of the blocks of all tests in a row [1].
         jacobian: Of the blocks of all tests in a row [1 per score].
         half_log_det: Half the log determinant of the noise's covariance.
     """
 
     residuals: list[np.ndarray]
+    stacked: Float[np.ndarray, " block"]
     jacobian: Float[np.ndarray, "block parameter"]
     half_log_det: float
 
@@ -90,9 +120,9 @@ def whiten_fit(
     """Return residuals and their derivative whitened by the noise; arguments as `spread`."""
     noise = noise_module.from_scores(np.asarray(noise_z))
     # side by side, so that one compilation serves all who need either
-    joined = problem.split(np.column_stack([residual, jacobian]))
+    parts = problem.split(np.column_stack([residual, jacobian]))
     rows, half_log_det = [], 0.0
-    for part, test in zip(joined, problem.data.tests, strict=True):
+    for part, test in zip(parts, problem.data.tests, strict=True):
         white, half = noise_module.whiten(jnp.asarray(part), noise, test)
         rows.append(np.asarray(white))
         half_log_det += float(half)
@@ -103,17 +133,8 @@ def whiten_fit(
             test.by_sensor(part[:, 0]), test.by_sensor(test.is_observed), strict=True
         )
     ]
-    return Whitened(residuals, np.concatenate(rows)[:, 1:], half_log_det)
-
-
-def _log_posterior(problem: Problem, z: np.ndarray, noise_z: np.ndarray, white: Whitened) -> float:
-    """Return the log posterior at a fit [nat]."""
-    values = np.concatenate(white.residuals)
-    density = -0.5 * float(values @ values) - white.half_log_det
-    density -= 0.5 * values.size * float(np.log(2 * np.pi))
-    vector = np.concatenate([z, noise_z])
-    prior = -0.5 * float(vector @ vector) - 0.5 * vector.size * float(np.log(2 * np.pi))
-    return density + prior
+    joined = np.concatenate(rows)
+    return Whitened(residuals, joined[:, 0], joined[:, 1:], half_log_det)
 
 
 def _positive_inverse(matrix: np.ndarray) -> np.ndarray:

@@ -1,0 +1,231 @@
+"""Noise and least squares in turns, for machines side by side, until the scores stand still."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ...inference.fitting.fit import NUM_ROUNDS, SETTLED
+from ...inference.fitting.restricted import STARTS_S
+from ...inference.noise import NOISE, Noise, free_of_columns, from_scores
+from ...inference.problem import Structure
+from .heat import heat_columns
+from .lanes import kept
+from .march import Group, Machines, Means, values_of_group
+from .restricted import (
+    NUM_FILTER,
+    Linear,
+    NoiseSearch,
+    Restricted,
+    begun,
+    noise_precision,
+    restricted,
+    search_noise,
+)
+from .search import Heat, linearise, search
+from .search import begun as search_begun
+from .whitening import filtered
+
+MOST_STEPS = 60
+"""Steps of a search for parameters or noise that starts near its end, or from a fair guess."""
+
+TOGETHER = 0.03
+"""Noises nearer than this in all scores have come together [prior standard deviations]."""
+
+
+class Settled(NamedTuple):
+    """Where the turns have ended.
+
+    Attributes:
+        z: Scores, shape (parameter, machine).
+        noise_z: Scores of the noise, shape (noise, machine).
+        heat: What unmodelled heat does to each group of tests.
+        cost: Half the sum of squares at the end [nat].
+        shift: Change of the scores in the last turn.
+        has_ended: Whether all searches of the machine have converged.
+        has_rival: Whether another noise is as probable.
+    """
+
+    z: Float[Array, "parameter machine"]
+    noise_z: Float[Array, "noise machine"]
+    heat: Heat
+    cost: Float[Array, " machine"]
+    shift: Float[Array, " machine"]
+    has_ended: Bool[Array, " machine"]
+    has_rival: Bool[Array, " machine"]
+
+
+def settle(
+    structure: Structure, machines: Machines, z: Float[Array, "parameter machine"]
+) -> Settled:
+    """Return where noise and least squares come to rest from the optima for white noise.
+
+    Args:
+        structure: What is compiled.
+        machines: The numbers.
+        z: Scores.
+    """
+    num = z.shape[-1]
+    means, noise = linearise(structure, machines, z), None
+    is_done = has_rival = jnp.zeros(num, dtype=bool)
+    state: Settled | None = None
+    for _ in range(NUM_ROUNDS):
+        heat = heat_columns(structure, machines, z)
+        linear = Linear(z, means, heat)
+        if noise is None:
+            noise, has_rival = _first_noise(machines, linear)
+        else:
+            # the second derivative that the last turn has found still holds
+            again = begun(noise.noise_z)._replace(curvature=noise.curvature)
+            noise = search_noise(machines, linear, again, jnp.asarray(MOST_STEPS))
+        found = search(
+            structure, machines, search_begun(z), from_scores(noise.noise_z), heat,
+            jnp.asarray(MOST_STEPS),
+        )  # fmt: skip
+        shift = jnp.max(jnp.abs(found.z - z), axis=0)
+        has_ended = found.has_ended & noise.has_ended
+        now = Settled(found.z, noise.noise_z, heat, found.normal.cost, shift, has_ended, has_rival)
+        if state is not None:
+            now = kept(is_done, state, now)
+        state, z = now, now.z
+        means = linearise(structure, machines, z)
+        is_done = (state.shift < SETTLED) | ~jnp.isfinite(state.shift)
+        if bool(jnp.all(is_done)):
+            break
+    assert state is not None
+    assert state.shift.shape == (num,)
+    return state
+
+
+def _first_noise(machines: Machines, linear: Linear) -> tuple[NoiseSearch, Bool[Array, " machine"]]:
+    """Return the most probable noise, and whether another is as probable.
+
+    Where the likelihood has two maxima, so has that of the residuals as they are, which costs next
+    to nothing: its maxima are what the searches begin from.
+    """
+    bare = Linear(
+        linear.z[:0],
+        [Means(means.residual, means.jacobian[:, :0]) for means in linear.means],
+        tuple(heat[:, :0] for heat in linear.heat),
+    )
+    tried = [
+        search_noise(machines, bare, begun(start), jnp.asarray(MOST_STEPS))
+        for start in _noise_starts(machines, linear.means)
+    ]
+    first, is_alone = _best(tried)
+    best = _with_parameters(machines, linear, first)
+    has_rival = jnp.zeros_like(is_alone)
+    is_alone |= ~jnp.isfinite(first.value)
+    if bool(jnp.all(is_alone)):
+        return best, has_rival
+    others = [_with_parameters(machines, linear, each) for each in tried]
+    best, _ = _best([best, *others])
+    for each in others:
+        is_far = jnp.max(jnp.abs(each.noise_z - best.noise_z), axis=0) > TOGETHER
+        has_rival |= is_far & (each.value - best.value < RIVAL)
+    return best, has_rival
+
+
+def _with_parameters(machines: Machines, linear: Linear, found: NoiseSearch) -> NoiseSearch:
+    """Return the noise with the parameters integrated out, searched from that without them."""
+    curvature = found.curvature.at[NUM_FILTER, NUM_FILTER].set(HEAT_CURVATURE)
+    start = begun(found.noise_z)._replace(curvature=curvature)
+    return search_noise(machines, linear, start, jnp.asarray(MOST_STEPS))
+
+
+RIVAL = 1e-3
+"""Log likelihoods nearer than this may change places with the last digits [nat]."""
+
+HEAT_CURVATURE = 5.0
+"""Second derivative by the size of the heat that a search begins with [nat]."""
+
+
+def _best(found: list[NoiseSearch]) -> tuple[NoiseSearch, Bool[Array, " machine"]]:
+    """Return the best of some searches, and whether all have come together there."""
+    stacked = jax.tree.map(lambda *parts: jnp.stack(parts, axis=-1), *found)
+    place = jnp.argmin(stacked.value, axis=-1)
+
+    def taken(values: Array) -> Array:
+        places = jnp.broadcast_to(place, values.shape[:-1])[..., None]
+        return jnp.take_along_axis(values, places, axis=-1)[..., 0]
+
+    best = jax.tree.map(taken, stacked)
+    apart = jnp.max(jnp.abs(stacked.noise_z - best.noise_z[..., None]), axis=(0, 2))
+    return best, apart < TOGETHER
+
+
+@jax.jit
+def _noise_starts(machines: Machines, means: list[Means]) -> list[Float[Array, "noise machine"]]:
+    """Return scores at the level of the residuals; as `inference.fitting.restricted` has them."""
+    count, total, square = 0.0, 0.0, 0.0
+    for of_group, group in zip(means, machines.groups, strict=True):
+        count = count + sum(group.by_test(group.num_blocks))
+        total = total + sum(group.by_test(jnp.sum(of_group.residual, axis=0)))
+        square = square + sum(group.by_test(jnp.sum(of_group.residual**2, axis=0)))
+    spread = jnp.sqrt(jnp.maximum(square / count - (total / count) ** 2, 0.0)) + 1e-6
+
+    def score(place: int, value: Array) -> Array:
+        return jnp.log(value / NOISE[place].centre) / NOISE[place].sd
+
+    ones = jnp.ones_like(spread)
+    return [
+        jnp.stack([score(0, spread), score(1, time * ones), score(2, spread), 0.0 * ones])
+        for time in STARTS_S
+    ]
+
+
+class Final(NamedTuple):
+    """What is said of the fit.
+
+    Attributes:
+        means: Residuals and Jacobian of each group of tests.
+        restricted: The restricted likelihood of the noise.
+        noise_precision: Its curvature, shape (noise, noise, machine).
+        innovations: Whitened residuals of each group of tests, shape (block, lane).
+        stiffness: Longest step over the longest that the march takes [1].
+    """
+
+    means: list[Means]
+    restricted: Restricted
+    noise_precision: Float[Array, "noise noise machine"]
+    innovations: list[Float[Array, "block lane"]]
+    stiffness: Float[Array, " machine"]
+
+
+def final(structure: Structure, machines: Machines, state: Settled) -> Final:
+    """Return what is said of the fit of each machine."""
+    means = linearise(structure, machines, state.z)
+    linear = Linear(state.z, means, state.heat)
+    found, innovations, stiffness = _final(structure, machines, linear, state.noise_z)
+    precision = noise_precision(machines, linear, state.noise_z)
+    return Final(means, found, precision, innovations, stiffness)
+
+
+@partial(jax.jit, static_argnames="structure")
+def _final(structure: Structure, machines: Machines, linear: Linear, noise_z: Array):
+    innovations, stiffness = [], jnp.zeros(noise_z.shape[-1])
+    noise = from_scores(noise_z)
+    for means, heat, group in zip(linear.means, linear.heat, machines.groups, strict=True):
+        own = jax.tree.map(group.by_lane, noise)
+        innovations.append(_innovations(means, heat, own, group))
+        values, _ = values_of_group(structure, machines, linear.z, group)
+        network = structure.model.network(values)
+        rates = [
+            sum(2.0 / R for link, R in network.resistance.items() if node in link)
+            / network.capacitance[node]
+            for node in network.nodes
+        ]
+        fastest = group.step * jnp.max(jnp.stack(rates), axis=0)
+        stiffness = jnp.maximum(stiffness, jnp.max(jnp.stack(group.by_test(fastest)), axis=0))
+    return restricted(machines, linear, noise_z), innovations, stiffness
+
+
+def _innovations(means: Means, heat: Array, noise: Noise, group: Group) -> Array:
+    columns = jnp.concatenate([noise.heat * heat, means.residual[:, None]], axis=1)
+    white, _ = filtered(columns, noise, group)
+    freed, _ = jax.vmap(partial(free_of_columns, num=heat.shape[1]))(white)
+    return jnp.moveaxis(freed[:, :, 0], 0, -1)

@@ -1,0 +1,31 @@
+"""Machines of a simulated fleet, by the bench of `data/synthetic`, which is independent code."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from heatrun.bench.record import Record
+from heatrun.bench.reduction import reduce
+from heatrun.inference.model import Model
+from heatrun.inference.problem import Problem
+from heatrun.motor import Motor
+
+NAMES = {
+    "t": "time_s", "Is": "phase_current_A", "Pd": "losses_W", "Te": "ambient_degC",
+    "Tw_m": "winding_degC", "speed_rpm": "speed_rpm",
+}  # fmt: skip
+
+
+def machine(generator, seed, profiles, network="second", sample_s=0.5, **motor):
+    """Return the problem of a random machine that was tested with some profiles."""
+    rng = np.random.default_rng(seed)
+    truth = generator.random_motor(rng)
+    said = Motor(f"machine {seed}", phase_resistance_ohm=truth.phase_resistance_ohm, **motor)
+    tests = []
+    for number, profile in enumerate(profiles):
+        course = generator.simulate(truth, profile, sample_s=sample_s, steps_per_sample=2)
+        columns = generator.measure(course, rng, generator.Instruments(resolution_K=0.1))
+        channels = {NAMES[name]: np.asarray(column) for name, column in columns.items()}
+        tests.append(reduce(Record(f"test {number}", channels), said))
+    model = Model.of(network, said).scaled(said, tests)
+    return Problem.of(model, said, tests)

@@ -1,0 +1,187 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from fleet_machines import machine
+
+from heatrun.fleet.batch.fit import fit_batch, fits
+from heatrun.fleet.batch.layout import NotBatched, bucket, key_of, pack
+from heatrun.fleet.batch.march import residuals_of_group
+from heatrun.fleet.batch.matrices import solve, sweep
+from heatrun.fleet.batch.search import search
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.restricted import polished_noise
+from heatrun.inference.problem import linearise
+from heatrun.motor import ParameterOverride
+
+SAME = 1e-6
+
+
+def assert_same(found, alone):
+    """The batch's fit is that of the machine alone, to 1e-6: scores of the priors' widths."""
+    assert not isinstance(found, NotBatched), found
+    assert found.z == pytest.approx(alone.z, rel=SAME, abs=SAME)
+    assert found.noise_z == pytest.approx(alone.noise_z, rel=SAME, abs=SAME)
+    assert found.log_evidence == pytest.approx(alone.log_evidence, rel=SAME)
+    for of_batch, of_one in (
+        (found.covariance, alone.covariance),
+        (found.covariance_type_a, alone.covariance_type_a),
+    ):
+        widths = np.sqrt(np.diag(of_one))
+        scale = widths[:, None] * widths
+        np.testing.assert_allclose(of_batch / scale, of_one / scale, rtol=0.0, atol=SAME)
+    for of_batch, of_one in zip(found.residual, alone.residual, strict=True):
+        np.testing.assert_allclose(of_batch, of_one, rtol=0.0, atol=1e-6)
+    for of_batch, of_one in zip(found.problem.heat, alone.problem.heat, strict=True):
+        largest = np.max(np.abs(of_one @ of_one.T))
+        assert np.max(np.abs(of_batch @ of_batch.T - of_one @ of_one.T)) < 1e-6 * largest
+    assert [f.id for f in found.findings] == [f.id for f in alone.findings]
+    assert found.modes.shape == alone.modes.shape
+    assert found.result is alone.result
+    for name in ("rmse_white_K", "low_frequency_excess", "num_starts"):
+        assert found.stats[name] == pytest.approx(alone.stats[name], rel=SAME), name
+
+
+@pytest.fixture(scope="module")
+def short(generator):
+    """One test each: a full one, a shorter one, and one of a poor step of load."""
+    return [
+        machine(generator, 1, [generator.duty(1900.0)]),
+        machine(generator, 2, [generator.duty(1840.0)]),
+        machine(generator, 3, [generator.constant_load(1900.0, torque=0.2, speed=0.1)]),
+    ]
+
+
+def test_residuals_and_slopes_are_those_of_one_machine(short):
+    key = key_of(short[0])
+    assert all(key_of(problem) == key for problem in short)
+    rng = np.random.default_rng(0)
+    z = 0.3 * rng.standard_normal((short[0].num_parameters, len(short)))
+    machines = pack(key, short)
+    (group,) = machines.groups
+    found = residuals_of_group(key.structure, machines, jnp.asarray(z), group, 1e6)
+    for lane, problem in enumerate(short):
+        residual, jacobian = linearise(problem.structure, problem.data, jnp.asarray(z[:, lane]))
+        num = residual.shape[0]
+        np.testing.assert_allclose(found.residual[:num, lane], residual, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(found.jacobian[:num, :, lane], jacobian, rtol=1e-9, atol=1e-8)
+        assert not np.any(found.residual[num:, lane])
+        assert not np.any(found.jacobian[num:, :, lane])
+
+
+@pytest.mark.slow
+def test_a_batch_fits_as_one_does(short):
+    found = fit_batch(short, width=4)
+    for of_batch, problem in zip(found, short, strict=True):
+        assert_same(of_batch, fit(problem))
+
+
+@pytest.mark.slow
+def test_nothing_is_compiled_for_a_number_of_machines(short):
+    fit_batch(short, width=4)
+    before = search._cache_size()
+    found = fit_batch([short[1], *short, *short], width=4)
+    assert search._cache_size() == before
+    # the place in a batch, and what stands beside, change nothing but the last digits
+    for one, other in ((found[0], found[2]), (found[2], found[5])):
+        assert one.z == pytest.approx(other.z, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_machines_of_another_kind_are_left_to_the_full_job(short, generator):
+    slow = machine(generator, 4, [generator.duty(1900.0)], sample_s=1.0)
+    model = replace(short[0].model, change_sd=0.1)
+    changing = replace(short[0], model=model)
+    reasons = [found.reason for found in fit_batch([slow, changing], width=4)]
+    assert "slow" in reasons[0]
+    assert "change" in reasons[1]
+
+
+@pytest.mark.slow
+def test_a_machine_with_garbage_does_not_touch_its_neighbours(short):
+    (blocks,) = short[0].tests
+    rng = np.random.default_rng(3)
+    garbage = replace(blocks, measured=1e9 * rng.standard_normal(blocks.measured.shape))
+    spoilt = replace(short[0], tests=(garbage,))
+    with_it, without = fit_batch([spoilt, short[1]], width=4), fit_batch([short[1]], width=4)
+    assert isinstance(with_it[0], NotBatched)
+    # it stands at another place of the batch, and its noise was searched from more starts: the
+    # last digits may differ, as between any two batches
+    np.testing.assert_allclose(with_it[1].z, without[0].z, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(with_it[1].covariance, without[0].covariance, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_fits_come_as_their_batches_are_full(short):
+    taken = []
+
+    def problems():
+        for place in range(5):
+            taken.append(place)
+            yield place, short[1]
+
+    stream = fits(problems(), width=4)
+    first = next(stream)[0]
+    assert first == 0
+    assert taken == [0, 1, 2, 3]  # the fifth is not read before it is needed
+    assert [place for place, _ in stream] == [1, 2, 3, 4]
+
+
+@pytest.mark.slow
+def test_the_polished_noise_is_where_the_likelihood_is_flat(short):
+    found = fit(short[0])
+    residual, jacobian = np.concatenate(found.residual), np.concatenate(found.jacobian)
+    exact = polished_noise(found.problem, found.noise_z, found.z, residual, jacobian)
+    moved = polished_noise(found.problem, found.noise_z + 3e-3, found.z, residual, jacobian)
+    np.testing.assert_allclose(moved, exact, rtol=0.0, atol=1e-8)
+
+
+def test_sweeping_solves_and_inverts():
+    rng = np.random.default_rng(0)
+    half = rng.standard_normal((5, 6, 3))
+    matrix = np.einsum("ikw,jkw->ijw", half, half)
+    swept, half_log_det = sweep(jnp.asarray(matrix), 3)
+    for lane in range(3):
+        A, B = matrix[:3, :3, lane], matrix[:3, 3:, lane]
+        np.testing.assert_allclose(-swept[:3, :3, lane], np.linalg.inv(A), rtol=1e-9)
+        np.testing.assert_allclose(swept[:3, 3:, lane], np.linalg.solve(A, B), rtol=1e-9)
+        rest = matrix[3:, 3:, lane] - B.T @ np.linalg.solve(A, B)
+        np.testing.assert_allclose(swept[3:, 3:, lane], rest, rtol=1e-9)
+        assert half_log_det[lane] == pytest.approx(0.5 * np.linalg.slogdet(A)[1])
+    right = rng.standard_normal((5, 3))
+    found = jax.jit(solve)(jnp.asarray(matrix), jnp.asarray(right))
+    expected = [np.linalg.solve(matrix[..., lane], right[:, lane]) for lane in range(3)]
+    np.testing.assert_allclose(found.T, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("num", "size"), [(90, 96), (96, 96), (97, 128), (360, 384)])
+def test_buckets_hold_their_tests(num, size):
+    assert bucket(num) == size
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("network", ["first", "second"])
+def test_two_tests_of_unlike_length_in_a_batch(generator, network):
+    problems = [
+        machine(generator, 10 + seed, [generator.duty(first), generator.staircase(second)], network)
+        for seed, (first, second) in enumerate([(3600.0, 2400.0), (3300.0, 2300.0)])
+    ]
+    for found, problem in zip(fit_batch(problems, width=4), problems, strict=True):
+        assert_same(found, fit(problem))
+
+
+@pytest.mark.slow
+def test_a_map_of_losses_and_fixed_parameters(generator):
+    problems = [
+        machine(
+            generator, 20 + seed, [generator.duty(1900.0)], losses="map",
+            parameters={"sensor_offset": ParameterOverride(fixed=0.1)},
+        )
+        for seed in range(2)
+    ]  # fmt: skip
+    for found, problem in zip(fit_batch(problems, width=4), problems, strict=True):
+        assert_same(found, fit(problem))
