@@ -143,11 +143,11 @@ def trial(bench: Bench, draw: random.Random) -> list[Row]:
 
 def _strike_workers(command: Command, bench: Bench, draw: random.Random, num: int) -> list[Row]:
     rows: list[Row] = []
-    for _ in range(num):
-        time.sleep(draw.uniform(0.0, 0.5 * bench.usual_s))
+    while len(rows) < num and command.process.poll() is None:
+        time.sleep(draw.uniform(0.0, 0.4 * bench.usual_s))
         workers = command.workers()
-        if command.process.poll() is not None or not workers:
-            break
+        if not workers:  # it reads, starts them or joins the parts
+            continue
         chosen = draw.choice(workers)
         try:
             chosen.kill()

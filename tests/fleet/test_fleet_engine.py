@@ -281,6 +281,12 @@ def test_workers_that_die_are_replaced_and_the_culprit_is_named(bench, monkeypat
     assert [found[b.name].lost for b in batches] == [(), (ALWAYS,), ()]
 
 
+@pytest.mark.parametrize("said", ["much", "0", "4 bananas"])
+def test_a_memory_that_is_none_is_refused(said):
+    with pytest.raises(InputError, match="such as 4GB"), connected(Workers(1, memory=said), 1):
+        pass
+
+
 class Missing:
     """Stands for client and cluster of which one worker of two never comes."""
 

@@ -146,11 +146,26 @@ def connected(workers: Workers, most: int) -> Iterator[Pool]:
     require_dask()
     import dask.config
 
+    _check_memory(workers.memory)
     quiet = {"logging": {"distributed": "critical"}, "distributed.logging.distributed": "critical"}
     with dask.config.set(quiet):
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         with _existing(workers) if workers.scheduler else _local(workers, most) as pool:
             yield pool
+
+
+def _check_memory(said: str) -> None:
+    from dask.utils import parse_bytes
+
+    try:
+        is_some = said == "auto" or parse_bytes(said) > 0
+    except ValueError:
+        is_some = False
+    if not is_some:
+        raise InputError(
+            f"Expected the memory of a worker, such as 4GB, got {said[:40]!r}.",
+            remedy="Write a number and MB or GB, or leave it out.",
+        )
 
 
 @contextmanager
