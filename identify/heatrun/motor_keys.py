@@ -140,7 +140,9 @@ TESTS = Section(
         Key("use_rows", "The same by samples, counted from 1: for a clock that was set back.",
             "[[1, 5000], [5001, 9000]]", "the whole record"),
         Key("mask", "Windows whose readings of winding and bodies are not compared with the model; "
-            "current and losses are simulated through.", "[[1800, 1920]]", "none"),
+            "current and losses are simulated through. Of a test that is to be compared from a "
+            "warm moment on, this knows the stator where `use` does not.", "[[1800, 1920]]",
+            "none"),
     ),
 )  # fmt: skip
 

@@ -26,6 +26,7 @@ from heat_runs import (
 )
 
 from heatrun.bench.record import ColumnReading, Record
+from heatrun.bench.stretch import Stretch, cut
 from heatrun.motor import Motor, ParameterOverride
 
 JITTER = TIME + 0.03 * np.random.default_rng(1).uniform(-1.0, 1.0, TIME.size)
@@ -42,6 +43,9 @@ LOCKED = changed(
 RIPPLE = np.random.default_rng(3).uniform(7.0, 10.0, TIME.size)
 
 # id: record with the fault, motor, severity, value that says where or how much, its bounds
+CUT = cut(CLEAN, Stretch(1800.0), "test")
+WARM_K = float(CUT["winding_degC"][0] - CUT["ambient_degC"][0])
+
 FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "missing_channel": (without(CLEAN, "losses_W"), MOTOR, "error", "", (0, 0)),
     "simulated_by_heatrun": (
@@ -138,6 +142,10 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
         changed(CLEAN, winding_degC=CLEAN["ambient_degC"]), MOTOR, "error", "rise_K", (0, 1)
     ),
     "start_not_in_equilibrium": (heat_run(start=35.0), MOTOR, "warning", "excess_K", (12, 14)),
+    # as warm as the whole record is at that time
+    "cut_while_warm": (
+        CUT, MOTOR, "note", "excess_K", (WARM_K - 1.0, WARM_K + 1.0)
+    ),
     "ambient_moving": (heat_run(drift_K_per_h=3.0), MOTOR, "warning", "slope_K_per_h", (2.8, 3.2)),
     "single_step": (STEADY, MOTOR, "warning", "current_A", (119, 121)),
     "too_short": (heat_run(minutes=12.0), MOTOR, "warning", "time_constants", (0.1, 0.75)),
@@ -162,6 +170,11 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         "time_duplicate", at(CLEAN, np.sort(np.append(np.arange(TIME.size), 999))),
         MOTOR, "warning",
     ),
+    "cut with a measured stator": (
+        "cut_while_warm", changed(CUT, stator_degC=CUT["winding_degC"]), MOTOR, None
+    ),
+    "cut at the end": ("cut_while_warm", cut(CLEAN, Stretch(0.0, 1800.0), "test"), MOTOR, None),
+    "cut before the load": ("cut_while_warm", cut(CLEAN, Stretch(10.0), "test"), MOTOR, None),
     "six minutes missing": ("time_gap", shifted_clock(CLEAN, 900.0, 360.0), MOTOR, "error"),
     "stuck to the end": ("sensor_stuck", STRETCHED, MOTOR, "error"),
     "stuck and flickering elsewhere": (

@@ -8,7 +8,10 @@ from heat_runs import CLEAN, LINK, MOTOR, changed, heat_run, named, without
 
 from heatrun.bench.checks import check_record, excitation
 from heatrun.bench.checks.crude_fit import crude_fit
+from heatrun.bench.joined import parts_of
 from heatrun.bench.record import Finding
+from heatrun.bench.stretch import Stretch, cut
+from heatrun.motor import PartsOfTest
 
 
 def test_a_long_test_is_not_called_too_short_for_its_length(monkeypatch):
@@ -57,6 +60,16 @@ def test_a_measured_stator_is_not_called_unknown():
     (beside,) = named(check_record(known, MOTOR), "start_not_in_equilibrium")
     assert "the stator" not in beside.message
     assert "Map `stator_degC`" not in beside.remedy
+
+
+def test_a_test_that_is_cut_while_warm_is_told_how_its_stator_can_be_known():
+    (finding,) = named(
+        check_record(cut(CLEAN, Stretch(1800.0), "asked for"), MOTOR), "cut_while_warm"
+    )
+    assert "is not simulated" in finding.message
+    assert "mask = [[60, 1800]] under [tests.NAME]" in finding.remedy
+    begin = parts_of(CLEAN, replace(MOTOR, tests={"run": PartsOfTest(mask=((60.0, 1800.0),))}))
+    assert not named(check_record(begin[0], MOTOR), "cut_while_warm")
 
 
 def test_coolant_replaces_ambient_where_it_is_the_sink():

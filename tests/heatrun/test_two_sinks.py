@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +14,7 @@ from two_sinks import RS0, TRUTH, air, amperes, coolant, course, iron, record
 
 import heatrun
 from heatrun import cli
+from heatrun.bench.joined import read_test
 from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
 from heatrun.inference.fitting.fit import fit
@@ -21,6 +23,9 @@ from heatrun.inference.networks import network_named
 from heatrun.inference.networks.text import network_of, network_text
 from heatrun.inference.problem import Problem
 from heatrun.motor import Motor
+from heatrun.motorfile import load_motor
+from heatrun.reports.bench_tests import build_report
+from heatrun.reports.bench_tests.flow_words import flow_words
 from lptn import CopperLosses, Drive, Inputs, Network, simulate, steady_state
 from lptn.effects import CoolantSink, SpeedCooling, applies, build
 
@@ -191,6 +196,22 @@ def test_a_constant_of_the_motor_file_takes_the_place_of_a_channel(folder, capsy
     assert "model_refused" not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("main", "second"), [("ambient", "coolant"), ("coolant", "ambient")])
+def test_a_heat_flow_is_called_after_the_sink_it_goes_to(main, second):
+    words = flow_words(network_named("cooled").with_main_sink(main))
+    assert words == {
+        ("winding", "stator"): ("P_ws", "winding to stator"),
+        ("stator", main): ("P_se", f"stator to the {main}"),
+        ("stator", second): (f"stator to {second}", "heat flow"),
+    }
+    assert flow_words(network_named("second"))["stator", "ambient"] == (
+        "P_se", "stator to the sink"
+    )  # fmt: skip
+    assert flow_words(network_named("first")) == {
+        ("winding", "ambient"): ("P_se", "machine to the sink")
+    }
+
+
 @pytest.fixture(scope="module")
 def run(folder):
     motor, test = folder / "motor.toml", folder / "duty.csv"
@@ -235,6 +256,19 @@ def test_the_run_reads_back_predicts_and_is_exported(run, folder, capsys, monkey
     assert cli.main(["simulate", "motor.toml", "run", "duty.csv", "--out", "virtual"]) == 0
     virtual = pd.read_csv(folder / "virtual" / "duty_virtual.csv")
     assert {"coolant_degC", "flow_stator_coolant_W", "flow_stator_ambient_W"} <= set(virtual)
+
+
+@pytest.mark.slow
+def test_a_thermal_report_names_both_sinks(run, folder):
+    motor = load_motor(folder / "motor.toml")
+    report = build_report(
+        "thermal", motor, read_test(folder / "duty.csv", motor), run=Path(run.path)
+    )
+    labels = {row.name: row.label for row in report.rows}
+    assert labels["P_se_end_W"] == "P_se, stator to the ambient, at the end"
+    assert labels["stator to coolant_end_W"] == "stator to coolant, heat flow, at the end"
+    said = dict(report.definitions)
+    assert "from stator to the ambient" in said["P_ws, P_se"]
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ import numpy as np
 from ...motor import Motor
 from ..record import Finding, Record
 from .absurd import losses_absurd
-from .course import ambient_moving, no_heating, start_not_in_equilibrium
+from .course import ambient_moving, cut_while_warm, no_heating, start_not_in_equilibrium
 from .excitation import single_step, too_short
 from .heat import losses_absent, losses_of_dc_link
 from .losses import current_amplitude, losses_below_copper, losses_negative
@@ -63,6 +63,7 @@ CHECKS: tuple[Check, ...] = (
     shaft_power_disagrees,
     no_heating,
     start_not_in_equilibrium,
+    cut_while_warm,
     ambient_moving,
     single_step,
     too_short,

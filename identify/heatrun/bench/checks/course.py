@@ -23,6 +23,9 @@ EQUILIBRIUM_K = 2.0
 """Two sensors of a bench agree to about 1 K each; a larger difference is heat left in the
 machine."""
 
+MASKED_FROM_S = 60.0
+"""The first readings of a test say where it starts; 40 s of them are used."""
+
 LEAD_DRIFT_K = 1.0
 """Change of the winding before heat flows that says the machine is still cooling."""
 
@@ -146,6 +149,40 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...
                 "drift_K": drift,
                 "lead_s": float(time_s[lead - 1] - time_s[0]),
             },
+        ),
+    )
+
+
+def cut_while_warm(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Say of a test that is cut out of a record while warm that the part before it may tell more.
+
+    What is cut off is not simulated, and whether its losses can be trusted, which may be why it
+    was cut off, only the bench knows. Where they can, a mask in place of the cut lets the network
+    run up to that time: the stator is then known as well as the parameters allow.
+    """
+    if not record.stretch or any(body in record for body in STATOR):
+        return ()
+    sink_name = sink_channel(motor)
+    time_s, winding, sink = samples(record, "winding_degC", sink_name)
+    if time_s.size == 0 or time_s[0] <= MASKED_FROM_S:
+        return ()
+    first = time_s <= time_s[0] + START_S
+    excess = float(np.median(winding[first] - sink[first]))
+    if abs(excess) <= EQUILIBRIUM_K + 0.5 * (rounding_step(winding) or 0.0):
+        return ()
+    begin_s = float(time_s[0])
+    return (
+        Finding(
+            "cut_while_warm",
+            "note",
+            f"The test begins {begin_s:.0f} s into its record, with the winding {excess:+.1f} K "
+            f"from {sink_name}. What lies before is not simulated, so the start temperature of the "
+            "stator has a wide prior, and predictions a wide band for its time constant or two.",
+            place(record, "winding_degC", begin_s, float(time_s[first][-1])),
+            "If current and losses before it are right, leave out the readings alone: "
+            f"mask = [[{MASKED_FROM_S:.0f}, {begin_s:.0f}]] under [tests.NAME] of the motor file "
+            "in place of the cut.",
+            values={"excess_K": excess, "begin_s": begin_s},
         ),
     )
 

@@ -26,16 +26,10 @@ from .equilibrium_rows import (
     network_rows,
 )
 from .figures import thermal as figures
+from .flow_words import flow_words, unnamed
 from .independence import before, fitted_by
 from .report import Drawing, Report, Row
 from .simulated import Simulated
-
-FLOWS = {
-    ("winding", "stator"): ("P_ws", "winding to stator"),
-    ("stator", "ambient"): ("P_se", "stator to the sink"),
-    ("winding", "ambient"): ("P_se", "machine to the sink"),
-}
-"""Symbols of the heat flows, by link of the network."""
 
 DEFINITIONS = (
     ("Thermal equilibrium", CRITERION),
@@ -46,7 +40,6 @@ DEFINITIONS = (
         "the outer one 95 % with the noise of a block mean.",
     ),
     ("Tsr", "Temperature of stator and rotor as one lump of the network; simulated, not measured."),
-    ("P_ws, P_se", "Heat flow from winding to stator, and from stator to the sink; simulated."),
 )
 
 
@@ -83,7 +76,9 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
                 lambda: figures.temperatures(record, found.temperatures, continued))
     ]  # fmt: skip
     if simulated is not None:
-        labels = {link: f"{symbol}, {words}" for link, (symbol, words) in FLOWS.items()}
+        named = flow_words(simulated.prediction.model.form)
+        labels = {link: f"{symbol}, {words}" for link, (symbol, words) in named.items()
+                  if (symbol, words) != unnamed(link)}  # fmt: skip
         drawings += [
             Drawing("against", "Measured against simulated winding, with Tsr, and the difference.",
                     lambda: figures.against(simulated)),
@@ -91,6 +86,8 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
                     lambda: figures.flows(simulated, labels)),
         ]  # fmt: skip
     definitions = list(DEFINITIONS if simulated is not None else DEFINITIONS[:1])
+    if simulated is not None:
+        definitions.append(_flows_defined(simulated))
     if continued:
         definitions.insert(1, ("Extrapolated", EXTRAPOLATION))
     if found.steady is not None:
@@ -172,14 +169,21 @@ def _run_rows(simulated: Simulated) -> list[Row]:
             Row(f"{node}_end_degC", f"{label} at the end", float(course[-1]), "°C",
                 f"95 %: {low:.1f} … {high:.1f} °C")
         )  # fmt: skip
+    named = flow_words(found.model.form)
     for link, flow in found.flows.items():
-        symbol, words = FLOWS.get(link, (" to ".join(link), "heat flow"))
+        symbol, words = named.get(link, unnamed(link))
         low, high = (float(side[-1]) for side in found.flows_95[link])
         rows.append(
             Row(f"{symbol}_end_W", f"{symbol}, {words}, at the end", float(flow[-1]), "W",
                 f"95 %: {rounded(low)} … {rounded(high)} W; mean {float(np.mean(flow)):.0f} W")
         )  # fmt: skip
     return rows
+
+
+def _flows_defined(simulated: Simulated) -> tuple[str, str]:
+    form = simulated.prediction.model.form
+    sink = f"the {form.sink}, the sink that T0 stands for" if form.second_sink else "the sink"
+    return "P_ws, P_se", f"Heat flow from winding to stator, and from stator to {sink}; simulated."
 
 
 def _summary(record: Record, found: ThermalBehaviour) -> str:
