@@ -66,6 +66,9 @@ RIVAL = 8.0
 DISTINCT = 0.5
 """Optima that differ by more than this in some score are two [prior standard deviations]."""
 
+FINISH = 1e-3
+"""Longest step with which a search is finished [prior standard deviations]."""
+
 SETTLED = 0.02
 """Change of all scores at which the alternation ends [prior standard deviations]."""
 
@@ -254,13 +257,15 @@ def _polished(problem: Problem, z: np.ndarray, noise_z: np.ndarray) -> np.ndarra
     """Return the scores after one more step, which looks at the slope alone.
 
     A search compares sums of squares, whose last digits hide what is nearer than a millionth of a
-    prior standard deviation.
+    prior standard deviation. Where the step is longer than that finish, the search has not ended,
+    and nothing says that the straight step leads down: the scores stay.
     """
     residual, jacobian = _linearise(problem, z)
     white = whiten_fit(problem, noise_z, residual, jacobian)
     columns = white.jacobian
     slope = columns.T @ white.stacked + z
-    return z - np.linalg.solve(columns.T @ columns + np.eye(z.size), slope)
+    step = np.linalg.solve(columns.T @ columns + np.eye(z.size), slope)
+    return z - step if np.max(np.abs(step)) < FINISH else z
 
 
 def _explore(
