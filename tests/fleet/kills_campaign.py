@@ -247,7 +247,8 @@ def main() -> None:
             if time.monotonic() - begun > 60.0 * arguments.minutes:
                 break
             trials.append(trial(bench, random.Random(f"{arguments.seed} {len(trials)}")))
-            kept.write_text(json.dumps({"seed": arguments.seed, "trials": trials}, indent=1) + "\n")
+            content = {"seed": arguments.seed, "trials": trials}
+            kept.write_text(json.dumps(content, indent=1) + "\n")
             print(
                 _num_strikes(trials), [f for row in trials[-1] for f in row["faults"]], flush=True
             )
