@@ -313,10 +313,10 @@ def _all_of(
                 running[pool.client.submit(work, batch, key=name, pure=False)] = batch
             try:
                 with pool.client.as_current():
-                    finished = wait(list(running), LOOK_S, return_when="FIRST_COMPLETED").done
+                    seen: Any = wait(list(running), LOOK_S, return_when="FIRST_COMPLETED")
             except TimeoutError:
                 continue  # to see whether there are workers still
-            for future in finished:
+            for future in seen.done:
                 batch = running.pop(future)
                 error = None if future.status == "finished" else future.exception()
                 result = future.result() if error is None else None
