@@ -6,6 +6,8 @@ strike: no worker outlives its command, and every file that is there is whole an
 undisturbed run, byte by byte.
 
     python tests/fleet/kills_campaign.py [--kills 60] [--seed 0] [--results results/fleet]
+
+A campaign that was stopped goes on from `kills.json`; `--minutes` bounds this part of it.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from __future__ import annotations
 import argparse
 import datetime
 import hashlib
+import json
 import os
 import platform
 import random
@@ -197,7 +200,7 @@ def table(rows: list[Row], arguments: argparse.Namespace) -> str:
         "undisturbed run without workers, and no process may outlive its command.", "",
         "| what is struck | signal | strikes |", "|---|---|---|",
         *(f"| {kind} | {name} | {num} |" for (kind, name), num in sorted(by_kind.items())),
-        f"| **all** | | **{len(strikes)}** |", "",
+        f"| **all** ({arguments.kills} planned) | | **{len(strikes)}** |", "",
         f"- struck while some but not all parts were there: {midway}",
         f"- runs left to finish: {len(ends)}; identical to the last bit: "
         f"{sum(not row['faults'] for row in ends)}",
@@ -211,23 +214,45 @@ def table(rows: list[Row], arguments: argparse.Namespace) -> str:
     return "\n".join(lines)
 
 
+def _num_strikes(trials: list[list[Row]]) -> int:
+    return sum(row["kind"] in ("command", "worker") for rows in trials for row in rows)
+
+
+def _trials_done(path: Path, seed: int) -> list[list[Row]]:
+    """Return the trials of an unfinished campaign."""
+    if not path.exists():
+        return []
+    content = json.loads(path.read_text())
+    if content["seed"] != seed:
+        raise SystemExit(f"{path} is of seed {content['seed']}, not {seed}: give other --results.")
+    return content["trials"]
+
+
 def main() -> None:
     """Strike until there were enough strikes, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # pyright: ignore[reportOptionalMemberAccess]
     parser.add_argument("--kills", type=int, default=60)
+    parser.add_argument("--minutes", type=float, default=60.0, help="no trial begins after it")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--results", type=Path, default=Path("results/fleet"))
     arguments = parser.parse_args()
-    draw = random.Random(arguments.seed)
-    rows: list[Row] = []
+    kept = arguments.results / "kills.json"
+    trials: list[list[Row]] = _trials_done(kept, arguments.seed)
+    arguments.results.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="fleet-kills-") as folder:
         bench = Bench(Path(folder))
         print(f"undisturbed: {bench.usual_s:.0f} s", flush=True)
-        while sum(row["kind"] in ("command", "worker") for row in rows) < arguments.kills:
-            rows += trial(bench, draw)
-            kinds = Counter(row["kind"] for row in rows)
-            print(dict(kinds), [f for row in rows for f in row["faults"]], flush=True)
-    arguments.results.mkdir(parents=True, exist_ok=True)
+        begun = time.monotonic()
+        while _num_strikes(trials) < arguments.kills:
+            if time.monotonic() - begun > 60.0 * arguments.minutes:
+                break
+            trials.append(trial(bench, random.Random(f"{arguments.seed} {len(trials)}")))
+            content = {"seed": arguments.seed, "trials": trials}
+            kept.write_text(json.dumps(content, indent=1) + "\n")
+            print(
+                _num_strikes(trials), [f for row in trials[-1] for f in row["faults"]], flush=True
+            )
+    rows = [row for each in trials for row in each]
     (arguments.results / "kills.md").write_text(table(rows, arguments), encoding="utf-8")
     if any(row["faults"] for row in rows):
         raise SystemExit("there were faults")
