@@ -240,9 +240,10 @@ def test_texts_that_a_spreadsheet_would_run_get_an_apostrophe(text, expected):
 @pytest.mark.parametrize(
     ("value", "expected"),
     [(0.0039, "0.0039"), (247.11654, "247.12"), (-3.0, "-3"), (None, "–"), (float("nan"), "–"),
-     (1234567.0, "1.23e+06"), (100.0, "100"), (-0.0, "0")],
+     (1234567.0, "1230000"), (-8.164e-4, "-0.000816"), (9.999e-4, "0.001"), (3e-12, "3.00e-12"),
+     (100.0, "100"), (-0.0, "0")],
 )  # fmt: skip
-def test_numbers_are_printed_with_five_digits(value, expected):
+def test_numbers_are_printed_with_five_digits_and_no_exponent_that_can_be_spared(value, expected):
     assert number(value) == expected
 
 

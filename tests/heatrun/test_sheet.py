@@ -3,6 +3,7 @@ from __future__ import annotations
 import doctest
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import openpyxl
@@ -13,9 +14,10 @@ from pypdf import PdfReader
 from heatrun.bench.record import ColumnReading
 from heatrun.calibration import BenchTest, calibrate
 from heatrun.reports.sheet import digits
+from heatrun.reports.sheet.content import sheet_content
 from heatrun.reports.sheet.of_run import write_sheet
 from heatrun.reports.sheet.worksheet import WorksheetConstants, fill_worksheet
-from heatrun.results import to_json
+from heatrun.results import FitResult, from_json, to_json
 from heatrun.runs.run_folder import RunFolder
 from heatrun.runs.write import write_run
 
@@ -129,6 +131,15 @@ def test_parameters_carry_their_uncertainty(folder, found):
     assert row[2] == pytest.approx(entry.value)
     assert row[5] == pytest.approx(2 * entry.sd)
     assert row[10] == "identified"
+
+
+def test_what_the_parts_of_an_uncertainty_say_needs_no_exponent():
+    stored = Path(__file__).parents[1] / "stored" / "fit-1.json"
+    result = from_json(stored.read_bytes(), FitResult, "fit.json", str(stored))
+    small = replace(result.models["second"].parameters["Ceq_w"], sd_type_a=3.2e-6, sd_type_b=6.2e-5)
+    second = replace(result.models["second"], parameters={"Rs0": small})
+    content = sheet_content(replace(result, models={**result.models, "second": second}))
+    assert "0.0000032 / 0.000062" in json.dumps(content)
 
 
 def test_digits_follow_the_uncertainty():

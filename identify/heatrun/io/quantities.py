@@ -5,6 +5,9 @@ from __future__ import annotations
 PRINTED = {"1": "", "degC": "°C", "ohm": "Ω", "N m": "N·m"}
 """Units that are printed otherwise than they are written in files and code."""
 
+LEAST_PLAIN, MOST_PLAIN = -7, 9
+"""Powers of ten between which a number is read more easily without an exponent."""
+
 
 def printed_unit(unit: str) -> str:
     """Return a unit as it is printed; empty for a pure number.
@@ -35,3 +38,18 @@ def rounded(value: float, digits: int = 3) -> str:
     """
     text = f"{value:.{digits}g}"
     return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e7 else text
+
+
+def plain(value: float, digits: int) -> str:
+    """Return a number to so many significant digits without an exponent, unless it needs dozens.
+
+    Example:
+        >>> plain(-0.00081642, 3), plain(1234567.0, 3), plain(3.2e-6, 2), plain(1e-12, 2)
+        ('-0.000816', '1230000', '0.0000032', '1.0e-12')
+    """
+    text = f"{value:.{digits - 1}e}"
+    power = int(text.partition("e")[2])
+    if not LEAST_PLAIN <= power <= MOST_PLAIN:
+        return text
+    shown = f"{float(text):.{max(0, digits - 1 - power)}f}"
+    return shown.rstrip("0").rstrip(".") if "." in shown else shown

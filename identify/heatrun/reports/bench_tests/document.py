@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...io.printable import with_breaks
+from ...io.quantities import plain
 from ...io.without_folders import without_folders
 from ..sheet.figures import save
 from ..sheet.typeset import typeset
@@ -27,7 +28,7 @@ BREAKS_EVERY = 40
 """Letters of a long word after which it may break, where it has no sign to break behind."""
 
 SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e6
-"""Numbers outside are written with a power of ten."""
+"""Numbers outside have three digits; far outside, a power of ten."""
 
 
 def write_pdf(report: Report, content: Mapping[str, Any], path: Path) -> Path:
@@ -96,7 +97,7 @@ def number(value: Cell) -> str:
     if value == 0.0:
         return "0"
     if not SMALLEST_PLAIN <= abs(value) < LARGEST_PLAIN:
-        return f"{value:.2e}"
+        return plain(value, 3)
     places = max(0, 4 - math.floor(math.log10(abs(value))))
     text = f"{value:.{places}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text

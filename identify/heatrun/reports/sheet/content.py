@@ -11,7 +11,7 @@ from ...bench.channels.column_mapping import KNOWN_BY, assumption, grouped
 from ...bench.record import Finding
 from ...certificate import Certificate
 from ...io.printable import clean
-from ...io.quantities import quantity, rounded
+from ...io.quantities import plain, quantity, rounded
 from ...io.without_folders import command_without_folders, without_folders
 from ...results import FitResult
 from ...results.derived import DerivedFigure
@@ -227,7 +227,7 @@ def _prior(entry: FittedParameter) -> str:
 
 
 def _short(value: float | None) -> str:
-    return "–" if not value else rounded(value, 2)
+    return "–" if not value else plain(value, 2)
 
 
 def _correlation(model: FittedModel) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ...sheet.digits import signed
 from ..analysis.compare_signals import SignalComparison
 from ..figures.plot import unit, wording
 from ..validation_report import disagreement, lower
@@ -47,7 +48,7 @@ def _deviation(signal: SignalComparison) -> str:
 
 def _network_sentence(one: OnNetwork) -> str:
     parts = [
-        f"{wording(s.channel)} {s.verdict} (bias {s.bias:+.1f} K, RMSE {s.rmse:.1f} K)"
+        f"{wording(s.channel)} {s.verdict} (bias {signed(s.bias, 1)} K, RMSE {s.rmse:.1f} K)"
         for s in one.temperatures
     ]
     return f"Network of the run on {one.prototype.role}: {', '.join(parts)}."
