@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo demo-results test test-slow test-latest lint types check bench study-coverage study-crosschecks \
-  study-bodies study-discovery study-exam study-faults study-first-hour study-fleet-kills study-fuzz study-misfit study-paderborn \
+  study-bodies study-discovery study-exam study-faults study-first-hour study-fleet-discovery study-fleet-kills study-fuzz study-misfit study-paderborn \
   study-readings study-real study-thresholds study-view audit docs notebooks notebooks-rendered schemas lock clean
 
 demo: $(VENV)/ready
@@ -84,6 +84,10 @@ study-view: $(VENV)/ready
 study-faults: $(VENV)/ready
 	$(BIN)/python tests/faults/campaign.py
 	$(BIN)/python tests/faults/memory.py
+
+# Effects that the machines of a fleet share; goes on where it was stopped.
+study-fleet-discovery: $(VENV)/ready
+	$(BIN)/python tests/studies/fleet_discovery.py
 
 # A fleet whose client and workers are killed at random.
 study-fleet-kills: $(VENV)/ready

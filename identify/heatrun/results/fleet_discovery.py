@@ -36,7 +36,8 @@ class SharedEffect:
         id: Of the effect in the catalogue.
         equivalents: Effects that these tests, of all machines together, cannot tell from it.
         is_beyond_instruments: Whether it stands when all instruments may be off three times as far
-            as is stated. If not, it may as well be an instrument.
+            as is stated, and no single one by up to six standard deviations would explain as much.
+            If not, it may as well be an instrument.
         instruments: Instruments one of which would explain as much.
         parameter: The parameter that says its size.
         shape: Values of its other parameters that suit the machines best, by name.
@@ -144,7 +145,7 @@ class FleetDiscoveryResult:
         types: Each type.
     """
 
-    format: str
+    format: Literal["heatrun-fleet-discovery/1"]
     heatrun: str
     fleet: str
     level: Probability

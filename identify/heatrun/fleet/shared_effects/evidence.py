@@ -14,7 +14,6 @@ could mimic, is in them; so is how far errors that all machines share would move
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +59,7 @@ def evidence_of(fit: Fit) -> Evidence:
     """
     problem = fit.problem
     kinds = [kind for kind in all_effects() if kind.card.family != EVENT]
-    found, engine = extended_engine(problem.model, problem.motor, problem.tests, kinds)
+    _, engine = extended_engine(problem.model, problem.motor, problem.tests, kinds)
     if problem.heat is not None:
         engine = engine.with_heat(problem.heat)
     engine = engine.with_loggers(problem.loggers)
@@ -77,9 +76,7 @@ def evidence_of(fit: Fit) -> Evidence:
     score = np.concatenate([fit.z, -h.T @ r + B.T @ (J.T @ r + fit.z)])
     information = np.block([[np.eye(num) - np.linalg.inv(P), B], [B.T, among]])
     level = float(fit.noise.total())
-    refit = np.linalg.solve(
-        jacobian.T @ jacobian + level**2 * np.eye(num), jacobian.T @ columns
-    )
+    refit = np.linalg.solve(jacobian.T @ jacobian + level**2 * np.eye(num), jacobian.T @ columns)
     left = (columns - jacobian @ refit)[problem.is_observed]
     names = tuple(
         slot.parameter.name if slot.test is None else f"{slot.parameter.name}[{slot.test + 1}]"
@@ -128,15 +125,3 @@ def _setting(engine: Engine, shape: dict[str, int], z: np.ndarray) -> str:
         for name, slot in shape.items()
     ]
     return f"|{','.join(values)}" if values else ""
-
-
-def packed(matrix: Float[np.ndarray, "all all"]) -> list[float]:
-    """Return the upper triangle of a symmetric matrix, row by row."""
-    return matrix[np.triu_indices(matrix.shape[0])].tolist()
-
-
-def unpacked(numbers: Sequence[float] | np.ndarray, size: int) -> Float[np.ndarray, "all all"]:
-    """Return the symmetric matrix of an upper triangle; the inverse of `packed`."""
-    matrix = np.zeros((size, size))
-    matrix[np.triu_indices(size)] = numbers
-    return matrix + np.triu(matrix, 1).T

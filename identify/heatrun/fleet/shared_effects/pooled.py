@@ -111,7 +111,7 @@ class Tested:
     shared: Float[np.ndarray, " given"]
 
 
-def tested(
+def score_test(
     pool: Pool, precision: Float[np.ndarray, " parameter"], accepted: Sequence[int] = ()
 ) -> Tested:
     """Return the test of each effect.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from ...inference.catalogue import all_effects
 from ...inference.effect_parameters import effect_parameters
 from ...results.fleet_discovery import InstrumentRival, ScreenedEffect, SharedEffect
 from ...results.gap import ValueWithInterval
-from .pooled import CLIP, FREE, Pool, Tested, largest_by_chance, one_sided, tested
+from .pooled import CLIP, FREE, Pool, Tested, largest_by_chance, one_sided, score_test
 
 FEWEST = 10
 """Machines from which on signs can speak: of fewer, chance alone is too often of one sign."""
@@ -35,7 +35,7 @@ BEYOND = 1.5
 """Largest plausible amplitude over that of the catalogue [1]."""
 
 IMPOSSIBLE = 6.0
-"""Stated standard deviations from which on an instrument's error is no explanation [1]."""
+"""Stated standard deviations from which on one instrument's error is no explanation [1]."""
 
 NUM_DRAWS = 4000
 """Draws for the level of a single machine."""
@@ -71,7 +71,8 @@ def search(pool: Pool, instruments: Sequence[str], level: float, seed: int = 0) 
         level: Probability of finding anything where there is nothing [1].
         seed: Of the flipped signs.
     """
-    columns = [_Column.of(name) for name in pool.effects]
+    catalogue = {kind.card.id: kind for kind in all_effects()}
+    columns = [_Column.of(name, catalogue) for name in pool.effects]
     both = np.array([each.is_two_sided for each in columns])
     is_instrument = np.array([name in instruments for name in pool.parameters])
     stated = np.ones(pool.num_parameters)
@@ -112,10 +113,10 @@ class _Column:
     scale: float
 
     @classmethod
-    def of(cls, label: str) -> _Column:
+    def of(cls, label: str, catalogue: Mapping[str, type[AbstractEffect]]) -> _Column:
         name, _, said = label.partition("|")
         id, _, parameter = name.partition(".")
-        kind = next(kind for kind in all_effects() if kind.card.id == id)
+        kind = catalogue[id]
         shape = {n: float(v) for n, _, v in (s.partition("=") for s in said.split(",") if s)}
         own = next(p for p in effect_parameters([kind], 1.0, [kind]) if p.name == name)
         return cls(kind, parameter, shape, kind.card.parameters[parameter], own.sd)
@@ -155,7 +156,7 @@ class _Round:
         cls, pool: Pool, columns: list[_Column], both: np.ndarray, precision: np.ndarray,
         accepted: Sequence[int], level: float, seed: int,
     ) -> _Round:  # fmt: skip
-        test = tested(pool, precision, accepted)
+        test = score_test(pool, precision, accepted)
         chance = largest_by_chance(test, both, seed)
         critical = float(np.quantile(chance, 1.0 - level))
         information = _information(pool, precision, accepted)
@@ -206,16 +207,17 @@ def _claim(
     at = abs(score)
     # with all instruments less known, and with each one alone not known at all
     wider = np.where(is_instrument, WIDER**-2, found.precision)
-    among = tested(pool, wider, found.accepted)
+    among = score_test(pool, wider, found.accepted)
     chance = largest_by_chance(among, found.is_two_sided, seed)
     critical = float(np.quantile(chance, 1.0 - level))
     stands = one_sided(among.statistic, found.is_two_sided)[best] >= critical
+    rivals = _instruments(pool, found, best, is_instrument)
     null = column.quantity.null or 0.0
     return SharedEffect(
         id=column.id,
         equivalents=_equivalents(pool, found, best),
-        is_beyond_instruments=bool(stands),
-        instruments=_instruments(pool, found, best, is_instrument),
+        is_beyond_instruments=bool(stands) and not rivals,
+        instruments=rivals,
         parameter=column.parameter,
         shape=column.shape,
         unit=column.quantity.unit,
@@ -246,7 +248,7 @@ def _equivalents(pool: Pool, found: _Round, best: int) -> list[str]:
         if id == own or id in tried:
             continue
         tried.add(id)
-        given = tested(pool, found.precision, [*found.accepted, place])
+        given = score_test(pool, found.precision, [*found.accepted, place])
         same = [i for i, column in enumerate(found.columns) if column.id == own]
         left = one_sided(given.statistic, found.is_two_sided)[same]
         if np.max(left) < found.critical:
@@ -262,7 +264,7 @@ def _instruments(
     for place in np.flatnonzero(is_instrument):
         free = found.precision.copy()
         free[place] = FREE
-        given = tested(pool, free, found.accepted)
+        given = score_test(pool, free, found.accepted)
         left = one_sided(given.statistic, found.is_two_sided)[best]
         off = float(given.shared[place])
         if left < found.critical and abs(off) < IMPOSSIBLE:

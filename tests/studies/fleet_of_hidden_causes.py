@@ -9,6 +9,7 @@ errors of its own sensor beside them.
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bench_package import bench, hidden_bench
 
 TRUTH = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
 """Centre of the type: J/K, J/K, K/W, K/W."""
@@ -146,21 +148,21 @@ def fleet(
     errors = drawn | dict(bench or {})
     gain = OWN["sensor_gain"] * rng.standard_normal(num) + errors["sensor_gain"]
     offset = OWN["sensor_offset"] * rng.standard_normal(num) + errors["sensor_offset"]
-    noise = {"sd": rng.uniform(0.4, 0.8, num), "time_s": rng.uniform(40.0, 90.0, num)}
+    noise = {"sd": rng.uniform(0.6, 1.0, num), "time_s": rng.uniform(50.0, 120.0, num)}
     tests: list[list[dict[str, np.ndarray]]] = [[] for _ in range(num)]
     for number in range(2):
         current, speed = programme(number)
         scale = 1.0 + 0.02 * rng.standard_normal(num)
         ambient = rng.uniform(19.0, 25.0, num)
-        I = current[:, None] * scale
-        course = march(parameters, I, speed, ambient, effect, own_amplitude)
+        amperes = current[:, None] * scale
+        course = march(parameters, amperes, speed, ambient, effect, own_amplitude)
         reading = course["winding"] + gain * (course["winding"] - ambient) + offset
         reading = reading + _ou(rng, noise["sd"], noise["time_s"], current.size)
         reading = reading + 0.05 * rng.standard_normal(reading.shape)
         for i in range(num):
             tests[i].append({
                 "time_s": STEP_S * np.arange(current.size),
-                "phase_current_A": np.abs(I[:, i] * (1.0 + errors["current_gain"])
+                "phase_current_A": np.abs(amperes[:, i] * (1.0 + errors["current_gain"])
                                           + 0.05 * rng.standard_normal(current.size)),
                 "losses_W": course["losses"][:, i] * (1.0 + errors["power_gain"])
                 + rng.standard_normal(current.size),
@@ -191,14 +193,14 @@ def programme(number: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def march(
-    parameters: Mapping[str, np.ndarray], I: np.ndarray, speed: np.ndarray, ambient: np.ndarray,
-    effect: str, amplitude: np.ndarray,
+    parameters: Mapping[str, np.ndarray], current: np.ndarray, speed: np.ndarray,
+    ambient: np.ndarray, effect: str, amplitude: np.ndarray,
 ) -> dict[str, np.ndarray]:  # fmt: skip
     """Return winding [degC] and total losses [W], shape (time, machine).
 
     Args:
         parameters: Of each machine, by name.
-        I: Phase current every half second [A], shape (time, machine).
+        current: Phase current every half second [A], shape (time, machine).
         speed: Speed every half second [rpm].
         ambient: Of each machine [degC].
         effect: One of `EFFECTS`; empty for none.
@@ -214,9 +216,9 @@ def march(
     for i, value in enumerate(ratio):
         air += STEP_S * (value - air) / 10.0
         lag[i] = air
-    copper_per_K = 3.0 * I**2 * RS0 / (B + TREF)
+    copper_per_K = 3.0 * current**2 * RS0 / (B + TREF)
     other = HYSTERESIS_W * ratio[:, None] + EDDY_W * ratio[:, None] ** 2
-    other = other + STRAY_W * (I / RATED_A) ** 2 * ratio[:, None] ** 1.5
+    other = other + STRAY_W * (current / RATED_A) ** 2 * ratio[:, None] ** 1.5
 
     def slope(i: int, state: np.ndarray) -> np.ndarray:
         winding, stator, rotor = state
@@ -234,8 +236,8 @@ def march(
         ])  # fmt: skip
 
     state = np.stack([ambient] * 3)
-    course = np.empty((I.shape[0], I.shape[1]))
-    last, h = I.shape[0] - 1, 2.0 * STEP_S
+    course = np.empty((current.shape[0], current.shape[1]))
+    last, h = current.shape[0] - 1, 2.0 * STEP_S
     for i in range(0, last, 2):
         k1 = slope(i, state)
         k2 = slope(i + 1, state + 0.5 * h * k1)
@@ -257,11 +259,9 @@ def amplitude_of(effect: str, visible_K: float) -> float:
         effect: One of `EFFECTS`.
         visible_K: The misfit of the machine at the centre of the type, without noise.
     """
-    from bench_package import bench, hidden_bench
-
     hidden_bench()
     machine = bench().reference_motor()
-    misfit = __import__(f"{bench().__name__}.hidden.misfit", fromlist=["Seen"])
+    misfit = importlib.import_module(f"{bench().__name__}.hidden.misfit")
     centre = {name: np.array([value]) for name, value in TRUTH.items()}
     ambient = np.array([22.0])
 
@@ -301,10 +301,8 @@ def write(found: Fleet, folder: Path) -> Path:
     return path
 
 
-def _ou(
-    rng: np.random.Generator, sd: np.ndarray, time_s: np.ndarray, size: int
-) -> np.ndarray:
-    """Return a slow error of each machine's reading every half second [K], shape (time, machine)."""
+def _ou(rng: np.random.Generator, sd: np.ndarray, time_s: np.ndarray, size: int) -> np.ndarray:
+    """Return a slow error of each reading every half second [K], shape (time, machine)."""
     keep = np.exp(-STEP_S / time_s)
     shocks = sd * np.sqrt(1.0 - keep**2) * rng.standard_normal((size, sd.size))
     value = sd * rng.standard_normal(sd.size)
