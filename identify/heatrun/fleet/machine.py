@@ -15,7 +15,7 @@ from ..calibration import BenchTest, Refused, load_tests, refuse_unplaced_bodies
 from ..errors import InputError
 from ..inference.catalogue import known_effects
 from ..inference.draws import Draws
-from ..inference.fitting.fit_result import Fit
+from ..inference.fitting.fit_result import RESULT, Fit
 from ..inference.model import Model
 from ..inference.predict import predict
 from ..inference.problem import Problem
@@ -24,6 +24,8 @@ from ..motorfile import load_motor
 from .batches import Batch, digest_or_none, files_by_role, resolved
 from .entries import Entry
 from .rows import FAILED, REFUSED, Row, file_row, fitted, unfitted
+from .shared_effects.columns import effect_columns
+from .shared_effects.evidence import evidence_of
 
 NUM_DRAWS = 400
 """Draws behind the band of a held-out test."""
@@ -105,8 +107,12 @@ def row_of(prepared: Prepared, found: Fit | Exception, batch: Batch) -> Row:
             holdout = [_predicted(found, test, batch.seed) for test in _of(prepared, "holdout")]
             own = replace(found, findings=_placed(found.findings, batch.folder))
             duration_s = sum(t.record.duration_s for t in _of(prepared, "calibration"))
-            return fitted(entry, own, prepared.findings, prepared.inputs,
-                          duration_s=float(duration_s), holdout=holdout)  # fmt: skip
+            row = fitted(entry, own, prepared.findings, prepared.inputs,
+                         duration_s=float(duration_s), holdout=holdout)  # fmt: skip
+            is_sound = found.result is not RESULT.no_start
+            if batch.discovers and is_sound:
+                row |= effect_columns(evidence_of(found))
+            return row
         except MemoryError:
             raise
         except Exception as error:
