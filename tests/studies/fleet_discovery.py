@@ -143,10 +143,15 @@ def is_named(row: dict[str, Any]) -> bool:
 
 
 def is_exact(row: dict[str, Any]) -> bool:
-    """Whether the hidden effect stands first and alone."""
+    """Whether the hidden effect is named first, and not with others in its place."""
     return bool(row["effects"]) and row["effects"][0]["id"] == row["name"] and not (
         row["effects"][0]["equivalents"]
     )  # fmt: skip
+
+
+def has_more(row: dict[str, Any]) -> bool:
+    """Whether a second effect is claimed beside the hidden one."""
+    return len(row["effects"]) > 1
 
 
 def is_claimed(row: dict[str, Any]) -> bool:
@@ -173,7 +178,8 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
         lines.append(line(f"fleets of {NUM}", clean, sum(bool(r["effects"]) for r in clean),
                           sum(map(is_claimed, clean))))  # fmt: skip
     lines += ["", "| hidden, 0.1 K visible | found | named or in the stated set | named alone | "
-              "machines that show something alone |", "|---|---|---|---|---|"]  # fmt: skip
+              "a second one beside it | machines that show something alone |",
+              "|---|---|---|---|---|---|"]  # fmt: skip
     for num in (NUM, LARGE):
         for name in [*hidden_fleet.EFFECTS, "all"]:
             some = [r for r in rows if r["kind"] == "hidden" and r["num"] == num
@@ -181,7 +187,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
             if some:
                 lines.append(line(f"{name}, {num} machines", some,
                                   sum(bool(r["effects"]) for r in some), sum(map(is_named, some)),
-                                  sum(map(is_exact, some))))  # fmt: skip
+                                  sum(map(is_exact, some)), sum(map(has_more, some))))  # fmt: skip
     lines += ["", "| an instrument off by two stated sds | anything said | claimed as an effect | "
               "machines that show something alone |", "|---|---|---|---|"]  # fmt: skip
     for name in [*OFF, "all"]:

@@ -114,8 +114,8 @@ class TypeDiscovery:
         traces: What is there and too small to matter, likewise.
         critical: Statistic that an effect must reach [1].
         num_machines: Machines that took part.
-        num_alone: Machines of which their own tests alone show an effect, at the same level: one in
-            twenty by chance.
+        num_alone: Machines of which their own tests alone show an effect; of machines without any,
+            one in twenty would by chance.
         left_out: Machines that took no part.
         screened: All effects.
     """

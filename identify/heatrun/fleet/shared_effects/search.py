@@ -37,6 +37,12 @@ BEYOND = 1.5
 IMPOSSIBLE = 6.0
 """Stated standard deviations from which on one instrument's error is no explanation [1]."""
 
+SEEN = 2.0
+"""Standard deviations beyond what tests leave open, from which on machines differ [1]."""
+
+ALONE = 0.05
+"""Probability that a machine without effects shows one by itself [1]."""
+
 NUM_DRAWS = 4000
 """Draws for the level of a single machine."""
 
@@ -97,7 +103,7 @@ def search(pool: Pool, instruments: Sequence[str], level: float, seed: int = 0) 
         traces=traces,
         critical=first.critical,
         is_left=is_left or (bool(effects) and found.is_anything),
-        num_alone=_alone(pool, both, level, seed),
+        num_alone=_alone(pool, both, seed),
         screened=_screened(pool, first),
     )
 
@@ -307,12 +313,15 @@ def _amplitude(pool: Pool, found: _Round, best: int) -> tuple[float, float, floa
         left = np.clip(left, -limit, limit)
         score += (float(np.sum(left)) + pulled - of_prior * score) / total
     variance = float(np.sum(left**2)) * left.size / (left.size - 1) + of_prior
-    spread = max(0.0, float(np.sum(left**2 - m)) / float(np.sum(m**2)))
+    beyond = float(np.sum(left**2 - m))
+    is_seen = beyond > SEEN * float(np.sqrt(2.0 * np.sum(m**2)))
+    answer = own - L_ea @ A  # to an amplitude of its own, shared parameters held
+    spread = beyond / float(np.sum(answer**2)) if is_seen else 0.0
     return score, float(np.sqrt(variance)) / total, float(np.sqrt(spread))
 
 
-def _alone(pool: Pool, both: np.ndarray, level: float, seed: int) -> int:
-    """Return the number of machines whose own tests alone show an effect at the level."""
+def _alone(pool: Pool, both: np.ndarray, seed: int) -> int:
+    """Return the number of machines whose own tests alone show an effect."""
     num = pool.num_parameters
     own = np.einsum("iaa->ia", pool.information)[:, num:]
     usable = own > 1e-9
@@ -322,7 +331,7 @@ def _alone(pool: Pool, both: np.ndarray, level: float, seed: int) -> int:
     strength, turn = np.linalg.eigh(mean / size / size[:, None])
     rng = np.random.default_rng([seed, 37])
     draws = rng.standard_normal((NUM_DRAWS, size.size)) @ (turn * np.sqrt(strength.clip(0.0))).T
-    critical = np.quantile(one_sided(draws, both).max(axis=1), 1.0 - level)
+    critical = np.quantile(one_sided(draws, both).max(axis=1), 1.0 - ALONE)
     return int(np.sum(one_sided(values, both).max(axis=1) >= critical))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ...io.quantities import printed_unit, rounded
 from ...results.fleet_discovery import FleetDiscoveryResult, SharedEffect, TypeDiscovery
+from .search import ALONE
 
 MOST = 5
 """Machines that are named; all stand in the file."""
@@ -26,7 +27,7 @@ def _type(found: TypeDiscovery) -> list[str]:
         lines.append(f"  trace: {effect.id}, {rounded(effect.visible_K.value, 2)} K")
     if found.effects:
         lines.append(f"  {found.num_alone} of {found.num_machines} machines would show something "
-                     f"by their own tests alone; {rounded(0.05 * found.num_machines, 2)} would "
+                     f"by their own tests alone; {rounded(ALONE * found.num_machines, 2)} would "
                      "by chance")  # fmt: skip
     elif found.screened:
         seen = [each.could_show_K for each in found.screened if each.could_show_K is not None]
