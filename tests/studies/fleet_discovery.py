@@ -2,9 +2,9 @@
 
 Fleets of one type on one bench, by `fleet_of_hidden_causes`, which is independent of lptn: two
 tests of one hour a machine; nothing hidden, or an effect that leaves 0.1 K of a refitted network of
-the middle machine, or an instrument of the bench off by two stated standard deviations for all
-machines. Each machine is fitted, its evidence on effects worked out, and the fleet searched as
-`heatrun fleet --discover` does. It goes on where it was stopped.
+the middle machine, or a cause that is in no catalogue, or an instrument of the bench off by two
+stated standard deviations for all machines. Each machine is fitted, its evidence on effects worked
+out, and the fleet searched as `heatrun fleet --discover` does. It goes on where it was stopped.
 """
 
 from __future__ import annotations
@@ -56,12 +56,13 @@ MOTOR = Motor(
 )
 
 
-def cases(clean: int, hidden: int, large: int, off: int) -> list[dict[str, Any]]:
+def cases(clean: int, hidden: int, large: int, off: int, unknown: int) -> list[dict[str, Any]]:
     """Return the fleets of the study, the kinds in turn."""
     kinds: list[tuple[str, str, int, int]] = [("clean", "", NUM, clean)]
     kinds += [("hidden", name, NUM, hidden) for name in hidden_fleet.EFFECTS]
     kinds += [("hidden", name, LARGE, large) for name in hidden_fleet.EFFECTS]
     kinds += [("instrument", name, NUM, off) for name in OFF]
+    kinds += [("unknown", name, NUM, unknown) for name in hidden_fleet.UNKNOWN]
     rows = []
     for place, (kind, name, num, count) in enumerate(kinds):
         for number in range(count):
@@ -76,11 +77,11 @@ def run(case: dict[str, Any], cache: Path | None = None) -> dict[str, Any]:
     """Return the row of a fleet."""
     begin = time.process_time()
     amplitude, bench = 0.0, {}
-    if case["kind"] == "hidden":
+    hidden = case["name"] if case["kind"] in ("hidden", "unknown") else ""
+    if hidden:
         amplitude = hidden_fleet.amplitude_of(case["name"], VISIBLE_K)
     if case["kind"] == "instrument":
         bench = {case["name"]: OFF[case["name"]] * (-1.0) ** case["number"]}
-    hidden = case["name"] if case["kind"] == "hidden" else ""
     kept = cache / f"{case['seed']}.pickle" if cache is not None else None
     if kept is not None and kept.is_file():
         machines, evidence = pickle.loads(kept.read_bytes())  # by this study, a moment ago
@@ -195,6 +196,15 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
         if some:
             lines.append(line(name, some, sum(bool(r["effects"]) for r in some),
                               sum(map(is_claimed, some))))  # fmt: skip
+    lines += ["", "| a cause of no catalogue, 0.1 K visible | anything said | claimed as an effect "
+              "| machines that show something alone |", "|---|---|---|---|"]  # fmt: skip
+    for name in hidden_fleet.UNKNOWN:
+        some = [r for r in rows if r["kind"] == "unknown" and r["name"] == name]
+        if some:
+            names = dict.fromkeys(e["id"] for r in some if is_claimed(r) for e in r["effects"])
+            said = f" (as {', '.join(names)})" if names else ""
+            lines.append(line(name + said, some, sum(bool(r["effects"]) for r in some),
+                              sum(map(is_claimed, some))))  # fmt: skip
     return lines
 
 
@@ -241,13 +251,15 @@ def main() -> None:
     parser.add_argument("--hidden", type=int, default=6, help="fleets for each effect")
     parser.add_argument("--large", type=int, default=2, help="large ones for each effect")
     parser.add_argument("--off", type=int, default=6, help="fleets for each instrument")
+    parser.add_argument("--unknown", type=int, default=3, help="for each cause of no catalogue")
     options = parser.parse_args()
     configure()
     path = OUT / "discovery.json"
     rows = json.loads(path.read_text())["rows"] if path.is_file() else []
     done = {row["seed"] for row in rows}
     command = "make study-fleet-discovery"
-    for case in cases(options.clean, options.hidden, options.large, options.off):
+    for case in cases(options.clean, options.hidden, options.large, options.off,
+                      options.unknown):  # fmt: skip
         if case["seed"] in done:
             continue
         row = run(case, options.cache)

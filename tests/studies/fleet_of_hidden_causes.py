@@ -65,12 +65,14 @@ class Plant:
         into_winding: Heat added to the winding and taken from the stator [W], of copper loss and
             other losses [W], winding temperature [degC] and speed ratio [1].
         rotor: Share of the other losses that a rotor takes [1]; 0 for none.
+        stator_heat: Heat from outside [W], of time [s].
     """
 
     amplitude: np.ndarray
     conductance: Callable[[np.ndarray, float], Any] = lambda rise, speed: 1.0
     into_winding: Callable[..., Any] = lambda copper, other, winding, speed: 0.0
     rotor: Any = 0.0
+    stator_heat: Callable[[float], Any] = lambda time_s: 0.0
     notes: dict[str, Any] = field(default_factory=dict)
 
 
@@ -113,6 +115,23 @@ EFFECTS: dict[str, Callable[[Plant], None]] = {
 }
 
 
+def _bench_heat(plant: Plant) -> None:
+    """A neighbour on the bench heats the stator in its own rhythm, the same in each test."""
+    plant.stator_heat = lambda time_s: 300.0 * plant.amplitude * np.sin(time_s / 330.0 + 1.0)
+
+
+def _surface_rise(plant: Plant) -> None:
+    """The surface sheds heat better when hot, in proportion to the rise."""
+    plant.conductance = lambda rise, speed: 1.0 + 0.02 * plant.amplitude * (rise - 40.0)
+
+
+UNKNOWN: dict[str, Callable[[Plant], None]] = {
+    "bench_heat": _bench_heat,
+    "surface_rise": _surface_rise,
+}
+"""Causes that are in no catalogue; the second is near to `natural_convection`."""
+
+
 @dataclass(frozen=True)
 class Fleet:
     """The records of a fleet.
@@ -137,7 +156,7 @@ def fleet(
     Args:
         num: Machines.
         seed: Of everything that is drawn.
-        effect: One of `EFFECTS`; empty for none.
+        effect: One of `EFFECTS` or `UNKNOWN`; empty for none.
         amplitude: Its mean over machines [1].
         bench: Errors of the bench in place of those drawn, some or all.
     """
@@ -203,12 +222,12 @@ def march(
         current: Phase current every half second [A], shape (time, machine).
         speed: Speed every half second [rpm].
         ambient: Of each machine [degC].
-        effect: One of `EFFECTS`; empty for none.
+        effect: One of `EFFECTS` or `UNKNOWN`; empty for none.
         amplitude: Of each machine.
     """
     plant = Plant(amplitude)
     if effect:
-        EFFECTS[effect](plant)
+        (EFFECTS | UNKNOWN)[effect](plant)
     C_w, C_sr, R_w, R_sr = (parameters[name] for name in TRUTH)
     ratio = np.abs(speed) / RATED_RPM
     lag = np.empty_like(ratio)
@@ -227,11 +246,12 @@ def march(
         across = (winding - stator) / R_w
         out = (stator - ambient) / R_sr * plant.conductance(stator - ambient, lag[i])
         fed = plant.rotor * other[i]
+        heat = plant.stator_heat(STEP_S * i)
         flow = plant.rotor * 20000.0 / 700.0 * (rotor - stator)
         of_rotor = (other[i] - 20000.0 / 700.0 * (rotor - stator)) / 20000.0
         return np.stack([
             (copper + moved - across) / C_w,
-            (other[i] - moved - fed + flow + across - out) / C_sr,
+            (other[i] - moved - fed + flow + across - out + heat) / C_sr,
             of_rotor * (plant.rotor > 0),
         ])  # fmt: skip
 

@@ -42,8 +42,8 @@ def test_the_page_counts_false_finds_with_their_limits():
 
 
 def test_a_study_that_is_stopped_has_a_part_of_each_kind():
-    every = cases(12, 4, 1, 4)
-    assert len({each["seed"] for each in every}) == len(every) == 12 + 5 * 4 + 5 + 5 * 4
+    every = cases(12, 4, 1, 4, 4)
+    assert len({each["seed"] for each in every}) == len(every) == 12 + 5 * 4 + 5 + 5 * 4 + 2 * 4
     half = every[: len(every) // 2]
     assert {each["name"] for each in half} >= set(EFFECTS)
 

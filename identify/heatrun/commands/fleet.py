@@ -71,7 +71,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "--discover",
         action="store_true",
         help="seek effects that the machines of a type share and no single one need show "
-        "(fleet_discovery.json); needs ten machines of a type, and about half as long again",
+        "(fleet_discovery.json); needs ten machines of a type, and a tenth of a second or more "
+        "for each",
     )
     words.add_seed(parser)
     words.add_json(parser)
