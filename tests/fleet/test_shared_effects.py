@@ -120,6 +120,12 @@ def test_what_only_an_instrument_could_be_told_from_says_the_instrument():
     assert rivals == {"power_gain"}
 
 
+def test_what_no_plausible_size_explains_is_no_find_and_is_said():
+    every = [found(40, s, effect="contact_drift.d", size=8.0, spread=0.02) for s in range(3)]
+    assert all(f.verdict == "unexplained" for f in every)
+    assert not any(e.id == "contact_drift" for f in every for e in f.effects)
+
+
 def test_a_few_machines_that_are_far_off_make_no_find():
     hits = 0
     for seed in range(40):

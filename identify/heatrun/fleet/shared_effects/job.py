@@ -154,6 +154,11 @@ def discover_type(
 
 
 def _verdict(found: Search, num: int) -> tuple[FleetVerdict, str]:
+    if not found.effects and found.is_left:
+        return "unexplained", (
+            f"The {num} machines share something that no effect of the catalogue explains at a "
+            "plausible size."
+        )
     if not found.effects:
         seen = f" {len(found.traces)} too small to matter." if found.traces else ""
         return "nothing_found", (

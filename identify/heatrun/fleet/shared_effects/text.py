@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...io.quantities import printed_unit, rounded
 from ...results.fleet_discovery import FleetDiscoveryResult, SharedEffect, TypeDiscovery
-from .search import ALONE
+from .alone import ALONE
 
 MOST = 5
 """Machines that are named; all stand in the file."""
