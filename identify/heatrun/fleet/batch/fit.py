@@ -35,7 +35,7 @@ from ...inference.problem import Problem
 from ...inference.steps import STABLE
 from .lanes import on_host
 from .layout import Key, NotBatched, key_of, pack, why_not
-from .march import Machines
+from .machines import Machines
 from .search import begun, linearise
 from .settle import Settled, final, settle
 from .starts import Optima, continued, optima_from_starts

@@ -19,7 +19,7 @@ from ...inference.discrepancy import num_knots
 from ...inference.parameters import Parameter
 from ...inference.problem import Problem, Structure
 from .heat import most_knots
-from .march import Group, Machines
+from .machines import Group, Machines
 
 BUCKETS = (96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048, 3072, 4096)
 """Lengths [blocks] that tests are padded to: at most a third is padding from 128 on. The longest
@@ -63,8 +63,6 @@ def why_not(problem: Problem) -> str:
         return "its parameters change from test to test"
     if any(test.fitted for test in problem.tests):
         return "bodies beside the winding were measured"
-    if any("load_timing" in of_test for of_test in problem.parameters.by_test):
-        return "the logger of the load is slow"
     if len({logger for test in problem.tests for logger in test.loggers}) > 1:
         return "its tests were recorded with unlike loggers"
     if any(np.ndim(test.inputs.step) for test in problem.tests):
@@ -75,7 +73,7 @@ def why_not(problem: Problem) -> str:
         return "its blocks are long"
     if not names:
         return "nothing is to be estimated"
-    if len({_fixed(of_test) for of_test in problem.parameters.by_test}) > 1:
+    if len({(frozenset(own), _fixed(own)) for own in problem.parameters.by_test}) > 1:
         return "its tests have unlike parameters"
     if any(not np.any(test.is_observed) for test in problem.tests):
         return "a test holds no reading"

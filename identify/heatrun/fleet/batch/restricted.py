@@ -16,8 +16,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...inference.fitting.restricted import SCORE_LIMIT
 from ...inference.noise import LARGEST_SCORES, NOISE, from_scores
-from .march import Machines, Means
+from .machines import Machines
 from .matrices import identity, solve, sweep
+from .residuals import Means
 from .search import Heat
 from .whitening import filtered, products, scaled_heat, without_heat
 

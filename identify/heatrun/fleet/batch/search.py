@@ -15,8 +15,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...inference.noise import Noise
 from ...inference.problem import WORST_RESIDUAL, Structure
-from .march import Machines, Means, residuals_of_group
+from .machines import Machines
 from .matrices import identity, solve
+from .residuals import Means, residuals_of_group
 from .whitening import filtered, products, scaled_heat, weighted, without_heat
 
 TOLERANCE = 1e-9

@@ -17,7 +17,7 @@ from ...inference.fitting.fit import HOPELESS, MAX_STEPS
 from ...inference.noise import Noise
 from ...inference.problem import Structure
 from .lanes import on_host, picked, picked_heat, picked_machines
-from .march import Machines
+from .machines import Machines
 from .search import Heat, begun, search
 
 FIRST_STEPS, MORE_STEPS = 7, 5
