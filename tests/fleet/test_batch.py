@@ -10,8 +10,8 @@ from fleet_machines import machine
 
 from heatrun.fleet.batch.fit import fit_batch, fits
 from heatrun.fleet.batch.layout import NotBatched, bucket, key_of, pack
-from heatrun.fleet.batch.residuals import residuals_of_group
 from heatrun.fleet.batch.matrices import solve, sweep
+from heatrun.fleet.batch.residuals import residuals_of_group
 from heatrun.fleet.batch.search import search
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.restricted import polished_noise

@@ -27,7 +27,7 @@ from ..inference.noise import noise_parameters
 from ..results.json_text import to_plain
 from .entries import Entry
 
-FORMAT = "heatrun-fleet-rows/1"
+FORMAT = "heatrun-fleet-rows/2"
 
 THERMAL = ("network", "effect", "known")
 """Roles of the parameters that a population is made of."""
