@@ -187,7 +187,7 @@ def march(
         (after, totals), edges = jax.lax.scan(advance, (before, nothing), x)
         return after, edges if at_edges else totals
 
-    _, found = jax.lax.scan(block, first, xs)
+    found: Any = jax.lax.scan(block, first, xs)[1]
     if at_edges:
         begin = [first[0][node], *(of_start[node] for of_start in first[1].values())]
         found = [
