@@ -31,11 +31,14 @@ from heatrun.inference.fitting.fit import fit  # noqa: E402
 NUM_SIMULATED, NUM_ALONE, NOISE_K = 32, 4, 0.05
 
 
-def problems(num: int, seed: int):
+def problems(num: int, seed: int, sample_s: float):
     """Yield problems: as many machines as are simulated, then the same with readings anew."""
     rng = np.random.default_rng(seed)
     profiles = generator.duty(7200.0), generator.staircase(7200.0)
-    known = [machine(generator, seed + i, profiles) for i in range(min(num, NUM_SIMULATED))]
+    known = [
+        machine(generator, seed + i, profiles, sample_s=sample_s)
+        for i in range(min(num, NUM_SIMULATED))
+    ]
     for place in range(num):
         problem = known[place % len(known)]
         if place >= len(known):
@@ -62,14 +65,15 @@ def main() -> None:
     parser.add_argument("--machines", type=int, nargs="+", default=[1, 64, 512])
     parser.add_argument("--width", type=int, default=WIDTH)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--sample", type=float, default=0.5, help="period of the logger [s]")
     chosen = parser.parse_args()
-    warm = list(problems(NUM_ALONE, chosen.seed))
+    warm = list(problems(NUM_ALONE, chosen.seed, chosen.sample))
     timed(fits(warm, width=chosen.width))
     timed(fit(problem) for _, problem in warm[:1])
     print("machines  batch: wall ms  processor ms  per s  left over", end="")
     print("   one: wall ms  processor ms  ratio")
     for num in chosen.machines:
-        work = list(problems(num, chosen.seed))
+        work = list(problems(num, chosen.seed, chosen.sample))
         wall, processor, found = timed(fits(work, width=chosen.width))
         left = sum(isinstance(result, NotBatched) for _, result in found)
         of_one = [problem for _, problem in work[:NUM_ALONE]]

@@ -172,7 +172,7 @@ def _fit_jobs(
     for lane, job in enumerate(jobs):
         if lane in results:
             continue
-        reason = rivals.get(lane) or _doubt(at, host.said, lane)
+        reason = rivals.get(lane) or _doubt(at, host.said, lane) or _late(job.problem, at.z, lane)
         own = optima[lane]
         assert own is not None
         results[lane] = (
@@ -220,6 +220,17 @@ def _doubt(state: Any, said: Any, lane: int) -> str:
         return "two noises are equally probable"
     if state.shift[lane] >= SETTLED:
         return "noise and parameters did not settle"
+    return ""
+
+
+def _late(problem: Problem, z: np.ndarray, lane: int) -> str:
+    """Return why a reading is too late for the march; empty where it is not."""
+    for place, slot in enumerate(problem.parameters.slots):
+        if slot.parameter.name == "load_timing":
+            late_s = abs(float(slot.parameter.value(z[place, lane])))
+            step = min(float(np.min(test.inputs.step)) for test in problem.tests)
+            if late_s > step:
+                return f"a reading is {late_s:.2g} s late, its steps are of {step:.2g} s"
     return ""
 
 

@@ -13,10 +13,10 @@ over the general one runs five times slower. Three things make it fast:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import reduce
 from operator import add
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -116,18 +116,33 @@ def _tangents(
     }
 
 
-def march(
-    model: Model, rows: Group, quantities: Values, free: list[str], *, at_edges: bool = False
-) -> tuple[Array, dict[str, Array]]:
-    """Return the temperature of the measured node [degC] and its derivatives by quantity.
+class Moving(NamedTuple):
+    """A march that is ready to be made: of temperatures and their derivatives by quantity.
+
+    Attributes:
+        names: The quantities.
+        first: The state at the start.
+        advance: Returns the state a step later, for a state and the inputs of the step.
+        inputs: Of all steps, shape (block, step, lane) each.
+        read: Returns the measured node's temperature above the copper's zero of resistance [K], and
+            its derivative by each quantity.
+    """
+
+    names: tuple[str, ...]
+    first: Any
+    advance: Callable[[Any, Any], Any]
+    inputs: Any
+    read: Callable[[Any], list[Lane]]
+
+
+def moving(model: Model, rows: Group, quantities: Values, free: list[str]) -> Moving:
+    """Return the march through tests.
 
     Args:
         model: A bare network.
         rows: The tests.
         quantities: What the parameters act through, by name, for each lane.
-        free: Names of those that are wanted derivatives by.
-        at_edges: Return them at the edges of the steps, shape (edge, lane), instead of their means
-            over the blocks, shape (block, lane).
+        free: Names of those that derivatives are wanted by.
     """
     step = rows.step
     terms = _terms(model, quantities, step)
@@ -147,7 +162,6 @@ def march(
         terms, tangents = _without(terms, "shaft_offset"), {
             name: _without(each, "shaft_offset") for name, each in tangents.items()
         }  # fmt: skip
-    xs = (rows.current_squared, drive, rows.weight, rows.position)
 
     def started(of: Mapping[Term, Array]) -> dict[str, Array]:
         zero = jnp.zeros_like(step)
@@ -159,8 +173,8 @@ def march(
     packed, unpacked = _packed(terms, tangents)
 
     def advance(before, x):
-        (state, moved), totals = before
-        square, inputs, weight, position = x
+        state, moved = before
+        square, inputs = x
         terms, tangents = unpacked(packed)
         matrix = _polynomials(terms, "state", square)
         after = _linear(matrix, _polynomials(terms, "drive", square), state, inputs, nodes)
@@ -172,30 +186,43 @@ def march(
             )  # fmt: skip
             carried = _linear(matrix, {}, moved[name], inputs, nodes)
             moved_after[name] = {each: own[each] + carried[each] for each in nodes}
-        ends = [(state[node], after[node])]
-        ends += [(moved[name][node], moved_after[name][node]) for name in tangents]
-        if at_edges:
-            return ((after, moved_after), totals), [end for _, end in ends]
-        totals = [
-            total + weight * (a + position * (b - a))
-            for total, (a, b) in zip(totals, ends, strict=True)
-        ]
-        return ((after, moved_after), totals), None
+        return after, moved_after
+
+    def read(state):
+        temperature, moved = state
+        return [temperature[node], *(moved[name][node] for name in tangents)]
+
+    return Moving(tuple(tangents), first, advance, (rows.current_squared, drive), read)
+
+
+def march(
+    model: Model, rows: Group, quantities: Values, free: list[str]
+) -> tuple[Float[Array, "block lane"], dict[str, Float[Array, "block lane"]]]:
+    """Return block means of the measured node [degC] and their derivatives by quantity.
+
+    Args:
+        model: As `moving`.
+        rows: Likewise.
+        quantities: Likewise.
+        free: Likewise.
+    """
+    march = moving(model, rows, quantities, free)
+
+    def advance(before, x):
+        state, totals = before
+        inputs, weight, position = x
+        after = march.advance(state, inputs)
+        ends = zip(totals, march.read(state), march.read(after), strict=True)
+        return (after, [t + weight * (a + position * (b - a)) for t, a, b in ends]), None
 
     def block(before, x):
-        nothing = [jnp.zeros_like(step) for _ in range(0 if at_edges else 1 + len(tangents))]
-        (after, totals), edges = jax.lax.scan(advance, (before, nothing), x)
-        return after, edges if at_edges else totals
+        nothing = [jnp.zeros_like(rows.step) for _ in range(1 + len(march.names))]
+        (after, totals), _ = jax.lax.scan(advance, (before, nothing), x)
+        return after, totals
 
-    found: Any = jax.lax.scan(block, first, xs)[1]
-    if at_edges:
-        begin = [first[0][node], *(of_start[node] for of_start in first[1].values())]
-        found = [
-            jnp.concatenate([own[None], later.reshape(-1, step.shape[0])])
-            for own, later in zip(begin, found, strict=True)
-        ]
-    seen = 1.0 if at_edges else jnp.sum(rows.weight, axis=1)
-    return found[0] - model.coefficient * seen, dict(zip(tangents, found[1:], strict=True))
+    _, means = jax.lax.scan(block, march.first, (march.inputs, rows.weight, rows.position))
+    seen = jnp.sum(rows.weight, axis=1)
+    return means[0] - model.coefficient * seen, dict(zip(march.names, means[1:], strict=True))
 
 
 def _packed(*trees: Any) -> tuple[Float[Array, "coefficient lane"], Any]:

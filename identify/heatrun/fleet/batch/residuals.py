@@ -9,11 +9,10 @@ from jaxtyping import Array, Float
 
 from lptn import CopperLosses
 
-from ...inference.model import Model
 from ...inference.problem import Structure
-from .late import ambient_at_edges, late_means
+from .late import late_means
 from .machines import Group, Lane, Machines
-from .march import SLOPE, Values, march
+from .march import SLOPE, march
 
 OF_SLOPE = ("Rs0", "current_gain")
 OF_READING = ("sensor_gain", "sensor_offset", "load_timing")
@@ -91,12 +90,15 @@ def residuals_of_group(
 
     gain, offset = values["sensor_gain"], values["sensor_offset"]
     seen = jnp.sum(group.weight, axis=1)
+    late: dict[str, Array] = {}
     if "load_timing" in values:
-        mean, slopes, rise, late = _read_late(structure.model, group, quantities, free, values)
+        means = late_means(structure.model, group, quantities, free, values["load_timing"])
+        mean, slopes = means.temperature, means.slopes
+        rise = means.rise - values["ambient_offset"] * seen
+        late["load_timing"] = means.temperature_by_time + gain * means.rise_by_time
     else:
         mean, slopes = march(structure.model, group, quantities, free)
         rise = mean - group.sensed_ambient - values["ambient_offset"] * seen
-        late = {}
     reading = mean + gain * rise + offset * seen
 
     by_name: dict[str, Array] = {"sensor_gain": rise, "sensor_offset": seen} | late
@@ -118,21 +120,6 @@ def residuals_of_group(
     jacobian = jnp.stack([jnp.concatenate(parts, axis=-1) for parts in columns], axis=1)
     jacobian = jnp.where((group.is_observed & is_sound)[:, None], jacobian, 0.0)
     return Means(jnp.where(is_sound, difference, worst), jacobian)
-
-
-def _read_late(
-    model: Model, group: Group, quantities: Values, free: list[str], values: Values
-) -> tuple[Array, dict[str, Array], Array, dict[str, Array]]:
-    """Return what a late reading takes its means of: temperature, its derivatives by quantity, the
-    rise above the sink; and the derivative of the reading by how late it is.
-    """
-    at, slopes = march(model, group, quantities, free, at_edges=True)
-    rise = at - ambient_at_edges(group) - values["ambient_offset"]
-    every = jnp.stack([at, rise, *slopes.values()], axis=1)
-    means, by_time = late_means(every, values["load_timing"], group)
-    moved = {name: means[:, 2 + place] for place, name in enumerate(slopes)}
-    late = {"load_timing": by_time[:, 0] + values["sensor_gain"] * by_time[:, 1]}
-    return means[:, 0], moved, means[:, 1], late
 
 
 def _acting_through(name: str, losses: CopperLosses) -> dict[str, Any]:
