@@ -258,7 +258,7 @@ def _rivals(
     begin = on_host(begun(jnp.asarray(np.stack(starts, axis=-1))))
     lanes = np.array(places)
     noise = from_scores(state.noise_z)
-    found, stands_for = continued(key.structure, machines, begin, lanes, noise, state.heat, cost)
+    found, stands_for = continued(key.structure, machines, begin, lanes, noise, state.heat)
     reasons = {}
     for index, lane in enumerate(places):
         if stands_for[index] != index:
