@@ -25,6 +25,9 @@ BUCKETS = (96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048, 3072, 4096)
 """Lengths [blocks] that tests are padded to: at most a third is padding from 128 on. The longest
 holds 22 hours of blocks of 20 s."""
 
+MUCH_SHORTER = 2
+"""Times that a test fits into the longest one of its machine, for a shape of its own."""
+
 CHANNELS = ("second_sink", "shaft_power", "speed")
 
 
@@ -90,7 +93,7 @@ def key_of(problem: Problem) -> Key:
         channels.append("shaft_power")
     if "torque_offset" in names:
         channels.append("speed")
-    shapes = [(bucket(test.num_blocks), test.weight.shape[1]) for test in problem.tests]
+    shapes = _shapes(problem.tests)
     groups = tuple(
         (*shape, tuple(i for i, own in enumerate(shapes) if own == shape))
         for shape in dict.fromkeys(shapes)
@@ -100,6 +103,24 @@ def key_of(problem: Problem) -> Key:
 
 def _fixed(parameters: Mapping[str, Parameter]) -> tuple[str, ...]:
     return tuple(name for name, parameter in parameters.items() if parameter.fixed is not None)
+
+
+def _shapes(tests: Sequence[Blocks]) -> list[tuple[int, int]]:
+    """Return padded number of blocks and steps per block of each test.
+
+    Tests that are not much shorter than the longest are padded to its length: each further shape
+    takes as long to compile as the first.
+    """
+    longest: dict[int, int] = {}
+    for test in tests:
+        steps = test.weight.shape[1]
+        longest[steps] = max(longest.get(steps, 0), bucket(test.num_blocks))
+    shapes = []
+    for test in tests:
+        steps = test.weight.shape[1]
+        is_short = MUCH_SHORTER * bucket(test.num_blocks) < longest[steps]
+        shapes.append((bucket(test.num_blocks) if is_short else longest[steps], steps))
+    return shapes
 
 
 def bucket(num_blocks: int) -> int:

@@ -175,10 +175,10 @@ def begun(start: Float[Array, "noise lane"]) -> NoiseSearch:
     low, high = _limits()
     return NoiseSearch(
         noise_z=jnp.clip(start, low, high),
-        value=jnp.full(num_lanes, jnp.inf),
+        value=jnp.full(num_lanes, jnp.inf, dtype=float),
         slope=jnp.zeros((size, num_lanes)),
         curvature=jnp.asarray(CURVATURE)[:, None, None] * identity(size, num_lanes),
-        radius=jnp.full(num_lanes, LONGEST_STEP),
+        radius=jnp.full(num_lanes, LONGEST_STEP, dtype=float),
         has_ended=jnp.zeros(num_lanes, dtype=bool),
         num_steps=jnp.zeros(num_lanes, dtype=int),
     )

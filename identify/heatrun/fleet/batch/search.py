@@ -139,11 +139,11 @@ def begun(start: Float[Array, "parameter machine"]) -> Search:
         z=start,
         # nothing is known yet: the first step is none, and is taken whatever it finds
         normal=Normal(
-            jnp.full(num_machines, jnp.inf),
+            jnp.full(num_machines, jnp.inf, dtype=float),
             jnp.zeros((size, num_machines)),
             identity(size, num_machines),
         ),
-        damping=jnp.full(num_machines, DAMPING),
+        damping=jnp.full(num_machines, DAMPING, dtype=float),
         has_ended=jnp.zeros(num_machines, dtype=bool),
         num_steps=jnp.zeros(num_machines, dtype=int),
     )
