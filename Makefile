@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # A second Python for `make test-latest`: the newest there is above 3.11.
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
-.PHONY: demo demo-results test test-slow test-latest lint types check bench study-coverage study-crosschecks \
+.PHONY: demo demo-results test test-slow test-latest lint types check bench bench-fleet bench-before study-coverage study-crosschecks \
   study-bodies study-discovery study-exam study-faults study-first-hour study-fleet-kills study-fuzz study-misfit study-paderborn \
   study-readings study-real study-thresholds study-view audit docs notebooks notebooks-rendered schemas lock clean
 
@@ -36,6 +36,13 @@ check: lint types test
 
 bench: $(VENV)/ready
 	$(BIN)/python tests/benchmarks/run.py
+
+# Machines per second of a fleet, and the tree before unmodelled heat beside this one.
+bench-fleet: $(VENV)/ready
+	$(BIN)/python tests/benchmarks/fleet.py
+
+bench-before: $(VENV)/ready
+	$(BIN)/python tests/benchmarks/against.py
 
 # Certificate, workbook, DCC, reports and discovery of bundled data, kept under results/demo.
 demo-results: $(VENV)/ready
