@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 import time
 from pathlib import Path
@@ -32,7 +33,7 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         if code != 0:
             raise SystemExit(f"population of seed {job['seed']} ended with {code}")
         table = _table(folder / "type")
-        content = heatrun.population(calibrated, covariates=["supplier"]).content
+        content = json.loads((folder / "type" / "population.json").read_bytes())
     return {
         **job,
         "is_converged": content["is_converged"],
@@ -96,8 +97,8 @@ def _machines(fleet: Fleet, table: list[dict[str, Any]]) -> list[dict[str, Any]]
                 "odd": NAMES[fleet.odd[place]] if fleet.odd[place] >= 0 else "",
                 "outlier_probability": row["outlier_probability"],
                 "different": row["different"],
-                "error_alone": np.log(numbers("alone_values") / truth).tolist(),
-                "error_given": np.log(numbers("given_values") / truth).tolist(),
+                "error_alone": np.log(numbers("alone_values") / truth).round(5).tolist(),
+                "error_given": np.log(numbers("given_values") / truth).round(5).tolist(),
                 "is_inside": is_inside.tolist(),
                 "is_inside_alone": is_inside_alone.tolist(),
             }
