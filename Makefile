@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo demo-results test test-slow test-latest lint types check bench bench-fleet bench-before study-coverage study-crosschecks \
-  study-bodies study-discovery study-exam study-faults study-first-hour study-fleet-kills study-fuzz study-misfit study-paderborn \
+  study-bodies study-discovery study-exam study-faults study-first-hour study-fleet study-fleet-kills study-fuzz study-misfit study-paderborn \
   study-readings study-real study-thresholds study-view audit docs notebooks notebooks-rendered schemas lock clean
 
 demo: $(VENV)/ready
@@ -92,6 +92,11 @@ study-faults: $(VENV)/ready
 	$(BIN)/python tests/faults/campaign.py
 	$(BIN)/python tests/faults/memory.py
 
+# Populations of simulated fleets: coverage, pooling, outliers, and one stage beside the two.
+study-fleet: $(VENV)/ready
+	$(BIN)/python tests/studies/fleet_one_stage.py
+	$(BIN)/python tests/studies/fleet.py
+
 # A fleet whose client and workers are killed at random.
 study-fleet-kills: $(VENV)/ready
 	$(BIN)/python tests/fleet/kills_campaign.py --kills 60
@@ -112,7 +117,7 @@ study-coverage: $(VENV)/ready
 notebooks: $(VENV)/ready
 	$(BIN)/pytest -n auto tests/test_notebooks.py $(if $(NOTEBOOKS),-k "$(NOTEBOOKS)")
 
-# The JSON schemas of fit.json and discovery.json, from the types in identify/heatrun/results.
+# The JSON schemas of fit.json, discovery.json and population.json, from the types in identify/heatrun/results.
 schemas: $(VENV)/ready
 	$(BIN)/python -m heatrun.results.schema
 
