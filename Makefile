@@ -95,7 +95,7 @@ study-faults: $(VENV)/ready
 # Populations of simulated fleets: coverage, pooling, outliers, and one stage beside the two.
 study-fleet: $(VENV)/ready
 	$(BIN)/python tests/studies/fleet_one_stage.py
-	$(BIN)/python tests/studies/fleet.py
+	$(BIN)/python tests/studies/fleet.py --fleets 24 --machines 60
 
 # A fleet whose client and workers are killed at random.
 study-fleet-kills: $(VENV)/ready

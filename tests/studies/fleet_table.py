@@ -12,6 +12,9 @@ from gate_rows import at_least, at_most
 
 Row = dict[str, Any]
 
+WITHIN = 0.05
+"""How near the two stages are to come to one [1]."""
+
 TIMES_BETTER = 2.0
 """By which pooling is to reduce the error of a short test's Req_sr [1]."""
 
@@ -164,4 +167,12 @@ def _rms(errors: np.ndarray) -> float:
 def _one_stage(found: Row | None) -> list[str]:
     if found is None:
         return ["", "One stage was not run."]
-    return ["", "## One stage", "", *found["lines"]]
+    entries = [row for row in found["compared"] if row["kind"] != "supplier"]
+    apart = {
+        f"{row['kind']} of {row['parameter']}": row["two"][1] / row["one"][1] - 1.0
+        for row in entries
+    }
+    far = [f"{name} ({100 * by:+.0f} %)" for name, by in apart.items() if abs(by) > WITHIN]
+    said = f"Two stages within {100 * WITHIN:.0f} % of one stage: {len(apart) - len(far)} of "
+    said += f"{len(apart)} medians and spreads{'; not ' + ', '.join(far) if far else ''}."
+    return ["", "## One stage", "", *found["lines"], "", said]
