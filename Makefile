@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo demo-results test test-slow test-latest lint types check bench bench-fleet bench-before study-coverage study-crosschecks \
-  study-bodies study-discovery study-exam study-faults study-first-hour study-fleet study-fleet-kills study-fuzz study-misfit study-paderborn \
+  study-bodies study-discovery study-exam study-faults study-first-hour study-fleet study-fleet-discovery study-fleet-kills study-fuzz study-misfit study-paderborn \
   study-readings study-real study-thresholds study-view audit docs notebooks notebooks-rendered schemas lock clean
 
 demo: $(VENV)/ready
@@ -96,6 +96,10 @@ study-faults: $(VENV)/ready
 study-fleet: $(VENV)/ready
 	$(BIN)/python tests/studies/fleet_one_stage.py
 	$(BIN)/python tests/studies/fleet.py --fleets 24 --machines 60
+
+# Effects that the machines of a fleet share; goes on where it was stopped.
+study-fleet-discovery: $(VENV)/ready
+	$(BIN)/python tests/studies/fleet_discovery.py
 
 # A fleet whose client and workers are killed at random.
 study-fleet-kills: $(VENV)/ready

@@ -16,7 +16,7 @@ from ..calibration import BenchTest, Refused, load_tests, refuse_unplaced_bodies
 from ..errors import InputError
 from ..inference.catalogue import known_effects
 from ..inference.draws import Draws
-from ..inference.fitting.fit_result import Fit
+from ..inference.fitting.fit_result import RESULT, Fit
 from ..inference.model import Model
 from ..inference.predict import predict
 from ..inference.problem import Problem
@@ -25,6 +25,8 @@ from ..motorfile import load_motor
 from .batches import Batch, digest_or_none, files_by_role, resolved
 from .entries import Entry
 from .rows import FAILED, REFUSED, Row, file_row, fitted, unfitted
+from .shared_effects.columns import effect_columns
+from .shared_effects.evidence import evidence_of
 
 NUM_DRAWS = 400
 """Draws behind the band of a held-out test."""
@@ -107,8 +109,12 @@ def row_of(prepared: Prepared, found: Fit | Exception, batch: Batch) -> Row:
         try:
             holdout = [_predicted(found, *each, batch.seed) for each in prepared.holdout]
             own = replace(found, findings=_placed(found.findings, batch.folder))
-            return fitted(entry, own, prepared.findings, prepared.inputs,
-                          duration_s=prepared.duration_s, holdout=holdout)  # fmt: skip
+            row = fitted(entry, own, prepared.findings, prepared.inputs,
+                         duration_s=prepared.duration_s, holdout=holdout)  # fmt: skip
+            is_sound = found.result is not RESULT.no_start
+            if batch.discovers and is_sound:
+                row |= effect_columns(evidence_of(found))
+            return row
         except MemoryError:
             raise
         except Exception as error:

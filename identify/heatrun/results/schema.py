@@ -17,6 +17,7 @@ import msgspec
 
 from .discovery import DiscoveryResult
 from .fit import FitResult
+from .fleet_discovery import FleetDiscoveryResult
 from .population import PopulationResult
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -37,6 +38,10 @@ SCHEMAS: dict[str, tuple[type, str]] = {
     "population-1.json": (
         PopulationResult,
         "population.json of heatrun: what `heatrun population` writes",
+    ),
+    "fleet-discovery-1.json": (
+        FleetDiscoveryResult,
+        "fleet_discovery.json of heatrun: what `heatrun fleet --discover` writes",
     ),
 }
 """Type and title by name of the file; its number is that of the format."""
