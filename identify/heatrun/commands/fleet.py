@@ -45,7 +45,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         type=_count,
         default=None,
         metavar="NUMBER",
-        help="machines in a batch, the unit of work and of what a killed run keeps (default: 16)",
+        help="machines in a batch, the unit of work and of what a killed run keeps (default: 64)",
     )
     parser.add_argument(
         "--memory",

@@ -49,6 +49,7 @@ class Batch:
         effects: Known effects beyond those of the motor files.
         seed: Random seed.
         numerics: What else the digits depend on, as `numerics`.
+        num_planned: Machines that it was planned with: how they are fitted depends on it.
         discovers: Whether rows hold what the tests say of effects.
         name: SHA-256 of all of it but the folder.
     """
@@ -60,6 +61,7 @@ class Batch:
     effects: tuple[str, ...]
     seed: int
     numerics: Mapping[str, Any]
+    num_planned: int
     discovers: bool = False
     name: str = ""
 
@@ -79,6 +81,7 @@ def named(batch: Batch) -> Batch:
         "effects": batch.effects,
         "seed": batch.seed,
         "numerics": batch.numerics,
+        "num_planned": batch.num_planned,
         "discovers": batch.discovers,
     }
     return replace(batch, name=hashlib.sha256(to_json(content).encode()).hexdigest())
@@ -120,7 +123,7 @@ def batches_of(
         own = {path: digests[path] for e in part for _, path in files_by_role(e, fleet.folder)}
         found.append(
             named(Batch(tuple(part), own, str(fleet.folder), fleet.network, fleet.effects, seed,
-                        numerics, discovers))
+                        numerics, len(part), discovers))
         )  # fmt: skip
     return found
 

@@ -40,7 +40,7 @@ from .work import Done, work_out
 FORMAT = "heatrun-fleet/1"
 MACHINES, TIMING, MANIFEST = "machines.parquet", "timing.json", "manifest.json"
 
-BATCH = 16
+BATCH = 64
 """Machines in a batch, if nothing is said."""
 
 USUAL_S = 2.0
