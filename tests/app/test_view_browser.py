@@ -139,6 +139,17 @@ def test_a_file_replaced_while_it_is_shown_is_said(served, tab, bench_data):
     tab.get_by_text("the file has changed or is gone").wait_for(state="hidden")
 
 
+def test_the_end_of_a_long_name_is_seen(served, tab, bench_data):
+    """Names of one day differ at their end; the column on the left is 300 px wide."""
+    name = "Dauerlauf_Pruefstand_3_2024_03_05_with_hub_motor_001.csv.gz"
+    shutil.copy(bench_data / "duty_30min.csv.gz", served.folder / name)
+    _open(tab, served)
+    label = tab.get_by_text(name).first
+    label.wait_for()
+    box = label.bounding_box()
+    assert box["x"] + box["width"] <= 300.0
+
+
 def test_names_from_files_are_text(served, tab, bench_data):
     name = "<img src=x onerror=window.hacked=1>"
     shutil.copy(bench_data / "duty_30min.csv.gz", served.folder / f"{name}.csv.gz")

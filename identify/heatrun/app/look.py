@@ -104,6 +104,13 @@ PART_CSS = f"""
 """
 """Style of each part of the page, to which the plain design gives colours for light alone."""
 
+NAMES_CSS = """
+    label { display: flex; align-items: flex-start; max-width: 100%; }
+    label > input { flex: none; }
+    label > span { overflow-wrap: anywhere; white-space: normal; min-width: 0; }
+"""
+"""Style of a list of names: a long one goes on in the next line, for its end tells it apart."""
+
 TABS_CSS = """
     .bk-headers-wrapper { flex-wrap: wrap; }
     .bk-tab { color: var(--hr-ink); }

@@ -12,6 +12,7 @@ import panel as pn
 from ...bench.channels.schema import CHANNELS
 from ...reports.bench_tests import TEST_TYPES
 from ..frame import asked
+from ..look import NAMES_CSS
 from ..pane import text_pane
 from ..store import Opened
 
@@ -42,9 +43,9 @@ class Sidebar:
             options={card.title: kind for kind, card in TEST_TYPES.items()},
             sizing_mode=WIDE,
         )
-        self.tests = pn.widgets.CheckBoxGroup(sizing_mode=WIDE)
-        self.channels = pn.widgets.CheckBoxGroup(sizing_mode=WIDE)
-        self.others = pn.widgets.CheckBoxGroup(sizing_mode=WIDE)
+        self.tests, self.channels, self.others = (
+            pn.widgets.CheckBoxGroup(sizing_mode=WIDE, stylesheets=[NAMES_CSS]) for _ in range(3)
+        )
         self.run = pn.widgets.Select(name="Simulated course of run", sizing_mode=WIDE)
         self.follow = pn.widgets.Toggle(name="Follow changes", width=130)
         self.refresh = pn.widgets.Button(name="Look again", width=100)
