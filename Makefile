@@ -5,8 +5,8 @@ BIN := $(VENV)/bin
 # A second Python for `make test-latest`: the newest there is above 3.11.
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
-.PHONY: demo demo-results test test-slow test-latest lint types check bench study-coverage study-crosschecks \
-  study-bodies study-discovery study-exam study-faults study-first-hour study-fleet-kills study-fuzz study-misfit study-paderborn \
+.PHONY: demo demo-results test test-slow test-latest lint types check bench bench-fleet bench-before study-coverage study-crosschecks \
+  study-bodies study-discovery study-exam study-faults study-first-hour study-fleet study-fleet-discovery study-fleet-kills study-fuzz study-misfit study-paderborn \
   study-readings study-real study-thresholds study-view audit docs notebooks notebooks-rendered schemas lock clean
 
 demo: $(VENV)/ready
@@ -36,6 +36,13 @@ check: lint types test
 
 bench: $(VENV)/ready
 	$(BIN)/python tests/benchmarks/run.py
+
+# Machines per second of a fleet, and the tree before unmodelled heat beside this one.
+bench-fleet: $(VENV)/ready
+	$(BIN)/python tests/benchmarks/fleet.py
+
+bench-before: $(VENV)/ready
+	$(BIN)/python tests/benchmarks/against.py
 
 # Certificate, workbook, DCC, reports and discovery of bundled data, kept under results/demo.
 demo-results: $(VENV)/ready
@@ -85,6 +92,15 @@ study-faults: $(VENV)/ready
 	$(BIN)/python tests/faults/campaign.py
 	$(BIN)/python tests/faults/memory.py
 
+# Populations of simulated fleets: coverage, pooling, outliers, and one stage beside the two.
+study-fleet: $(VENV)/ready
+	$(BIN)/python tests/studies/fleet_one_stage.py
+	$(BIN)/python tests/studies/fleet.py --fleets 24 --machines 60
+
+# Effects that the machines of a fleet share; goes on where it was stopped.
+study-fleet-discovery: $(VENV)/ready
+	$(BIN)/python tests/studies/fleet_discovery.py
+
 # A fleet whose client and workers are killed at random.
 study-fleet-kills: $(VENV)/ready
 	$(BIN)/python tests/fleet/kills_campaign.py --kills 60
@@ -105,7 +121,7 @@ study-coverage: $(VENV)/ready
 notebooks: $(VENV)/ready
 	$(BIN)/pytest -n auto tests/test_notebooks.py $(if $(NOTEBOOKS),-k "$(NOTEBOOKS)")
 
-# The JSON schemas of fit.json and discovery.json, from the types in identify/heatrun/results.
+# The JSON schemas of fit.json, discovery.json and population.json, from the types in identify/heatrun/results.
 schemas: $(VENV)/ready
 	$(BIN)/python -m heatrun.results.schema
 

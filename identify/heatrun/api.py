@@ -142,6 +142,7 @@ def calibrate_fleet(
     batch: int = BATCH,
     scheduler: str = "",
     memory: str = "auto",
+    discover: bool = False,
     seed: int = 0,
     force: bool = False,
 ) -> FleetResult:
@@ -157,6 +158,8 @@ def calibrate_fleet(
         batch: Machines in a batch.
         scheduler: Address of a Dask scheduler that runs already, in place of own processes.
         memory: Memory that a worker may take, such as `"4GB"`.
+        discover: Whether effects are sought that the machines of a type share; the result's
+            `discovery()` gives them.
         seed: Random seed.
         force: Whether another result in `out` is replaced.
 
@@ -169,7 +172,7 @@ def calibrate_fleet(
     loaded = load_fleet(fleet, model)
     return calibrate_fleet_into(
         default_folder(loaded) if out is None else Path(out), loaded,
-        workers=Workers(workers, scheduler, memory), batch=batch, seed=seed,
+        workers=Workers(workers, scheduler, memory), batch=batch, discover=discover, seed=seed,
         command="heatrun.calibrate_fleet", is_named=out is not None, is_replacing=force,
     )  # fmt: skip
 

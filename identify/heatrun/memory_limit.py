@@ -19,7 +19,17 @@ except ImportError:  # not a POSIX system: there is no such limit
 
 BYTES = {
     **dict.fromkeys(
-        ("calibrate", "compare", "discover", "demo", "simulate", "export", "report", "fleet"),
+        (
+            "calibrate",
+            "compare",
+            "discover",
+            "demo",
+            "simulate",
+            "export",
+            "report",
+            "fleet",
+            "population",
+        ),
         2_400_000_000,
     ),
     "sheet": 1_200_000_000,

@@ -170,7 +170,7 @@ POPULATION = Section(
     "What other machines of the type say of this one before its first test: priors of the thermal "
     "parameters. `[parameters.NAME]` goes before it.",
     (
-        Key("run", "Folder of a population, as `heatrun.population` writes it, from where this "
+        Key("run", "Folder of a population, as `heatrun population` writes it, from where this "
             "file is.", '"../fleet"', "wide priors, scaled by the tests"),
     ),
 )  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,8 @@ from .motor import ParameterOverride
 def population_priors(section: Mapping[str, Any], where: str) -> dict[str, ParameterOverride]:
     """Return the priors of a machine of a known type, by parameter; none where none is given.
 
-    Each parameter has its own: correlations over the machines are left aside.
+    Each parameter has its own: correlations over the machines are left aside, and covariates are at
+    their mean over the machines.
 
     Args:
         section: `[population]`.
@@ -28,7 +28,4 @@ def population_priors(section: Mapping[str, Any], where: str) -> dict[str, Param
         return {}
     at = f"{where}, [population]"
     folder = Path(where).parent / text_of(section, "run", at)
-    return {
-        name: ParameterOverride(value=median, relative_sd=math.expm1(log_sd))
-        for name, (median, log_sd) in read_next_machine(folder, at).items()
-    }
+    return read_next_machine(folder, at)

@@ -16,16 +16,26 @@ NAMES = {
 }  # fmt: skip
 
 
-def machine(generator, seed, profiles, network="second", sample_s=0.5, **motor):
-    """Return the problem of a random machine that was tested with some profiles."""
+def bench_records(generator, seed, profiles, sample_s):
+    """Return a random motor and the columns that its bench recorded under some profiles."""
     rng = np.random.default_rng(seed)
     truth = generator.random_motor(rng)
+    instruments = generator.Instruments(resolution_K=0.1)
+    records = []
+    for profile in profiles:
+        course = generator.simulate(truth, profile, sample_s=sample_s, steps_per_sample=2)
+        columns = generator.measure(course, rng, instruments)
+        records.append({name: np.asarray(column) for name, column in columns.items()})
+    return truth, records
+
+
+def machine(generator, seed, profiles, network="second", sample_s=0.5, **motor):
+    """Return the problem of a random machine that was tested with some profiles."""
+    truth, records = bench_records(generator, seed, profiles, sample_s)
     said = Motor(f"machine {seed}", phase_resistance_ohm=truth.phase_resistance_ohm, **motor)
     tests = []
-    for number, profile in enumerate(profiles):
-        course = generator.simulate(truth, profile, sample_s=sample_s, steps_per_sample=2)
-        columns = generator.measure(course, rng, generator.Instruments(resolution_K=0.1))
-        channels = {NAMES[name]: np.asarray(column) for name, column in columns.items()}
+    for number, columns in enumerate(records):
+        channels = {NAMES[name]: column for name, column in columns.items()}
         tests.append(reduce(Record(f"test {number}", channels), said))
     model = Model.of(network, said).scaled(said, tests)
     return Problem.of(model, said, tests)

@@ -137,7 +137,8 @@ def test_rows_of_one_machine_become_one_problem(bench):
     ready = prepare(batch.entries[0], batch)
     assert isinstance(ready, Prepared)
     assert [test.name for test in ready.problem.tests] == ["M000", "M001"]
-    assert [test.role for test in ready.tests] == ["calibration", "calibration", "holdout"]
+    assert [name for name, _ in ready.holdout] == ["M002"]
+    assert ready.duration_s == pytest.approx(2 * 1198.0)
     assert [each["role"] for each in ready.inputs] == [
         "motor", "calibration", "calibration", "holdout",
     ]  # fmt: skip

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
 from heatrun.errors import InputError
 from heatrun.fleet.population.evidence import Evidence
-from heatrun.fleet.population.law import Hyperprior
-from heatrun.fleet.population.machines import given_population
+from heatrun.fleet.population.factors import cholesky, solve_lower
+from heatrun.fleet.population.law import Hyperprior, num_scores, unpack
+from heatrun.fleet.population.machines import _under, given_population
 from heatrun.fleet.population.next_machine import next_machine
-from heatrun.fleet.population.sampling import sample_population
+from heatrun.fleet.population.sampling import _Data, _many, sample_population
 from heatrun.fleet.population.tolerance import tolerance_limits
 
 # D. B. Rubin, Estimation in parallel randomized experiments, Journal of Educational Statistics 6
@@ -186,3 +191,29 @@ def test_the_next_machine_is_what_a_new_one_turns_out_to_be(fleet):
     assert np.mean(law.logpdf(true[4:])) > np.mean(
         multivariate_normal(centre, 9.0 * covariance).logpdf(true[4:])
     )
+
+
+def test_nothing_compiled_waits_for_a_library_of_linear_algebra():
+    """Batches of its factorisations wait for one another for ever on two cores."""
+    evidence, _, supplier, hyper, _ = simulated(6, 4)
+    data = _Data(*map(jnp.asarray, (supplier, evidence.information, evidence.precision)))
+    rows = jnp.zeros((2, num_scores(4, 1)))
+    law = jax.vmap(lambda z: unpack(z, hyper, 1)[0])(rows)
+    for compiled in (
+        jax.jit(partial(_many, hyper=hyper)).lower(data, rows=rows),
+        jax.jit(partial(_under, *data, has_outliers=True)).lower(jax.tree.map(lambda a: a[0], law)),
+    ):
+        text = compiled.as_text()
+        assert not any(word in text for word in ("lapack", "cholesky", "triangular_solve"))
+
+
+def test_factors_are_those_of_the_library():
+    rng = np.random.default_rng(3)
+    for size in (1, 4, 7):
+        loose = rng.standard_normal((size, size))
+        matrix = jnp.asarray(loose @ loose.T + np.eye(size))
+        factor = cholesky(matrix)
+        np.testing.assert_allclose(factor, np.linalg.cholesky(matrix), atol=1e-12)
+        for right in (rng.standard_normal(size), rng.standard_normal((size, 3))):
+            found = solve_lower(factor, jnp.asarray(right))
+            np.testing.assert_allclose(factor @ found, right, atol=1e-12)

@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "heatrun"))
 import run_near_truth as stored
 
 import heatrun
+from heatrun import cli
 from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
@@ -84,6 +85,18 @@ def test_the_next_machine_takes_its_priors_from_the_type(known):
     # wider than the machines, for one in a few may be something else; narrower than no knowledge
     assert SPREAD < sd < 0.4
     assert motor.parameters["Req_w"].fixed == 0.15
+
+
+def test_the_command_takes_runs(runs, known, tmp_path, capsys):
+    out = tmp_path / "type"
+    words = ["population", *map(str, runs), "--type", "reference", "--out", str(out), "--json"]
+    assert cli.main(words) == 0
+    (found,) = json.loads(capsys.readouterr().out)["populations"]
+    stored = json.loads((known[1] / "population.json").read_text())
+    assert {key: found[key] for key in stored} == stored
+    assert [Path(each).name for each in found["files"]] == [
+        "population.json", "population.parquet", "type_sheet.pdf",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

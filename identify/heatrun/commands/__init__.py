@@ -6,6 +6,6 @@ slow to import inside `run`, so that `heatrun --help` answers at once.
 
 COMMANDS = (
     "init", "check", "calibrate", "compare", "discover", "simulate", "report", "sheet", "export",
-    "fleet", "view", "demo",
+    "fleet", "population", "view", "demo",
 )  # fmt: skip
 """Names of the commands in the order of the help; each is a module of this package."""

@@ -45,7 +45,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         type=_count,
         default=None,
         metavar="NUMBER",
-        help="machines in a batch, the unit of work and of what a killed run keeps (default: 16)",
+        help="machines in a batch, the unit of work and of what a killed run keeps (default: 64)",
     )
     parser.add_argument(
         "--memory",
@@ -67,6 +67,13 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
             metavar="FILE",
             help=f"{meaning} for a scheduler under TLS (default: Dask's own configuration)",
         )
+    parser.add_argument(
+        "--discover",
+        action="store_true",
+        help="seek effects that the machines of a type share and no single one need show "
+        "(fleet_discovery.json); needs ten machines of a type, and a tenth of a second or more "
+        "for each",
+    )
     words.add_seed(parser)
     words.add_json(parser)
     return parser
@@ -88,6 +95,7 @@ def run(options: argparse.Namespace) -> int:
             fleet,
             workers=workers,
             batch=options.batch or BATCH,
+            discover=options.discover,
             seed=options.seed,
             command=options.command_line,
             is_named=options.out is not None,
@@ -95,21 +103,27 @@ def run(options: argparse.Namespace) -> int:
             say=say,
             progress=progress,
         )
-    _print(result, as_json=options.json)
+    _print(result, discovers=options.discover, as_json=options.json)
     return DONE if result.manifest["machines"].get("fitted") else NOT_ALLOWED
 
 
-def _print(result: FleetResult, *, as_json: bool) -> None:
+def _print(result: FleetResult, *, discovers: bool, as_json: bool) -> None:
+    from ..fleet.shared_effects.text import discovery_text
     from ..fleet.summary import summary, summary_text
     from ..results import to_json
 
     found = summary(result)
+    shared = result.discovery() if discovers else None
     if as_json:
-        print(to_json(found))
+        print(to_json(found if shared is None else {**found, "discovery": shared}))
         return
     print(printable(summary_text(found)))
+    files = ["machines.parquet", "timing.json", "manifest.json"]
+    if shared is not None:
+        print("\n" + printable(discovery_text(shared)))
+        files.insert(1, "fleet_discovery.json")
     print(f"\nFolder:          {printable(str(result.path))}")
-    for name in ("machines.parquet", "timing.json", "manifest.json"):
+    for name in files:
         print(f"  {name:<20} {printable(str(result.path / name))}")
 
 

@@ -49,6 +49,8 @@ class Batch:
         effects: Known effects beyond those of the motor files.
         seed: Random seed.
         numerics: What else the digits depend on, as `numerics`.
+        num_planned: Machines that it was planned with: how they are fitted depends on it.
+        discovers: Whether rows hold what the tests say of effects.
         name: SHA-256 of all of it but the folder.
     """
 
@@ -59,6 +61,8 @@ class Batch:
     effects: tuple[str, ...]
     seed: int
     numerics: Mapping[str, Any]
+    num_planned: int
+    discovers: bool = False
     name: str = ""
 
     def of_one(self, entry: Entry) -> Batch:
@@ -77,6 +81,8 @@ def named(batch: Batch) -> Batch:
         "effects": batch.effects,
         "seed": batch.seed,
         "numerics": batch.numerics,
+        "num_planned": batch.num_planned,
+        "discovers": batch.discovers,
     }
     return replace(batch, name=hashlib.sha256(to_json(content).encode()).hexdigest())
 
@@ -97,8 +103,9 @@ def numerics(**settings: str) -> dict[str, Any]:
 
 
 def batches_of(
-    fleet: Fleet, digests: Digests, size: int, *, seed: int, numerics: Mapping[str, Any]
-) -> list[Batch]:
+    fleet: Fleet, digests: Digests, size: int, *, seed: int, numerics: Mapping[str, Any],
+    discovers: bool = False,
+) -> list[Batch]:  # fmt: skip
     """Return the batches of a fleet: so many machines each, in the order of the file.
 
     Args:
@@ -107,6 +114,7 @@ def batches_of(
         size: Machines in a batch.
         seed: Random seed.
         numerics: As `numerics`.
+        discovers: Whether rows hold what the tests say of effects.
     """
     entries = _with_findings_on_copies(fleet, digests)
     found = []
@@ -115,7 +123,7 @@ def batches_of(
         own = {path: digests[path] for e in part for _, path in files_by_role(e, fleet.folder)}
         found.append(
             named(Batch(tuple(part), own, str(fleet.folder), fleet.network, fleet.effects, seed,
-                        numerics))
+                        numerics, len(part), discovers))
         )  # fmt: skip
     return found
 

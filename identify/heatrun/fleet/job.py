@@ -23,6 +23,7 @@ from ..io.folder_lock import FolderLock
 from ..io.free_names import numbered, refuse_replacing
 from ..io.moment import moment
 from ..io.whole_files import writable, write_whole
+from ..results import FleetDiscoveryResult
 from ..results.json_text import to_json
 from ..runs.places import refuse_unwritable
 from ..runs.run_folder import environment
@@ -32,12 +33,14 @@ from .cluster import Workers, connected, over_workers, require_dask
 from .fleet_file import Fleet
 from .parts import FOLDER, Parts, join, read_part
 from .rows import schema
+from .shared_effects.job import NAME as DISCOVERY
+from .shared_effects.job import discover_fleet, read_discovery
 from .work import Done, work_out
 
 FORMAT = "heatrun-fleet/1"
 MACHINES, TIMING, MANIFEST = "machines.parquet", "timing.json", "manifest.json"
 
-BATCH = 16
+BATCH = 64
 """Machines in a batch, if nothing is said."""
 
 USUAL_S = 2.0
@@ -71,6 +74,14 @@ class FleetResult:
         """Return the rows of all machines as a data frame; lists are arrays."""
         return self.table().to_pandas()
 
+    def discovery(self) -> FleetDiscoveryResult:
+        """Return the effects that the machines share, where the fleet was told to `discover`.
+
+        Raises:
+            InputError: If it was not, or the file cannot be read.
+        """
+        return read_discovery(self.path)
+
 
 def calibrate_fleet_into(
     path: Path,
@@ -78,6 +89,7 @@ def calibrate_fleet_into(
     *,
     workers: Workers = Workers(),  # noqa: B008  it is frozen
     batch: int = BATCH,
+    discover: bool = False,
     seed: int = 0,
     command: str = "",
     is_named: bool = True,
@@ -92,6 +104,7 @@ def calibrate_fleet_into(
         fleet: From `heatrun.fleet.fleet_file.load_fleet`.
         workers: Which processes work.
         batch: Machines in a batch.
+        discover: Whether effects are sought that the machines of a type share.
         seed: Random seed, the same for each machine.
         command: As it is to stand in the manifest.
         is_named: Whether `path` is where the user wants the result; else it gets a number where
@@ -111,7 +124,8 @@ def calibrate_fleet_into(
     refuse_unwritable(path)
     say(f"{fleet.name}: {_count(len(fleet.entries), 'machine')}; taking the digests of their files")
     digests = digests_of(fleet)
-    batches = batches_of(fleet, digests, batch, seed=seed, numerics=numerics(**workers.settings))
+    batches = batches_of(fleet, digests, batch, seed=seed, discovers=discover,
+                         numerics=numerics(**workers.settings))  # fmt: skip
     identity = _identity(batches)
     if not is_named and not is_replacing:
         path = next(place for place in numbered(path) if not _holds_another(place, identity))
@@ -204,6 +218,11 @@ def _assemble(
         join(places, files.aside / MACHINES)
         status = Counter(_statuses(files.aside / MACHINES))
         write_whole(files.aside / TIMING, (to_json(timing) + "\n").encode())
+        names = (MACHINES, TIMING)
+        if batches[0].discovers:
+            shared = discover_fleet(files.aside / MACHINES, fleet.name, seed=seed)
+            write_whole(files.aside / DISCOVERY, (to_json(shared) + "\n").encode())
+            names = (*names, DISCOVERY)
         manifest = {
             "format": FORMAT,
             "fleet": fleet.name,
@@ -223,9 +242,11 @@ def _assemble(
             "numerics": dict(batches[0].numerics),
             **environment(),
             "fleet_packages": {name: _version(name) for name in ("pyarrow", "dask", "distributed")},
-            "files": {name: _sha256(files.aside / name) for name in (MACHINES, TIMING)},
+            "files": {name: _sha256(files.aside / name) for name in names},
         }
         write_whole(files.aside / MANIFEST, (to_json(manifest) + "\n").encode())
+    if DISCOVERY not in names:
+        (path / DISCOVERY).unlink(missing_ok=True)  # of a fleet that was replaced
     return FleetResult(path, json.loads(to_json(manifest)))
 
 

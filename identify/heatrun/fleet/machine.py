@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ..bench.blocks import Blocks
 from ..bench.checks import current_scale_unchecked
 from ..bench.record import Finding
 from ..calibration import BenchTest, Refused, load_tests, refuse_unplaced_bodies
 from ..errors import InputError
 from ..inference.catalogue import known_effects
 from ..inference.draws import Draws
-from ..inference.fitting.fit_result import Fit
+from ..inference.fitting.fit_result import RESULT, Fit
 from ..inference.model import Model
 from ..inference.predict import predict
 from ..inference.problem import Problem
@@ -24,6 +25,8 @@ from ..motorfile import load_motor
 from .batches import Batch, digest_or_none, files_by_role, resolved
 from .entries import Entry
 from .rows import FAILED, REFUSED, Row, file_row, fitted, unfitted
+from .shared_effects.columns import effect_columns
+from .shared_effects.evidence import evidence_of
 
 NUM_DRAWS = 400
 """Draws behind the band of a held-out test."""
@@ -35,19 +38,21 @@ class ChangedInputError(InputError):
 
 @dataclass(frozen=True)
 class Prepared:
-    """A machine that can be fitted.
+    """A machine that can be fitted. Its records are no longer held: a batch has many machines.
 
     Attributes:
         entry: The machine.
         problem: Model and tests.
-        tests: Its records, reduced, those that are predicted only too.
+        duration_s: Length of the fitted records in all [s].
+        holdout: Records that are predicted only: name, and what they were reduced to.
         findings: About its rows and records.
         inputs: Its files, for the row.
     """
 
     entry: Entry
     problem: Problem
-    tests: tuple[BenchTest, ...]
+    duration_s: float
+    holdout: tuple[tuple[str, Blocks], ...]
     findings: tuple[Finding, ...]
     inputs: tuple[Row, ...]
 
@@ -102,11 +107,14 @@ def row_of(prepared: Prepared, found: Fit | Exception, batch: Batch) -> Row:
     entry, name = prepared.entry, batch.network.name
     if isinstance(found, Fit):
         try:
-            holdout = [_predicted(found, test, batch.seed) for test in _of(prepared, "holdout")]
+            holdout = [_predicted(found, *each, batch.seed) for each in prepared.holdout]
             own = replace(found, findings=_placed(found.findings, batch.folder))
-            duration_s = sum(t.record.duration_s for t in _of(prepared, "calibration"))
-            return fitted(entry, own, prepared.findings, prepared.inputs,
-                          duration_s=float(duration_s), holdout=holdout)  # fmt: skip
+            row = fitted(entry, own, prepared.findings, prepared.inputs,
+                         duration_s=prepared.duration_s, holdout=holdout)  # fmt: skip
+            is_sound = found.result is not RESULT.no_start
+            if batch.discovers and is_sound:
+                row |= effect_columns(evidence_of(found))
+            return row
         except MemoryError:
             raise
         except Exception as error:
@@ -158,8 +166,14 @@ def _prepared(entry: Entry, batch: Batch, inputs: tuple[Row, ...]) -> Prepared:
     problem = Problem.of(model, motor, [model.with_bodies(rows) for rows in reduced])
     findings = [finding for test in tests for finding in test.findings]
     findings += current_scale_unchecked(motor, [test.record for test in tests])
-    return Prepared(entry, problem, tests, (*entry.findings, *_placed(findings, batch.folder)),
-                    inputs)  # fmt: skip
+    return Prepared(
+        entry=entry,
+        problem=problem,
+        duration_s=float(sum(t.record.duration_s for t in _of(tests, "calibration"))),
+        holdout=tuple((t.record.name, t.blocks) for t in _of(tests, "holdout")),
+        findings=(*entry.findings, *_placed(findings, batch.folder)),
+        inputs=inputs,
+    )
 
 
 @lru_cache(maxsize=64)
@@ -183,11 +197,11 @@ def _refuse_changed(now: str, planned: str, path: str) -> None:
         )
 
 
-def _of(prepared: Prepared, role: str) -> list[BenchTest]:
-    return [test for test in prepared.tests if test.role == role]
+def _of(tests: Sequence[BenchTest], role: str) -> list[BenchTest]:
+    return [test for test in tests if test.role == role]
 
 
-def _predicted(fit: Fit, test: BenchTest, seed: int) -> tuple[str, float, float]:
+def _predicted(fit: Fit, name: str, blocks: Blocks, seed: int) -> tuple[str, float, float]:
     """Return name, RMSE [K] and coverage [1] of a held-out test, by draws around the fit."""
     problem = fit.problem
     rng = np.random.default_rng(seed)
@@ -195,8 +209,8 @@ def _predicted(fit: Fit, test: BenchTest, seed: int) -> tuple[str, float, float]
     root = np.linalg.cholesky(fit.covariance + 1e-12 * np.eye(size))
     vectors = fit.vector + rng.standard_normal((NUM_DRAWS, size)) @ root.T
     draws = Draws(problem.model, problem.motor, problem.parameters, vectors, None, problem.loggers)
-    predicted = predict(draws, test.blocks, num_draws=NUM_DRAWS, seed=seed)
-    return test.record.name, predicted.rmse_K, predicted.coverage_95()
+    predicted = predict(draws, blocks, num_draws=NUM_DRAWS, seed=seed)
+    return name, predicted.rmse_K, predicted.coverage_95()
 
 
 def _of_error(error: InputError, id: str) -> Finding:

@@ -26,8 +26,9 @@ from ..inference.fitting.fit_result import RESULT, Fit
 from ..inference.noise import noise_parameters
 from ..results.json_text import to_plain
 from .entries import Entry
+from .shared_effects.columns import COLUMNS as OF_EFFECTS
 
-FORMAT = "heatrun-fleet-rows/1"
+FORMAT = "heatrun-fleet-rows/3"
 
 THERMAL = ("network", "effect", "known")
 """Roles of the parameters that a population is made of."""
@@ -79,6 +80,7 @@ COLUMNS: tuple[tuple[str, str, str, str], ...] = (
     ("holdout_rmse_K", _LIST, "K", "root mean square error of each"),
     ("holdout_coverage_95", _LIST, "1", "share of its block means inside the 95 % band"),
     ("inputs", "list of file", "", "files: path as in the fleet file, role, SHA-256 (empty: none)"),
+    *OF_EFFECTS,
 )  # fmt: skip
 """Name, kind, unit and meaning of each column, in order."""
 

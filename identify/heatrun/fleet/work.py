@@ -58,7 +58,8 @@ def work_out(batch: Batch) -> Done:
     start = time.process_time()
     places = [i for i, each in enumerate(readied) if isinstance(each, Prepared)]
     problems = [each.problem for each in readied if isinstance(each, Prepared)]
-    fits = dict(zip(places, fit_machines(problems, batch.seed), strict=True))
+    found = fit_machines(problems, batch.seed, batch.num_planned)
+    fits = dict(zip(places, found.fits, strict=True))
     rows = [row_of(each, fits[i], batch) if isinstance(each, Prepared) else each
             for i, each in enumerate(readied)]  # fmt: skip
     fitting = time.process_time() - start
@@ -66,6 +67,9 @@ def work_out(batch: Batch) -> Done:
         "machines": [entry.machine for entry in batch.entries],
         "reading_processor_s": [round(each, 3) for each in reading],
         "fitting_processor_s": round(fitting, 3),
+        "fitted_alone": {
+            batch.entries[places[place]].machine: why for place, why in found.alone.items()
+        },
         "processor_s": round(time.process_time() - begun_processor, 3),
         "wall_s": round(time.monotonic() - begun, 3),
     }

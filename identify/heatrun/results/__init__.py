@@ -1,4 +1,6 @@
-"""What `fit.json` and `discovery.json` hold, as types; field names are the keys of the files.
+"""What `fit.json`, `discovery.json` and `population.json` hold, as types.
+
+Field names are the keys of the files.
 
 Reading, writing and the shipped schemas all follow from these types: `to_json` writes any of
 them, `from_json` reads and checks one, and `python -m heatrun.results.schema` writes the schemas.
@@ -6,6 +8,8 @@ them, `from_json` reads and checks one, and `python -m heatrun.results.schema` w
 
 from .discovery import DiscoveryResult as DiscoveryResult
 from .fit import FitResult as FitResult
+from .fleet_discovery import FleetDiscoveryResult as FleetDiscoveryResult
 from .json_text import from_json as from_json
 from .json_text import to_json as to_json
 from .json_text import to_plain as to_plain
+from .population import PopulationResult as PopulationResult

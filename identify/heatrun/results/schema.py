@@ -1,4 +1,4 @@
-"""The JSON schemas of `fit.json` and `discovery.json`, generated from the types.
+"""The JSON schemas of `fit.json`, `discovery.json` and `population.json`, generated from the types.
 
 They are shipped beside the types. `python -m heatrun.results.schema` (`make schemas`) writes them
 again after a type was changed; a test compares the two.
@@ -17,6 +17,8 @@ import msgspec
 
 from .discovery import DiscoveryResult
 from .fit import FitResult
+from .fleet_discovery import FleetDiscoveryResult
+from .population import PopulationResult
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -32,6 +34,14 @@ SCHEMAS: dict[str, tuple[type, str]] = {
     "discovery-2.json": (
         DiscoveryResult,
         "discovery.json of heatrun: what `heatrun discover` writes",
+    ),
+    "population-1.json": (
+        PopulationResult,
+        "population.json of heatrun: what `heatrun population` writes",
+    ),
+    "fleet-discovery-1.json": (
+        FleetDiscoveryResult,
+        "fleet_discovery.json of heatrun: what `heatrun fleet --discover` writes",
     ),
 }
 """Type and title by name of the file; its number is that of the format."""

@@ -35,7 +35,7 @@ from ...inference.problem import Problem
 from ...inference.steps import STABLE
 from .lanes import on_host
 from .layout import Key, NotBatched, key_of, pack, why_not
-from .march import Machines
+from .machines import Machines
 from .search import begun, linearise
 from .settle import Settled, final, settle
 from .starts import Optima, continued, optima_from_starts
@@ -172,7 +172,7 @@ def _fit_jobs(
     for lane, job in enumerate(jobs):
         if lane in results:
             continue
-        reason = rivals.get(lane) or _doubt(at, host.said, lane)
+        reason = rivals.get(lane) or _doubt(at, host.said, lane) or _late(job.problem, at.z, lane)
         own = optima[lane]
         assert own is not None
         results[lane] = (
@@ -223,6 +223,17 @@ def _doubt(state: Any, said: Any, lane: int) -> str:
     return ""
 
 
+def _late(problem: Problem, z: np.ndarray, lane: int) -> str:
+    """Return why a reading is too late for the march; empty where it is not."""
+    for place, slot in enumerate(problem.parameters.slots):
+        if slot.parameter.name == "load_timing":
+            late_s = abs(float(slot.parameter.value(z[place, lane])))
+            step = min(float(np.min(test.inputs.step)) for test in problem.tests)
+            if late_s > step:
+                return f"a reading is {late_s:.2g} s late, its steps are of {step:.2g} s"
+    return ""
+
+
 def _rivals(
     key: Key,
     machines: Machines,
@@ -247,7 +258,7 @@ def _rivals(
     begin = on_host(begun(jnp.asarray(np.stack(starts, axis=-1))))
     lanes = np.array(places)
     noise = from_scores(state.noise_z)
-    found, stands_for = continued(key.structure, machines, begin, lanes, noise, state.heat, cost)
+    found, stands_for = continued(key.structure, machines, begin, lanes, noise, state.heat)
     reasons = {}
     for index, lane in enumerate(places):
         if stands_for[index] != index:

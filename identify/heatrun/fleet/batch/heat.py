@@ -17,7 +17,8 @@ from jaxtyping import Array, Float
 from ...inference.discrepancy import NUM_COLUMNS, SPACING_S
 from ...inference.noise import HEAT
 from ...inference.problem import Structure
-from .march import Group, Machines, values_of_group
+from .machines import Group, Machines
+from .residuals import values_of_group
 
 LONGEST_BLOCK_S = 24.0
 """Blocks are at most this long [s], or a test has more knots than there is room for."""

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
-from .march import Machines
+from .machines import Machines
 
 Tree = TypeVar("Tree")
 

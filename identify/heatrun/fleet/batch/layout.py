@@ -19,11 +19,14 @@ from ...inference.discrepancy import num_knots
 from ...inference.parameters import Parameter
 from ...inference.problem import Problem, Structure
 from .heat import most_knots
-from .march import Group, Machines
+from .machines import Group, Machines
 
 BUCKETS = (96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048, 3072, 4096)
 """Lengths [blocks] that tests are padded to: at most a third is padding from 128 on. The longest
 holds 22 hours of blocks of 20 s."""
+
+MUCH_SHORTER = 2
+"""Times that a test fits into the longest one of its machine, for a shape of its own."""
 
 CHANNELS = ("second_sink", "shaft_power", "speed")
 
@@ -63,8 +66,6 @@ def why_not(problem: Problem) -> str:
         return "its parameters change from test to test"
     if any(test.fitted for test in problem.tests):
         return "bodies beside the winding were measured"
-    if any("load_timing" in of_test for of_test in problem.parameters.by_test):
-        return "the logger of the load is slow"
     if len({logger for test in problem.tests for logger in test.loggers}) > 1:
         return "its tests were recorded with unlike loggers"
     if any(np.ndim(test.inputs.step) for test in problem.tests):
@@ -75,7 +76,7 @@ def why_not(problem: Problem) -> str:
         return "its blocks are long"
     if not names:
         return "nothing is to be estimated"
-    if len({_fixed(of_test) for of_test in problem.parameters.by_test}) > 1:
+    if len({(frozenset(own), _fixed(own)) for own in problem.parameters.by_test}) > 1:
         return "its tests have unlike parameters"
     if any(not np.any(test.is_observed) for test in problem.tests):
         return "a test holds no reading"
@@ -92,7 +93,7 @@ def key_of(problem: Problem) -> Key:
         channels.append("shaft_power")
     if "torque_offset" in names:
         channels.append("speed")
-    shapes = [(bucket(test.num_blocks), test.weight.shape[1]) for test in problem.tests]
+    shapes = _shapes(problem.tests)
     groups = tuple(
         (*shape, tuple(i for i, own in enumerate(shapes) if own == shape))
         for shape in dict.fromkeys(shapes)
@@ -102,6 +103,24 @@ def key_of(problem: Problem) -> Key:
 
 def _fixed(parameters: Mapping[str, Parameter]) -> tuple[str, ...]:
     return tuple(name for name, parameter in parameters.items() if parameter.fixed is not None)
+
+
+def _shapes(tests: Sequence[Blocks]) -> list[tuple[int, int]]:
+    """Return padded number of blocks and steps per block of each test.
+
+    Tests that are not much shorter than the longest are padded to its length: each further shape
+    takes as long to compile as the first.
+    """
+    longest: dict[int, int] = {}
+    for test in tests:
+        steps = test.weight.shape[1]
+        longest[steps] = max(longest.get(steps, 0), bucket(test.num_blocks))
+    shapes = []
+    for test in tests:
+        steps = test.weight.shape[1]
+        is_short = MUCH_SHORTER * bucket(test.num_blocks) < longest[steps]
+        shapes.append((bucket(test.num_blocks) if is_short else longest[steps], steps))
+    return shapes
 
 
 def bucket(num_blocks: int) -> int:

@@ -1,8 +1,7 @@
-"""Block means of a bare network and their derivatives, for many machines side by side.
+"""The march of a bare network and its derivatives, for many machines side by side.
 
 The numbers are those of `lptn.block_means`; the loop is another, because a batch that is mapped
-over the general one runs five times slower. Machines (lanes) stand in the trailing axis of every
-array. Three things make it fast:
+over the general one runs five times slower. Three things make it fast:
 
 - The step is affine in the temperatures, with coefficients that are polynomials of the squared
   current (`lptn.stepping.AffineTerms`), and so are its derivatives: they are worked out once for
@@ -10,217 +9,29 @@ array. Three things make it fast:
 - The parameters act through fewer quantities: the phase resistance and the error of the current
   through one slope of the copper loss. Only these quantities have a tangent in the loop.
 - Gain and offset of the sensor act on the block means, not on the steps.
-
-Tests of one padded shape are lanes beside each other too: a lane is a test of a machine, and those
-of the first test come first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import reduce
 from operator import add
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.extend.core import Literal
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
-from lptn import CopperLosses
 from lptn.stepping import affine_terms, horner
 
 from ...inference.model import Model
-from ...inference.problem import Structure
+from .machines import Group, Lane
 
 SLOPE = "slope of the copper loss"
 """Name of k over the squared current [W/(K A^2)], through which Rs0 and the current's error act."""
 
-OF_SLOPE = ("Rs0", "current_gain")
-OF_READING = ("sensor_gain", "sensor_offset")
-
-Lane = Float[Array, " lane"]
 Values = Mapping[str, Lane]
-
-
-class Group(eqx.Module):
-    """Tests of one padded shape, of each machine; a lane for each test of each machine.
-
-    Attributes:
-        tests: Indices of the tests; the lanes of the first come first.
-        step: Length of a step [s], shape (lane,).
-        current_squared: As `lptn.Inputs`, shape (block, step, lane).
-        losses: Likewise.
-        ambient: Likewise.
-        second_sink: Likewise, None where the network has no use for it.
-        shaft_power: Likewise.
-        speed: Likewise.
-        weight: As `Blocks.weight`, shape (block, step, lane); 0 in padding.
-        position: As `Blocks.position`, likewise.
-        sensed_ambient: Mean of the sink at the samples of each block [degC], shape (block, lane).
-        measured: Mean reading of each block [degC], shape (block, lane).
-        is_observed: Which blocks hold a reading, shape (block, lane).
-        count: Readings of each block [1], shape (block, lane).
-        rounding_variance: As `Observation.rounding_variance`, shape (block, lane).
-        block_s: Length of a block [s], shape (lane,).
-        num_blocks: Blocks without the padding [1], shape (lane,).
-        num_knots: Knots of the unmodelled heat [1], shape (lane,).
-        mean_losses: Mean of the loss channel [W], shape (lane,).
-        mean_current_squared: Mean of the squared current [A^2], shape (lane,).
-        fixed: Fixed values by name, shape (lane,) each.
-    """
-
-    tests: tuple[int, ...] = eqx.field(static=True)
-    step: Lane
-    current_squared: Float[Array, "block step lane"]
-    losses: Float[Array, "block step lane"]
-    ambient: Float[Array, "block step lane"]
-    second_sink: Float[Array, "block step lane"] | None
-    shaft_power: Float[Array, "block step lane"] | None
-    speed: Float[Array, "block step lane"] | None
-    weight: Float[Array, "block step lane"]
-    position: Float[Array, "block step lane"]
-    sensed_ambient: Float[Array, "block lane"]
-    measured: Float[Array, "block lane"]
-    is_observed: Bool[Array, "block lane"]
-    count: Float[Array, "block lane"]
-    rounding_variance: Float[Array, "block lane"]
-    block_s: Lane
-    num_blocks: Lane
-    num_knots: Lane
-    mean_losses: Lane
-    mean_current_squared: Lane
-    fixed: dict[str, Lane]
-
-    def by_lane(self, values: Float[Array, "*axes machine"]) -> Float[Array, "*axes lane"]:
-        """Return values of the machines for the lanes of their tests."""
-        return jnp.concatenate([values] * len(self.tests), axis=-1)
-
-    def by_test(self, values: Float[Array, "*axes lane"]) -> list[Float[Array, "*axes machine"]]:
-        """Return values of the lanes for each test."""
-        return jnp.split(values, len(self.tests), axis=-1)
-
-
-class Machines(eqx.Module):
-    """The numbers of as many problems of one structure as there are machines.
-
-    Attributes:
-        centre: Centres of the priors [their units], shape (parameter, machine).
-        sd: Their standard deviations, shape (parameter, machine).
-        groups: The tests.
-    """
-
-    centre: Float[Array, "parameter machine"]
-    sd: Float[Array, "parameter machine"]
-    groups: tuple[Group, ...]
-
-
-class Means(NamedTuple):
-    """Residuals of a group of tests and their derivatives.
-
-    Attributes:
-        residual: Measured minus modelled block means [K], shape (block, lane).
-        jacobian: Their derivative [K per score], shape (block, parameter, lane).
-    """
-
-    residual: Float[Array, "block lane"]
-    jacobian: Float[Array, "block parameter lane"]
-
-
-class Free(NamedTuple):
-    """A free parameter as the tests of a group see it.
-
-    Attributes:
-        positions: Its place in the scores, for each test.
-        per_score: Derivative of its value by the score, shape (lane,).
-    """
-
-    positions: tuple[int, ...]
-    per_score: Lane
-
-
-def values_of_group(
-    structure: Structure, machines: Machines, z: Float[Array, "parameter machine"], group: Group
-) -> tuple[dict[str, Lane], dict[str, Free]]:
-    """Return the values of all parameters by name, and which are free; by lane."""
-    found: dict[str, list[Any]] = {}
-    for test in group.tests:
-        for position, (name, transform, owner) in enumerate(structure.form):
-            if owner is None or owner == test:
-                sd, centre = machines.sd[position], machines.centre[position]
-                shift = sd * z[position]
-                value = centre * jnp.exp(shift) if transform == "log" else centre + shift
-                per_score = sd * value if transform == "log" else sd
-                found.setdefault(name, []).append((position, value, per_score))
-    values, free = dict(group.fixed), {}
-    for name, parts in found.items():
-        positions, own, per_score = zip(*parts, strict=True)
-        values[name] = jnp.concatenate(own)
-        free[name] = Free(positions, jnp.concatenate(per_score))
-    return values, free
-
-
-def residuals_of_group(
-    structure: Structure,
-    machines: Machines,
-    z: Float[Array, "parameter machine"],
-    group: Group,
-    worst: float,
-) -> Means:
-    """Return the residuals of a group of tests, and their Jacobian.
-
-    Args:
-        structure: What is compiled: a bare network without time shift, read by one sensor.
-        machines: The numbers.
-        z: Scores.
-        group: The tests.
-        worst: What a residual counts that is larger or not finite [K].
-    """
-    values, slots = values_of_group(structure, machines, z, group)
-    losses = structure.model.losses(values)
-    quantities = {name: v for name, v in values.items() if name not in (*OF_SLOPE, *OF_READING)}
-    if "Rs0" in values:
-        quantities[SLOPE] = losses.slope(jnp.asarray(1.0))
-    free = sorted(name for name in quantities if name in slots)
-    if any(name in slots for name in OF_SLOPE) and SLOPE in quantities:
-        free = sorted([*free, SLOPE])
-
-    mean, slopes = _march(structure.model, group, quantities, free)
-    gain, offset = values["sensor_gain"], values["sensor_offset"]
-    seen = jnp.sum(group.weight, axis=1)
-    rise = mean - group.sensed_ambient - values["ambient_offset"] * seen
-    reading = mean + gain * rise + offset * seen
-
-    by_name: dict[str, Array] = {}
-    for name in free:
-        slope = (1.0 + gain) * slopes[name]
-        if name == "ambient_offset":
-            slope = slope - gain * seen
-        for own, per_own in _acting_through(name, losses).items():
-            by_name[own] = slope * per_own
-    by_name |= dict(zip(OF_READING, (rise, seen), strict=True))
-    columns = [[jnp.zeros_like(part) for part in group.by_test(mean)]
-               for _ in range(structure.num_parameters)]  # fmt: skip
-    for name, (positions, per_score) in slots.items():
-        parts = group.by_test(by_name[name] * per_score)
-        for test, (position, part) in enumerate(zip(positions, parts, strict=True)):
-            columns[position][test] = -part
-
-    difference = jnp.where(group.is_observed, group.measured - reading, 0.0)
-    is_sound = jnp.abs(difference) < worst
-    jacobian = jnp.stack([jnp.concatenate(parts, axis=-1) for parts in columns], axis=1)
-    jacobian = jnp.where((group.is_observed & is_sound)[:, None], jacobian, 0.0)
-    return Means(jnp.where(is_sound, difference, worst), jacobian)
-
-
-def _acting_through(name: str, losses: CopperLosses) -> dict[str, Any]:
-    """Return the parameters that act through a quantity, with its derivative by each."""
-    if name != SLOPE:
-        return {name: 1.0}
-    slope = losses.slope(jnp.asarray(1.0))
-    return {"Rs0": slope / losses.Rs0, "current_gain": 2.0 * slope / (1.0 + losses.current_gain)}
-
 
 Term = tuple[str, ...]
 """A quantity and what it is multiplied with: ("state", row, column), ("drive", row, name), or
@@ -305,10 +116,34 @@ def _tangents(
     }
 
 
-def _march(
-    model: Model, rows: Group, quantities: Values, free: list[str]
-) -> tuple[Float[Array, "block lane"], dict[str, Float[Array, "block lane"]]]:
-    """Return block means of the measured node [degC] and their derivatives by quantity."""
+class Moving(NamedTuple):
+    """A march that is ready to be made: of temperatures and their derivatives by quantity.
+
+    Attributes:
+        names: The quantities.
+        first: The state at the start.
+        advance: Returns the state a step later, for a state and the inputs of the step.
+        inputs: Of all steps, shape (block, step, lane) each.
+        read: Returns the measured node's temperature above the copper's zero of resistance [K], and
+            its derivative by each quantity.
+    """
+
+    names: tuple[str, ...]
+    first: Any
+    advance: Callable[[Any, Any], Any]
+    inputs: Any
+    read: Callable[[Any], list[Lane]]
+
+
+def moving(model: Model, rows: Group, quantities: Values, free: list[str]) -> Moving:
+    """Return the march through tests.
+
+    Args:
+        model: A bare network.
+        rows: The tests.
+        quantities: What the parameters act through, by name, for each lane.
+        free: Names of those that derivatives are wanted by.
+    """
     step = rows.step
     terms = _terms(model, quantities, step)
     dependence = _dependence(model, tuple(quantities), step.shape[0])
@@ -327,7 +162,6 @@ def _march(
         terms, tangents = _without(terms, "shaft_offset"), {
             name: _without(each, "shaft_offset") for name, each in tangents.items()
         }  # fmt: skip
-    xs = (rows.current_squared, drive, rows.weight, rows.position)
 
     def started(of: Mapping[Term, Array]) -> dict[str, Array]:
         zero = jnp.zeros_like(step)
@@ -339,8 +173,8 @@ def _march(
     packed, unpacked = _packed(terms, tangents)
 
     def advance(before, x):
-        (state, moved), totals = before
-        square, inputs, weight, position = x
+        state, moved = before
+        square, inputs = x
         terms, tangents = unpacked(packed)
         matrix = _polynomials(terms, "state", square)
         after = _linear(matrix, _polynomials(terms, "drive", square), state, inputs, nodes)
@@ -352,22 +186,43 @@ def _march(
             )  # fmt: skip
             carried = _linear(matrix, {}, moved[name], inputs, nodes)
             moved_after[name] = {each: own[each] + carried[each] for each in nodes}
-        ends = [(state[node], after[node])]
-        ends += [(moved[name][node], moved_after[name][node]) for name in tangents]
-        totals = [
-            total + weight * (a + position * (b - a))
-            for total, (a, b) in zip(totals, ends, strict=True)
-        ]
-        return ((after, moved_after), totals), None
+        return after, moved_after
+
+    def read(state):
+        temperature, moved = state
+        return [temperature[node], *(moved[name][node] for name in tangents)]
+
+    return Moving(tuple(tangents), first, advance, (rows.current_squared, drive), read)
+
+
+def march(
+    model: Model, rows: Group, quantities: Values, free: list[str]
+) -> tuple[Float[Array, "block lane"], dict[str, Float[Array, "block lane"]]]:
+    """Return block means of the measured node [degC] and their derivatives by quantity.
+
+    Args:
+        model: As `moving`.
+        rows: Likewise.
+        quantities: Likewise.
+        free: Likewise.
+    """
+    march = moving(model, rows, quantities, free)
+
+    def advance(before, x):
+        state, totals = before
+        inputs, weight, position = x
+        after = march.advance(state, inputs)
+        ends = zip(totals, march.read(state), march.read(after), strict=True)
+        return (after, [t + weight * (a + position * (b - a)) for t, a, b in ends]), None
 
     def block(before, x):
-        nothing = [jnp.zeros_like(step) for _ in range(1 + len(tangents))]
+        nothing = [jnp.zeros_like(rows.step) for _ in range(1 + len(march.names))]
         (after, totals), _ = jax.lax.scan(advance, (before, nothing), x)
         return after, totals
 
-    _, means = jax.lax.scan(block, first, xs)
+    _, means = jax.lax.scan(block, march.first, (march.inputs, rows.weight, rows.position))
     seen = jnp.sum(rows.weight, axis=1)
-    return means[0] - model.coefficient * seen, dict(zip(tangents, means[1:], strict=True))
+    return means[0] - model.coefficient * seen, dict(zip(march.names, means[1:], strict=True))
 
 
 def _packed(*trees: Any) -> tuple[Float[Array, "coefficient lane"], Any]:

@@ -16,8 +16,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...inference.fitting.restricted import SCORE_LIMIT
 from ...inference.noise import LARGEST_SCORES, NOISE, from_scores
-from .march import Machines, Means
+from .machines import Machines
 from .matrices import identity, solve, sweep
+from .residuals import Means
 from .search import Heat
 from .whitening import filtered, products, scaled_heat, without_heat
 
@@ -174,10 +175,10 @@ def begun(start: Float[Array, "noise lane"]) -> NoiseSearch:
     low, high = _limits()
     return NoiseSearch(
         noise_z=jnp.clip(start, low, high),
-        value=jnp.full(num_lanes, jnp.inf),
+        value=jnp.full(num_lanes, jnp.inf, dtype=float),
         slope=jnp.zeros((size, num_lanes)),
         curvature=jnp.asarray(CURVATURE)[:, None, None] * identity(size, num_lanes),
-        radius=jnp.full(num_lanes, LONGEST_STEP),
+        radius=jnp.full(num_lanes, LONGEST_STEP, dtype=float),
         has_ended=jnp.zeros(num_lanes, dtype=bool),
         num_steps=jnp.zeros(num_lanes, dtype=int),
     )

@@ -15,8 +15,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...inference.noise import Noise
 from ...inference.problem import WORST_RESIDUAL, Structure
-from .march import Machines, Means, residuals_of_group
+from .machines import Machines
 from .matrices import identity, solve
+from .residuals import Means, residuals_of_group
 from .whitening import filtered, products, scaled_heat, weighted, without_heat
 
 TOLERANCE = 1e-9
@@ -138,11 +139,11 @@ def begun(start: Float[Array, "parameter machine"]) -> Search:
         z=start,
         # nothing is known yet: the first step is none, and is taken whatever it finds
         normal=Normal(
-            jnp.full(num_machines, jnp.inf),
+            jnp.full(num_machines, jnp.inf, dtype=float),
             jnp.zeros((size, num_machines)),
             identity(size, num_machines),
         ),
-        damping=jnp.full(num_machines, DAMPING),
+        damping=jnp.full(num_machines, DAMPING, dtype=float),
         has_ended=jnp.zeros(num_machines, dtype=bool),
         num_steps=jnp.zeros(num_machines, dtype=int),
     )

@@ -15,7 +15,8 @@ from ...inference.noise import NOISE, Noise, free_of_columns, from_scores
 from ...inference.problem import Structure
 from .heat import heat_columns
 from .lanes import kept
-from .march import Group, Machines, Means, values_of_group
+from .machines import Group, Machines
+from .residuals import Means, values_of_group
 from .restricted import (
     NUM_FILTER,
     Linear,
@@ -105,7 +106,8 @@ def _first_noise(machines: Machines, linear: Linear) -> tuple[NoiseSearch, Bool[
     """Return the most probable noise, and whether another is as probable.
 
     Where the likelihood has two maxima, so has that of the residuals as they are, which costs next
-    to nothing: its maxima are what the searches begin from.
+    to nothing: its maxima are what the searches begin from. A machine that has one does not feel
+    that its neighbours are searched again.
     """
     bare = Linear(
         linear.z[:0],
@@ -117,17 +119,17 @@ def _first_noise(machines: Machines, linear: Linear) -> tuple[NoiseSearch, Bool[
         for start in _noise_starts(machines, linear.means)
     ]
     first, is_alone = _best(tried)
-    best = _with_parameters(machines, linear, first)
+    of_first = _with_parameters(machines, linear, first)
     has_rival = jnp.zeros_like(is_alone)
     is_alone |= ~jnp.isfinite(first.value)
     if bool(jnp.all(is_alone)):
-        return best, has_rival
+        return of_first, has_rival
     others = [_with_parameters(machines, linear, each) for each in tried]
-    best, _ = _best([best, *others])
+    best, _ = _best([of_first, *others])
     for each in others:
         is_far = jnp.max(jnp.abs(each.noise_z - best.noise_z), axis=0) > TOGETHER
         has_rival |= is_far & (each.value - best.value < RIVAL)
-    return best, has_rival
+    return kept(is_alone, of_first, best), has_rival & ~is_alone
 
 
 def _with_parameters(machines: Machines, linear: Linear, found: NoiseSearch) -> NoiseSearch:

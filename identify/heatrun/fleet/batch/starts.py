@@ -1,7 +1,8 @@
 """The search from many starts, for machines side by side: one optimum, and what else there is.
 
 Each start is a batch of the machines' searches for a few steps. By then most of a machine's
-searches have come together; of those that have, one goes on.
+searches have come together; of those that have, one goes on. All that with few, long steps of the
+march; what is left at the end is searched again with the steps as they are.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from jaxtyping import Float, Int
 from ...inference.fitting.fit import HOPELESS, MAX_STEPS
 from ...inference.noise import Noise
 from ...inference.problem import Structure
+from .coarse import coarse
 from .lanes import on_host, picked, picked_heat, picked_machines
-from .march import Machines
+from .machines import Machines
 from .search import Heat, begun, search
 
 FIRST_STEPS, MORE_STEPS = 7, 5
@@ -28,6 +30,8 @@ TOGETHER = 0.1
 """Searches nearer than this in all scores have come together [prior standard deviations]. The
 curvature of the prior alone brings them to one optimum from there."""
 
+COARSE_STEPS = 30
+"""Most steps of a search with the long steps of the march: it need not end there."""
 
 LOST_STEPS, LOST = 20, (4.0, 50.0)
 """Steps from which on a search is lost whose cost is still above so many times the machine's best,
@@ -69,12 +73,11 @@ def optima_from_starts(
         is_wanted: Machines that are no padding.
     """
     width = machines.centre.shape[-1]
+    rough = coarse(machines)
     states = []
     for start in starts:
         lanes = jnp.asarray(np.repeat(start[:, None], width, axis=1))
-        states.append(
-            search(structure, machines, begun(lanes), noise, (), jnp.asarray(FIRST_STEPS))
-        )
+        states.append(search(structure, rough, begun(lanes), noise, (), jnp.asarray(FIRST_STEPS)))
     # trailing axes: machine, start
     joined: Any = jax.tree.map(lambda *parts: np.stack([*map(np.asarray, parts)], -1), *states)
     apart = [
@@ -84,9 +87,18 @@ def optima_from_starts(
     flat = [(lane, group) for lane, groups in enumerate(apart) for group in groups]
     places = np.array([[lane, group[0]] for lane, group in flat]).reshape(-1, 2)
     best = jax.tree.map(lambda values: values[..., places[:, 0], places[:, 1]], joined)
-    lowest = np.nanmin(np.where(np.isnan(joined.normal.cost), np.inf, joined.normal.cost), axis=1)
-    done, stands_for = continued(structure, machines, best, places[:, 0], noise, (), lowest)
-    num_starts = np.bincount(stands_for, [len(group) for _, group in flat], len(flat)).astype(int)
+    near, came_to = continued(structure, rough, best, places[:, 0], noise, (), COARSE_STEPS)
+    lowest = np.full(width, np.inf)
+    np.fmin.at(lowest, places[:, 0], near.normal.cost)
+    is_lost = _are_lost(near, lowest[places[:, 0]])
+    kept = np.unique(came_to[~is_lost[came_to]])
+    exact = on_host(begun(jnp.asarray(near.z[:, kept])))
+    done, stands_for = continued(structure, machines, exact, places[kept, 0], noise, ())
+    num_starts = np.zeros(kept.size, dtype=int)
+    for (_, group), near_by in zip(flat, came_to, strict=True):
+        if not is_lost[near_by]:
+            num_starts[stands_for[np.searchsorted(kept, near_by)]] += len(group)
+    places = places[kept]
     results: list[Optima | None] = []
     for lane in range(width):
         own = np.flatnonzero((places[:, 0] == lane) & (num_starts > 0))
@@ -131,7 +143,7 @@ def continued(
     lanes: np.ndarray,
     noise: Noise,
     heat: Heat,
-    lowest: Float[np.ndarray, " machine"],
+    most_steps: int = MAX_STEPS,
 ) -> tuple[Any, Int[np.ndarray, " search"]]:
     """Go on with searches to their end, as many at once as there are machines.
 
@@ -142,7 +154,7 @@ def continued(
         lanes: Machine of each.
         noise: Noise of each machine.
         heat: As `search.normal_equations`.
-        lowest: Lowest cost that is known of each machine [nat].
+        most_steps: Most steps of each, those that it has made included.
 
     Returns:
         The searches, and for each the one that has gone on for it since they came together.
@@ -151,9 +163,10 @@ def continued(
     state = jax.tree.map(np.array, state)
     stands_for = np.arange(lanes.size)
     most = int(np.max(state.num_steps, initial=0))
-    lowest = lowest.copy()
-    while (open_ones := _open(state, stands_for, lowest[lanes])).size and most < MAX_STEPS:
-        most = min(MAX_STEPS, most + MORE_STEPS)
+    lowest = np.full(width, np.inf)
+    np.fmin.at(lowest, lanes, state.normal.cost)
+    while (open_ones := _open(state, stands_for, lowest[lanes])).size and most < most_steps:
+        most = min(most_steps, most + MORE_STEPS)
         for first in range(0, open_ones.size, width):
             part = open_ones[first : first + width]
             filled = np.concatenate([part, np.repeat(part[-1:], width - part.size)])
@@ -180,6 +193,10 @@ def continued(
 
 def _open(state: Any, stands_for: np.ndarray, lowest: np.ndarray) -> np.ndarray:
     """Return the searches that go on: not at their end, not lost, and for themselves."""
-    worst = LOST[0] * lowest + LOST[1]
-    is_lost = (state.num_steps >= LOST_STEPS) & ~(state.normal.cost <= worst)
+    is_lost = (state.num_steps >= LOST_STEPS) & _are_lost(state, lowest)
     return np.flatnonzero(~state.has_ended & ~is_lost & (stands_for == np.arange(lowest.size)))
+
+
+def _are_lost(state: Any, lowest: np.ndarray) -> np.ndarray:
+    """Return which searches stand far above the best of their machine, without an end there."""
+    return ~state.has_ended & ~(state.normal.cost <= LOST[0] * lowest + LOST[1])

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ...bench.blocks import BLOCK_S
 from ...inference.noise import Noise, SensorRows, filter_rows
-from .march import Group
+from .machines import Group
 from .matrices import sweep
 
 

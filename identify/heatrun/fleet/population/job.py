@@ -1,4 +1,4 @@
-"""From the runs of the machines of a type to their population: `heatrun.population`."""
+"""From the calibrations of the machines of a type to their population: `heatrun.population`."""
 
 from __future__ import annotations
 
@@ -7,15 +7,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from ...errors import InputError
+from ...results import to_plain
+from ...results.population import PopulationResult
 from ...runs.run import Run, open_run
-from .files import NAME, write_population
-from .of_runs import evidence_of_runs
-from .report import content, default_hyperprior
+from ..job import FleetResult
+from .design import designed, given_columns
+from .files import write_population
+from .gathered import Gathered
+from .of_fleet import FleetRows, gathered_of_fleet, is_fleet, read_fleet
+from .of_runs import gathered_of_runs
+from .report import default_hyperprior, population_result
 from .sampling import sample_population
+
+Covariates = Mapping[str, Sequence[Any]] | Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -23,10 +30,15 @@ class TypeOfMachine:
     """What is known of a type of machine.
 
     Attributes:
-        content: What stands in `population.json`.
+        result: What stands in `population.json`.
     """
 
-    content: Mapping[str, Any]
+    result: PopulationResult
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """The same as plain lists and mappings."""
+        return to_plain(self.result)
 
     def summary(self) -> pd.DataFrame:
         """Return a row for each parameter: median, spread over machines, and the limits between
@@ -35,16 +47,17 @@ class TypeOfMachine:
         rows = [
             {
                 "parameter": name,
-                "median": said["median"]["value"],
-                "low_95": said["median"]["interval_95"][0],
-                "high_95": said["median"]["interval_95"][1],
-                "spread": said["spread"]["value"],
-                "spread_low_95": said["spread"]["interval_95"][0],
-                "spread_high_95": said["spread"]["interval_95"][1],
-                "tolerance_low": said["tolerance_95_95"][0],
-                "tolerance_high": said["tolerance_95_95"][1],
+                "median": said.median.value,
+                "low_95": said.median.interval_95[0],
+                "high_95": said.median.interval_95[1],
+                "spread": said.spread.value,
+                "spread_low_95": said.spread.interval_95[0],
+                "spread_high_95": said.spread.interval_95[1],
+                "tolerance_low": said.tolerance_95_95[0],
+                "tolerance_high": said.tolerance_95_95[1],
+                "unit": said.unit,
             }
-            for name, said in self.content["parameters"].items()
+            for name, said in self.result.parameters.items()
         ]
         return pd.DataFrame(rows)
 
@@ -54,27 +67,34 @@ class TypeOfMachine:
         """
         rows = [
             {
-                "machine": said["name"],
-                "outlier_probability": said["outlier_probability"],
-                "different": ", ".join(said["different"]),
-                **{name: entry["value"] for name, entry in said["parameters"].items()},
+                "machine": said.name,
+                "outlier_probability": said.outlier_probability,
+                "different": ", ".join(said.different),
+                **{name: entry.value for name, entry in said.parameters.items()},
             }
-            for said in self.content["machines"]
+            for said in self.result.machines
         ]
         return pd.DataFrame(rows)
+
+    def left_out(self) -> pd.DataFrame:
+        """Return a row for each machine that does not count, with the reason."""
+        rows = [(each.name, each.reason) for each in self.result.left_out]
+        return pd.DataFrame(rows, columns=["machine", "reason"])
 
     def _repr_html_(self) -> str:
         return self.summary().to_html(index=False)
 
 
 def population(
-    runs: Sequence[Run | str | Path],
+    source: FleetResult | str | Path | Sequence[Run | str | Path],
     *,
+    type: str | None = None,
+    covariates: Covariates = (),
     network: str | None = None,
-    covariates: Mapping[str, Sequence[float]] | None = None,
     type_name: str = "",
     seed: int = 0,
     out: str | Path | None = None,
+    force: bool = False,
 ) -> TypeOfMachine:
     """Say what machines of a type have in common, how they differ, and which do not fit.
 
@@ -82,53 +102,119 @@ def population(
     short test borrows from the others and never outweighs them.
 
     Args:
-        runs: One calibration for each machine, as run folders or opened.
-        network: Name of the network, where the runs have several.
-        covariates: What may shift the parameters, by name, a number for each machine: the supplier
-            as 0 and 1, the date in years.
-        type_name: Of the machines, for the record.
+        source: A fleet: its folder, its `machines.parquet`, or what `heatrun.calibrate_fleet`
+            returns. Or a run for each machine, as folders or opened.
+        type: Of a fleet with several types, the one that is meant.
+        covariates: What may shift the parameters: of a fleet, names of columns of the fleet file;
+            of runs, a value for each machine by name. Numbers count as they are, dates (ISO 8601)
+            in years, other texts as categories, such as the supplier.
+        network: Name of the network, where runs have several.
+        type_name: Of the machines, for the record; by default the fleet's.
         seed: Random seed.
-        out: Folder for `population.json`, which `[population] run` of a motor file takes; made if
-            it is not there. None writes nothing.
+        out: Folder for `population.json`, `population.parquet` and `type_sheet.pdf`, which
+            `[population] run` of a motor file takes; made if it is not there. None writes nothing.
+        force: Whether another population in `out` is replaced.
 
     Raises:
-        InputError: If a run cannot be read, was fitted with another network than the first, or a
-            covariate has not one finite number for each machine.
+        InputError: If the source cannot be read, has several types and none is chosen, has fewer
+            than three machines that can count, runs were fitted with different networks, or a
+            covariate is not there or has not a value for each run.
 
     Example:
-        >>> known = heatrun.population(["runs/a", "runs/b", "runs/c"])  # doctest: +SKIP
+        >>> known = heatrun.population("results/fleets/line-3", covariates=["supplier"])
+        ... # doctest: +SKIP
         >>> known.summary()  # doctest: +SKIP
     """
-    opened = [run if isinstance(run, Run) else open_run(run) for run in runs]
-    evidence = evidence_of_runs(opened, network)
-    design = _design(covariates or {}, len(opened))
-    centre = np.median([_alone(run, evidence.names, network) for run in opened], axis=0)
-    found = sample_population(evidence, default_hyperprior(np.log(centre)), design, seed=seed)
-    names = [run.path.name for run in opened]
-    if len(set(names)) < len(names):
-        names = [str(run.path) for run in opened]
-    known = content(found, names, list(covariates or {}), type_name=type_name, seed=seed)
-    if out is not None:
-        folder = Path(out)
-        folder.mkdir(parents=True, exist_ok=True)
-        write_population(folder / NAME, known)
-    return TypeOfMachine(known)
-
-
-def _alone(run: Run, names: Sequence[str], network: str | None) -> list[float]:
-    values = run.values(network)
-    return [values[name] for name in names]
-
-
-def _design(covariates: Mapping[str, Sequence[float]], num: int) -> np.ndarray:
-    columns = []
-    for name, values in covariates.items():
-        column = np.asarray(values, dtype=float)
-        if column.shape != (num,) or not np.all(np.isfinite(column)):
+    if is_fleet(source):
+        fleet = read_fleet(source)  # type: ignore[arg-type]
+        if isinstance(covariates, Mapping):
             raise InputError(
-                f"Expected a finite number for each of {num} machines as covariate {name!r}, got "
-                f"{np.sum(np.isfinite(column))} in shape {column.shape}.",
-                remedy="Give one number for each run, in their order.",
+                "Expected names of columns of the fleet file as covariates, got values.",
+                remedy='Write covariates=["supplier"].',
             )
-        columns.append(column - column.mean())
-    return np.stack(columns, axis=1) if columns else np.zeros((num, 0))
+        chosen = _only_type(fleet) if type is None else type
+        result = pooled(
+            gathered_of_fleet(fleet, chosen), _names(covariates), str(fleet.path),
+            type_name=type_name or chosen, seed=seed,
+        )  # fmt: skip
+    else:
+        result = _of_runs(source, type, covariates, network, type_name=type_name, seed=seed)
+    if out is not None:
+        write_population(Path(out), result, is_replacing=force)
+    return TypeOfMachine(result)
+
+
+def pooled(
+    gathered: Gathered, covariates: Sequence[str], where: str, *, type_name: str, seed: int
+) -> PopulationResult:
+    """Return the population of machines.
+
+    Args:
+        gathered: The machines.
+        covariates: Names of columns.
+        where: What they were taken from, for messages.
+        type_name: Of the machines.
+        seed: Random seed.
+
+    Raises:
+        InputError: If fewer than three machines are left, or a covariate is not there.
+    """
+    gathered.refuse_few(where)
+    design = designed(gathered, covariates, where)
+    machines = design.gathered
+    found = sample_population(
+        machines.evidence(), default_hyperprior(machines), design.matrix(), seed=seed
+    )
+    notes = list(design.notes)
+    if not found.is_converged:
+        notes.append("The sampling did not converge: the intervals are indicative.")
+    return population_result(
+        found, machines, design.covariates, type_name=type_name, seed=seed, notes=notes
+    )
+
+
+def _of_runs(
+    source: Any, type: str | None, covariates: Covariates, network: str | None, *,
+    type_name: str, seed: int,
+) -> PopulationResult:  # fmt: skip
+    if isinstance(source, str | Path):
+        raise InputError(
+            "Expected the folder of a fleet, or the runs of several machines, got one path that is "
+            "no fleet.",
+            where=str(source),
+            remedy="Give the folder that `heatrun fleet` wrote, or a list of run folders.",
+        )
+    if type is not None:
+        raise InputError(
+            "Runs have no types to choose from.", remedy="Leave type out, or write type_name."
+        )
+    if any(is_fleet(each) for each in source):
+        raise InputError(
+            "Expected one fleet alone, or runs alone, got a fleet among several.",
+            where=", ".join(map(str, source))[:200],
+            remedy="Put all machines into one fleet file.",
+        )
+    if covariates and not isinstance(covariates, Mapping):
+        raise InputError(
+            "Expected a value for each run of a covariate, got names alone.",
+            remedy='Write covariates={"supplier": ["north", "south", …]}.',
+        )
+    opened = [run if isinstance(run, Run) else open_run(run) for run in source]
+    given = covariates if isinstance(covariates, Mapping) else {}
+    gathered = given_columns(gathered_of_runs(opened, network), given)
+    return pooled(gathered, list(given), "", type_name=type_name, seed=seed)
+
+
+def _names(covariates: Covariates) -> list[str]:
+    return [covariates] if isinstance(covariates, str) else list(covariates)
+
+
+def _only_type(fleet: FleetRows) -> str:
+    if len(fleet.types) == 1:
+        return next(iter(fleet.types))
+    named = ", ".join(f"{name!r} ({num} machines)" for name, num in fleet.types.items())
+    raise InputError(
+        f"Expected one type of machine, found {len(fleet.types)}: {named}.",
+        where=str(fleet.path),
+        remedy="Choose one with type=…; `heatrun population` works out all of them.",
+    )

@@ -13,8 +13,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float
+
+from .factors import cholesky, solve_lower
 
 OUTLIER_SCALE = 8.0
 """Spread of machines that do not fit over that of those that do [1]."""
@@ -169,8 +170,8 @@ def log_marginal(
     """
     pull = factor.T @ (information - precision @ centre)
     inner = jnp.eye(centre.size) + factor.T @ precision @ factor
-    root = jnp.linalg.cholesky(inner)
-    half = solve_triangular(root, pull, lower=True)
+    root = cholesky(inner)
+    half = solve_lower(root, pull)
     at_centre = information @ centre - 0.5 * centre @ precision @ centre
     return at_centre + 0.5 * half @ half - jnp.sum(jnp.log(jnp.diag(root)))
 
@@ -184,7 +185,7 @@ def given_machine(
     """Return mean and Cholesky-like factor F (covariance F F') of a machine under a law."""
     pull = factor.T @ (information - precision @ centre)
     inner = jnp.eye(centre.size) + factor.T @ precision @ factor
-    root = jnp.linalg.cholesky(inner)
-    half = solve_triangular(root, pull, lower=True)
-    inverse = solve_triangular(root, factor.T, lower=True)  # root^-1 C'
+    root = cholesky(inner)
+    half = solve_lower(root, pull)
+    inverse = solve_lower(root, factor.T)  # root^-1 C'
     return centre + inverse.T @ half, inverse.T

@@ -1,4 +1,4 @@
-"""The evidence of machines from the runs of their calibrations."""
+"""The machines of a type from the runs of their calibrations."""
 
 from __future__ import annotations
 
@@ -8,14 +8,11 @@ import numpy as np
 
 from ...errors import InputError
 from ...runs.run import Run
-from .evidence import Evidence
-
-FEWEST = 3
-"""Machines that a spread can be told from."""
+from .gathered import FEWEST, Gathered
 
 
-def evidence_of_runs(runs: Sequence[Run], network: str | None = None) -> Evidence:
-    """Return what the tests of each machine say of the logarithms of its thermal parameters.
+def gathered_of_runs(runs: Sequence[Run], network: str | None = None) -> Gathered:
+    """Return the posterior of each machine's thermal parameters.
 
     Args:
         runs: One for each machine, all with one network.
@@ -31,7 +28,7 @@ def evidence_of_runs(runs: Sequence[Run], network: str | None = None) -> Evidenc
             f"Expected the runs of {FEWEST} machines or more, got {len(runs)}.",
             remedy="Calibrate more machines of the type; a spread cannot be told from fewer.",
         )
-    names: tuple[str, ...] = ()
+    kinds = []
     rows = []
     for run in runs:
         draws = run.draws(network)
@@ -41,17 +38,30 @@ def evidence_of_runs(runs: Sequence[Run], network: str | None = None) -> Evidenc
             if slot.parameter.role == "network" and slot.test is None
         }
         own = tuple(parameter.name for parameter in found.values())
-        if names and own != names:
+        if kinds and own != tuple(parameter.name for parameter in kinds):
             raise InputError(
-                f"Expected free parameters {', '.join(names)} as in {runs[0].path}, got "
-                f"{', '.join(own)}.",
+                f"Expected free parameters {', '.join(p.name for p in kinds)} as in "
+                f"{runs[0].path}, got {', '.join(own)}.",
                 where=str(run.path),
                 remedy="Calibrate all machines with one network, and fix none of its parameters.",
             )
-        names = own
-        scores = draws.vectors[:, list(found)]
-        scale = np.array([parameter.sd for parameter in found.values()])
-        centre = np.log([parameter.centre for parameter in found.values()])
-        logs = centre + scale * scores
-        rows.append((logs.mean(axis=0), np.cov(logs.T), centre, np.diag(scale**2)))
-    return Evidence.of_posteriors(names, *map(np.stack, zip(*rows, strict=True)))
+        kinds = list(found.values())
+        scale = np.array([parameter.sd for parameter in kinds])
+        centre = np.array([np.log(p.centre) if p.transform == "log" else p.centre for p in kinds])
+        values = centre + scale * draws.vectors[:, list(found)]
+        rows.append((values.mean(axis=0), np.cov(values.T), centre, scale))
+    names = [run.path.name for run in runs]
+    if len(set(names)) < len(names):
+        names = [str(run.path) for run in runs]
+    mean, covariance, prior_mean, prior_sd = map(np.stack, zip(*rows, strict=True))
+    return Gathered(
+        tuple(names),
+        tuple(parameter.name for parameter in kinds),
+        tuple(parameter.unit for parameter in kinds),
+        tuple(parameter.transform for parameter in kinds),
+        mean,
+        covariance,
+        prior_mean,
+        prior_sd,
+        source={"network": runs[0].choose(network)},
+    )

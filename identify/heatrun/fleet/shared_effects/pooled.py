@@ -1,0 +1,174 @@
+r"""The test of an effect that all machines of a type share.
+
+The machines' scores $v_i = (v_{e,i}, v_{a,i})$ about shared parameters $e$ and effects $a$ add up.
+The shared parameters are those of network, instruments and starts by what the machines have in
+common; an instrument of the bench is off by the same amount for all of them, which no number of
+machines averages out, so $e \sim N(0, 1)$ stays in the test:
+
+$$ S = \sum_i \varphi_i + A' D \hat e, \quad
+   \varphi_i = (v_{a,i} - \Lambda_{ae,i} \hat e) - A'(v_{e,i} - \Lambda_{ee,i} \hat e), \quad
+   A = H^{-1} \sum_i \Lambda_{ea,i}, \quad H = \sum_i \Lambda_{ee,i} + D $$
+
+with $D$ the precision of what is known of $e$. Where the effect is absent, $\varphi_i$ of
+independent machines is as likely the one sign as the other, and $D^{1/2}\hat e$ adds what the
+shared errors do. So the variance is taken from the machines themselves,
+$\sum \varphi_i^2 + A'DA$: differences between machines, noise that is stated too small or too
+large, and misfit of single machines are in it. Flipped signs give the law of the largest statistic
+of all effects.
+
+References: D. R. Cox, D. V. Hinkley, Theoretical Statistics (1974), section 9.3 (score tests).
+    P. H. Westfall, S. S. Young, Resampling-Based Multiple Testing (1993), section 2.3 (the law of
+    the largest statistic).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .evidence import Evidence
+
+CLIP = 3.0
+"""Robust standard deviations at which the share of one machine is cut off [1]: a machine that is
+off in some way of its own neither makes a find nor hides one."""
+
+NUM_FLIPS = 4999
+"""Draws of signs: a p-value of 0.05 is then good to 0.003."""
+
+CHUNK = 250
+"""Draws of signs at once."""
+
+FREE = 1e-9
+"""Precision of a parameter that nothing is known of [1]."""
+
+
+@dataclass(frozen=True)
+class Pool:
+    """The evidence of machines, in one order of parameters and effects.
+
+    Attributes:
+        machines: Name of each.
+        parameters: Shared parameters.
+        effects: Amplitudes, each with the setting of its shape.
+        score: As `Evidence`, shape (machine, all); zero for what a machine does not have.
+        information: Likewise, shape (machine, all, all).
+        visible_K: Shape (machine, effect); not a number where a machine could not show it.
+    """
+
+    machines: tuple[str, ...]
+    parameters: tuple[str, ...]
+    effects: tuple[str, ...]
+    score: Float[np.ndarray, "machine all"]
+    information: Float[np.ndarray, "machine all all"]
+    visible_K: Float[np.ndarray, "machine effect"]
+
+    @property
+    def num_parameters(self) -> int:
+        """Number of shared parameters; the effects stand behind them."""
+        return len(self.parameters)
+
+
+def pool(machines: Sequence[str], evidence: Sequence[Evidence]) -> Pool:
+    """Return the evidence of machines in one order.
+
+    Args:
+        machines: Name of each.
+        evidence: Of each.
+    """
+    parameters = tuple(dict.fromkeys(name for each in evidence for name in each.parameters))
+    effects = tuple(dict.fromkeys(name for each in evidence for name in each.effects))
+    place = {name: i for i, name in enumerate((*parameters, *effects))}
+    size, num = len(place), len(evidence)
+    score, information = np.zeros((num, size)), np.zeros((num, size, size))
+    visible = np.full((num, len(effects)), np.nan)
+    for row, each in enumerate(evidence):
+        at = [place[name] for name in (*each.parameters, *each.effects)]
+        score[row, at] = each.score
+        information[row][np.ix_(at, at)] = each.information
+        visible[row, [place[name] - len(parameters) for name in each.effects]] = each.visible_K
+    return Pool(tuple(machines), parameters, effects, score, information, visible)
+
+
+@dataclass(frozen=True)
+class Tested:
+    """The test of each effect, given shared parameters and effects that are in the model already.
+
+    Attributes:
+        statistic: Score over its standard deviation, shape (effect,).
+        shares: What each machine adds to the score, cut off, shape (machine, effect).
+        pull: What known shared errors may do: rows of D^(1/2) A, shape (given, effect).
+        scale: Standard deviation of the score, shape (effect,).
+        shared: Estimate of what is given, its scores, shape (given,).
+    """
+
+    statistic: Float[np.ndarray, " effect"]
+    shares: Float[np.ndarray, "machine effect"]
+    pull: Float[np.ndarray, "given effect"]
+    scale: Float[np.ndarray, " effect"]
+    shared: Float[np.ndarray, " given"]
+
+
+def score_test(
+    pool: Pool, precision: Float[np.ndarray, " parameter"], accepted: Sequence[int] = ()
+) -> Tested:
+    """Return the test of each effect.
+
+    Args:
+        pool: The machines.
+        precision: Of what is known of each shared parameter, of its score [1].
+        accepted: Effects that are in the model, by their places.
+    """
+    num = pool.num_parameters
+    given = [*range(num), *(num + each for each in accepted)]
+    behind = list(range(num, pool.score.shape[1]))
+    D = np.concatenate([precision, np.full(len(accepted), FREE)])
+    L_ee = pool.information[:, given][:, :, given]
+    L_ea = pool.information[:, given][:, :, behind]
+    H = L_ee.sum(axis=0) + np.diag(D)
+    shared = np.linalg.solve(H, pool.score[:, given].sum(axis=0))
+    A = np.linalg.solve(H, L_ea.sum(axis=0))
+    left = pool.score[:, given] - L_ee @ shared
+    shares = pool.score[:, behind] - np.einsum("iea,e->ia", L_ea, shared) - left @ A
+    shares = _cut(shares)
+    pull = np.sqrt(D)[:, None] * A
+    scale = np.sqrt(np.sum(shares**2, axis=0) + np.sum(pull**2, axis=0))
+    total = shares.sum(axis=0) + A.T @ (D * shared)
+    usable = scale > 1e-6
+    usable[list(accepted)] = False
+    statistic = np.where(usable, total / np.where(usable, scale, 1.0), 0.0)
+    return Tested(statistic, shares * usable, pull * usable, np.where(usable, scale, 1.0), shared)
+
+
+def _cut(shares: np.ndarray) -> np.ndarray:
+    """Return the machines' shares with those far beyond the others' cut off."""
+    limit = CLIP * 1.4826 * np.median(np.abs(shares), axis=0)
+    return np.clip(shares, -limit, limit)
+
+
+def largest_by_chance(
+    found: Tested, is_two_sided: Bool[np.ndarray, " effect"], seed: int = 0
+) -> Float[np.ndarray, " flip"]:
+    """Return the largest statistic of all effects where the machines' signs are by chance.
+
+    Args:
+        found: The test.
+        is_two_sided: Which amplitudes may have either sign; the others count if positive.
+        seed: Of the signs.
+    """
+    rng = np.random.default_rng([seed, 31])
+    largest = []
+    for first in range(0, NUM_FLIPS, CHUNK):
+        num = min(CHUNK, NUM_FLIPS - first)
+        signs = rng.integers(0, 2, (num, found.shares.shape[0])) * 2.0 - 1.0
+        shared = rng.standard_normal((num, found.pull.shape[0]))
+        values = (signs @ found.shares + shared @ found.pull) / found.scale
+        largest.append(one_sided(values, is_two_sided).max(axis=1))
+    return np.concatenate(largest)
+
+
+def one_sided(values: np.ndarray, is_two_sided: Bool[np.ndarray, " effect"]) -> np.ndarray:
+    """Return statistics so that large ones speak for an effect."""
+    return np.where(is_two_sided, np.abs(values), values)

@@ -1,0 +1,87 @@
+"""Machines that are fitted together get the rows that each gets alone."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated_fleet import write_fleet
+
+from heatrun.fleet import fitting
+from heatrun.fleet.batches import batches_of, digests_of, numerics
+from heatrun.fleet.cluster import Workers
+from heatrun.fleet.fitting import FEWEST, TOO_FEW, fit_machines
+from heatrun.fleet.fleet_file import load_fleet
+from heatrun.fleet.job import calibrate_fleet_into
+from heatrun.fleet.machine import Prepared, prepare
+from heatrun.fleet.parts import read_part, table_bytes
+from heatrun.fleet.work import work_out
+
+NUM = FEWEST + 2
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A fleet with a machine of garbage, and one whose test is much longer than the others'."""
+    folder = tmp_path_factory.mktemp("fleet")
+    write_fleet(folder, num=NUM + 2)
+    (folder / "tests" / "M001.csv").write_text("t,Is\n0,1\n")
+    other = folder.parent / "longer"
+    write_fleet(other, num=4, minutes=60.0)
+    (other / "tests" / "M003.csv").rename(folder / "tests" / "M003.csv")
+    return folder
+
+
+def planned(bench):
+    fleet = load_fleet(bench / "FLEET.toml")
+    (batch,) = batches_of(fleet, digests_of(fleet), 64, seed=0, numerics=numerics())
+    return batch
+
+
+def is_number(value):
+    return isinstance(value[0] if isinstance(value, list) and value else value, float)
+
+
+def assert_same_rows(one, other):
+    assert table_bytes([one]) == table_bytes([other])
+
+
+@pytest.mark.slow
+def test_rows_are_those_of_each_machine_alone(bench, tmp_path):
+    fleet = load_fleet(bench / "FLEET.toml")
+    settings = {"workers": Workers(0), "seed": 0}
+    together = calibrate_fleet_into(tmp_path / "64", fleet, batch=64, **settings)
+    alone = calibrate_fleet_into(tmp_path / "7", fleet, batch=7, **settings)
+    timing = json.loads((together.path / "timing.json").read_text())
+    assert timing["batches"][0]["fitted_alone"] == {"M003": TOO_FEW}
+    rows = zip(together.table().to_pylist(), alone.table().to_pylist(), strict=True)
+    for own, other in rows:
+        for name, value in own.items():
+            if is_number(value):
+                np.testing.assert_allclose(value, other[name], rtol=1e-6, atol=1e-9, err_msg=name)
+            else:
+                assert value == other[name], name
+
+
+@pytest.mark.slow
+def test_a_batch_taken_apart_gives_the_same_bytes(bench):
+    batch = planned(bench)
+    whole = work_out(batch)
+    for place in (0, 7):
+        (entry,) = (e for e in batch.entries if e.machine == f"M{place:03d}")
+        single = work_out(batch.of_one(entry))
+        assert_same_rows(read_part(single.part), read_part(whole.part).slice(place, 1))
+
+
+def test_what_one_machine_raises_does_not_touch_the_others(bench, monkeypatch):
+    """The fit of many raises; each is fitted by itself then, and one raises again."""
+    ready = [prepare(e, planned(bench)) for e in planned(bench).entries[:1]]
+    (problem,) = (each.problem for each in ready if isinstance(each, Prepared))
+    spoilt = replace(problem, tests=())
+    monkeypatch.setattr(fitting, "why_not", lambda problem: "")
+    found = fit_machines([problem, spoilt], 0, NUM)
+    assert isinstance(found.fits[1], Exception)
+    assert not isinstance(found.fits[0], Exception)
+    assert set(found.alone) == {0, 1}

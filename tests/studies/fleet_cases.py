@@ -1,0 +1,230 @@
+"""Simulated fleets with a known population: law, machines, instruments and bench files.
+
+Independent of heatrun and lptn: two nodes by NumPy, integrated after Runge and Kutta for all
+machines at once, and written as the text files that a bench would leave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+NAMES = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
+CENTRE = np.array([666.75, 15060.1, 0.14485, 0.11625])
+"""Of the types: J/K, J/K, K/W, K/W."""
+
+SPREADS = np.array([0.03, 0.04, 0.06, 0.05])
+"""Middle of the spreads of the types, of the logarithm [1]; each type's are up to 1.5 times as
+large or as small."""
+
+SUPPLIER = np.array([0.0, 0.0, 0.05, 0.06])
+"""Standard deviation of what the supplier does to a type, of the logarithm [1]."""
+
+OUTLIERS, FAR = 0.05, (0.35, 0.55)
+"""Share of machines that are something else, and by how much in one parameter, of the logarithm: a
+winding that sits loose, a housing with poor contact, a core of another length."""
+
+ERRORS = {"current": 0.005, "power": 0.01, "sensor_gain": 0.005, "sensor_K": 0.5, "ambient_K": 0.5,
+          "resistance": 0.01}  # fmt: skip
+"""Standard deviations of the errors of the instruments, as a bench of class 0.5 has them."""
+
+SLOW_K, SLOW_S, WHITE_K = 0.15, 40.0, 0.10
+"""Noise of a reading: a slow part with its correlation time, and a white part."""
+
+OHM, REFERENCE_degC, B_degC = 0.0062, 25.0, 234.5
+ROOM_degC = 22.0
+SAMPLE_S = 2.0
+SHORT_MIN, LONG_MIN = 30.0, 120.0
+
+MOTOR = f"""[motor]
+name = "simulated type"
+[winding]
+phase_resistance_ohm = {OHM}
+reference_temperature_degC = {REFERENCE_degC}
+"""
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """A fleet and its truth.
+
+    Attributes:
+        mean: Of the logarithms over machines of the supplier north, shape (parameter,).
+        sd: Over machines of one supplier, outliers left aside, shape (parameter,).
+        correlation: Likewise, shape (parameter, parameter).
+        supplier: What the supplier south adds, shape (parameter,).
+        logs: Logarithms of the machines' parameters, shape (machine, parameter).
+        is_south: Shape (machine,).
+        odd: Place of the parameter in which a machine is something else; -1 in one that fits,
+            shape (machine,).
+        minutes: Length of each machine's test [min], shape (machine,).
+    """
+
+    mean: np.ndarray
+    sd: np.ndarray
+    correlation: np.ndarray
+    supplier: np.ndarray
+    logs: np.ndarray
+    is_south: np.ndarray
+    odd: np.ndarray
+    minutes: np.ndarray
+
+    @property
+    def is_outlier(self) -> np.ndarray:
+        """Which machines are something else, shape (machine,)."""
+        return self.odd >= 0
+
+    @property
+    def machines(self) -> list[str]:
+        """Their names."""
+        return [f"M{number:04d}" for number in range(len(self.logs))]
+
+    def middle(self, machines: Sequence[str]) -> np.ndarray:
+        """Return the logarithms in the middle of the suppliers of some machines."""
+        places = [int(name[1:]) for name in machines]
+        return self.mean + self.is_south[places].mean() * self.supplier
+
+
+def draw_fleet(seed: int, num: int, *, outliers: float = OUTLIERS, short: float = 0.5) -> Fleet:
+    """Return a fleet of a type that is drawn too.
+
+    Args:
+        seed: Random seed.
+        num: Number of machines.
+        outliers: Share of machines that are something else [1].
+        short: Share of machines with a short test [1].
+    """
+    rng = np.random.default_rng([seed, 1])
+    mean = np.log(CENTRE) + 0.2 * rng.standard_normal(4)
+    sd = SPREADS * 1.5 ** rng.uniform(-1.0, 1.0, 4)
+    loose = rng.standard_normal((4, 12))
+    correlation = np.corrcoef(loose)
+    supplier = SUPPLIER * rng.standard_normal(4)
+    is_south = rng.permutation(np.arange(num) % 3 == 0)
+    logs = mean + is_south[:, None] * supplier
+    logs = logs + rng.multivariate_normal(np.zeros(4), correlation * np.outer(sd, sd), num)
+    is_outlier = rng.permutation(np.arange(num) < round(outliers * num))
+    odd = np.where(is_outlier, rng.integers(4, size=num), -1)
+    for place in np.flatnonzero(is_outlier):
+        logs[place, odd[place]] += rng.choice([-1.0, 1.0]) * rng.uniform(*FAR)
+    minutes = np.where(rng.permutation(np.arange(num) < round(short * num)), SHORT_MIN, LONG_MIN)
+    return Fleet(mean, sd, correlation, supplier, logs, is_south, odd, minutes)
+
+
+def write_fleet(fleet: Fleet, folder: Path, seed: int) -> Path:
+    """Write motor file, tests, table of machines and fleet file; return the last.
+
+    Args:
+        fleet: The machines.
+        folder: Where they go; made.
+        seed: Random seed of loads, instruments and noise.
+    """
+    (folder / "tests").mkdir(parents=True)
+    (folder / "motor.toml").write_text(MOTOR)
+    rows = ["machine,type,test,supplier"]
+    for place, name in enumerate(fleet.machines):
+        supplier = "south" if fleet.is_south[place] else "north"
+        rows.append(f"{name},simulated,tests/{name}.csv,{supplier}")
+    for minutes in np.unique(fleet.minutes):
+        places = np.flatnonzero(fleet.minutes == minutes)
+        rng = np.random.default_rng([seed, 2, round(minutes)])
+        columns = readings(np.exp(fleet.logs[places]), minutes, rng)
+        for row, place in enumerate(places):
+            table = np.stack([column[row] for column in columns.values()], axis=1)
+            np.savetxt(
+                folder / "tests" / f"{fleet.machines[place]}.csv", table, "%.6g", ",",
+                header=",".join(columns), comments="",
+            )  # fmt: skip
+    (folder / "machines.csv").write_text("\n".join(rows) + "\n")
+    path = folder / "FLEET.toml"
+    path.write_text(
+        '[fleet]\nname = "simulated"\nmotor = "motor.toml"\nmanifest = "machines.csv"\n'
+    )
+    return path
+
+
+def readings(values: np.ndarray, minutes: float, rng: np.random.Generator) -> dict[str, Any]:
+    """Return what the bench writes of machines: a short test under one load, a long one under many.
+
+    Args:
+        values: Parameters of the machines, shape (machine, parameter).
+        minutes: Length of the test [min].
+        rng: Random numbers.
+
+    Returns:
+        Readings by column, shape (machine, sample) each.
+    """
+    num, steps = len(values), round(minutes * 60.0)
+    time_s = np.arange(steps, dtype=float)
+    # a minute at rest, then a constant load as off the line, or a staircase of eight minutes each
+    num_loads = 1 if minutes <= SHORT_MIN else round(minutes / 8.0)
+    stretch = np.minimum((time_s * num_loads / steps).astype(int), 63)
+    current = rng.uniform(60.0, 170.0, (num, 64))[:, stretch]
+    other = rng.uniform(150.0, 400.0, (num, 64))[:, stretch]
+    current[:, :60] = other[:, :60] = 0.0
+    error = {name: sd * rng.standard_normal((num, 1)) for name, sd in ERRORS.items()}
+    ohm = OHM * np.exp(error["resistance"][:, 0])
+    winding, copper = courses(values, current, other, ohm)
+    every = slice(0, steps, round(SAMPLE_S))
+    noise = _noise(num, steps, rng)[:, every]
+    rise = (winding[:, every] - ROOM_degC) * (1.0 + error["sensor_gain"]) + ROOM_degC
+    return {
+        "t": np.broadcast_to(time_s[every], (num, time_s[every].size)),
+        "Is": current[:, every] / (1.0 + error["current"]),
+        "Pd": (copper + other)[:, every] / (1.0 + error["power"]),
+        "Te": np.broadcast_to(ROOM_degC - error["ambient_K"], noise.shape),
+        "Tw_m": rise + error["sensor_K"] + noise,
+    }
+
+
+def courses(
+    values: np.ndarray, current: np.ndarray, other: np.ndarray, ohm: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return winding temperature [degC] and copper loss [W] of machines second by second.
+
+    Two nodes: copper loss enters the winding, the other losses the stator; the resistance follows
+    the winding's temperature. Loads hold over each second.
+
+    Args:
+        values: Parameters, shape (machine, parameter).
+        current: Rms phase current [A], shape (machine, second).
+        other: Losses other than copper [W], likewise.
+        ohm: Phase resistance at 25 degC [ohm], shape (machine,).
+    """
+    C_w, C_sr, R_w, R_sr = values.T
+
+    def copper_at(winding: np.ndarray, amperes: np.ndarray) -> np.ndarray:
+        warm = (B_degC + winding) / (B_degC + REFERENCE_degC)
+        return 3.0 * ohm * warm * amperes**2
+
+    def slope(T: np.ndarray, amperes: np.ndarray, watts: np.ndarray) -> np.ndarray:
+        flow = (T[0] - T[1]) / R_w
+        out = (T[1] - ROOM_degC) / R_sr
+        return np.stack([(copper_at(T[0], amperes) - flow) / C_w, (watts + flow - out) / C_sr])
+
+    T = np.full((2, len(values)), ROOM_degC)
+    winding, copper = np.empty_like(current), np.empty_like(current)
+    for second in range(current.shape[1]):
+        load = current[:, second], other[:, second]
+        winding[:, second], copper[:, second] = T[0], copper_at(T[0], load[0])
+        first = slope(T, *load)
+        middle = slope(T + 0.5 * first, *load)
+        again = slope(T + 0.5 * middle, *load)
+        last = slope(T + again, *load)
+        T = T + (first + 2.0 * middle + 2.0 * again + last) / 6.0
+    return winding, copper
+
+
+def _noise(num: int, steps: int, rng: np.random.Generator) -> np.ndarray:
+    """Return the noise of readings a second apart [K], shape (machine, second)."""
+    kept = np.exp(-1.0 / SLOW_S)
+    slow = np.empty((num, steps))
+    slow[:, 0] = rng.standard_normal(num)
+    shocks = np.sqrt(1.0 - kept**2) * rng.standard_normal((num, steps))
+    for second in range(1, steps):
+        slow[:, second] = kept * slow[:, second - 1] + shocks[:, second]
+    return SLOW_K * slow + WHITE_K * rng.standard_normal((num, steps))

@@ -1,0 +1,274 @@
+"""Effects that the machines of a fleet share: `results/fleet/discovery.md` and `.json`.
+
+Fleets of one type on one bench, by `fleet_of_hidden_causes`, which is independent of lptn: two
+tests of one hour a machine; nothing hidden, or an effect that leaves 0.1 K of a refitted network of
+the middle machine, or a cause that is in no catalogue, or an instrument of the bench off by two
+stated standard deviations for all machines. Each machine is fitted, its evidence on effects worked
+out, and the fleet searched as `heatrun fleet --discover` does. It goes on where it was stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import pickle
+import platform
+import time
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import fleet_of_hidden_causes as hidden_fleet
+import numpy as np
+from scipy.stats import beta
+from study_runs import PACKAGES
+
+from heatrun.bench.record import Record
+from heatrun.bench.reduction import reduce
+from heatrun.fleet.batch.fit import fit_batch
+from heatrun.fleet.shared_effects.evidence import Evidence, evidence_of
+from heatrun.fleet.shared_effects.job import discover_type
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.fit_result import RESULT, Fit
+from heatrun.inference.model import Model
+from heatrun.inference.problem import Problem
+from heatrun.motor import Motor
+from heatrun.results import to_plain
+from heatrun.runtime import configure
+
+OUT = Path(__file__).parents[2] / "results" / "fleet"
+FIRST_SEED = 130_000
+VISIBLE_K = 0.1
+NUM, LARGE = 40, 100
+THERMAL = {"Ceq_w", "Ceq_sr", "Req_w", "Req_sr"}
+
+OFF = {"power_gain": 0.02, "current_gain": 0.01, "sensor_gain": 0.01, "sensor_offset": 1.0,
+       "ambient_offset": 1.0}  # fmt: skip
+"""Two stated standard deviations of each instrument: 1, 1, 1, K, K."""
+
+MOTOR = Motor(
+    "line",
+    phase_resistance_ohm=hidden_fleet.RS0,
+    reference_temperature_degC=hidden_fleet.TREF,
+    rated_speed_rpm=hidden_fleet.RATED_RPM,
+    losses="balance",
+)
+
+
+def cases(clean: int, hidden: int, large: int, off: int, unknown: int) -> list[dict[str, Any]]:
+    """Return the fleets of the study, the kinds in turn."""
+    kinds: list[tuple[str, str, int, int]] = [("clean", "", NUM, clean)]
+    kinds += [("hidden", name, NUM, hidden) for name in hidden_fleet.EFFECTS]
+    kinds += [("hidden", name, LARGE, large) for name in hidden_fleet.EFFECTS]
+    kinds += [("instrument", name, NUM, off) for name in OFF]
+    kinds += [("unknown", name, NUM, unknown) for name in hidden_fleet.UNKNOWN]
+    rows = []
+    for place, (kind, name, num, count) in enumerate(kinds):
+        for number in range(count):
+            seed = FIRST_SEED + 1000 * place + number
+            rows.append({"kind": kind, "name": name, "num": num, "number": number, "seed": seed,
+                         "at": (number + 0.5) / count})  # fmt: skip
+    # so that a study that was stopped early has a part of each kind
+    return sorted(rows, key=lambda row: (row["at"], row["seed"]))
+
+
+def run(case: dict[str, Any], cache: Path | None = None) -> dict[str, Any]:
+    """Return the row of a fleet."""
+    begin = time.process_time()
+    amplitude, bench = 0.0, {}
+    hidden = case["name"] if case["kind"] in ("hidden", "unknown") else ""
+    if hidden:
+        amplitude = hidden_fleet.amplitude_of(case["name"], VISIBLE_K)
+    if case["kind"] == "instrument":
+        bench = {case["name"]: OFF[case["name"]] * (-1.0) ** case["number"]}
+    kept = cache / f"{case['seed']}.pickle" if cache is not None else None
+    if kept is not None and kept.is_file():
+        machines, evidence = pickle.loads(kept.read_bytes())  # by this study, a moment ago
+    else:
+        drawn = hidden_fleet.fleet(case["num"], case["seed"], hidden, amplitude, bench)
+        machines, evidence = evidence_of_fleet(drawn.tests)
+        if kept is not None:
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            kept.write_bytes(pickle.dumps((machines, evidence)))
+    found = discover_type("A", machines, evidence, THERMAL, seed=case["seed"])
+    top = max(found.screened, key=lambda each: each.statistic)
+    return {
+        **{key: case[key] for key in ("kind", "name", "num", "seed")},
+        "amplitude": amplitude,
+        "num_machines": found.num_machines,
+        "num_alone": found.num_alone,
+        "verdict": found.verdict,
+        "critical": found.critical,
+        "top": [top.id, top.statistic],
+        "effects": to_plain(found.effects),
+        "traces": to_plain(found.traces),
+        "could_show_K": float(np.median([e.could_show_K for e in found.screened])),
+        "processor_s": round(time.process_time() - begin, 1),
+    }
+
+
+def evidence_of_fleet(
+    tests: Sequence[Sequence[dict[str, np.ndarray]]],
+) -> tuple[list[str], list[Evidence]]:
+    """Return names and evidence of the machines whose fit converged.
+
+    Args:
+        tests: By machine, by test: columns of the record.
+    """
+    problems = []
+    for own in tests:
+        reduced = [reduce(Record(f"test {i}", columns), MOTOR) for i, columns in enumerate(own)]
+        model = Model.of("second", MOTOR).scaled(MOTOR, reduced)
+        problems.append(Problem.of(model, MOTOR, reduced))
+    names, evidence = [], []
+    for number, found in enumerate(fit_batch(problems, seed=0)):
+        one = found if isinstance(found, Fit) else fit(problems[number], seed=0, throw=False)
+        if one.result is RESULT.converged:
+            names.append(f"M{number:03d}")
+            evidence.append(evidence_of(one))
+    return names, evidence
+
+
+def limit(hits: int, num: int) -> list[float]:
+    """Return the 95 % interval of a rate (Clopper and Pearson)."""
+    low = float(beta.ppf(0.025, hits, num - hits + 1)) if hits else 0.0
+    high = float(beta.ppf(0.975, hits + 1, num - hits)) if hits < num else 1.0
+    return [low, high]
+
+
+def is_named(row: dict[str, Any]) -> bool:
+    """Whether the hidden effect is named, or is in the stated set."""
+    claims = [e for e in row["effects"] if e["is_beyond_instruments"]]
+    return any(row["name"] in (e["id"], *e["equivalents"]) for e in claims)
+
+
+def is_exact(row: dict[str, Any]) -> bool:
+    """Whether the hidden effect is named first, and not with others in its place."""
+    return bool(row["effects"]) and row["effects"][0]["id"] == row["name"] and not (
+        row["effects"][0]["equivalents"]
+    )  # fmt: skip
+
+
+def has_more(row: dict[str, Any]) -> bool:
+    """Whether a second effect is claimed beside the hidden one."""
+    return len(row["effects"]) > 1
+
+
+def is_claimed(row: dict[str, Any]) -> bool:
+    """Whether an effect is claimed as one: beyond instruments, and the catalogue explains it."""
+    return row["verdict"] in ("named", "ambiguous")
+
+
+def table(rows: list[dict[str, Any]]) -> list[str]:
+    """Return the lines of the page's tables."""
+
+    def line(label: str, some: list[dict[str, Any]], *counts: int) -> str:
+        said = []
+        for hits in counts:
+            low, high = limit(hits, len(some))
+            said.append(f"{hits} of {len(some)} ({100 * low:.0f}…{100 * high:.0f} %)")
+        machines = sum(row["num_machines"] for row in some)
+        alone = sum(row["num_alone"] for row in some) / machines
+        return f"| {label} | {' | '.join(said)} | {100 * alone:.0f} % |"
+
+    lines = ["| nothing hidden | anything said | claimed as an effect | machines that show "
+             "something alone |", "|---|---|---|---|"]  # fmt: skip
+    clean = [row for row in rows if row["kind"] == "clean"]
+    if clean:
+        lines.append(line(f"fleets of {NUM}", clean, sum(bool(r["effects"]) for r in clean),
+                          sum(map(is_claimed, clean))))  # fmt: skip
+    lines += ["", "| hidden, 0.1 K visible | found | named or in the stated set | named alone | "
+              "a second one beside it | machines that show something alone |",
+              "|---|---|---|---|---|---|"]  # fmt: skip
+    for num in (NUM, LARGE):
+        for name in [*hidden_fleet.EFFECTS, "all"]:
+            some = [r for r in rows if r["kind"] == "hidden" and r["num"] == num
+                    and name in (r["name"], "all")]  # fmt: skip
+            if some:
+                lines.append(line(f"{name}, {num} machines", some,
+                                  sum(bool(r["effects"]) for r in some), sum(map(is_named, some)),
+                                  sum(map(is_exact, some)), sum(map(has_more, some))))  # fmt: skip
+    lines += ["", "| an instrument off by two stated sds | anything said | claimed as an effect | "
+              "machines that show something alone |", "|---|---|---|---|"]  # fmt: skip
+    for name in [*OFF, "all"]:
+        some = [r for r in rows if r["kind"] == "instrument" and name in (r["name"], "all")]
+        if some:
+            lines.append(line(name, some, sum(bool(r["effects"]) for r in some),
+                              sum(map(is_claimed, some))))  # fmt: skip
+    lines += ["", "| a cause of no catalogue, 0.1 K visible | anything said | claimed as an effect "
+              "| machines that show something alone |", "|---|---|---|---|"]  # fmt: skip
+    for name in hidden_fleet.UNKNOWN:
+        some = [r for r in rows if r["kind"] == "unknown" and r["name"] == name]
+        if some:
+            names = dict.fromkeys(e["id"] for r in some if is_claimed(r) for e in r["effects"])
+            said = f" (as {', '.join(names)})" if names else ""
+            lines.append(line(name + said, some, sum(bool(r["effects"]) for r in some),
+                              sum(map(is_claimed, some))))  # fmt: skip
+    return lines
+
+
+def write(rows: list[dict[str, Any]], command: str) -> None:
+    """Write the figures and the page."""
+    OUT.mkdir(parents=True, exist_ok=True)
+    content = {
+        "command": command,
+        "first_seed": FIRST_SEED,
+        "python": platform.python_version(),
+        "versions": {name: version(name) for name in PACKAGES},
+        "rows": rows,
+    }
+    (OUT / "discovery.json").write_text(json.dumps(to_plain(content), indent=1) + "\n")
+    size = [e["size"]["value"] / row["amplitude"] for row in rows if row["kind"] == "hidden"
+            for e in row["effects"] if e["id"] == row["name"]]  # fmt: skip
+    show = np.median([row["could_show_K"] for row in rows if row["kind"] == "clean"] or [np.nan])
+    page = [
+        "# Effects that the machines of a fleet share",
+        "",
+        f"`{command}`, seeds from {FIRST_SEED}, {len(rows)} fleets; rates with their 95 % limits.",
+        "Two tests of one hour a machine, noise of 0.6 to 1.0 K over 50 to 120 s, readings to",
+        "0.5 K, parameters 4 % and the effect 20 % apart from machine to machine; the errors of",
+        "the bench are drawn once for a fleet. A machine alone shows something at the same level",
+        "in 5 % by chance.",
+        "",
+        *table(rows),
+        "",
+        f"{NUM} machines together would show half of the catalogue from {show:.3f} K on.",
+    ]
+    if size:
+        page.append(
+            f"Found sizes over hidden ones (other laws than the catalogue's): {np.min(size):.2f} "
+            f"to {np.max(size):.2f}, median {np.median(size):.2f}."
+        )
+    (OUT / "discovery.md").write_text("\n".join(page) + "\n")
+
+
+def main() -> None:
+    """Run what is left of the study."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cache", type=Path, help="folder that keeps the machines' evidence")
+    parser.add_argument("--clean", type=int, default=120, help="fleets without any effect")
+    parser.add_argument("--hidden", type=int, default=6, help="fleets for each effect")
+    parser.add_argument("--large", type=int, default=2, help="large ones for each effect")
+    parser.add_argument("--off", type=int, default=6, help="fleets for each instrument")
+    parser.add_argument("--unknown", type=int, default=3, help="for each cause of no catalogue")
+    options = parser.parse_args()
+    configure()
+    path = OUT / "discovery.json"
+    rows = json.loads(path.read_text())["rows"] if path.is_file() else []
+    done = {row["seed"] for row in rows}
+    command = "make study-fleet-discovery"
+    for case in cases(options.clean, options.hidden, options.large, options.off,
+                      options.unknown):  # fmt: skip
+        if case["seed"] in done:
+            continue
+        row = run(case, options.cache)
+        rows.append(row)
+        write(rows, command)
+        print(row["kind"], row["name"], row["num"], row["verdict"],
+              [e["id"] for e in row["effects"]], row["processor_s"], flush=True)  # fmt: skip
+    write(rows, command)
+
+
+if __name__ == "__main__":
+    main()
