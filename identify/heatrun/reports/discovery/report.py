@@ -125,6 +125,7 @@ def _gap(name: str, gap: Gap | HeldOutGap) -> list[str]:
 
 def parameter_row(name: str, entry: ParameterBeforeAfter) -> list[str]:
     """Return the printed cells of a parameter: before, after, and how far it had been off."""
+
     def interval(figure: ValueWithInterval) -> str:
         return " … ".join(rounded(limit, 4) for limit in figure.interval_95)
 
