@@ -15,6 +15,7 @@ from ...results.found_effect import FoundEffect
 from ...results.gap import Gap, HeldOutGap, ParameterBeforeAfter, ValueWithInterval
 from ...results.missing import LocalisedMisfit, MissingSpan
 from ...results.values import number
+from ..sheet.digits import signed
 from ..sheet.typeset import typeset
 
 VERDICTS = {
@@ -65,7 +66,7 @@ def report_content(result: DiscoveryResult) -> dict[str, Any]:
             )
             if gap is not None
         ],
-        "parameters": [_parameter(n, p) for n, p in result.parameters.items()],
+        "parameters": [parameter_row(n, p) for n, p in result.parameters.items()],
         "next": [] if test is None else [
             f"From {test.start}: {test.what}. Expected log Bayes factor between "
             f"{' and '.join(test.separates)}: {test.expected_log_bayes_factor:.0f}."
@@ -122,7 +123,9 @@ def _gap(name: str, gap: Gap | HeldOutGap) -> list[str]:
     ]  # fmt: skip
 
 
-def _parameter(name: str, entry: ParameterBeforeAfter) -> list[str]:
+def parameter_row(name: str, entry: ParameterBeforeAfter) -> list[str]:
+    """Return the printed cells of a parameter: before, after, and how far it had been off."""
+
     def interval(figure: ValueWithInterval) -> str:
         return " … ".join(rounded(limit, 4) for limit in figure.interval_95)
 
@@ -132,7 +135,7 @@ def _parameter(name: str, entry: ParameterBeforeAfter) -> list[str]:
         f"{name} [{printed_unit(entry.unit)}]",
         rounded(before.value, 4), interval(before),
         rounded(after.value, 4), interval(after),
-        "–" if off is None else f"{100 * off:+.1f} %",
+        "–" if off is None else f"{signed(100 * off, 1)} %",
     ]  # fmt: skip
 
 
@@ -144,7 +147,7 @@ def _where(where: LocalisedMisfit) -> str:
     for node, drivers in where.dependence.items():
         known = {name: value for name, value in drivers.items() if value is not None}
         ranked = sorted(known.items(), key=lambda item: -abs(item[1]))
-        told = ", ".join(f"{name.replace('_', ' ')} {value:+.2f}" for name, value in ranked)
+        told = ", ".join(f"{name.replace('_', ' ')} {signed(value, 2)}" for name, value in ranked)
         words.append(f"Correlation of what is missing at the {node} with {told}.")
     words.append(
         "It is estimated jointly with the network, which takes part of any cause upon itself."
