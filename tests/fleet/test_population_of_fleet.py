@@ -163,6 +163,7 @@ def test_one_type_of_several_has_to_be_chosen(fleet):
         heatrun.population(fleet, type="D")
 
 
+@pytest.mark.slow
 def test_all_types_are_written_and_the_small_one_is_named(fleet, tmp_path, capsys):
     words = ["population", str(fleet), "--out", str(tmp_path / "types"), "--json"]
     assert cli.main(words) == 0

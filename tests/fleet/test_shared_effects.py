@@ -224,6 +224,7 @@ def test_a_fleet_that_is_told_to_discover_keeps_what_its_tests_say(tmp_path, cap
     assert not (tmp_path / "out" / NAME).exists()
 
 
+@pytest.mark.slow
 def test_the_evidence_is_that_of_the_model_with_the_effect(tmp_path):
     """The slope of the log likelihood by an effect is that of finite differences."""
     write_fleet(tmp_path, num=1)

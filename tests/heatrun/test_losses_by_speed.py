@@ -95,7 +95,8 @@ def test_of_a_balance_the_parts_are_taken_out_and_on_a_map_they_come_on_top():
                    dict.fromkeys(form.nodes, T0), effects=[SpeedLoss(1.0, 1.0)])  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", ["balance", pytest.param("map", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["balance", "map"])
 def test_friction_is_recovered_beside_the_network(kind):
     motor = replace(MOTOR, losses=kind)
     test = reduce(record(kind=kind), motor)

@@ -28,7 +28,7 @@ def write_type_sheet(result: PopulationResult, path: Path) -> Path:
     )  # fmt: skip
     content["caption"] = (
         "Each machine by its own tests, and given all machines of the type. Long intervals of "
-        f"short tests are cut off at the frame.{thinned}"
+        f"short tests are truncated at the frame.{thinned}"
     )
     with tempfile.TemporaryDirectory() as name:
         figures = [
