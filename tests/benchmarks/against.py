@@ -118,6 +118,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--before", default="49dbf28", metavar="COMMIT")
     parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--only", default="", help="what has this in its name")
     parser.add_argument("--out", type=Path, default=OUT)
     chosen = parser.parse_args()
     data = ROOT / "data" / "synthetic"
@@ -127,6 +128,8 @@ def main() -> None:
         before = exported(chosen.before, Path(folder) / "before")
         trees = {"before": before, "now": ROOT}
         for what, job in jobs(*files).items():
+            if chosen.only not in what:
+                continue
             times: dict[str, list[float]] = {name: [] for name in trees}
             for turn in range(chosen.turns + 1):
                 for name, tree in trees.items():
@@ -136,15 +139,17 @@ def main() -> None:
             ratios = [n / b for n, b in zip(times["now"], times["before"], strict=True)]
             rows.append((what, *(statistics.median(times[name]) for name in trees), ratios))
             print(rows[-1], flush=True)
-    chosen.out.write_text(page(rows, chosen.before, chosen.turns))
+    words = f"--before {chosen.before} --turns {chosen.turns}"
+    words += f' --only "{chosen.only}"' if chosen.only else ""
+    chosen.out.write_text(page(rows, words, chosen.turns))
 
 
-def page(rows: list, commit: str, turns: int) -> str:
+def page(rows: list, words: str, turns: int) -> str:
     """Return the table."""
     lines = [
         "# Before unmodelled heat and now, in turns",
         "",
-        f"`python tests/benchmarks/against.py --before {commit} --turns {turns}`, "
+        f"`python tests/benchmarks/against.py {words}`, "
         f"{datetime.date.today()}. Processor time, median of {turns} turns; the ratio is the "
         "median of those of the turns, with the smallest and the largest. The likelihood may cost "
         f"{MOST:g} times as much as before.",
