@@ -122,9 +122,12 @@ def test_pieces_and_files_that_the_manifest_does_not_know_are_seen(result):
 
 def test_a_process_that_is_left_is_seen():
     mark = f"left behind by {os.getpid()};"
-    words = [sys.executable, "-c", "input()"]
+    words = [sys.executable, "-c", "print('here', flush=True); input()"]
     environment = {**os.environ, "HEATRUN_FAULTS_MARK": mark}
-    with subprocess.Popen(words, env=environment, stdin=subprocess.PIPE) as process:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, env=environment, stdin=pipe, stdout=pipe) as process:
+        # Before that the kernel may not have set the environment of the new program.
+        assert process.stdout.readline() == b"here\n"
         assert marked_processes(mark) == [process.pid]
         process.communicate(b"\n")
     assert marked_processes(mark) == []
