@@ -31,6 +31,10 @@ class ParameterOverride:
     per_test: bool | None = None
 
 
+HEAT_LIMITS = (1e-5, 0.05)
+"""Smallest and largest share of the mean loss that heat outside the network may have [1]."""
+
+
 @dataclass(frozen=True)
 class Adequacy:
     """How far a network of a few nodes is trusted: the prior of the heat that it misses.

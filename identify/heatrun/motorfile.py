@@ -15,7 +15,7 @@ from .certificate_file import parse_certificate
 from .errors import InputError, did_you_mean
 from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
 from .io.toml_values import shown, text_of
-from .motor import Adequacy, Motor, ParameterOverride
+from .motor import HEAT_LIMITS, Adequacy, Motor, ParameterOverride
 from .motor_parts import parse_parts
 from .motor_population import population_priors
 from .plausible import RANGES, UNITS, refuse_implausible
@@ -63,7 +63,11 @@ Limits = tuple[float, float, str]
 POSITIVE: Limits = (0.0, math.inf, "above 0")
 ANY_NUMBER: Limits = (-1e30, 1e30, "between -1e30 and 1e30")
 COEFFICIENT_RANGE: Limits = (100.0, 400.0, "between 100 and 400 degC (copper 234.5)")
-HEAT_RANGE: Limits = (1e-5, 0.05, "between 1e-5 and 0.05 of the mean loss (usual: 0.0015)")
+HEAT_RANGE: Limits = (
+    *HEAT_LIMITS,
+    f"between {HEAT_LIMITS[0]:g} and {HEAT_LIMITS[1]:g} of the mean loss "
+    f"(usual: {Adequacy().unmodelled_heat:g})",
+)
 HEAT_TIME_RANGE: Limits = (60.0, 86400.0, "between 60 and 86400 s (usual: 1200)")
 REFERENCE_RANGE: Limits = (-60.0, 250.0, "between -60 and 250 degC")
 

@@ -13,8 +13,6 @@ from __future__ import annotations
 import argparse
 import datetime
 import io
-import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -22,7 +20,8 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from measured import ROOT, environment, heatrun
+
 OUT = ROOT / "results" / "bench" / "against_before.md"
 MOST = 3.0
 
@@ -61,35 +60,10 @@ def exported(commit: str, folder: Path) -> Path:
     return folder
 
 
-def environment(tree: Path, cache: Path) -> dict[str, str]:
-    """Return the environment of a tree's processes."""
-    paths = os.pathsep.join(str(tree / part) for part in ("identify", "models"))
-    own = {**os.environ, "PYTHONPATH": paths, "XDG_CACHE_HOME": str(cache),
-           "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
-    own.pop("JAX_COMPILATION_CACHE_DIR", None)
-    return own
-
-
-def of_command(tree: Path, cache: Path, words: list[str]) -> float:
-    """Return the processor time [s] of a command."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    with tempfile.TemporaryDirectory() as out:
-        done = subprocess.run(
-            [sys.executable, "-m", "heatrun.cli", *words, "--out", f"{out}/run"],
-            cwd=tree, env=environment(tree, cache), capture_output=True, text=True,
-        )  # fmt: skip
-    if done.returncode not in (0, 1):
-        raise RuntimeError(
-            f"{' '.join(words)} in {tree} ended with {done.returncode}: {done.stderr}"
-        )
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-
-
 def of_likelihood(tree: Path, cache: Path) -> float:
     """Return the processor time of 64 log posteriors [s]."""
     done = subprocess.run(
-        [sys.executable, "-c", LIKELIHOOD], cwd=tree, env=environment(tree, cache), check=True,
+        [sys.executable, "-c", LIKELIHOOD], cwd=tree, env=environment(cache, tree), check=True,
         capture_output=True, text=True,
     )  # fmt: skip
     return float(done.stdout.split()[-1])
@@ -99,7 +73,11 @@ def jobs(motor: str, duty: str, step: str) -> dict:
     """Return what is timed, by name."""
 
     def command(*words: str):
-        return lambda tree, cache: of_command(tree, cache, list(words))
+        def timed(tree: Path, cache: Path) -> float:
+            with tempfile.TemporaryDirectory() as out:
+                return heatrun([*words, "--out", f"{out}/run"], cache, tree, (0, 1)).processor_s
+
+        return timed
 
     return {
         "64 log posteriors of 76 min at 10 Hz": of_likelihood,

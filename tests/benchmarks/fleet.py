@@ -23,7 +23,6 @@ import multiprocessing
 import os
 import resource
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -40,6 +39,7 @@ sys.path[:0] = [str(ROOT / "data" / "synthetic"), str(ROOT / "tests" / "fleet")]
 import generator  # noqa: E402
 import numpy as np  # noqa: E402
 from fleet_machines import NAMES, bench_records, machine  # noqa: E402
+from measured import heatrun  # noqa: E402
 from run import machine as about_machine  # noqa: E402
 
 from heatrun.fleet.fitting import FEWEST, fit_machines  # noqa: E402
@@ -149,17 +149,6 @@ def write_files(folder: Path, num: int, seed: int) -> None:
     (folder / "machines.csv").write_text("\n".join(rows) + "\n")
 
 
-def command(words: list[str], cache: Path) -> tuple[float, float]:
-    """Return wall and processor time [s] of a heatrun command."""
-    before, wall = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    environment = {**os.environ, "XDG_CACHE_HOME": str(cache)}
-    subprocess.run([sys.executable, "-m", "heatrun.cli", *words], check=True, env=environment,
-                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return time.perf_counter() - wall, used
-
-
 def by_commands(num: int, seed: int, folder: Path) -> list[Row]:
     """Time `heatrun fleet`, and `heatrun calibrate --quick` one after the other."""
     bench, cache = folder / "bench", folder / "cache"
@@ -168,19 +157,20 @@ def by_commands(num: int, seed: int, folder: Path) -> list[Row]:
     for what in ("heatrun fleet, first run", "heatrun fleet, programs compiled before"):
         out = folder / "out"
         shutil.rmtree(out, ignore_errors=True)
-        wall, used = command(["fleet", str(bench / "machines.csv"), "--out", str(out)], cache)
+        took = heatrun(["fleet", str(bench / "machines.csv"), "--out", str(out)], cache)
         timing = json.loads((out / "timing.json").read_text())["batches"]
         alone = sum(len(each["fitted_alone"]) for each in timing)
         reading = sum(sum(each["reading_processor_s"]) for each in timing)
         note = f"{reading / num * 1e3:.0f} ms of it a machine for reading; {alone} fitted alone"
-        rows.append(Row(what, num, wall, used, math.nan, note))
-    walls, useds = zip(*[
-        command(["calibrate", str(bench / f"motor{own}.toml"), *[str(bench / f"m{own}_{i}.csv")
+        rows.append(Row(what, num, took.wall_s, took.processor_s, math.nan, note))
+    each = [
+        heatrun(["calibrate", str(bench / f"motor{own}.toml"), *[str(bench / f"m{own}_{i}.csv")
                  for i in (0, 1)], "--quick", "--out", str(folder / f"run{own}")], cache)
         for own in range(NUM_QUICK)
-    ], strict=True)  # fmt: skip
+    ]  # fmt: skip
     note = "second order, posterior and sheet too; the first one compiles"
-    rows.append(Row("heatrun calibrate --quick, one by one", NUM_QUICK, sum(walls), sum(useds),
+    rows.append(Row("heatrun calibrate --quick, one by one", NUM_QUICK,
+                    sum(took.wall_s for took in each), sum(took.processor_s for took in each),
                     math.nan, note))  # fmt: skip
     return rows
 

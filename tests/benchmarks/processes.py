@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 from duty_record import record
+from measured import heatrun
 from rows import Row
 
 from heatrun.commands import COMMANDS
@@ -20,41 +20,11 @@ SECTION = "Processes"
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 LONG, LARGE = "A million samples", 1_000_000
 
-# the peak of a child is known to its parent only
-MEASURE = """
-import json, resource, subprocess, sys
-code = subprocess.call(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-print(json.dumps({"code": code, "peak_MB": peak / 1024}))
-"""
-
-
-def run(words: list[str], cache: Path) -> tuple[float, float]:
-    """Return the time [s] and the peak memory [MB] of a command in its own process.
-
-    Args:
-        words: After `heatrun`.
-        cache: Where compilations are kept; empty for a cold start.
-    """
-    environment = {**os.environ, "XDG_CACHE_HOME": str(cache)}
-    environment.pop("JAX_COMPILATION_CACHE_DIR", None)
-    command = [sys.executable, "-m", "heatrun.cli", *words]
-    begin = time.perf_counter()
-    done = subprocess.run(
-        [sys.executable, "-c", MEASURE, *command],
-        check=True, capture_output=True, text=True, env=environment,
-    )  # fmt: skip
-    seconds = time.perf_counter() - begin
-    found = json.loads(done.stdout)
-    if found["code"] != 0:
-        raise RuntimeError(f"heatrun {' '.join(words)} ended with code {found['code']}")
-    return seconds, found["peak_MB"]
-
 
 def help_of_each() -> list[Row]:
     """Time the help of every command: what a slow import at the top of a file would cost."""
     with tempfile.TemporaryDirectory() as folder:
-        times = {name: run([name, "--help"], Path(folder))[0] for name in COMMANDS}
+        times = {name: heatrun([name, "--help"], Path(folder)).wall_s for name in COMMANDS}
     slowest = max(times, key=lambda name: times[name])
     detail = ", ".join(f"{name} {1e3 * taken:.0f} ms" for name, taken in times.items())
     return [Row(SECTION, f"--help of the slowest command ({slowest})", times[slowest], "s", None,
@@ -100,8 +70,9 @@ def commands() -> list[Row]:
             ),
         ]
         for what, words, cache, target in jobs:
-            taken, peak = run(words, folder / "cache" / cache)
-            rows.append(Row(SECTION, what, taken, "s", target, f"peak {peak:.0f} MB"))
+            took = heatrun(words, folder / "cache" / cache)
+            note = f"peak {took.peak_MB:.0f} MB"
+            rows.append(Row(SECTION, what, took.wall_s, "s", target, note))
     return rows
 
 

@@ -15,7 +15,8 @@ from typing import Any
 
 from ..io.whole_files import write_whole
 from ..results.json_text import to_json
-from .rows import Row, arrow, schema
+from .arrow_schema import arrow
+from .rows import Row, schema
 
 FOLDER = "parts"
 ROW_GROUP = 512

@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from ..bench.record import Finding
-from ..errors import InputError
 from ..inference.fitting.fit_result import RESULT, Fit
 from ..inference.noise import noise_parameters
 from ..results.json_text import to_plain
+from .arrow_schema import LIST, Column, arrow_schema
 from .entries import Entry
 from .shared_effects.columns import COLUMNS as OF_EFFECTS
 
@@ -38,9 +38,7 @@ FITTED, REFUSED, FAILED = "fitted", "refused", "failed"
 
 Row = dict[str, Any]
 
-_LIST = "list of number"
-
-COLUMNS: tuple[tuple[str, str, str, str], ...] = (
+COLUMNS: tuple[Column, ...] = (
     ("machine", "text", "", "name of the machine, unique in the fleet"),
     ("type", "text", "", "what it is one of; empty if not said"),
     ("covariates", "map", "", "further columns of the fleet file, as texts"),
@@ -52,24 +50,24 @@ COLUMNS: tuple[tuple[str, str, str, str], ...] = (
     ("parameters", "list of text", "", "names of the thermal parameters"),
     ("parameter_units", "list of text", "", "unit of each"),
     ("transforms", "list of text", "", "log or linear: the space of the columns log_… and prior_…"),
-    ("parameter_values", _LIST, "parameter_units", "most probable value of each"),
-    ("parameter_sd", _LIST, "parameter_units", "standard deviation of each, to first order"),
-    ("log_mean", _LIST, "by transforms", "mean of ln(value / unit), or of the value if linear"),
-    ("log_covariance", _LIST, "by transforms", "covariance, row by row, all else integrated out"),
-    ("prior_mean", _LIST, "by transforms", "centre of the prior in that space"),
-    ("prior_sd", _LIST, "by transforms", "its standard deviation; independent parameters"),
+    ("parameter_values", LIST, "parameter_units", "most probable value of each"),
+    ("parameter_sd", LIST, "parameter_units", "standard deviation of each, to first order"),
+    ("log_mean", LIST, "by transforms", "mean of ln(value / unit), or of the value if linear"),
+    ("log_covariance", LIST, "by transforms", "covariance, row by row, all else integrated out"),
+    ("prior_mean", LIST, "by transforms", "centre of the prior in that space"),
+    ("prior_sd", LIST, "by transforms", "its standard deviation; independent parameters"),
     ("others", "list of text", "", "names of the other free parameters: resistance, instruments, "
      "starts, test by test in brackets"),
     ("other_units", "list of text", "", "unit of each"),
-    ("other_values", _LIST, "other_units", "most probable value of each"),
-    ("other_sd", _LIST, "other_units", "standard deviation of each, to first order"),
+    ("other_values", LIST, "other_units", "most probable value of each"),
+    ("other_sd", LIST, "other_units", "standard deviation of each, to first order"),
     ("noise", "list of text", "", "names of the parameters of noise and unmodelled heat"),
     ("noise_units", "list of text", "", "unit of each"),
-    ("noise_values", _LIST, "noise_units", "most probable value of each"),
-    ("noise_log_mean", _LIST, "1", "mean of ln(value / unit)"),
-    ("noise_log_covariance", _LIST, "1", "their covariance, row by row"),
-    ("noise_prior_mean", _LIST, "1", "centre of the prior of ln(value / unit)"),
-    ("noise_prior_sd", _LIST, "1", "its standard deviation"),
+    ("noise_values", LIST, "noise_units", "most probable value of each"),
+    ("noise_log_mean", LIST, "1", "mean of ln(value / unit)"),
+    ("noise_log_covariance", LIST, "1", "their covariance, row by row"),
+    ("noise_prior_mean", LIST, "1", "centre of the prior of ln(value / unit)"),
+    ("noise_prior_sd", LIST, "1", "its standard deviation"),
     ("noise_level_K", "number", "K", "standard deviation of the noise of a 20 s mean"),
     ("rmse_K", "number", "K", "root mean square residual of the winding's block means"),
     ("log_evidence", "number", "nat", "marginal likelihood by Laplace's method"),
@@ -77,8 +75,8 @@ COLUMNS: tuple[tuple[str, str, str, str], ...] = (
     ("duration_s", "number", "s", "their length in all"),
     ("num_blocks", "count", "1", "block means that were fitted"),
     ("holdout_tests", "list of text", "", "names of the records that were predicted only"),
-    ("holdout_rmse_K", _LIST, "K", "root mean square error of each"),
-    ("holdout_coverage_95", _LIST, "1", "share of its block means inside the 95 % band"),
+    ("holdout_rmse_K", LIST, "K", "root mean square error of each"),
+    ("holdout_coverage_95", LIST, "1", "share of its block means inside the 95 % band"),
     ("inputs", "list of file", "", "files: path as in the fleet file, role, SHA-256 (empty: none)"),
     *OF_EFFECTS,
 )  # fmt: skip
@@ -92,40 +90,7 @@ def schema() -> Any:
     Raises:
         InputError: If pyarrow is not installed.
     """
-    pa = arrow()
-    text, number = pa.string(), pa.float64()
-    file = pa.struct([("path", text), ("role", text), ("sha256", text)])
-    kinds = {
-        "text": text,
-        "truth": pa.bool_(),
-        "number": number,
-        "count": pa.int64(),
-        "map": pa.map_(text, text),
-        "list of text": pa.list_(text),
-        _LIST: pa.list_(number),
-        "list of file": pa.list_(file),
-    }
-    fields = []
-    for name, kind, unit, meaning in COLUMNS:
-        said = {"meaning": meaning} | ({"unit": unit} if unit else {})
-        fields.append(pa.field(name, kinds[kind], metadata=said))
-    return pa.schema(fields, metadata={"format": FORMAT})
-
-
-def arrow() -> Any:
-    """Return pyarrow.
-
-    Raises:
-        InputError: If it is not installed.
-    """
-    try:
-        import pyarrow
-    except ImportError as error:
-        raise InputError(
-            "Fleets are written as Parquet, which needs pyarrow, and it is not installed.",
-            remedy='Run: pip install "heatrun[fleet]"',
-        ) from error
-    return pyarrow
+    return arrow_schema(COLUMNS, FORMAT)
 
 
 def unfitted(

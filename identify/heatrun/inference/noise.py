@@ -28,7 +28,7 @@ from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Bool, Float
 
 from ..bench.blocks import BLOCK_S, Observation
-from ..motor import Adequacy
+from ..motor import HEAT_LIMITS, Adequacy
 from .parameters import Parameter
 
 NOISE = (
@@ -57,7 +57,7 @@ def noise_parameters(adequacy: Adequacy) -> tuple[Parameter, ...]:
     return (*NOISE[:3], replace(HEAT, centre=adequacy.unmodelled_heat))
 
 
-LARGEST = (20.0, 160.0, 20.0, 0.05)
+LARGEST = (20.0, 160.0, 20.0, HEAT_LIMITS[1])
 """Largest values of `NOISE` [K, s, K, 1]; the prior ends there. Without an end, a network that is
 far off would have all its error booked as noise over half an hour or as heat of half the loss, and
 its parameters would be left to their priors."""

@@ -127,6 +127,14 @@ class Problem:
         """Which blocks hold a reading, all tests in a row."""
         return np.concatenate([test.is_observed for test in self.tests])
 
+    def rmse_K(self, residual: Float[np.ndarray, " row"]) -> float:
+        """Return the root mean square of residuals where there is a reading [K].
+
+        Args:
+            residual: Of all rows, all tests in a row [K].
+        """
+        return float(np.sqrt(np.mean(residual[self.is_observed] ** 2)))
+
     @property
     def label(self) -> str:
         """Names of the tests, for messages."""

@@ -152,7 +152,7 @@ def _fit_jobs(
 
     by_group = linearise(key.structure, machines, jnp.asarray(z))
     rough = _rows(key, jobs, [means.residual for means in by_group])
-    rmse_white = [_rmse(job.problem, rows) for job, rows in zip(jobs, rough, strict=True)]
+    rmse_white = [job.problem.rmse_K(rows) for job, rows in zip(jobs, rough, strict=True)]
     results: dict[int, Found | _Level] = {}
     for lane, (job, own) in enumerate(zip(jobs, optima, strict=False)):
         if own is None:
@@ -181,10 +181,6 @@ def _fit_jobs(
             else host.fit(job.problem, lane, own, num_starts, rmse_white[lane])
         )
     return [results[lane] for lane in range(len(jobs))]
-
-
-def _rmse(problem: Problem, stacked: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(stacked[problem.is_observed] ** 2)))
 
 
 def _rows(key: Key, jobs: Sequence[_Job], by_group: Sequence[jax.Array]) -> list[np.ndarray]:
@@ -309,7 +305,7 @@ class _OfMachines(NamedTuple):
         lengths = [test.block_s for test in problem.tests]
         excess, is_flagged = low_frequency_excess(white, lengths)
         problem = replace(problem, heat=tuple(problem.split(self.heat[lane])), loggers={})
-        rmse = _rmse(problem, self.residual[lane])
+        rmse = problem.rmse_K(self.residual[lane])
         is_same = optima.cost - optima.cost[0] < SAME_OPTIMUM * max(1.0, 1e-3 * optima.cost[0])
         return Fit(
             problem=problem,

@@ -88,9 +88,7 @@ def optima_from_starts(
     places = np.array([[lane, group[0]] for lane, group in flat]).reshape(-1, 2)
     best = jax.tree.map(lambda values: values[..., places[:, 0], places[:, 1]], joined)
     near, came_to = continued(structure, rough, best, places[:, 0], noise, (), COARSE_STEPS)
-    lowest = np.full(width, np.inf)
-    np.fmin.at(lowest, places[:, 0], near.normal.cost)
-    is_lost = _are_lost(near, lowest[places[:, 0]])
+    is_lost = _are_lost(near, _lowest(near.normal.cost, places[:, 0]))
     kept = np.unique(came_to[~is_lost[came_to]])
     exact = on_host(begun(jnp.asarray(near.z[:, kept])))
     done, stands_for = continued(structure, machines, exact, places[kept, 0], noise, ())
@@ -107,8 +105,8 @@ def optima_from_starts(
             results.append(None)
             continue
         own = own[np.argsort(done.normal.cost[own])]
-        worst = LOST[0] * done.normal.cost[own[0]] + LOST[1]
-        own = own[done.has_ended[own] | (done.normal.cost[own] <= worst)]
+        is_near = _is_near(done.normal.cost[own], done.normal.cost[own[0]])
+        own = own[done.has_ended[own] | is_near]
         results.append(
             Optima(
                 z=done.z[:, own].T,
@@ -163,9 +161,7 @@ def continued(
     state = jax.tree.map(np.array, state)
     stands_for = np.arange(lanes.size)
     most = int(np.max(state.num_steps, initial=0))
-    lowest = np.full(width, np.inf)
-    np.fmin.at(lowest, lanes, state.normal.cost)
-    while (open_ones := _open(state, stands_for, lowest[lanes])).size and most < most_steps:
+    while (open_ones := _open(state, stands_for, lanes)).size and most < most_steps:
         most = min(most_steps, most + MORE_STEPS)
         for first in range(0, open_ones.size, width):
             part = open_ones[first : first + width]
@@ -183,7 +179,6 @@ def continued(
                 jax.tree.leaves(state), jax.tree.leaves(on_host(after)), strict=True
             ):
                 own[..., part] = found[..., : part.size]
-        np.fmin.at(lowest, lanes[open_ones], state.normal.cost[open_ones])
         for lane in np.unique(lanes[open_ones]):
             own = np.flatnonzero((lanes == lane) & (stands_for == np.arange(lanes.size)))
             for group in _together(state.z[:, own].T, state.normal.cost[own]):
@@ -191,12 +186,24 @@ def continued(
     return state, stands_for
 
 
-def _open(state: Any, stands_for: np.ndarray, lowest: np.ndarray) -> np.ndarray:
+def _open(state: Any, stands_for: np.ndarray, lanes: np.ndarray) -> np.ndarray:
     """Return the searches that go on: not at their end, not lost, and for themselves."""
+    lowest = _lowest(state.normal.cost, lanes)
     is_lost = (state.num_steps >= LOST_STEPS) & _are_lost(state, lowest)
-    return np.flatnonzero(~state.has_ended & ~is_lost & (stands_for == np.arange(lowest.size)))
+    return np.flatnonzero(~state.has_ended & ~is_lost & (stands_for == np.arange(lanes.size)))
+
+
+def _lowest(cost: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+    """Return for each search the lowest cost that one of its machine has."""
+    lowest = np.full(np.max(lanes, initial=-1) + 1, np.inf)
+    np.fmin.at(lowest, lanes, cost)
+    return lowest[lanes]
+
+
+def _is_near(cost: np.ndarray, lowest: np.ndarray) -> np.ndarray:
+    return cost <= LOST[0] * lowest + LOST[1]
 
 
 def _are_lost(state: Any, lowest: np.ndarray) -> np.ndarray:
     """Return which searches stand far above the best of their machine, without an end there."""
-    return ~state.has_ended & ~(state.normal.cost <= LOST[0] * lowest + LOST[1])
+    return ~state.has_ended & ~_is_near(state.normal.cost, lowest)

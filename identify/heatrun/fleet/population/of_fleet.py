@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, did_you_mean
+from ..arrow_schema import arrow
 from ..job import MACHINES, MANIFEST, FleetResult
 from ..parts import read_part
-from ..rows import FITTED, arrow
+from ..rows import FITTED
 from .gathered import Gathered, LeftOut
 
 Row = Mapping[str, Any]

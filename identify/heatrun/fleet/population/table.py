@@ -11,15 +11,13 @@ from functools import cache
 from typing import Any
 
 from ...results.population import PopulationMachine, PopulationResult
-from ..rows import arrow
+from ..arrow_schema import LIST, Column, arrow, arrow_schema
 
 FORMAT = "heatrun-population-rows/1"
 
 USED, LEFT_OUT = "used", "left out"
 
-_LIST = "list of number"
-
-COLUMNS: tuple[tuple[str, str, str, str], ...] = (
+COLUMNS: tuple[Column, ...] = (
     ("machine", "text", "", "name of the machine"),
     ("type", "text", "", "what it is one of; empty if not said"),
     ("status", "text", "", "used or left out"),
@@ -33,13 +31,13 @@ COLUMNS: tuple[tuple[str, str, str, str], ...] = (
     ("parameters", "list of text", "", "names of the thermal parameters"),
     ("parameter_units", "list of text", "", "unit of each"),
     ("transforms", "list of text", "", "log or linear: the space in which they are normal"),
-    ("alone_values", _LIST, "parameter_units", "median by the machine's own calibration"),
-    ("alone_low_95", _LIST, "parameter_units", "lower limit of its 95 % interval"),
-    ("alone_high_95", _LIST, "parameter_units", "upper limit"),
-    ("given_values", _LIST, "parameter_units", "median given all machines of the type"),
-    ("given_low_95", _LIST, "parameter_units", "lower limit of its 95 % interval"),
-    ("given_high_95", _LIST, "parameter_units", "upper limit"),
-    ("distance_sd", _LIST, "1", "how far its tests put each from what is expected, in standard "
+    ("alone_values", LIST, "parameter_units", "median by the machine's own calibration"),
+    ("alone_low_95", LIST, "parameter_units", "lower limit of its 95 % interval"),
+    ("alone_high_95", LIST, "parameter_units", "upper limit"),
+    ("given_values", LIST, "parameter_units", "median given all machines of the type"),
+    ("given_low_95", LIST, "parameter_units", "lower limit of its 95 % interval"),
+    ("given_high_95", LIST, "parameter_units", "upper limit"),
+    ("distance_sd", LIST, "1", "how far its tests put each from what is expected, in standard "
      "deviations over machines with what the tests leave open"),
 )  # fmt: skip
 """Name, kind, unit and meaning of each column, in order."""
@@ -52,22 +50,7 @@ def schema() -> Any:
     Raises:
         InputError: If pyarrow is not installed.
     """
-    pa = arrow()
-    text, number = pa.string(), pa.float64()
-    kinds = {
-        "text": text,
-        "truth": pa.bool_(),
-        "number": number,
-        "list of text": pa.list_(text),
-        _LIST: pa.list_(number),
-    }
-    fields = [
-        pa.field(
-            name, kinds[kind], metadata={"meaning": meaning} | ({"unit": unit} if unit else {})
-        )
-        for name, kind, unit, meaning in COLUMNS
-    ]
-    return pa.schema(fields, metadata={"format": FORMAT})
+    return arrow_schema(COLUMNS, FORMAT)
 
 
 def table_of(result: PopulationResult) -> Any:

@@ -8,17 +8,18 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ..arrow_schema import LIST, Column
 from .evidence import Evidence
 
-COLUMNS: tuple[tuple[str, str, str, str], ...] = (
+COLUMNS: tuple[Column, ...] = (
     ("effect_parameters", "list of text", "", "with --discover: free parameters that effects are "
      "told from, tests by number in brackets"),
     ("effects", "list of text", "", "likewise: effects that the tests could show, each with a "
      "setting of its shape"),
-    ("effect_score", "list of number", "1", "derivative of the log likelihood by the scores of "
+    ("effect_score", LIST, "1", "derivative of the log likelihood by the scores of "
      "effect_parameters, then of effects"),
-    ("effect_information", "list of number", "1", "its precision: upper triangle, row by row"),
-    ("effect_visible_K", "list of number", "K", "what each effect leaves of a refitted network at "
+    ("effect_information", LIST, "1", "its precision: upper triangle, row by row"),
+    ("effect_visible_K", LIST, "K", "what each effect leaves of a refitted network at "
      "a score of 1, root mean square"),
 )  # fmt: skip
 """Name, kind, unit and meaning of each column, in order."""

@@ -104,12 +104,12 @@ def fit(
         return failed(problem)
     best = int(np.argmin(cost))
     is_same = cost - cost[best] < SAME_OPTIMUM * max(1.0, 1e-3 * cost[best])
-    rmse_white = _rmse(problem, _linearise(problem, z[best])[0])
+    rmse_white = problem.rmse_K(_linearise(problem, z[best])[0])
 
     problem, state = _settle(problem, z[best])
     problem, state, modes = _explore(problem, state, z)
     excess, is_flagged = low_frequency_excess(_innovations(problem, state), _lengths(problem))
-    rmse = _rmse(problem, state.residual)
+    rmse = problem.rmse_K(state.residual)
     findings = misfit_findings(problem, state.noise_z, rmse, excess, is_flagged)
     if not state.is_converged:
         findings.append(_not_converged(problem))
@@ -164,7 +164,7 @@ def implied_level(problem: Problem, residual: np.ndarray) -> float:
         problem: Model and tests.
         residual: Residuals of all tests in a row [K].
     """
-    rmse = _rmse(problem, residual)
+    rmse = problem.rmse_K(residual)
     parts = [
         part[seen] / rmse
         for rows, test in zip(problem.split(residual), problem.tests, strict=True)
@@ -299,10 +299,6 @@ def _innovations(problem: Problem, state: _State) -> list[np.ndarray]:
 
 def _spread(problem: Problem, state: _State) -> Spread:
     return spread(problem, state.z, state.noise_z, state.residual, state.jacobian)
-
-
-def _rmse(problem: Problem, stacked: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(stacked[problem.is_observed] ** 2)))
 
 
 def misfit_findings(

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...bench.record import Finding
+from ...motor import HEAT_LIMITS
 from ..bodies import BodyCourse
 from ..parameters import Slot
 from ..posterior import Posterior
@@ -23,9 +24,6 @@ counts as one with its node: a point is no mean of a body."""
 OVERRULED, OVERRULED_K = 3.0, 0.5
 """Times that a fit may be farther from its tests than least squares with white noise [1], and how
 far it must be at all [K]: of 62 simulated machines with mild causes one was beyond."""
-
-LEAST_HEAT = 1e-5
-"""Smallest prior of the unmodelled heat that a motor file may state [1]."""
 
 BEYOND = 2.0
 """Standard deviations of its prior that an instrument's error may be from the centre [1]."""
@@ -48,11 +46,11 @@ def _overruled(posterior: Posterior) -> Finding | None:
     """Return the finding that unmodelled heat keeps the network from tests that it could follow."""
     fit = posterior.fit
     reached = fit.stats.get("rmse_white_K", math.nan)
-    rmse = float(np.sqrt(np.mean(np.concatenate(fit.residual)[fit.problem.is_observed] ** 2)))
+    rmse = fit.problem.rmse_K(np.concatenate(fit.residual))
     if not rmse > max(OVERRULED * reached, OVERRULED_K):
         return None
     usual = fit.problem.model.adequacy.unmodelled_heat
-    less = max(0.5 * usual * reached / rmse, LEAST_HEAT)
+    less = max(0.5 * usual * reached / rmse, HEAT_LIMITS[0])
     return Finding(
         id="heat_overrules_tests",
         severity="warning",

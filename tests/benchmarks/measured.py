@@ -1,0 +1,71 @@
+"""A heatrun command in a process of its own, and what it took."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+# what the children of a process have taken is known to their parent only
+MEASURE = """
+import json, resource, subprocess, sys, time
+begin = time.perf_counter()
+done = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+wall = time.perf_counter() - begin
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(json.dumps({"code": done.returncode, "said": done.stderr[-2000:], "wall_s": wall,
+                  "processor_s": used.ru_utime + used.ru_stime, "peak_MB": used.ru_maxrss / 1024}))
+"""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a command took: by the clock and of all processors [s], and its largest process [MB]."""
+
+    wall_s: float
+    processor_s: float
+    peak_MB: float
+
+
+def heatrun(
+    words: list[str], cache: Path, tree: Path = ROOT, codes: tuple[int, ...] = (0,)
+) -> Measured:
+    """Run a command to its end.
+
+    Args:
+        words: After `heatrun`.
+        cache: Where compilations are kept; empty for a cold start.
+        tree: Whose packages are run.
+        codes: With which it may end.
+
+    Raises:
+        RuntimeError: If it ends with another.
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", MEASURE, sys.executable, "-m", "heatrun.cli", *words],
+        check=True, capture_output=True, text=True, cwd=tree, env=environment(cache, tree),
+    )  # fmt: skip
+    found = json.loads(done.stdout)
+    code, said = found.pop("code"), found.pop("said")
+    if code not in codes:
+        raise RuntimeError(f"heatrun {' '.join(words)} in {tree} ended with code {code}: {said}")
+    return Measured(**found)
+
+
+def environment(cache: Path, tree: Path = ROOT) -> dict[str, str]:
+    """Return the environment of the processes of a tree.
+
+    Args:
+        cache: Where compilations are kept.
+        tree: Whose packages are run.
+    """
+    paths = os.pathsep.join(str(tree / part) for part in ("identify", "models"))
+    own = {**os.environ, "PYTHONPATH": paths, "XDG_CACHE_HOME": str(cache),
+           "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
+    own.pop("JAX_COMPILATION_CACHE_DIR", None)
+    return own
