@@ -10,18 +10,15 @@ out, and the fleet searched as `heatrun fleet --discover` does. It goes on where
 from __future__ import annotations
 
 import argparse
-import json
 import pickle
-import platform
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import fleet_of_hidden_causes as hidden_fleet
 import numpy as np
-from scipy.stats import beta
-from study_runs import PACKAGES
+from discovery_gates import limits_95
+from study_runs import rows_done, write_rows
 
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
@@ -37,6 +34,7 @@ from heatrun.results import to_plain
 from heatrun.runtime import configure
 
 OUT = Path(__file__).parents[2] / "results" / "fleet"
+COMMAND = "make study-fleet-discovery"
 FIRST_SEED = 130_000
 VISIBLE_K = 0.1
 NUM, LARGE = 40, 100
@@ -127,13 +125,6 @@ def evidence_of_fleet(
     return names, evidence
 
 
-def limit(hits: int, num: int) -> list[float]:
-    """Return the 95 % interval of a rate (Clopper and Pearson)."""
-    low = float(beta.ppf(0.025, hits, num - hits + 1)) if hits else 0.0
-    high = float(beta.ppf(0.975, hits + 1, num - hits)) if hits < num else 1.0
-    return [low, high]
-
-
 def is_named(row: dict[str, Any]) -> bool:
     """Whether the hidden effect is named, or is in the stated set."""
     claims = [e for e in row["effects"] if e["is_beyond_instruments"]]
@@ -163,7 +154,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     def line(label: str, some: list[dict[str, Any]], *counts: int) -> str:
         said = []
         for hits in counts:
-            low, high = limit(hits, len(some))
+            low, high = limits_95(hits, len(some))
             said.append(f"{hits} of {len(some)} ({100 * low:.0f}…{100 * high:.0f} %)")
         machines = sum(row["num_machines"] for row in some)
         alone = sum(row["num_alone"] for row in some) / machines
@@ -205,24 +196,20 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def write(rows: list[dict[str, Any]], command: str) -> None:
+def write(rows: list[dict[str, Any]], planned: int) -> None:
     """Write the figures and the page."""
     OUT.mkdir(parents=True, exist_ok=True)
-    content = {
-        "command": command,
-        "first_seed": FIRST_SEED,
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in PACKAGES},
-        "rows": rows,
-    }
-    (OUT / "discovery.json").write_text(json.dumps(to_plain(content), indent=1) + "\n")
+    write_rows(
+        OUT / "discovery.json", to_plain(rows), seed=FIRST_SEED, planned=planned, command=COMMAND
+    )
     size = [e["size"]["value"] / row["amplitude"] for row in rows if row["kind"] == "hidden"
             for e in row["effects"] if e["id"] == row["name"]]  # fmt: skip
     show = np.median([row["could_show_K"] for row in rows if row["kind"] == "clean"] or [np.nan])
     page = [
         "# Effects that the machines of a fleet share",
         "",
-        f"`{command}`, seeds from {FIRST_SEED}, {len(rows)} fleets; rates with their 95 % limits.",
+        f"`{COMMAND}`, seeds from {FIRST_SEED}, {len(rows)} of {planned} fleets; "
+        "rates with their 95 % limits.",
         "Two tests of one hour a machine, noise of 0.6 to 1.0 K over 50 to 120 s, readings to",
         "0.5 K, parameters 4 % and the effect 20 % apart from machine to machine; the errors of",
         "the bench are drawn once for a fleet. A machine alone shows something at the same level",
@@ -252,19 +239,19 @@ def main() -> None:
     options = parser.parse_args()
     configure()
     path = OUT / "discovery.json"
-    rows = json.loads(path.read_text())["rows"] if path.is_file() else []
+    rows = rows_done(path, FIRST_SEED) if path.is_file() else []
     done = {row["seed"] for row in rows}
-    command = "make study-fleet-discovery"
-    for case in cases(options.clean, options.hidden, options.large, options.off,
-                      options.unknown):  # fmt: skip
+    listed = list(cases(options.clean, options.hidden, options.large, options.off,
+                        options.unknown))  # fmt: skip
+    for case in listed:
         if case["seed"] in done:
             continue
         row = run(case, options.cache)
         rows.append(row)
-        write(rows, command)
+        write(rows, len(listed))
         said = [effect["id"] for effect in row["effects"]]
         print(row["kind"], row["name"], row["num"], row["verdict"], said, flush=True)
-    write(rows, command)
+    write(rows, len(listed))
 
 
 if __name__ == "__main__":

@@ -64,14 +64,17 @@ def said_of(row: Row) -> str:
     return f"{names} {row['processor_s']:.0f} s {row.get('failure', '')}"
 
 
-def write_rows(path: Path, rows: Sequence[Row], *, seed: int, planned: int) -> None:
-    """Write the rows of a study with command, seed and versions as JSON."""
+def write_rows(
+    path: Path, rows: Sequence[Row], *, seed: int, planned: int, command: str = ""
+) -> None:
+    """Write the rows of a study with command, seed and versions as JSON, a line for each row."""
     content = {
-        "command": " ".join(sys.argv),
+        "command": command or " ".join(sys.argv),
         "seed": seed,
         "planned": planned,
         "python": platform.python_version(),
         "versions": {name: version(name) for name in PACKAGES},
-        "rows": rows,
     }
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    head = json.dumps(content, indent=1).removesuffix("\n}")
+    lines = ",\n".join(f"  {json.dumps(row)}" for row in rows)
+    path.write_text(f'{head},\n "rows": [\n{lines}\n ]\n}}\n', encoding="utf-8")
