@@ -14,7 +14,8 @@ from heatrun.fleet.shared_effects.job import read_discovery
 pytest.importorskip("pyarrow")
 sys.path.insert(0, str(Path(__file__).parent))
 
-from fleet_discovery import cases, limit, table
+from discovery_gates import limits_95
+from fleet_discovery import cases, table
 from fleet_of_hidden_causes import (
     EFFECTS,
     TRUTH,
@@ -38,7 +39,7 @@ def rows_of(hits):
 def test_the_page_counts_false_finds_with_their_limits():
     (line,) = [each for each in table(rows_of([True, False, False, False])) if "fleets of" in each]
     assert line == "| fleets of 40 | 1 of 4 (1…81 %) | 1 of 4 (1…81 %) | 5 % |"
-    assert limit(0, 60)[1] == pytest.approx(0.0596, abs=1e-4)
+    assert limits_95(0, 60)[1] == pytest.approx(0.0596, abs=1e-4)
 
 
 def test_a_study_that_is_stopped_has_a_part_of_each_kind():
