@@ -1,9 +1,13 @@
 """Random kills of clients and workers of a fleet; its file is that of an undisturbed run.
 
 Each trial begins with an empty folder. The command is struck, by a signal to it or by SIGKILL to
-one of its workers, at a drawn moment, started again, and in the end left to finish. After each
-strike: no worker outlives its command, and every file that is there is whole and that of the
-undisturbed run, byte by byte.
+one of its workers, at a drawn moment, started again, and in the end left to finish. Half of the
+moments are drawn from the time that the command usually takes, half from the number of its parts,
+so that not all strikes fall into its start. After each strike: no worker outlives its command, and
+every file that is there is whole and that of the undisturbed run, byte by byte.
+
+The trials take two fleets in turn: machines that are fitted one by one, and machines that are
+fitted together.
 
     python tests/fleet/kills_campaign.py [--kills 60] [--seed 0] [--results results/fleet]
 
@@ -35,8 +39,13 @@ import psutil
 sys.path.insert(0, str(Path(__file__).parent))
 from simulated_fleet import write_fleet
 
-NUM_MACHINES, BATCH = 16, 2
+FLEETS = {"one by one": (16, 2), "together": (64, 16)}
+"""Machines, and machines of a batch; 16 of a kind are the fewest that are fitted together."""
+
 SIGNALS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SHARE_AT_PARTS = 0.5
+"""Of the moments; the others are drawn from the time that the command takes."""
+
 SHARE_OF_WORKERS = 0.5
 """Of the strikes; the others go to the command itself."""
 
@@ -44,6 +53,9 @@ MOST_STRIKES = 4
 """Strikes at the command in one trial; then it is left to end."""
 
 LONGEST_S = 900.0
+JUST_AFTER_S = 2.0
+"""A strike at a part falls within that time after it has been written."""
+
 GONE_S = 60.0
 """Until then the workers of a killed command have ended."""
 
@@ -55,25 +67,41 @@ Row = dict[str, Any]
 class Bench:
     """A fleet, its undisturbed run, and the folder that is struck."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, num: int, batch: int) -> None:
         self.folder, self.out = folder, folder / "out"
-        write_fleet(folder / "bench", NUM_MACHINES)
+        self.batch, self.num_parts = batch, num // batch
+        write_fleet(folder / "bench", num)
         self.environment = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(folder / "jax"),
                             "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
         reference = folder / "reference"
-        begun = time.monotonic()
-        code, said = self.started(reference, 0).communicate_code()
-        if code != 0:
-            raise SystemExit(f"the undisturbed run failed: {said}")
-        self.usual_s = time.monotonic() - begun
+        for out in (reference, folder / "compiled"):  # the second time is the usual one
+            begun = time.monotonic()
+            code, said = self.started(out, 0).communicate_code()
+            if code != 0:
+                raise SystemExit(f"the undisturbed run failed: {said}")
+            self.usual_s = time.monotonic() - begun
         self.expected = files_of(reference)
 
     def started(self, out: Path, workers: int) -> Command:
         """Start the command on the fleet."""
         fleet = self.folder / "bench" / "FLEET.toml"
         words = [sys.executable, "-m", "heatrun.cli", "fleet", str(fleet), "--batch",
-                 str(BATCH), "--workers", str(workers), "--out", str(out)]  # fmt: skip
+                 str(self.batch), "--workers", str(workers), "--out", str(out)]  # fmt: skip
         return Command(words, self.environment)
+
+    def num_done(self) -> int:
+        """Return the number of parts that are there."""
+        return len(list((self.out / "parts").glob("*.parquet")))
+
+    def wait(self, command: Command, draw: random.Random) -> None:
+        """Wait for a drawn moment of the command, or for its end."""
+        if draw.random() < SHARE_AT_PARTS:
+            wanted, after = draw.randrange(self.num_parts), draw.uniform(0.0, JUST_AFTER_S)
+            while self.num_done() <= wanted and command.process.poll() is None:
+                time.sleep(0.01)
+        else:
+            after = draw.uniform(0.0, self.usual_s)
+        time.sleep(after)
 
     def faults(self) -> list[str]:
         """Return what is wrong with the files of a struck run."""
@@ -147,7 +175,7 @@ def trial(bench: Bench, draw: random.Random) -> list[Row]:
 def _strike_workers(command: Command, bench: Bench, draw: random.Random, num: int) -> list[Row]:
     rows: list[Row] = []
     while len(rows) < num and command.process.poll() is None:
-        time.sleep(draw.uniform(0.0, 0.4 * bench.usual_s))
+        bench.wait(command, draw)
         workers = command.workers()
         if not workers:  # it reads, starts them or joins the parts
             continue
@@ -156,13 +184,15 @@ def _strike_workers(command: Command, bench: Bench, draw: random.Random, num: in
             chosen.kill()
         except psutil.NoSuchProcess:
             continue
-        rows.append({"kind": "worker", "signal": "SIGKILL", "parts": _parts(bench), "faults": []})
+        rows.append(
+            {"kind": "worker", "signal": "SIGKILL", "parts": bench.num_done(), "faults": []}
+        )
     return rows
 
 
 def _strike_command(command: Command, bench: Bench, draw: random.Random) -> Row:
     sent = draw.choice(SIGNALS)
-    time.sleep(draw.uniform(0.0, bench.usual_s))
+    bench.wait(command, draw)
     children = command.children()
     was_running = command.process.poll() is None
     command.process.send_signal(sent)
@@ -172,11 +202,7 @@ def _strike_command(command: Command, bench: Bench, draw: random.Random) -> Row:
     if was_running and code not in (-sent, 130, 0):
         faults.append(f"exit code {code} after {sent.name}: {said[-300:]}")
     return {"kind": "command" if was_running else "late", "signal": sent.name,
-            "parts": _parts(bench), "faults": faults + bench.faults()}  # fmt: skip
-
-
-def _parts(bench: Bench) -> int:
-    return len(list((bench.out / "parts").glob("*.parquet")))
+            "parts": bench.num_done(), "faults": faults + bench.faults()}  # fmt: skip
 
 
 def table(rows: list[Row], arguments: argparse.Namespace) -> str:
@@ -184,23 +210,25 @@ def table(rows: list[Row], arguments: argparse.Namespace) -> str:
     strikes = [row for row in rows if row["kind"] in ("command", "worker")]
     ends = [row for row in rows if row["kind"] == "end"]
     faults = [fault for row in rows for fault in row["faults"]]
-    by_kind = Counter((row["kind"], row["signal"]) for row in strikes)
-    midway = sum(0 < row["parts"] < NUM_MACHINES // BATCH for row in strikes)
+    by_kind = Counter((row["fleet"], row["kind"], row["signal"]) for row in strikes)
+    midway = sum(0 < row["parts"] < row["of"] for row in strikes)
     versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True,
                             cwd=Path(__file__).parent, check=False).stdout.strip()  # fmt: skip
     lines = [
         "# A fleet whose client and workers are killed at random", "",
-        f"{NUM_MACHINES} simulated machines in batches of {BATCH}, worked out by 1, 2 or 4 "
-        "workers. Commands are struck by a",
-        "signal, workers by SIGKILL, at drawn moments; a struck command is started again and in "
-        "the end left to finish.",
-        "After each strike and at each end, every part and the joined file are compared byte by "
-        "byte with those of an",
-        "undisturbed run without workers, and no process may outlive its command.", "",
-        "| what is struck | signal | strikes |", "|---|---|---|",
-        *(f"| {kind} | {name} | {num} |" for (kind, name), num in sorted(by_kind.items())),
-        f"| **all** ({arguments.kills} planned) | | **{len(strikes)}** |", "",
+        *(f"- fitted {name}: {num} simulated machines in batches of {batch}"
+          for name, (num, batch) in FLEETS.items()), "",
+        "Worked out by 1, 2 or 4 workers. Commands are struck by a signal, workers by SIGKILL, at "
+        "drawn moments; a struck",
+        "command is started again and in the end left to finish. After each strike and at each "
+        "end, every part and the",
+        "joined file are compared byte by byte with those of an undisturbed run without workers, "
+        "and no process may",
+        "outlive its command.", "",
+        "| machines fitted | what is struck | signal | strikes |", "|---|---|---|---|",
+        *(f"| {' | '.join(words)} | {num} |" for words, num in sorted(by_kind.items())),
+        f"| **all** ({arguments.kills} planned) | | | **{len(strikes)}** |", "",
         f"- struck while some but not all parts were there: {midway}",
         f"- runs left to finish: {len(ends)}; identical to the last bit: "
         f"{sum(not row['faults'] for row in ends)}",
@@ -240,13 +268,18 @@ def main() -> None:
     trials: list[list[Row]] = _trials_done(kept, arguments.seed)
     arguments.results.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="fleet-kills-") as folder:
-        bench = Bench(Path(folder))
-        print(f"undisturbed: {bench.usual_s:.0f} s", flush=True)
+        benches = {}
+        for name, (num, batch) in FLEETS.items():
+            benches[name] = Bench(Path(folder) / name.replace(" ", "_"), num, batch)
+            print(f"{name}, undisturbed: {benches[name].usual_s:.0f} s", flush=True)
         begun = time.monotonic()
         while _num_strikes(trials) < arguments.kills:
             if time.monotonic() - begun > 60.0 * arguments.minutes:
                 break
-            trials.append(trial(bench, random.Random(f"{arguments.seed} {len(trials)}")))
+            name = list(FLEETS)[len(trials) % len(FLEETS)]
+            bench, draw = benches[name], random.Random(f"{arguments.seed} {len(trials)}")
+            about = {"fleet": name, "of": bench.num_parts}
+            trials.append([about | row for row in trial(bench, draw)])
             content = {"seed": arguments.seed, "trials": trials}
             kept.write_text(json.dumps(content, indent=1) + "\n")
             print(

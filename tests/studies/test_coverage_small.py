@@ -11,7 +11,7 @@ from scipy.stats import binom
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-NUM = 24
+NUM = 16
 SEED = 2_000
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 LEVELS = (0.5, 0.9)
