@@ -96,7 +96,8 @@ class Bench:
     def wait(self, command: Command, draw: random.Random) -> None:
         """Wait for a drawn moment of the command, or for its end."""
         if draw.random() < SHARE_AT_PARTS:
-            wanted, after = draw.randrange(self.num_parts), draw.uniform(0.0, JUST_AFTER_S)
+            wanted = draw.randrange(min(self.num_done(), self.num_parts - 1), self.num_parts)
+            after = draw.uniform(0.0, JUST_AFTER_S)
             while self.num_done() <= wanted and command.process.poll() is None:
                 time.sleep(0.01)
         else:
