@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ...io.printable import clean
 from ...io.quantities import printed_unit, rounded
+from ...reports.sheet.digits import signed
 from ...results.gap import ValueWithInterval
 from ...results.population import PopulationResult
 from .types import Written
@@ -84,11 +85,12 @@ def spread(entry: ValueWithInterval, transform: str, unit: str) -> str:
 
 def change(entry: ValueWithInterval, name: str, result: PopulationResult) -> str:
     """Return what a covariate does to a parameter as it is printed."""
-    said = result.parameters[name]
-    if said.transform == "linear":
-        return f"{_ranged(entry, 3)} {printed_unit(said.unit)}".rstrip()
+    parameter = result.parameters[name]
+    if parameter.transform == "linear":
+        return f"{_ranged(entry, 3)} {printed_unit(parameter.unit)}".rstrip()
     low, high = entry.interval_95
-    return f"{100 * entry.value:+.1f} ({100 * low:+.1f} … {100 * high:+.1f}) %"
+    said, low, high = (signed(100 * each, 1) for each in (entry.value, low, high))
+    return f"{said} ({low} … {high}) %"
 
 
 def _ranged(entry: ValueWithInterval, digits: int = 4) -> str:
