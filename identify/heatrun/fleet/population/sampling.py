@@ -15,6 +15,7 @@ from scipy.optimize import minimize
 
 from ...inference.kernels import log_student, student
 from ...inference.sampling.diagnostics import pareto_smoothed
+from ...inference.sampling.ensemble import evolution
 from .evidence import Evidence
 from .law import Hyperprior, Law, log_marginals, num_scores, unpack
 
@@ -179,9 +180,8 @@ def _ensemble(
         size,
         lambda rows: np.nan_to_num(np.asarray(_many(data, hyper, jnp.asarray(rows))), nan=-np.inf),
         vectorize=True,
-        moves=[(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.1),
-               (emcee.moves.StretchMove(), 0.1)],
-    )  # fmt: skip
+        moves=evolution(),
+    )
     start = scores[rng.choice(scores.shape[0], num, replace=False)]
     start = start + 0.05 * scores.std(axis=0) * rng.standard_normal(start.shape)
     state = emcee.State(start, random_state=np.random.RandomState(rng.integers(2**31)).get_state())
