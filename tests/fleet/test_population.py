@@ -16,7 +16,7 @@ from heatrun.fleet.population.factors import cholesky, solve_lower
 from heatrun.fleet.population.law import Hyperprior, num_scores, unpack
 from heatrun.fleet.population.machines import _under, given_population
 from heatrun.fleet.population.next_machine import next_machine
-from heatrun.fleet.population.sampling import _Data, _many, sample_population
+from heatrun.fleet.population.sampling import Data, _many, sample_population
 from heatrun.fleet.population.tolerance import tolerance_limits
 
 # D. B. Rubin, Estimation in parallel randomized experiments, Journal of Educational Statistics 6
@@ -196,7 +196,7 @@ def test_the_next_machine_is_what_a_new_one_turns_out_to_be(fleet):
 def test_nothing_compiled_waits_for_a_library_of_linear_algebra():
     """Batches of its factorisations wait for one another for ever on two cores."""
     evidence, _, supplier, hyper, _ = simulated(6, 4)
-    data = _Data(*map(jnp.asarray, (supplier, evidence.information, evidence.precision)))
+    data = Data.of(evidence, supplier)
     rows = jnp.zeros((2, num_scores(4, 1)))
     law = jax.vmap(lambda z: unpack(z, hyper, 1)[0])(rows)
     for compiled in (
@@ -205,6 +205,16 @@ def test_nothing_compiled_waits_for_a_library_of_linear_algebra():
     ):
         text = compiled.as_text()
         assert not any(word in text for word in ("lapack", "cholesky", "triangular_solve"))
+
+
+def test_places_without_a_machine_weigh_nothing():
+    evidence, _, supplier, hyper, _ = simulated(6, 4)
+    bare = Data(*map(jnp.asarray, (supplier, evidence.information, evidence.precision)))
+    filled = Data.of(evidence, supplier)
+    assert len(filled.design) > len(bare.design)
+    rows = 0.5 * np.random.default_rng(2).standard_normal((8, num_scores(4, 1)))
+    found = [_many(data, hyper, jnp.asarray(rows)) for data in (bare, filled)]
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-12)
 
 
 def test_factors_are_those_of_the_library():

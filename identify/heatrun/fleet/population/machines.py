@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from .law import OUTLIER_SCALE, Law, given_machine, log_marginals
-from .sampling import Population
+from .sampling import Data, Population
 
 NUM_LAWS = 400
 """Draws of the law that the machines are averaged over."""
@@ -39,15 +40,21 @@ def given_population(population: Population) -> Machines:
     """Return what is known of each machine once all are."""
     evidence = population.evidence
     laws = Law(*(each[:: max(1, each.shape[0] // NUM_LAWS)] for each in population.laws))
-    data = tuple(map(jnp.asarray, (population.design, evidence.information, evidence.precision)))
-    has_outliers = population.hyper.has_outliers
-    found = jax.lax.map(partial(_under, *data, has_outliers=has_outliers), laws)
-    mean, second, outlier, centre = (np.asarray(part).mean(axis=0) for part in found)
+    data = Data.of(evidence, population.design)
+    found = _under_each(data, population.hyper.has_outliers, laws)
+    mean, second, outlier, centre = (
+        np.asarray(part).mean(axis=0)[: evidence.num_machines] for part in found
+    )
     covariance = second - np.einsum("mi,mj->mij", mean, mean)
     spread = np.asarray(jnp.mean(laws.sd**2, axis=0))
     own = np.einsum("mii->mi", _alone(population))
     distance = (_best(population, centre) - centre) / np.sqrt(spread + own)
     return Machines(mean, covariance, outlier, distance)
+
+
+@eqx.filter_jit
+def _under_each(data: Data, has_outliers: bool, laws: Law) -> tuple[Array, ...]:
+    return jax.lax.map(partial(_under, *data, has_outliers=has_outliers), laws)
 
 
 def _under(design, information, precision, law, *, has_outliers):

@@ -31,6 +31,12 @@ MOST_PARETO_K = 0.6
 NUM_ROUNDS = 8
 """Rounds of the proposal, at most; the first is the normal law about the mode."""
 
+STEP = 1e-4
+"""Of the differences that give the curvature [scores, of which the prior's are of order 1]."""
+
+FEWEST_PLACES = 16
+"""Places for machines that a compiled program has at least; it has up to a quarter too many."""
+
 LARGE_FLEET = 2000
 """Machines from which on the law is so well known that no ensemble is needed."""
 
@@ -81,7 +87,7 @@ def sample_population(
     """
     design = np.zeros((evidence.num_machines, 0)) if design is None else np.asarray(design, float)
     num_covariates = design.shape[1]
-    data = _Data(*map(jnp.asarray, (design, evidence.information, evidence.precision)))
+    data = Data.of(evidence, design)
     rng = np.random.default_rng([seed, 17])
     mode = _mode(data, hyper, num_scores(len(evidence.names), num_covariates))
     scores, k = _importance(data, hyper, mode, rng)
@@ -89,19 +95,44 @@ def sample_population(
     if not is_converged and evidence.num_machines < LARGE_FLEET:
         scores, is_converged = _ensemble(data, hyper, scores, rng)
         method = "emcee"
-    laws, _ = jax.vmap(lambda z: unpack(z, hyper, num_covariates))(jnp.asarray(scores))
+    laws = _laws(hyper, num_covariates, jnp.asarray(scores))
     return Population(evidence, design, hyper, laws, method, k, is_converged)
 
 
-class _Data(NamedTuple):
-    """The machines: covariates, information and precision."""
+class Data(NamedTuple):
+    """The machines: covariates, information and precision.
+
+    There are as many as the next of few sizes has place for, so that not every fleet compiles
+    anew. Those at the end that are none have no test and so weigh nothing.
+    """
 
     design: Array
     information: Array
     precision: Array
 
+    @classmethod
+    def of(cls, evidence: Evidence, design: Float[np.ndarray, "machine covariate"]) -> Data:
+        """Return the machines with what fills the place behind them.
 
-def _log_density(data: _Data, hyper: Hyperprior, scores: Float[Array, " score"]) -> Array:
+        Args:
+            evidence: Of the machines.
+            design: Covariates.
+        """
+        num = evidence.num_machines
+        step = max(FEWEST_PLACES, 2 ** (num.bit_length() - 3))
+        empty = -num % step
+        return cls(*(
+            jnp.asarray(np.pad(part, [(0, empty)] + [(0, 0)] * (part.ndim - 1)))
+            for part in (design, evidence.information, evidence.precision)
+        ))  # fmt: skip
+
+
+@eqx.filter_jit
+def _laws(hyper: Hyperprior, num_covariates: int, scores: Float[Array, "draw score"]) -> Law:
+    return jax.vmap(lambda z: unpack(z, hyper, num_covariates)[0])(scores)
+
+
+def _log_density(data: Data, hyper: Hyperprior, scores: Float[Array, " score"]) -> Array:
     law, log_prior = unpack(scores, hyper, data.design.shape[1])
     usual, other = log_marginals(law, *data, has_outliers=hyper.has_outliers)
     total = jnp.logaddexp(usual, other) if hyper.has_outliers else usual
@@ -109,15 +140,14 @@ def _log_density(data: _Data, hyper: Hyperprior, scores: Float[Array, " score"])
 
 
 _value_and_slope = eqx.filter_jit(jax.value_and_grad(_log_density, argnums=2))
-_curvature = eqx.filter_jit(jax.hessian(_log_density, argnums=2))
 
 
 @eqx.filter_jit
-def _many(data: _Data, hyper: Hyperprior, rows: Float[Array, "draw score"]) -> Array:
+def _many(data: Data, hyper: Hyperprior, rows: Float[Array, "draw score"]) -> Array:
     return jax.lax.map(lambda z: _log_density(data, hyper, z), rows, batch_size=32)
 
 
-def _mode(data: _Data, hyper: Hyperprior, size: int) -> np.ndarray:
+def _mode(data: Data, hyper: Hyperprior, size: int) -> np.ndarray:
     def objective(z: np.ndarray) -> tuple[float, np.ndarray]:
         value, slope = _value_and_slope(data, hyper, jnp.asarray(z))
         return -float(value), -np.asarray(slope)
@@ -129,8 +159,17 @@ def _mode(data: _Data, hyper: Hyperprior, size: int) -> np.ndarray:
     return np.asarray(min(found, key=lambda each: each.fun).x)
 
 
+def _curvature(data: Data, hyper: Hyperprior, mode: np.ndarray) -> Float[np.ndarray, "score score"]:
+    """Return the second derivatives, for the proposal: by differences, which compile nothing."""
+    rows = []
+    for step in STEP * np.eye(mode.size):
+        slopes = [_value_and_slope(data, hyper, jnp.asarray(mode + by))[1] for by in (step, -step)]
+        rows.append(np.subtract(*map(np.asarray, slopes)) / (2.0 * STEP))
+    return 0.5 * (np.array(rows) + np.array(rows).T)
+
+
 def _importance(
-    data: _Data, hyper: Hyperprior, mode: np.ndarray, rng: np.random.Generator
+    data: Data, hyper: Hyperprior, mode: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
     """Return draws picked by weight, and the shape of the weights' tail.
 
@@ -140,7 +179,7 @@ def _importance(
     Reference: O. Cappe, A. Guillin, J. M. Marin, C. P. Robert, Population Monte Carlo, Journal of
         Computational and Graphical Statistics 13 (2004) 907-929.
     """
-    values, directions = np.linalg.eigh(-np.asarray(_curvature(data, hyper, jnp.asarray(mode))))
+    values, directions = np.linalg.eigh(-_curvature(data, hyper, mode))
     centre, covariance = mode, (directions / np.maximum(values, 0.05)) @ directions.T
     scores, smoothed = mode[None], pareto_smoothed(np.zeros(1))
     for _ in range(NUM_ROUNDS):
@@ -167,7 +206,7 @@ def _importance(
 
 
 def _ensemble(
-    data: _Data, hyper: Hyperprior, scores: np.ndarray, rng: np.random.Generator
+    data: Data, hyper: Hyperprior, scores: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, bool]:
     """Return draws of an ensemble of walkers, and whether it ran long enough.
 
