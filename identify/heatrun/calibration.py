@@ -23,6 +23,7 @@ from .inference.batches import at_once
 from .inference.fitting.fit import fit
 from .inference.fitting.fit_checks import fit_findings
 from .inference.fitting.fit_result import Fit
+from .inference.fitting.held_heat import holding_heat
 from .inference.fitting.reduction_checks import check_reduction
 from .inference.fitting.test_to_test import changes_finding, fit_with_changes
 from .inference.model import Model
@@ -160,7 +161,7 @@ def calibrate(
         say(f"{model.title}: least squares from many starts")
         work.at((name, "fit"), f"{model.title}: least squares from many starts")
         rows = [model.with_bodies(test) for test in fitted]
-        found = fit(Problem.of(model, motor, rows), seed=seed)
+        found = holding_heat(fit(Problem.of(model, motor, rows), seed=seed), seed=seed)
         work.done((name, "fit"), f"{model.title}: fitted")
         is_last = name == names[-1]  # a network that another one extends is known to miss it
         screened = None

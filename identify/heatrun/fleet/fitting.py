@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from ..inference.fitting.fit import fit
 from ..inference.fitting.fit_result import Fit
+from ..inference.fitting.held_heat import holding_heat
 from ..inference.problem import Problem
 from .batch.fit import fit_batch
 from .batch.layout import NotBatched, key_of, why_not
@@ -59,10 +60,7 @@ def fit_machines(problems: Sequence[Problem], seed: int, num_planned: int) -> Fi
                 alone[place] = result.reason
             else:
                 found[place] = result
-    fits = [
-        found[place] if place in found else _one(problem, seed)
-        for place, problem in enumerate(problems)
-    ]
+    fits = [_one(problem, found.get(place), seed) for place, problem in enumerate(problems)]
     return Fitted(fits, alone)
 
 
@@ -78,9 +76,10 @@ def _alone(problems: Sequence[Problem], num_planned: int) -> dict[int, str]:
     return alone
 
 
-def _one(problem: Problem, seed: int) -> Fit | Exception:
+def _one(problem: Problem, found: Fit | None, seed: int) -> Fit | Exception:
+    """Return the fit of one, or that of the batch, that follows its tests."""
     try:
-        return fit(problem, seed=seed, throw=False)
+        return holding_heat(found or fit(problem, seed=seed, throw=False), seed=seed)
     except MemoryError:
         raise
     except Exception as error:  # whatever one machine raises, the others are fitted

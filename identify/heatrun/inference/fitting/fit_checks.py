@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,6 +12,7 @@ from ..bodies import BodyCourse
 from ..parameters import Slot
 from ..posterior import Posterior
 from ..predict import Prediction
+from .held_heat import distance, is_overruled
 
 LEAST_COVERAGE = 0.85
 """Share of held-out readings inside the 95 % band below which the model counts as off [1]."""
@@ -20,10 +20,6 @@ LEAST_COVERAGE = 0.85
 BODY_K, BODY_SHARE = 2.0, 0.1
 """Root mean square error of a measured body [K], and as a share of its span [1], up to which it
 counts as one with its node: a point is no mean of a body."""
-
-OVERRULED, OVERRULED_K = 3.0, 0.5
-"""Times that a fit may be farther from its tests than least squares with white noise [1], and how
-far it must be at all [K]: of 62 simulated machines with mild causes one was beyond."""
 
 BEYOND = 2.0
 """Standard deviations of its prior that an instrument's error may be from the centre [1]."""
@@ -45,10 +41,9 @@ def fit_findings(posterior: Posterior, predictions: Sequence[Prediction]) -> lis
 def _overruled(posterior: Posterior) -> Finding | None:
     """Return the finding that unmodelled heat keeps the network from tests that it could follow."""
     fit = posterior.fit
-    reached = fit.stats.get("rmse_white_K", math.nan)
-    rmse = fit.problem.rmse_K(np.concatenate(fit.residual))
-    if not rmse > max(OVERRULED * reached, OVERRULED_K):
+    if not is_overruled(fit):
         return None
+    rmse, reached = distance(fit)
     usual = fit.problem.model.adequacy.unmodelled_heat
     less = max(0.5 * usual * reached / rmse, HEAT_LIMITS[0])
     return Finding(

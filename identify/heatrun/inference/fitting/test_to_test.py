@@ -20,6 +20,7 @@ from ..posterior import Posterior
 from ..problem import Problem
 from .fit import fit
 from .fit_result import Fit
+from .held_heat import HELD
 from .restricted import estimate_noise, log_evidence
 
 SIZES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
@@ -99,7 +100,8 @@ def fit_with_changes(found: Fit, *, beyond: float = -np.inf, seed: int = 0) -> F
     model = replace(problem.model, change_sd=scatter.size)
     again = fit(Problem.of(model, problem.motor, problem.tests), seed=seed)
     stats = {**again.stats, "test_to_test_gain": scatter.gain}
-    return replace(again, stats=stats)
+    held = [finding for finding in found.findings if finding.id == HELD]
+    return replace(again, stats=stats, findings=(*again.findings, *held))
 
 
 def changes_finding(posterior: Posterior) -> Finding | None:
