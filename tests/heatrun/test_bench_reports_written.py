@@ -100,6 +100,32 @@ def test_the_date_comes_from_the_name_else_the_header_else_the_file(tmp_path, na
 
 
 @pytest.mark.usefixtures("unset")
+def test_the_clock_of_a_record_says_the_date_before_any_name(tmp_path):
+    head = "time,dc_voltage_V,dc_current_A,winding_degC\n"
+    rows = "".join(f"2026-03-04 10:00:{t:02},100,10,{20 + t}\n" for t in (0, 10, 20, 30))
+    for name, stem in (
+        ("export_2026_03_09.csv", "2026_03_04_001"),
+        ("Test_2026_03_04_17.csv", "2026_03_04_17"),
+    ):
+        (tmp_path / name).write_text(head + rows, encoding="utf-8")
+        (outcome,) = make_report("general", CAR, [tmp_path / name], tmp_path / name[:4])
+        assert outcome.pdf.name == f"GeneralInformationTest_{stem}.pdf"
+        content = json.loads(outcome.json.read_text("utf-8"))
+        assert (content["date"], content["date_from"]) == ("2026-03-04", "clock of the record")
+
+
+def test_the_time_of_a_file_is_no_date_of_a_test(tmp_path):
+    test = write_drive(tmp_path / "run.csv")
+    os.utime(test, (1e9, 1e9))
+    (outcome,) = make_report("general", CAR, [test], tmp_path / "out")
+    assert outcome.pdf.name == "GeneralInformationTest_2001_09_09_001.pdf"
+    content = json.loads(outcome.json.read_text("utf-8"))
+    assert content["date"] is None
+    assert content["date_from"] is None
+    assert "Dateofthetestnotknown" in text_of(outcome.pdf)
+
+
+@pytest.mark.usefixtures("unset")
 def test_another_test_of_the_same_name_is_a_second_one_and_the_same_keeps_its_own(tmp_path):
     (tmp_path / "other").mkdir()
     one = write_drive(tmp_path / "Test_2022_12_07_001.csv")

@@ -63,6 +63,35 @@ def test_what_the_columns_contradict(tmp_path, name, factor, severity, said):
         assert findings[0].values["ratio"] == pytest.approx(factor, rel=1e-3)
 
 
+DC = {
+    "torque_Nm": TORQUE_NM,
+    "dc_voltage_V": np.full(TIME_S.size, 400.0),
+    # an inverter with 95 % of efficiency stands between the DC link and the motor
+    "dc_current_A": (SHAFT_W + LOSSES_W) / 0.95 / 400.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("factor", "severity", "said"),
+    [
+        # of the 750 W between DC link and shaft the inverter takes some 300 W: any part may be its
+        (1.0, None, ""),
+        (0.5, None, ""),
+        (4.0, "error", "at most dc_voltage_V·dc_current_A - torque·omega"),
+        (1e3, "error", ""),
+        (1e-3, "error", "losses_W is in kW under a unit of W"),
+    ],
+)
+def test_losses_are_no_more_than_what_is_between_dc_link_and_shaft(
+    tmp_path, factor, severity, said
+):
+    columns = PLAIN | DC | {"losses_W": factor * LOSSES_W}
+    findings = found(tmp_path, columns)
+    assert [one.severity for one in findings] == ([severity] if severity else [])
+    if severity:
+        assert said in findings[0].message
+
+
 def test_losses_in_watt_under_a_header_of_kilowatt(tmp_path):
     columns = {k: v for k, v in (PLAIN | POWERS).items() if k != "losses_W"}
     (finding,) = found(tmp_path, columns | {"losses [kW]": LOSSES_W}, more=(

@@ -133,6 +133,18 @@ def test_parameters_carry_their_uncertainty(folder, found):
     assert row[10] == "identified"
 
 
+def test_numbers_of_the_worksheet_have_the_digits_of_the_sheet(folder):
+    book = openpyxl.load_workbook(folder / "sheet.xlsx")
+    (shown,) = [row for row in book["Parameters"].iter_rows() if
+                (row[0].value, row[1].value) == ("second", "Req_w")]  # fmt: skip
+    sheet = book["Worksheet"]
+    (cell,) = [row[11] for row in sheet.iter_rows() if row[10].value == "Req_w [K/W]"]
+    assert cell.number_format == shown[2].number_format != "General"
+    numbers = [cell for row in sheet.iter_rows(min_row=12, max_row=14) for cell in row
+               if cell.value is not None]  # fmt: skip
+    assert {cell.number_format for cell in numbers} == {"0.0", "0.00", "0.0000", "0.000000"}
+
+
 def test_what_the_parts_of_an_uncertainty_say_needs_no_exponent():
     stored = Path(__file__).parents[1] / "stored" / "fit-1.json"
     result = from_json(stored.read_bytes(), FitResult, "fit.json", str(stored))

@@ -147,7 +147,7 @@ def _text(outcomes: Sequence[Outcome]) -> str:
         lines.append(f"  {outcome.report.summary}")
         for row in outcome.report.rows:
             note = f"  ({row.note})" if row.note else ""
-            lines.append(f"  {row.label:<40} {number(row.value):>12} {row.unit}{note}")
+            lines.append(f"  {row.label:<40} {number(row.value, row.places):>12} {row.unit}{note}")
         lines += [
             f"  {finding.severity}: {finding.sentence()}"
             for finding in outcome.report.findings

@@ -19,6 +19,7 @@ from ..channels.derive import (
     DERIVATIONS,
     DQ,
     SHAFT,
+    WITH_INVERTER,
     Derivation,
     dq_power,
     recorded_shaft_power,
@@ -42,6 +43,9 @@ REFUSED = 0.2
 
 NEAR = 0.04
 """A ratio is taken for a known factor within this share [1]."""
+
+MOST_OF_INVERTER = 0.1
+"""Share of what is between DC link and shaft that is left to the motor at least [1]."""
 
 ROOT_2, ROOT_3 = math.sqrt(2.0), math.sqrt(3.0)
 
@@ -75,18 +79,21 @@ class Twice:
     Attributes:
         way: How it follows from other channels.
         factors: What a ratio of the column to that would mean; {0} is the channel.
+        is_upper: Whether the way gives more than the quantity, by a share that nobody knows: then
+            only a column above it is a contradiction, or one below by a factor of units.
     """
 
     way: Derivation
     factors: Mapping[float, str]
+    is_upper: bool = False
 
 
 def _derived(channel: str, factors: Mapping[float, str]) -> tuple[Twice, ...]:
     """Return the ways to a channel; those from a DC link hold the inverter's losses too."""
     return tuple(
-        Twice(way, factors)
+        Twice(way, factors, any(name.startswith("dc_") for name in way.needs))
         for way in DERIVATIONS
-        if way.channel == channel and not any(name.startswith("dc_") for name in way.needs)
+        if way.channel == channel
     )
 
 
@@ -153,15 +160,18 @@ def _compared(
     if off <= AGREE + allowed:
         return None
     is_error = off > REFUSED + allowed
-    cause = _meaning(ratio, twice)
+    cause = _meaning(ratio, twice, MOST_OF_INVERTER if twice.is_upper else 1.0)
+    if twice.is_upper and (not is_error or (ratio < 1.0 and not cause) or ratio < 0.0):
+        return None  # within the errors of a small difference, or the inverter's
     likely = f" That is the factor where {cause}." if cause else ""
     named = ", ".join(f"'{columns[name]}'" for name in (way.channel, *way.needs))
     silence = " and ".join(f'{name} = "none"' for name in _droppable(way.needs))
-    formula = way.formula.removesuffix(AMPLITUDE_INVARIANT)
+    formula = way.formula.removesuffix(AMPLITUDE_INVARIANT).removesuffix(WITH_INVERTER)
+    limit = "at most " if twice.is_upper else ""
     return Finding(
         "columns_disagree",
         "error" if is_error else "warning",
-        f"Expected {way.channel} = {formula}; under load it is {ratio:.3g} times that "
+        f"Expected {way.channel} {limit or '= '}{formula}; under load it is {ratio:.3g} times that "
         f"(columns {named}).{likely}",
         place(record, way.channel, float(time_s[0]), float(time_s[-1])),
         "Find out which of the columns is wrong. State its unit in [columns], or leave it out "
@@ -170,13 +180,20 @@ def _compared(
     )
 
 
-def _meaning(ratio: float, twice: Twice) -> str:
-    """Return what the ratio would mean, empty where it is near no known factor."""
+def _meaning(ratio: float, twice: Twice, room: float) -> str:
+    """Return what the ratio would mean, empty where it is near no known factor.
+
+    Args:
+        ratio: Of the column to what was computed [1].
+        twice: The quantity.
+        room: Share of what was computed that may be the quantity at least [1]; 1 for all of it.
+    """
     if ratio < 0.0:
         return f"one of the two has the other sign: {twice.way.channel} or the powers"
-    known = [(abs(math.log(ratio / factor)), text) for factor, text in twice.factors.items()]
-    distance, text = min(known)
-    return text.format(twice.way.channel) if distance < NEAR else ""
+    for factor, text in twice.factors.items():
+        if math.log(room) - NEAR < math.log(ratio / factor) < NEAR:
+            return text.format(twice.way.channel)
+    return ""
 
 
 def _droppable(needs: Sequence[str]) -> Sequence[str]:

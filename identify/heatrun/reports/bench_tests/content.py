@@ -15,14 +15,15 @@ def report_content(report: Report, when: DateOfTest | None) -> dict[str, Any]:
         report: Any report.
         when: Date of the test and how it is known; None for a record in memory.
     """
+    known = when if when is not None and when.is_of_the_test else None
     return {
         "format": "heatrun-report/1",
         "type": report.kind,
         "title": report.title,
         "test": report.test,
         "motor": report.motor,
-        "date": None if when is None else when.day.isoformat(),
-        "date_from": None if when is None else when.basis,
+        "date": known.day.isoformat() if known else None,
+        "date_from": known.basis if known else None,
         "summary": report.summary,
         "table": [
             {"name": r.name, "label": r.label, "value": r.value, "unit": r.unit, "note": r.note}

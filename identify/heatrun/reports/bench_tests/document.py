@@ -12,10 +12,12 @@ from typing import Any
 from ...io.printable import with_breaks
 from ...io.quantities import plain
 from ...io.without_folders import without_folders
+from ..sheet.digits import fixed
 from ..sheet.figures import save
+from ..sheet.page_fill import filling_height
 from ..sheet.typeset import typeset
 from .card import CARDS
-from .report import Cell, Report, Row, Table
+from .report import Cell, Line, Report, Row, Table
 
 TEMPLATE = "report.typ"
 LONGEST_TEXT = 900
@@ -42,10 +44,15 @@ def write_pdf(report: Report, content: Mapping[str, Any], path: Path) -> Path:
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        texts = document_content(report, content)
+        drawn = [drawing.draw() for drawing in report.drawings]
+        sizes_in = [tuple(figure.get_size_inches()) for figure in drawn]
+        height = filling_height(TEMPLATE, texts, sizes_in)
         figures = []
-        for number, drawing in enumerate(report.drawings):
-            figures.append(save(drawing.draw(), folder / f"{number:03d}.png"))
-        return typeset(TEMPLATE, document_content(report, content), figures, path)
+        for number, (figure, size_in) in enumerate(zip(drawn, sizes_in, strict=True)):
+            figure.set_size_inches(size_in[0], height * size_in[1])
+            figures.append(save(figure, folder / f"{number:03d}.png"))
+        return typeset(TEMPLATE, texts, figures, path)
 
 
 def document_content(report: Report, content: Mapping[str, Any]) -> dict[str, Any]:
@@ -83,17 +90,25 @@ def _printed(value: Any, paths: Sequence[str]) -> Any:
     return [_printed(item, paths) for item in value]
 
 
-def number(value: Cell) -> str:
+def number(value: Cell, places: int | None = None) -> str:
     """Return a cell as it is printed: a text as it is, five digits, a dash where it is undefined.
+
+    Args:
+        value: Of the cell.
+        places: Decimal places that its uncertainty leaves, negative for tens; None for five digits.
 
     Example:
         >>> number(0.0039), number(247.11654), number(None), number(-0.0)
         ('0.0039', '247.12', '–', '0')
+        >>> number(204.078, 1), number(712.13, 0), number(4711.0, -1), number(-0.01, 1)
+        ('204.1', '712', '4710', '0.0')
     """
     if isinstance(value, str):
         return value
     if value is None or not math.isfinite(value):
         return "–"
+    if places is not None:
+        return fixed(value, places)
     if value == 0.0:
         return "0"
     if not SMALLEST_PLAIN <= abs(value) < LARGEST_PLAIN:
@@ -112,7 +127,7 @@ def printed(text: str) -> str:
 
 
 def _row(row: Row) -> list[str]:
-    value, note = number(row.value), row.note
+    value, note = number(row.value, row.places), row.note
     if len(value) > LONGEST_VALUE:  # it would take the room of the notes
         value, note = "", f"{value}; {note}" if note else value
     return [row.label, value, row.unit, note]
@@ -120,10 +135,7 @@ def _row(row: Row) -> list[str]:
 
 def _table(table: Table) -> dict[str, Any]:
     head = [_with_unit(column.label, column.unit) for column in table.columns]
-    lines = [
-        [_with_unit(line.name, line.unit), *(_short(cell) for cell in line.cells)]
-        for line in table.lines
-    ]
+    lines = [[_with_unit(line.name, line.unit), *_short_cells(line)] for line in table.lines]
     notes = [f"{line.name}: {line.note}" for line in table.lines if line.note]
     return {
         "title": table.title,
@@ -135,6 +147,14 @@ def _table(table: Table) -> dict[str, Any]:
 
 def _with_unit(name: str, unit: str | None) -> str:
     return name if unit in (None, "", "1") else f"{name} [{unit}]"
+
+
+def _short_cells(line: Line) -> list[str]:
+    places = line.places or (None,) * len(line.cells)
+    return [
+        _short(cell) if each is None else number(cell, each)
+        for cell, each in zip(line.cells, places, strict=True)
+    ]
 
 
 def _short(value: Cell) -> str:

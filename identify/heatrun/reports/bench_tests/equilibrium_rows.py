@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..sheet.printed import places_of
 from .analysis.equilibrium import Equilibrium
 from .analysis.steady_of_network import SteadyNetwork
 from .analysis.steady_rise import SteadyRise
@@ -46,7 +47,7 @@ def network_rows(found: SteadyNetwork | None) -> list[Row]:
         rows.append(
             Row(f"{node}_network_steady_degC", f"{_upper(label)} at rest, network, extrapolated",
                 value, "°C", f"95 %: {low:.1f} … {high:.1f} °C; load and sink as from "
-                f"{found.from_s / 60.0:.0f} to {found.to_s / 60.0:.0f} min; no measurement")
+                f"{found.from_s / 60.0:.0f} to {found.to_s / 60.0:.0f} min; no measurement", 1)
         )  # fmt: skip
     return rows
 
@@ -66,12 +67,14 @@ def gradients(settled: Sequence[Equilibrium]) -> Table:
     for each in settled:
         stretch = each.stretch
         span = (None, None) if stretch is None else (stretch.from_s / 60.0, stretch.to_s / 60.0)
-        pairs = zip(each.gradients_K_per_h, each.errors_K_per_h, strict=True)
+        pairs = list(zip(each.gradients_K_per_h, each.errors_K_per_h, strict=True))
         figures = tuple(value for pair in pairs for value in pair) or (None,) * 4
         not_continued = f"not continued: {each.steady}" if isinstance(each.steady, str) else ""
         note = "; ".join(part for part in (each.reason, not_continued) if part)
         cells = (*span, *figures, VERDICT[each.is_reached])
-        lines.append(Line(wording(each.channel), "K/h", cells, note))
+        of_pairs = [places_of(error) if error > 0.0 else None for _, error in pairs]
+        places = tuple(digits for each in of_pairs for digits in (each, each)) or (None,) * 4
+        lines.append(Line(wording(each.channel), "K/h", cells, note, (1, 1, *places, None)))
     return Table("Gradients of the rise over the sink", columns, tuple(lines))
 
 
@@ -107,6 +110,7 @@ def _steady_row(found: Equilibrium, steady: SteadyRise) -> Row:
         "°C",
         f"95 %: {low:.1f} … {high:.1f} °C at a sink of {found.sink_degC:.1f} °C; one exponential "
         f"with a time constant of {steady.tau_s / 60.0:.0f} min; no measurement",
+        1,
     )
 
 

@@ -119,8 +119,8 @@ def make_report(
         work.at(number, f"report {number + 1} of {len(found.tests)}")
         try:
             records = (test,) if isinstance(test, Record) else read_tests(test, motor)
-            when = None if isinstance(test, Record) else date_of_test(test)
             for record in records:
+                when = None if isinstance(test, Record) else date_of_test(test, record.start)
                 report = build_report(
                     kind, motor, record, run=run, reference=other, tolerances=tolerances,
                     offset_s=offset_s,

@@ -28,6 +28,8 @@ class Row:
         value: None where undefined; the note then says why.
         unit: As printed, empty for words.
         note: Where it comes from, or why it is undefined; may be empty.
+        places: Decimal places as printed, negative for tens; None for five digits. JSON and CSV
+            hold every digit.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Row:
     value: Cell
     unit: str
     note: str = ""
+    places: int | None = None
 
 
 @dataclass(frozen=True)
@@ -59,12 +62,14 @@ class Line:
         unit: Unit of the cells whose column has none.
         cells: As many as columns.
         note: May be empty.
+        places: Decimal places of each cell as printed; None, or no such tuple, for four digits.
     """
 
     name: str
     unit: str
     cells: tuple[Cell, ...]
     note: str = ""
+    places: tuple[int | None, ...] = ()
 
 
 @dataclass(frozen=True)

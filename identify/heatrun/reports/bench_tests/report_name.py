@@ -27,6 +27,8 @@ IN_HEADER = re.compile(
 HEADER_BYTES = 2048
 """Preambles of loggers are a few lines long."""
 
+FILE_TIME = "time of the last change of the file"
+
 MOST_REPORTS = 999
 
 
@@ -38,19 +40,28 @@ class DateOfTest:
         day: The date.
         number: Running number or clock time as the file name writes it behind the date, such as
             `"001"` or `"14_16_08"`; empty if there is none.
-        basis: `"file name"`, `"header of the file"` or `"time of the last change of the file"`.
+        basis: `"clock of the record"`, `"file name"`, `"header of the file"`, or `FILE_TIME`, which
+            gives the report a name and says nothing of the test.
     """
 
     day: datetime.date
     number: str
     basis: str
 
+    @property
+    def is_of_the_test(self) -> bool:
+        """Whether the test was run on that day: a file that was copied has another."""
+        return self.basis != FILE_TIME
 
-def date_of_test(path: Path) -> DateOfTest:
-    """Return the date of a test from its file name, its header, or the file's own time.
+
+def date_of_test(path: Path, start: str = "") -> DateOfTest:
+    """Return the date of a test from the clock of its record, its file name or its header.
+
+    Where none of them has one, the file's own time does for the name of the report.
 
     Args:
         path: The bench file; of two joined by `+`, the first.
+        start: Day on which the record began by its own clock, ISO 8601; empty if it has none.
 
     Raises:
         InputError: If the file cannot be opened.
@@ -61,7 +72,10 @@ def date_of_test(path: Path) -> DateOfTest:
         day = _day(int(found["year"]), int(found["month"]), int(found["day"]))
         if day is not None:
             number = re.sub(r"[\-.]", "_", found["rest"].strip("_-."))
-            return DateOfTest(day, number, "file name")
+            if not start or start == day.isoformat():
+                return DateOfTest(day, number, "clock of the record" if start else "file name")
+    if start:
+        return DateOfTest(datetime.date.fromisoformat(start), "", "clock of the record")
     try:
         day = _in_header(_head(first))
         if day is not None:
@@ -71,7 +85,7 @@ def date_of_test(path: Path) -> DateOfTest:
         raise InputError(
             f"The file cannot be opened ({error.strerror}).", where=text, remedy="Check the path."
         ) from error
-    return DateOfTest(changed.date(), "", "time of the last change of the file")
+    return DateOfTest(changed.date(), "", FILE_TIME)
 
 
 def choose_name(folder: Path, kind: Kind, when: DateOfTest | None, identity: list[str]) -> str:

@@ -9,15 +9,18 @@ import numpy as np
 
 from ...bench.checks.samples import samples
 from ...bench.record import Finding, Record
-from ...io.quantities import rounded
 from ...motor import Motor
+from ..sheet.digits import format_interval, format_value
+from ..sheet.printed import COVERAGE_FACTOR, places_of
+from .analysis.combined_uncertainty import instrument_class
 from .analysis.equilibrium import CRITERION, EXTRAPOLATION
 from .analysis.integrate import integrate
 from .analysis.loss_split import LossSplit
-from .analysis.signal_table import recorded, signal_table
+from .analysis.signal_table import places_of_readings, recorded, signal_table
 from .analysis.steady_rise import SteadyRise
 from .analysis.thermal_behaviour import ThermalBehaviour, thermal_behaviour
 from .card import TEST_TYPES
+from .document import number
 from .equilibrium_rows import (
     equilibrium_rows,
     equilibrium_sentence,
@@ -30,6 +33,9 @@ from .flow_words import flow_words, unnamed
 from .independence import before, fitted_by
 from .report import Drawing, Report, Row
 from .simulated import Simulated
+
+PLACES_K = 2
+"""Of differences between readings and network [K]: as the certificate prints them."""
 
 DEFINITIONS = (
     ("Thermal equilibrium", CRITERION),
@@ -63,7 +69,7 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
     """
     found = thermal_behaviour(record, motor, run)
     split, simulated = found.losses, found.simulated
-    rows = [*_winding_rows(record), *([] if split is None else _loss_rows(record, split))]
+    rows = [*_winding_rows(record), *([] if split is None else _loss_rows(record, motor, split))]
     rows += equilibrium_rows(found.settled)
     rows += [] if simulated is None else _run_rows(simulated)
     rows += network_rows(found.steady)
@@ -127,23 +133,44 @@ def _winding_rows(record: Record) -> list[Row]:
     _, values = samples(record, "winding_degC")
     if values.size == 0:
         return []
+    places = places_of_readings(values)
     return [
-        Row("winding_highest_degC", "Winding, highest", float(np.max(values)), "°C"),
-        Row("winding_end_degC", "Winding at the end", float(values[-1]), "°C"),
+        Row("winding_highest_degC", "Winding, highest", float(np.max(values)), "°C", places=places),
+        Row("winding_end_degC", "Winding at the end", float(values[-1]), "°C", places=places),
     ]
 
 
-def _loss_rows(record: Record, split: LossSplit) -> list[Row]:
-    rows = []
-    for name, label, values in (
-        ("joule", "P_Js, loss of the winding", split.joule_W),
-        ("other", "P_ol, other losses", split.other_W),
-    ):
-        made = Record(record.name, {"time_s": record.time_s, "loss": values})
-        whole = integrate(*samples(made, "loss"))
-        mean = whole.net / whole.covered_s if whole.covered_s > 0.0 else None
-        rows.append(Row(f"{name}_mean_W", f"{label}, mean", mean, "W"))
-    return rows
+def _loss_rows(record: Record, motor: Motor, split: LossSplit) -> list[Row]:
+    joule, other = (_mean(record, values) for values in (split.joule_W, split.other_W))
+    if joule is None or other is None:
+        U_joule = U_other = None
+    else:
+        # the current enters squared; the losses are P_Js and P_ol together, but for a map
+        U_joule = 2.0 * COVERAGE_FACTOR * instrument_class("current_gain", motor) * joule
+        is_map = motor.losses == "map"
+        U_power = (
+            COVERAGE_FACTOR
+            * instrument_class("power_gain", motor)
+            * abs(other if is_map else joule + other)
+        )
+        U_other = U_power if is_map else float(np.hypot(U_joule, U_power))
+    return [
+        _loss_row("joule_mean_W", "P_Js, loss of the winding, mean", joule, U_joule),
+        _loss_row("other_mean_W", "P_ol, other losses, mean", other, U_other),
+    ]
+
+
+def _loss_row(name: str, label: str, mean: float | None, U: float | None) -> Row:
+    if mean is None or U is None or not U > 0.0:
+        return Row(name, label, mean, "W")
+    note = f"± {format_value(mean, U)[1]} W (k = 2) by the classes of the instruments"
+    return Row(name, label, mean, "W", note, places_of(U))
+
+
+def _mean(record: Record, values: np.ndarray) -> float | None:
+    made = Record(record.name, {"time_s": record.time_s, "loss": values})
+    whole = integrate(*samples(made, "loss"))
+    return whole.net / whole.covered_s if whole.covered_s > 0.0 else None
 
 
 def _run_rows(simulated: Simulated) -> list[Row]:
@@ -155,10 +182,10 @@ def _run_rows(simulated: Simulated) -> list[Row]:
     )
     rows = [
         Row("rmse_K", "Winding, RMSE measured to simulated", found.rmse_K, "K",
-            f"{simulated.title}, {seen}"),
-        Row("largest_K", "Winding, largest difference", found.largest_K, "K"),
+            f"{simulated.title}, {seen}", PLACES_K),
+        Row("largest_K", "Winding, largest difference", found.largest_K, "K", places=PLACES_K),
         Row("coverage_percent", "Block means inside the 95 % band",
-            100.0 * found.coverage_95(), "%"),
+            100.0 * found.coverage_95(), "%", places=0),
     ]  # fmt: skip
     for node, course in found.nodes.items():
         if node == simulated.measured_node:
@@ -167,15 +194,18 @@ def _run_rows(simulated: Simulated) -> list[Row]:
         low, high = (float(side[-1]) for side in found.nodes_95[node])
         rows.append(
             Row(f"{node}_end_degC", f"{label} at the end", float(course[-1]), "°C",
-                f"95 %: {low:.1f} … {high:.1f} °C")
+                f"95 %: {low:.1f} … {high:.1f} °C", 1)
         )  # fmt: skip
     named = flow_words(found.model.form)
     for link, flow in found.flows.items():
         symbol, words = named.get(link, unnamed(link))
         low, high = (float(side[-1]) for side in found.flows_95[link])
+        half = 0.5 * (high - low)
+        places = places_of(half) if half > 0.0 else None
+        ends = format_interval((low, high), half)
         rows.append(
             Row(f"{symbol}_end_W", f"{symbol}, {words}, at the end", float(flow[-1]), "W",
-                f"95 %: {rounded(low)} … {rounded(high)} W; mean {float(np.mean(flow)):.0f} W")
+                f"95 %: {ends} W; mean {number(float(np.mean(flow)), places)} W", places)
         )  # fmt: skip
     return rows
 

@@ -32,9 +32,19 @@ def format_value(value: float | None, uncertainty: float | None) -> tuple[str, s
         return rounded(value, 5), "–"
     # rounded first: 0.0996 has two significant digits as 0.10
     places = 1 - math.floor(math.log10(float(f"{uncertainty:.1e}")))
+    return fixed(value, places), fixed(uncertainty, places)
+
+
+def fixed(value: float, places: int) -> str:
+    """Return a number to so many decimal places, negative for tens and hundreds.
+
+    Example:
+        >>> fixed(204.078, 1), fixed(4711.0, -2), fixed(-0.01, 1)
+        ('204.1', '4700', '0.0')
+    """
     if places > 0:
-        return _without_sign(f"{value:.{places}f}"), f"{uncertainty:.{places}f}"
-    return _without_sign(f"{round(value, places):.0f}"), f"{round(uncertainty, places):.0f}"
+        return _without_sign(f"{value:.{places}f}")
+    return _without_sign(f"{round(value, places):.0f}")
 
 
 def _without_sign(text: str) -> str:

@@ -7,13 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from ...io.printable import with_breaks
+from .page_fill import filling_height, size_in
 from .typeset import typeset
 
 BREAKS_EVERY = 15
 """Letters of a long word after which it may break in the narrow cells of page 1."""
 
+TEMPLATE = "sheet.typ"
+
 WIDE, WIDEST_SQUARE = 82, 62
 """Widths of figures in the annex [% of the line]; the square one of few parameters is narrower."""
+
+WIDEST = 100
+"""Width to which a figure grows where a page would stay empty [% of the line]."""
 
 
 def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
@@ -27,7 +33,10 @@ def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -
     page_1 = _breakable(content["certificate"])
     square = min(WIDEST_SQUARE, 22 + 8 * len(content["models"][-1]["correlation"]["names"]))
     widths = [square if each.name == "posterior.png" else WIDE for each in figures]
-    return typeset("sheet.typ", {**content, "certificate": page_1, "widths": widths}, figures, path)
+    texts = {**content, "certificate": page_1, "widths": widths}
+    # an image whose width grows with its height keeps its proportions
+    share = filling_height(TEMPLATE, texts, [size_in(each) for each in figures], WIDEST / WIDE)
+    return typeset(TEMPLATE, {**texts, "widths": [share * w for w in widths]}, figures, path)
 
 
 def _breakable(value: Any) -> Any:

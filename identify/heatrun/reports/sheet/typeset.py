@@ -32,21 +32,34 @@ def typeset(template: str, content: Mapping[str, Any], figures: Sequence[Path], 
     beside = {"dir": path.parent, "prefix": f".{path.name}.", "suffix": PARTIAL}
     with tempfile.TemporaryDirectory(**beside) as name:
         folder = Path(name)
-        templates = resources.files("heatrun.reports.sheet") / "templates"
-        for each in (template, SCALE):
-            text = (templates / each).read_text(encoding="utf-8")
-            (folder / each).write_text(text, encoding="utf-8")
-        names = []
-        for number, figure in enumerate(figures):
-            shutil.copyfile(figure, folder / f"figure_{number}.png")
-            names.append(f"figure_{number}.png")
-        # strings read from JSON are values in Typst: nothing in a name can act as markup
         found = shown(content)
-        text = json.dumps({**found.content, "figures": names})
-        (folder / "content.json").write_text(text, encoding="utf-8")
+        lay_out(folder, template, found.content, figures)
         document = typst.compile(
             folder / template, root=folder, ignore_system_fonts=not found.needs_system_fonts
         )
     assert isinstance(document, bytes)
     write_whole(path, document)
     return path
+
+
+def lay_out(
+    folder: Path, template: str, content: Mapping[str, Any], figures: Sequence[Path]
+) -> None:
+    """Put what a document is set from into a folder: templates, `content.json`, figures.
+
+    Args:
+        folder: Where it goes.
+        template: Name of a file among the templates.
+        content: As `typeset` takes it, every character one that the fonts have.
+        figures: Files of images, in their order.
+    """
+    templates = resources.files("heatrun.reports.sheet") / "templates"
+    for each in (template, SCALE):
+        text = (templates / each).read_text(encoding="utf-8")
+        (folder / each).write_text(text, encoding="utf-8")
+    names = [f"figure_{number}{figure.suffix}" for number, figure in enumerate(figures)]
+    for figure, name in zip(figures, names, strict=True):
+        shutil.copyfile(figure, folder / name)
+    # strings read from JSON are values in Typst: nothing in a name can act as markup
+    text = json.dumps({**content, "figures": names})
+    (folder / "content.json").write_text(text, encoding="utf-8")

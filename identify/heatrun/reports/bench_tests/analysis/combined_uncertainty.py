@@ -93,15 +93,24 @@ def reading_uncertainty(channel: str, scale: Scale, record: Record, motor: Motor
     step = rounding_step(samples(record, channel)[1]) or 0.0
     parts = [step / np.sqrt(12.0)]
     if channel == sink_channel(motor):
-        parts.append(_class("ambient_offset", motor))
+        parts.append(instrument_class("ambient_offset", motor))
     elif channel.endswith("_degC"):
-        parts += [_class("sensor_offset", motor), _class("sensor_gain", motor) * scale.value]
+        parts += [
+            instrument_class("sensor_offset", motor),
+            instrument_class("sensor_gain", motor) * scale.value,
+        ]
     elif channel in GAINS:
-        parts.append(_class(GAINS[channel], motor) * scale.value)
+        parts.append(instrument_class(GAINS[channel], motor) * scale.value)
     return float(np.sqrt(np.sum(np.square(parts))))
 
 
-def _class(name: str, motor: Motor) -> float:
+def instrument_class(name: str, motor: Motor) -> float:
+    """Return the standard uncertainty of an instrument: the motor file's, else that of its class.
+
+    Args:
+        name: Such as `"current_gain"`, as `[parameters]` of the motor file calls it.
+        motor: Its overrides; 0 where it holds the value fixed.
+    """
     given = motor.parameters.get(name)
     if given is not None and given.fixed is not None:
         return 0.0

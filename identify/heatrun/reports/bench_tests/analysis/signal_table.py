@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ....bench.checks.samples import is_measured, samples
 from ....bench.record import Record
+from ....bench.rounding import rounding_step
 from ..figures.plot import unit, wording
 from ..report import Column, Line, Table
 from .drive import has
 from .integrate import bridged_steps
+
+FINEST, COARSEST = 1e-2, 10.0
+"""Steps of readings that are printed as they were logged; of others four digits say enough."""
 
 COLUMNS = (
     Column("start"),
@@ -47,4 +53,25 @@ def _line(record: Record, channel: str) -> Line | None:
     mean = float(weight @ values / np.sum(weight)) if np.sum(weight) > 0.0 else float(values.mean())
     missing = 100.0 * (1.0 - float(np.mean(is_measured(record[channel]))))
     first, last, low, high = (float(v) for v in (values[0], values[-1], values.min(), values.max()))
-    return Line(wording(channel), unit(channel), (first, last, low, mean, high, missing))
+    places = places_of_readings(values)
+    further = None if places is None else places + 1
+    return Line(
+        wording(channel), unit(channel), (first, last, low, mean, high, missing),
+        places=(places, places, places, further, places, None),
+    )  # fmt: skip
+
+
+def places_of_readings(values: np.ndarray) -> int | None:
+    """Return the decimal places of readings that lie on a decimal grid, None for others.
+
+    Args:
+        values: Measured values without NaN, shape (time,).
+
+    Example:
+        >>> places_of_readings(np.round(np.sin(np.arange(50.0)), 2))
+        2
+    """
+    step = rounding_step(values)
+    if step is None or not FINEST <= step <= COARSEST:
+        return None
+    return max(0, -math.floor(math.log10(step) + 1e-6))

@@ -65,7 +65,7 @@ def write_xlsx(
         _derived(book, cells, result)
         _rows(book, "Findings", bold, ["severity", "finding"], content["findings"])
         name, _, table = tables[0]
-        add_worksheet(book, bold, result, name, table)
+        add_worksheet(book, cells, result, name, table)
     write_whole(path, buffer.getvalue())
     return path
 

@@ -8,15 +8,24 @@ import numpy as np
 import pandas as pd
 
 from ....results import FitResult
-from .cells import write
+from ..printed import COVERAGE_FACTOR
+from .cells import Cells, write
 
 FIRST_ROW = 12
 """Row of the first sample, as in the published worksheet (counted from 1)."""
 
 
-def add_worksheet(book: Any, bold: Any, result: FitResult, name: str, table: pd.DataFrame) -> None:
+PLACES = (1, 2, 2, 4, 1, 2, 2, 2, 6, 1, 1, 2, 2)
+"""Decimal places of the columns: readings as the bench logs them, resistances to a thousandth."""
+
+
+def add_worksheet(
+    book: Any, cells: Cells, result: FitResult, name: str, table: pd.DataFrame
+) -> None:
     """Write the worksheet of the published identification over the blocks of one test."""
     sheet = book.add_worksheet("Worksheet")
+    bold = cells.bold
+    forms = [cells.digits(places) for places in PLACES]
     motor = result.motor
     order = list(result.models)[-1]
     fitted = result.models[order].parameters
@@ -32,13 +41,14 @@ def add_worksheet(book: Any, bold: Any, result: FitResult, name: str, table: pd.
         "E5": ("Ts [degC]", motor.reference_temperature_degC),
         "E6": ("phases", motor.phases),
     }
+    digits = {"B3": cells.digits(2), "E4": cells.digits(6)}
     for cell, (label, value) in constants.items():
         column, row = ord(cell[0]) - ord("A"), int(cell[1:]) - 1
         sheet.write_string(row, column - 1, label, bold)
-        write(sheet, row, column, value)
+        write(sheet, row, column, value, digits.get(cell))
     for number, (label, entry) in enumerate(fitted.items()):
         sheet.write_string(2 + number, 10, f"{label} [{entry.unit}]", bold)
-        write(sheet, 2 + number, 11, entry.value)
+        write(sheet, 2 + number, 11, entry.value, cells.of(COVERAGE_FACTOR * entry.sd))
     head = ["t [s]", "Tw [degC]", "Tw mod [degC]", "Req DC [ohm]", "P [W]", "Ieq DC [A]",
             "Veq DC [V]", "Is [A]", "Rs [ohm]", "Pjs [W]", "Pol [W]", "Ieq DC (Pjs) [A]",
             "Veq DC (Pjs) [V]"]  # fmt: skip
@@ -49,7 +59,7 @@ def add_worksheet(book: Any, bold: Any, result: FitResult, name: str, table: pd.
     for offset, (t, Tw, P, current) in enumerate(zip(*map(np.asarray, columns), strict=True)):
         row, line = FIRST_ROW - 1 + offset, FIRST_ROW + offset
         for column, value in ((0, t), (1, Tw), (2, model[offset]), (4, P), (7, current)):
-            write(sheet, row, column, float(value))
+            write(sheet, row, column, float(value), forms[column])
         if not np.isfinite(Tw) or Rs0 is None:
             continue
         Req = (B + Tw) / (B + To)
@@ -69,6 +79,6 @@ def add_worksheet(book: Any, bold: Any, result: FitResult, name: str, table: pd.
                 (6, f"=SQRT(E{line}*D{line})", np.sqrt(P * Req)),
             ]
         for column, formula, value in formulas:
-            sheet.write_formula(row, column, formula, None, float(value))
+            sheet.write_formula(row, column, formula, forms[column], float(value))
     sheet.set_column(0, 12, 13)
     sheet.freeze_panes(FIRST_ROW - 1, 0)
