@@ -52,7 +52,7 @@ def machine(number: int, seed: int = 0, *, shift: Sequence[float] = (0.0,) * 4, 
 def refused(number: int, message: str, **said):
     """Return the row of a machine that its records do not allow."""
     finding = {"id": "x", "severity": "error", "message": message, "where": "", "remedy": "",
-               "test": None}  # fmt: skip
+               "test": ""}  # fmt: skip
     lists = {name: [] for name, kind, _, _ in COLUMNS if kind.startswith("list")}
     row = machine(number, status="refused", is_converged=False, findings=json.dumps([finding]))
     return {**row, **lists, "result": message, "log_mean": [], **said}

@@ -17,6 +17,7 @@ from heatrun.bench import own_files
 from heatrun.bench.checks import check_record
 from heatrun.bench.readers.read import read_record
 from heatrun.errors import InputError
+from heatrun.fleet.entries import ALIASES
 from heatrun.motorfile import load_motor
 from heatrun.reports.bench_tests.tests_in import tests_in as bench_tests_in
 
@@ -124,6 +125,33 @@ def test_a_bench_s_own_files_are_tests(day):
 @pytest.mark.parametrize("start", [b"", b"\x1f\x8b broken", b"\xff" * 100, b",,,\n", b"\n\n"])
 def test_any_bytes_are_no_file_of_ours(start):
     assert own_files.own_file("test.csv", start) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "is_one"),
+    [
+        ("machine,tests,supplier\nM1,tests/a.csv|tests/b.mf4@10min..20min,north\n", True),
+        ("Serial;Test;Role\r\n17;a.csv.gz;holdout\r\n", True),
+        ("id\ttype\ttests\n1\tA\tday 1/cold start.csv\n", True),
+        ("time_s,test,machine,winding_degC\n0,3,1,21.5\n", False),  # a bench's own numbering
+        ("time_s,test,machine,winding_degC\n0,1.5,M1,21.5\n", False),
+        ("test,winding_degC\na.csv,20\n", False),
+        ("machine,tests\n", False),
+    ],
+)
+def test_a_table_of_machines_is_told_by_the_files_that_it_names(text, is_one):
+    assert (own_files.own_file("line.csv", text.encode()) == own_files.MACHINES) is is_one
+
+
+def test_every_name_of_the_column_of_machines_is_known():
+    assert {"machine", *ALIASES} == own_files.MACHINE
+
+
+def test_rows_of_a_fleet_are_no_tests(tmp_path):
+    names = ("machines.parquet", "population.parquet", f"{'0a' * 32}.parquet", "bench.parquet")
+    kinds = [own_files.own_file(name, b"PAR1 and more") for name in names]
+    assert kinds == [own_files.FLEET] * 3 + [None]
+    assert own_files.own_file("machines.parquet", b"time_s,winding_degC\n") is None
 
 
 def test_a_packed_record_is_known_too(day):

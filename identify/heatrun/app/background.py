@@ -11,6 +11,21 @@ import panel as pn
 T = TypeVar("T")
 
 
+def in_turn(work: Callable[[], None]) -> None:
+    """Do at the page's next turn what changes models of Bokeh; without a page, at once.
+
+    Panel calls the watchers of its widgets without the lock that such changes take.
+
+    Args:
+        work: Changes the models.
+    """
+    document = pn.state.curdoc
+    if document is None:
+        work()
+    else:
+        document.add_next_tick_callback(work)
+
+
 def in_background(work: Callable[[], T], show: Callable[[T], None]) -> None:
     """Do work in a thread of its own and show what came of it in the page's turn.
 

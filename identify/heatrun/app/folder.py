@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 
-from ..bench.own_files import MOST_BYTES, SIMULATION, own_file
+from ..bench.own_files import MACHINES, MOST_BYTES, SIMULATION, own_file
 from ..errors import InputError
 from ..runs.run_folder import MANIFEST
 from .server.confined import is_inside, open_inside, outside
@@ -39,6 +39,9 @@ MOTOR = re.compile(
 )
 """What makes a TOML file a motor file: the table `[motor]`, or a key of it. The file is not parsed
 for it, so that none of a thousand can hold up or end the list of the others."""
+
+FLEET = re.compile(rb"^[ \t]*\[[ \t]*fleet[ \t]*\]", re.MULTILINE)
+"""What makes a TOML file a fleet file, which may name a motor file for all machines."""
 
 
 @dataclass(frozen=True)
@@ -129,12 +132,12 @@ class Folder:
                 said = own_file(path.name, self._start(path, MOST_BYTES))
                 if said in (None, SIMULATION):  # which is there to be looked at
                     tests.append(name)
-                else:
+                elif said != MACHINES:  # which the bench has written
                     num_own += 1
             elif path.suffix.lower() == ".toml":
                 start = self._start(path, room)
                 room -= len(start)
-                if MOTOR.search(start):
+                if MOTOR.search(start) and not FLEET.search(start):
                     motors.append(name)
         tests.sort(key=_nearest)
         motors.sort(key=_nearest)

@@ -15,6 +15,7 @@ from ..results import DiscoveryResult, FitResult
 from ..runs.run import Run as OpenedRun
 from ..runs.run import course_name, open_run
 from ..runs.run_folder import MANIFEST
+from .fleets import MACHINES
 from .folder import Stamp
 from .plotting.band import Band
 from .server.confined import is_inside, read_inside
@@ -124,7 +125,7 @@ def runs_under(places: Sequence[tuple[Path, Path]]) -> list[Run]:
         for folder, root in places
         if folder.is_dir()
         for path in folder.glob(f"*/{MANIFEST}")
-        if is_inside(root.resolve(), path)
+        if is_inside(root.resolve(), path) and not (path.parent / MACHINES).exists()
     }
     return sorted(found, key=lambda run: run.stamp.changed_ns, reverse=True)[:MAX_RUNS]
 

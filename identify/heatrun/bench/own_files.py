@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zlib
 from collections.abc import Collection
 from pathlib import Path
@@ -24,11 +25,19 @@ SCRIPT_COURSES = ("prova_course.csv", "network_course.csv")
 MOST_BYTES = 8192
 """Bytes at the start of a file that are looked at [1]: the names of its columns."""
 
-SIMULATION, TABLE, COURSE, EXPORTED = (
+ROWS = re.compile(r"(?:machines|population|[0-9a-f]{64}(?:\.lost)?)\.parquet")
+"""Names of the files of rows that `heatrun fleet` and `heatrun population` write."""
+
+MACHINE = frozenset({"machine", "machine_id", "id", "serial"})
+"""Names of the column of a table of machines that names them."""
+
+SIMULATION, TABLE, COURSE, EXPORTED, FLEET, MACHINES = (
     "a virtual record that heatrun simulated",
     "the tables of a report of heatrun",
     "a course that heatrun or a script of it has computed",
     "an export of heatrun",
+    "rows of a fleet that heatrun has written",
+    "a table of the machines of a fleet",
 )
 """What a file of heatrun's own is, in words."""
 
@@ -52,14 +61,31 @@ def own_file(name: str, start: bytes) -> str | None:
             return None
     if start.startswith(EXPORT):
         return EXPORTED
-    line = start.removeprefix(b"\xef\xbb\xbf").partition(b"\n")[0]
-    columns = [column.strip() for column in line.decode("latin-1").split(",")]
+    if start.startswith(b"PAR1") and ROWS.fullmatch(name):
+        return FLEET
+    text = start.removeprefix(b"\xef\xbb\xbf").decode("latin-1")
+    columns = [column.strip() for column in text.partition("\n")[0].split(",")]
     if is_simulated(columns):
         return SIMULATION
     if columns == ["table", "of", "quantity", "value", "unit", "note"]:
         return TABLE
+    if _is_table_of_machines(text):
+        return MACHINES
     of_run = "measured_degC" in columns and any("_parameters_95_" in one for one in columns)
     return COURSE if of_run or name in SCRIPT_COURSES else None
+
+
+def _is_table_of_machines(text: str) -> bool:
+    """Return whether there is a machine in a column and a file in one of tests."""
+    head, _, rest = text.partition("\n")
+    sign = max(",;\t", key=head.count)
+    head_cells, cells = (
+        [cell.strip().strip('"') for cell in line.split(sign)]
+        for line in (head, rest.partition("\n")[0])
+    )
+    row = dict(zip((cell.lower() for cell in head_cells), cells, strict=False))
+    tests = row.get("tests", row.get("test", ""))
+    return not MACHINE.isdisjoint(row) and Path(tests.partition("@")[0]).suffix[1:2].isalpha()
 
 
 def own_file_at(path: Path) -> str | None:

@@ -27,6 +27,7 @@ from .calibrating import calibrating
 from .cutting import Cutting
 from .discovering import discovering
 from .editing import Editing
+from .fleet import FleetTab
 from .following import Tests
 from .reporting import Reporting
 from .sending import Sending
@@ -71,6 +72,7 @@ class Page:
         self.discovering = discovering(self, queue)
         self.reporting = Reporting(self, queue)
         self.using = Using(self, queue)
+        self.fleet = FleetTab(self.root, self.show_tests)
         self._tabs = pn.Tabs(
             ("Signals", self.signals.view),
             ("Checks", self._checks),
@@ -84,6 +86,7 @@ class Page:
             stylesheets=[TABS_CSS],
         )
         left = self._sidebar.view(folder.root.name, str(folder.root), [self._sending.view])
+        self._has_fleet = False
         self.view = framed(left, [self._banner, self._tabs], self._look_like)
         self.list_folder()
         self._sidebar.take_address()
@@ -187,7 +190,29 @@ class Page:
         motors = [*listing.motors, *(UPLOADED + name for name in sent.motors)]
         self._sidebar.list_files(tests, motors)
         self.list_runs()
+        self._list_fleets(bool(tests))
         self._say_of_folder(listing, bool(tests))
+
+    def _list_fleets(self, has_tests: bool) -> None:
+        """Show the tab of fleets where there is one; in front where there is nothing else."""
+        if self.fleet.list_fleets() and not self._has_fleet:
+            self._has_fleet = True
+            self._tabs.append(("Fleet", self.fleet.view))
+            if not has_tests:
+                self._tabs.active = len(self._tabs) - 1
+
+    def show_tests(self, names: list[str], motor: str | None) -> None:
+        """Choose tests, and a motor file, as if on the left, and show their signals.
+
+        Args:
+            names: Of the tests; those that are not listed are passed over.
+            motor: Name of a motor file; None keeps the choice.
+        """
+        left = self._sidebar
+        if motor in left.motor.options:
+            left.motor.value = motor
+        left.tests.value = [name for name in names if name in left.tests.options]
+        self._tabs.active = 0
 
     def list_runs(self, choose: Path | None = None) -> None:
         """Bring the list of runs up to date.
@@ -269,6 +294,7 @@ class Page:
 
     def _watch(self) -> None:
         self.editing.look()
+        self.fleet.look()
         if self._sidebar.follow.value:
             if self._tests.has_news:
                 self._tests.follow(self._sidebar.motor_name)
@@ -301,7 +327,7 @@ class Page:
             self._banner.object = message(
                 "warning", "The folder holds more files than are listed. Show a smaller folder."
             )
-        elif not has_tests:
+        elif not has_tests and not self._has_fleet:
             self._banner.object = message(
                 "note",
                 f"There are no bench files in {self.folder.root}. Drop one on the left, or start "
