@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import xlsxwriter
 
 from heatrun import cli
 from heatrun.app.folder import Folder
 from heatrun.bench import own_files
 from heatrun.bench.checks import check_record
+from heatrun.bench.own_files import refuse_own_file
 from heatrun.bench.readers.read import read_record
 from heatrun.errors import InputError
 from heatrun.fleet.entries import ALIASES
@@ -164,3 +166,42 @@ def test_the_live_view_lists_no_file_of_ours_but_what_is_there_to_be_looked_at(d
     assert set(listing.tests) == {"step.csv", "step_virtual.csv"}
     assert listing.num_own == 4  # renamed.csv, the table of the report, prova.mat, its course
     assert np.all([not name.startswith("run") for name in listing.tests])
+
+
+@pytest.mark.parametrize("name", ["run/course_1.csv", "step_mat/prova.mat", "copy.xlsx"])
+def test_a_file_of_ours_given_by_its_name_is_refused(day, capsys, name):
+    _workbook(Path("copy.xlsx"), ["Parameters", "Correlation", "Columns", "Residuals", "Findings"])
+    for words in (["init", name, "--out", "new.toml"], ["check", "motor.toml", name]):
+        assert cli.main(words) == 1
+        said = capsys.readouterr().err
+        assert "Expected a bench file, this is" in said
+        assert name in said
+    assert not Path("new.toml").exists()
+    assert "copy.xlsx" in {str(path) for path in bench_tests_in([day]).own}
+
+
+def test_a_course_of_a_script_can_be_looked_at_but_makes_no_motor_file(day):
+    assert cli.main(["init", "step_mat/prova_course.csv", "--out", "new.toml"]) == 1
+    refuse_own_file(Path("step_mat/prova_course.csv"), for_fit=False)
+    with pytest.raises(InputError, match="a script of heatrun"):
+        refuse_own_file(Path("step_mat/prova_course.csv"), for_fit=True)
+
+
+def test_a_table_of_machines_is_told_what_it_is_for(day):
+    Path("line 3.csv").write_text("machine,tests\nM1,step.csv\n")
+    with pytest.raises(InputError, match=r"heatrun fleet 'line 3\.csv'"):
+        refuse_own_file(Path("line 3.csv"), for_fit=True)
+
+
+@pytest.mark.parametrize("content", [b"PK\x03\x04", b"PK\x03\x04" + b"\xff" * 100])
+def test_a_damaged_workbook_is_no_file_of_ours(tmp_path, content):
+    (tmp_path / "a.xlsx").write_bytes(content)
+    refuse_own_file(tmp_path / "a.xlsx", for_fit=True)
+    _workbook(tmp_path / "b.xlsx", ["Parameters", "Findings"])  # a bench's own
+    refuse_own_file(tmp_path / "b.xlsx", for_fit=True)
+
+
+def _workbook(path: Path, sheets: list[str]) -> None:
+    with xlsxwriter.Workbook(path) as book:
+        for name in sheets:
+            book.add_worksheet(name)

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..motor import Motor
 from .clocks.align import join
+from .own_files import refuse_own_file
 from .readers.read import read_record
 from .record import Record
 from .stretch import Stretch, cut, mask, stretch_of, with_seen_start
@@ -163,6 +164,7 @@ def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:
     found = None if _exists(text) else RATE.match(text)
     if found is None:
         path, sheet = _with_sheet(text)
+        refuse_own_file(path, for_fit=False)
         return read_record(path, motor, is_part=is_part, sheet=sheet)
     rate = found["rate"].strip()
     if not found["path"] or not NUMBER.fullmatch(rate):
@@ -172,6 +174,7 @@ def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:
             remedy="Write the rate as a number with a point, such as 10 or 0.5.",
         )
     path, sheet = _with_sheet(found["path"])
+    refuse_own_file(path, for_fit=False)
     return read_record(path, motor, rate_Hz=float(rate), is_part=is_part, sheet=sheet)
 
 

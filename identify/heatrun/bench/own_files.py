@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shlex
+import zipfile
 import zlib
 from collections.abc import Collection
 from pathlib import Path
@@ -31,11 +34,19 @@ ROWS = re.compile(r"(?:machines|population|[0-9a-f]{64}(?:\.lost)?)\.parquet")
 MACHINE = frozenset({"machine", "machine_id", "id", "serial"})
 """Names of the column of a table of machines that names them."""
 
-SIMULATION, TABLE, COURSE, EXPORTED, FLEET, MACHINES = (
+SHEETS = frozenset({"Parameters", "Correlation", "Columns", "Residuals", "Findings"})
+"""Sheets of the workbook of a run, beside others."""
+
+MOST_LISTED_BYTES = 1 << 16
+"""Longest list of the sheets of a workbook that is looked at."""
+
+SIMULATION, TABLE, COURSE, SCRIPT_COURSE, EXPORTED, WORKBOOK, FLEET, MACHINES = (
     "a virtual record that heatrun simulated",
     "the tables of a report of heatrun",
-    "a course that heatrun or a script of it has computed",
+    "a course that heatrun has computed",
+    "a course that a script of heatrun has computed",
     "an export of heatrun",
+    "the workbook of a run of heatrun",
     "rows of a fleet that heatrun has written",
     "a table of the machines of a fleet",
 )
@@ -72,7 +83,9 @@ def own_file(name: str, start: bytes) -> str | None:
     if _is_table_of_machines(text):
         return MACHINES
     of_run = "measured_degC" in columns and any("_parameters_95_" in one for one in columns)
-    return COURSE if of_run or name in SCRIPT_COURSES else None
+    if of_run:
+        return COURSE
+    return SCRIPT_COURSE if name in SCRIPT_COURSES else None
 
 
 def _is_table_of_machines(text: str) -> bool:
@@ -91,9 +104,43 @@ def _is_table_of_machines(text: str) -> bool:
 def own_file_at(path: Path) -> str | None:
     """Return as `own_file` for a file on the disk; None for one that cannot be read."""
     try:
-        return own_file(path.name, read_start(path, MOST_BYTES))
+        start = read_start(path, MOST_BYTES)
     except (InputError, OSError, ValueError):
         return None
+    if start.startswith(b"PK\x03\x04"):
+        return WORKBOOK if _sheets(path) >= SHEETS else None
+    return own_file(path.name, start)
+
+
+def refuse_own_file(path: Path, *, for_fit: bool) -> None:
+    """Refuse a file that heatrun itself has written; a virtual record is a matter of the checks.
+
+    Args:
+        path: As the user names it.
+        for_fit: Whether a calibration is what it is for; a course of a script may be looked at.
+
+    Raises:
+        InputError: If it is one.
+    """
+    if not os.path.isfile(path):  # a pipe gives what it holds only once
+        return
+    said = own_file_at(path)
+    if said in (None, SIMULATION) or (not for_fit and said in (SCRIPT_COURSE, MACHINES)):
+        return
+    remedy = "Name the bench file that it was made from."
+    if said == MACHINES:
+        command = f"heatrun fleet {shlex.quote(str(path))}"
+        remedy = f"Calibrate them by {command}, or name the test of one of them."
+    raise InputError(f"Expected a bench file, this is {said}.", where=str(path), remedy=remedy)
+
+
+def _sheets(path: Path) -> set[str]:
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open("xl/workbook.xml") as file:
+            listed = file.read(MOST_LISTED_BYTES).decode("utf-8", "replace")
+    except (OSError, ValueError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error):
+        return set()
+    return set(re.findall(r'<sheet name="([^"]*)"', listed))
 
 
 def is_simulated(columns: Collection[str]) -> bool:

@@ -17,6 +17,7 @@ from .channels.column_unit import statements, unit_of
 from .channels.derive import derive, formulas
 from .channels.likely_names import likely_channels
 from .channels.schema import CHANNEL
+from .own_files import refuse_own_file
 from .readers.formats import opened
 from .readers.measurement import Measurement, header_of
 from .readers.multirate import read_all
@@ -127,8 +128,9 @@ def survey(path: Path, sheet: str | None = None) -> Survey:
         sheet: Sheet of a workbook; by default the one with the channels.
 
     Raises:
-        InputError: If it cannot be read as a table of numbers.
+        InputError: If it cannot be read as a table of numbers, or heatrun itself has written it.
     """
+    refuse_own_file(path, for_fit=True)
     where = str(path)
     with open_input(path) as stream, opened(stream, where) as measurement:
         if measurement is not None:
