@@ -14,6 +14,7 @@ from lptn.effects import AbstractEffect
 from .bench import Finding, Record
 from .bench.blocks import Blocks
 from .bench.checks import check_record, current_scale_unchecked
+from .bench.checks.holdout import as_holdout
 from .bench.joined import read_tests
 from .bench.reduction import reduce
 from .discovery.averaging import averaged
@@ -102,7 +103,11 @@ def load_tests(
     records = [(each, "calibration") for path in calibration for each in read_tests(path, motor)]
     records += [(each, "holdout") for path in holdout for each in read_tests(path, motor)]
     records = _with_distinct_names(records)
-    checked = [(record, role, check_record(record, motor)) for record, role in records]
+    checked = [
+        (record, role, found if role == "calibration" else as_holdout(found))
+        for record, role in records
+        for found in (check_record(record, motor),)
+    ]
     findings = [finding for _, _, found in checked for finding in found]
     if any(finding.severity == "error" for finding in findings):
         raise Refused(findings)
