@@ -25,7 +25,7 @@ from heatrun.errors import InputError
 
 BENCH = Path("..") / "shared" / "bench"
 PADERBORN = "paderborn_profile24_heatrun_2p5s.csv.gz"
-NETWORKS = ("second", "three", "four")
+NETWORKS = ("second", "cooled", "three", "four")
 SPLITS = {"first half": 3752.5, "heating, 20 min of cooling": 5595.0}
 """Until when profile 24 is calibrated [s]; the load is taken off at 4395 s, the record ends at
 7505 s. What is later is held out."""
