@@ -74,6 +74,7 @@ def imagined(
         tests: The records.
         losses: Resistance, and what the loss channel means.
     """
+    like = like.winding
     share = np.cumsum([0.0, *(stretch.share for stretch in duty)])
     num = like.inputs.num_time
     place = np.searchsorted(share / share[-1], (np.arange(num) + 0.5) / num) - 1

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..inference.networks.form import WINDING
 from ..inference.noise import Noise
 from .judging.acceptance import WORTH_A_REFIT, Rival, gap, judged, least_gap
 from .judging.effect_values import amplitude_sd, named_values
@@ -156,7 +157,9 @@ def refitted(engine: Engine, anchor: Refit, present: Refit, score: Score) -> Riv
     own = tuple(score.start)
     refit = refit_with(engine, present, score)
     masks = folds(engine, candidate.test)
-    before, after = (rmse(left_out_errors(engine, which, masks)) for which in (present, refit))
+    before, after = (
+        engine.rms_K(left_out_errors(engine, which, masks)) for which in (present, refit)
+    )
     values, sd = named_values(engine, refit, own)
     return judged(
         Rival(
@@ -164,7 +167,7 @@ def refitted(engine: Engine, anchor: Refit, present: Refit, score: Score) -> Riv
             score=score,
             refit=refit,
             delta_log_evidence=refit.log_evidence - present.log_evidence,
-            rmse_K=rmse(refit.residual[engine.is_observed]),
+            rmse_K=rmse(refit.residual[engine.sensors[WINDING]]),
             gap_K=gap(engine, present, refit),
             left_out_K=after,
             left_out_without_K=before,

@@ -24,7 +24,6 @@ from ..runs.result import describe_model, describe_test
 from ..runs.run_folder import RunFolder
 from ..runs.write import write_run
 from ..work import SILENT, Work
-from .bodies import bodies_finding, unsearched_bodies
 from .result import assemble
 from .run import Discovery, Shown, discover, show
 
@@ -120,10 +119,6 @@ def _as_calibration(
     rows = []
     findings = [finding for test in tests for finding in test.findings]
     findings += current_scale_unchecked(motor, [test.record for test in tests])
-    left_out = bodies_finding(
-        unsearched_bodies(posterior.fit.problem.model, [test.blocks for test in tests])
-    )
-    findings += [left_out] if left_out is not None else []
     for test in tests:
         error, more = check_reduction(posterior.fit, test.record, test.blocks, motor)
         rows.append(describe_test(test.record, test.blocks, motor, test.role, error))

@@ -285,7 +285,7 @@ def _dependence(
                 continue
             test = engine.tests[course.test]
             middle = float(test.inputs.step) * (np.arange(test.inputs.num_time) + 0.5)
-            blocks = test.block_s * (np.arange(test.measured.size) + 0.5)
+            blocks = test.block_s * (np.arange(test.num_blocks) + 0.5)
             values.append(course.mean)
             series = {
                 "current_squared": (middle, np.asarray(test.inputs.current_squared)),

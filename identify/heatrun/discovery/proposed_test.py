@@ -40,9 +40,10 @@ class NextTest:
 def next_test(engine: Engine, final: Refit, named: Sequence[Named]) -> NextTest | None:
     """Return the duty that best separates the tied effects; None if nothing is tied.
 
-    Each effect is fitted to the records already; on an imagined duty their predictions differ,
-    and what a refit of the rival could make up for is taken off. The expected log Bayes factor
-    is half of what is left, squared and whitened.
+    It is judged by what the winding's sensor shows, whatever else the records hold. Each effect is
+    fitted to the records already; on an imagined duty their predictions differ, and what a refit of
+    the rival could make up for is taken off. The expected log Bayes factor is half of what is left,
+    squared and whitened.
 
     Args:
         engine: The tests.
@@ -55,7 +56,7 @@ def next_test(engine: Engine, final: Refit, named: Sequence[Named]) -> NextTest 
     first = tied[0]
     fits = [final, *(swap.refit for swap in first.swaps if not swap.reason)]
     names = (first.rival.candidate.id, *(c.id for c in first.equivalents))
-    like = max(engine.tests, key=lambda test: test.weight.shape[0])
+    like = max(engine.tests, key=lambda test: test.num_blocks)
     best: NextTest | None = None
     for what, duty in DUTIES.items():
         scaled = _bearable(engine, final, duty, like)
@@ -73,7 +74,7 @@ def next_test(engine: Engine, final: Refit, named: Sequence[Named]) -> NextTest 
 
 def _bearable(engine: Engine, final: Refit, duty: Sequence[Stretch], like) -> tuple[Stretch, ...]:
     """Return the duty with less current, if it would run hotter than the machine has been."""
-    hottest = max(float(np.nanmax(test.measured)) for test in engine.tests) + MARGIN_K
+    hottest = max(float(np.nanmax(test.winding.measured)) for test in engine.tests) + MARGIN_K
     scaled = tuple(duty)
     for _ in range(8):
         trial = _engine(engine, final, scaled, like)
@@ -108,19 +109,21 @@ def _expected(engine: Engine, trial: Engine, truth: Refit, rival: Refit) -> floa
     """Return the expected log Bayes factor of one fit over another on an imagined test [nat]."""
     seen, _ = trial.linearise(_scores(engine, trial, truth), ())
     z = _scores(engine, trial, rival)
-    shared = [slot for slot in rival.free if engine.slots[slot].test is None]
-    names = [engine.slots[slot].parameter.name for slot in shared]
-    columns = [trial.find(name) for name in names]
+    columns = {}  # in the trial, by slot; errors of a body's sensor are none of the winding's
+    for slot in rival.free:
+        column = trial.find(engine.slots[slot].parameter.name)
+        if engine.slots[slot].test is None and column is not None:
+            columns[slot] = column
     starts = [i for i in trial.base if trial.slots[i].test is not None]
-    known = [c for c in columns if c is not None] + starts
+    known = [*columns.values(), *starts]
     predicted, jacobian = trial.linearise(z, known)
     rows = trial.whiten(rival.noise, predicted - seen)
     J = trial.whiten(rival.noise, jacobian)
     old = engine.whiten(rival.noise, rival.jacobian)
     covariance = np.linalg.inv(old.T @ old + np.eye(old.shape[1]))
-    place = [rival.free.index(slot) for slot in shared]
+    place = [rival.free.index(slot) for slot in columns]
     precision = np.eye(len(known))
-    size = len(shared)
+    size = len(columns)
     precision[:size, :size] = np.linalg.inv(covariance[np.ix_(place, place)])
     step = -np.linalg.solve(J.T @ J + precision, J.T @ rows)
     left = rows + J @ step

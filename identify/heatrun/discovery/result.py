@@ -236,6 +236,7 @@ def _adequacy(found: Adequacy) -> LeftByModel:
         slow_misfit_K=found.misfit_K,
         rmse_K=found.rmse_K,
         noise_K=found.noise_K,
+        channel=found.channel,
     )
 
 

@@ -12,7 +12,6 @@ from ..inference.fitting.fit_result import Fit
 from .grow import Growth, Round, refitted
 from .judging.acceptance import Rival, holds_null, refusal
 from .judging.effect_values import amplitude_sd, named_values, of_fit
-from .judging.folds import rmse
 from .judging.held_out import HeldOut
 from .judging.refits import refit_with
 from .screening.engine import Engine, Refit
@@ -286,4 +285,4 @@ def _swaps(
 
 
 def _squares(engine: Engine, refit: Refit) -> float:
-    return rmse(refit.residual[engine.is_observed]) ** 2
+    return engine.rms_K(refit.residual) ** 2

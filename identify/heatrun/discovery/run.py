@@ -23,7 +23,6 @@ from ..inference.posterior import Posterior, sample, weighted_draws
 from ..inference.predict import Prediction, predict
 from ..motor import Motor
 from ..work import SILENT, Work
-from .bodies import bodies_sentence, unsearched_bodies
 from .extended import extended_fit
 from .grow import Growth, grow
 from .judging.acceptance import gap
@@ -117,7 +116,8 @@ def discover(
 
     Args:
         motor: The machine.
-        tests: Reduced records to calibrate on.
+        tests: Reduced records to calibrate on; measured bodies that are nodes of the network are
+            fitted as a calibration fits them.
         order: The base network.
         known: Effects that the base network has.
         kinds: The effects that are searched; by default the catalogue and installed ones.
@@ -134,6 +134,7 @@ def discover(
     watch = _Watch(work)
     bare = Model.of(order, motor, known).scaled(motor, tests)
     bare.refuse_unusable([*tests, *held_out])
+    tests = [bare.with_bodies(test) for test in tests]
     found, engine = extended_engine(bare, motor, tests, kinds or all_effects(), held_out)
     say(f"{bare.title}: fitting the network alone")
     work.at("base fit", f"{bare.title}: fitting the network alone")
@@ -183,8 +184,6 @@ def discover(
     watch.lap("where")
     traces = find_traces(growth, before.excess) if not named else []
     said = verdict(growth, named, before, after, traces)
-    unsearched = unsearched_bodies(bare, [*tests, *held_out])
-    said = replace(said, sentence=said.sentence + bodies_sentence(unsearched))
     is_ambiguous = said.word == "ambiguous"
     tied = ties(engine, final, named) if is_ambiguous else None
     watch.lap("ties")

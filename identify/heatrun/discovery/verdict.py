@@ -102,13 +102,14 @@ def sampled_apart(left: Adequacy, rmse_K: float) -> str:
 
     Args:
         left: What the fit leaves that the verdict rests on.
-        rmse_K: Error of the sampled model on the same tests [K].
+        rmse_K: Error of the winding by the sampled model on the same tests [K].
     """
-    if rmse_K <= max(APART_SHARE * left.rmse_K, left.rmse_K + APART_K):
+    of_fit_K = left.rmse_K if left.winding_rmse_K is None else left.winding_rmse_K
+    if rmse_K <= max(APART_SHARE * of_fit_K, of_fit_K + APART_K):
         return ""
     return (
         f" The sampled model has an RMSE of {rmse_K:.2f} K on the same tests, against "
-        f"{left.rmse_K:.2f} K of the fit that this verdict rests on: its parameters and intervals "
+        f"{of_fit_K:.2f} K of the fit that this verdict rests on: its parameters and intervals "
         "are not reliable."
     )
 

@@ -42,6 +42,8 @@ class LeftByModel:
         noise_K: Standard deviation of the noise of a block mean [K].
         rmse_K: Root mean square of all residuals of the same fit, slow and fast [K]; unset in
             files of earlier versions.
+        channel: Of the sensor whose slow misfit is largest, to which the figures in kelvin belong;
+            unset in files of earlier versions.
     """
 
     is_adequate: bool
@@ -50,6 +52,7 @@ class LeftByModel:
     slow_misfit_K: NonNegative
     noise_K: NonNegative
     rmse_K: NonNegative | UnsetType = UNSET
+    channel: str | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

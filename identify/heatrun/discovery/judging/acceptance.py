@@ -81,8 +81,7 @@ class Rival:
 
 def gap(engine: Engine, before: Refit, after: Refit) -> float:
     """Return what a model closes of the gap: the root of the difference of mean squares [K]."""
-    seen = engine.is_observed
-    fall = np.mean(before.residual[seen] ** 2) - np.mean(after.residual[seen] ** 2)
+    fall = engine.rms_K(before.residual) ** 2 - engine.rms_K(after.residual) ** 2
     return float(np.sqrt(max(fall, 0.0)))
 
 

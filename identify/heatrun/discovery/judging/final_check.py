@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...inference.fitting.adequacy import low_frequency_excess
+from ...inference.loggers import scales_of
+from ...inference.networks.form import WINDING
 from ...inference.noise import variance_of_mean
 from ..screening.engine import Engine, Refit
 from ..screening.saturated import plain_noise
@@ -46,6 +48,8 @@ class Adequacy:
         window_s: Length of the means that count as slow [s].
         noise_K: Standard deviation of the noise of a block mean [K].
         closed_K: Gap that the effects in the model have closed [K].
+        channel: The sensor whose slow misfit is largest; misfit and error are its.
+        winding_rmse_K: The error of the winding, where that of another sensor is told [K].
     """
 
     excess: float
@@ -56,6 +60,8 @@ class Adequacy:
     window_s: float
     noise_K: float
     closed_K: float = 0.0
+    channel: str = WINDING
+    winding_rmse_K: float | None = None
 
     @property
     def words(self) -> str:
@@ -63,6 +69,7 @@ class Adequacy:
         return (
             f"a slow misfit of {self.misfit_K:.2f} K (means over {self.window_s / 60.0:.0f} min, "
             f"less what noise leaves in them) in an RMSE of {self.rmse_K:.2f} K"
+            + ("" if self.channel == WINDING else f" of {self.channel}")
         )
 
     @property
@@ -86,32 +93,47 @@ def adequacy(engine: Engine, refit: Refit, closed_K: float = 0.0) -> Adequacy:
         closed_K: Gap that the effects in the model have closed [K].
     """
     noise = refit.noise
-    innovations, lengths, slow, expected = [], [], [], []
+    innovations, lengths = [], []
+    slow: dict[str, list[np.ndarray]] = {}
+    expected: dict[str, list[np.ndarray]] = {}
     longest_s = 0.0
     whitened = engine.problem.split(engine.whiten(noise, refit.residual))
     raw = engine.problem.split(refit.residual)
     for values, residual, test in zip(whitened, raw, engine.tests, strict=True):
-        seen = test.is_observed
-        innovations.append(values[seen])
-        lengths.append(test.block_s)
         window_s = min(WINDOW_S, test.duration_s / FEWEST_WINDOWS)
         size = max(2, round(window_s / test.block_s))
         longest_s = max(longest_s, size * test.block_s)
-        num = int(seen.sum()) // size
-        if num:
-            slow.append(residual[seen][: num * size].reshape(num, size).mean(axis=1))
-            expected.append(np.full(num, variance_of_mean(noise, test.block_s, size)))
+        scales = scales_of(engine.problem.loggers, test)
+        by_sensor = (test.by_sensor(rows) for rows in (values, residual, test.is_observed))
+        for channel, scale, white, rest, seen in zip(
+            (WINDING, *test.fitted), scales, *by_sensor, strict=True
+        ):
+            innovations.append(white[seen])
+            lengths.append(test.block_s)
+            num = int(seen.sum()) // size
+            if num:
+                means = rest[seen][: num * size].reshape(num, size).mean(axis=1)
+                slow.setdefault(channel, []).append(means)
+                variance = variance_of_mean(noise.scaled(scale), test.block_s, size)
+                expected.setdefault(channel, []).append(np.full(num, variance))
     excess, is_excessive = low_frequency_excess(innovations, lengths)
     plain = plain_noise(engine, refit)
     is_slow = float(plain.sd) > RELEVANT_SHARE * float(plain.total())
-    misfit = np.mean(np.concatenate(slow) ** 2) - np.mean(np.concatenate(expected)) if slow else 0.0
+    misfit = {
+        channel: float(np.mean(np.concatenate(slow[channel]) ** 2)
+                       - np.mean(np.concatenate(expected[channel])))
+        for channel in slow
+    }  # fmt: skip
+    worst = max(misfit, key=lambda channel: misfit[channel], default=WINDING)
     return Adequacy(
         excess=excess,
         is_excessive=is_excessive,
         correlation_s=float(plain.time) if is_slow else 0.0,
-        misfit_K=float(np.sqrt(max(misfit, 0.0))),
-        rmse_K=rmse(refit.residual[engine.is_observed]),
+        misfit_K=float(np.sqrt(max(misfit.get(worst, 0.0), 0.0))),
+        rmse_K=rmse(refit.residual[engine.sensors[worst]]),
         window_s=longest_s,
         noise_K=float(noise.total()),
         closed_K=closed_K,
+        channel=worst,
+        winding_rmse_K=rmse(refit.residual[engine.sensors[WINDING]]),
     )

@@ -21,21 +21,21 @@ def folds(engine: Engine, event: int | None = None) -> list[Bool[np.ndarray, " b
         engine: The tests.
         event: Index of the test of an event, which only other parts of that test can predict.
     """
-    sizes = [test.measured.size for test in engine.tests]
-    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    tests = engine.tests
     masks = []
-    for index, (first, size) in enumerate(zip(starts, sizes, strict=True)):
-        if event is None and len(sizes) > 1:
-            parts = [(0, size)]
+    for index, test in enumerate(tests):
+        if event is None and len(tests) > 1:
+            parts = [(0, test.num_blocks)]
         elif event is None or index == event:
-            cuts = np.linspace(0, size, NUM_PARTS + 1).round().astype(int)
+            cuts = np.linspace(0, test.num_blocks, NUM_PARTS + 1).round().astype(int)
             parts = list(pairwise(cuts))
         else:
             continue
         for begin, end in parts:
-            mask = np.zeros(sum(sizes), dtype=bool)
-            mask[first + begin : first + end] = True
-            masks.append(mask & engine.is_observed)
+            left_out = [np.zeros(each.measured.size, dtype=bool) for each in tests]
+            for sensor in test.by_sensor(left_out[index]):  # all that was read meanwhile
+                sensor[begin:end] = True
+            masks.append(np.concatenate(left_out) & engine.is_observed)
     return [mask for mask in masks if mask.any()]
 
 

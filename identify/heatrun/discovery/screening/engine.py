@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from scipy.optimize import least_squares
 
 from lptn import SIGNALS
@@ -26,6 +26,7 @@ from ...bench.blocks import Blocks, Observation
 from ...inference import noise as noise_module
 from ...inference.loggers import Loggers
 from ...inference.model import Model
+from ...inference.networks.form import WINDING
 from ...inference.noise import Noise
 from ...inference.problem import WORST_RESIDUAL, Problem
 
@@ -109,6 +110,27 @@ class Engine:
     def is_observed(self) -> np.ndarray:
         """Which blocks hold a reading, all tests in a row."""
         return self._is_observed
+
+    @cached_property
+    def sensors(self) -> dict[str, Bool[np.ndarray, " block"]]:
+        """Which blocks hold a reading of a sensor, by channel, the winding's first."""
+        channels = np.concatenate(
+            [np.repeat((WINDING, *test.fitted), test.num_blocks) for test in self.tests]
+        )
+        return {
+            channel: (channels == channel) & self.is_observed for channel in dict.fromkeys(channels)
+        }
+
+    def rms_K(self, rows: Float[np.ndarray, " block"]) -> float:
+        """Return the root of the mean squares of rows over all blocks, summed over the sensors [K].
+
+        The sum, not the mean: what one sensor shows weighs the same, however many others there are.
+
+        Args:
+            rows: Of all tests; NaN where there is nothing.
+        """
+        squares = (rows[own & np.isfinite(rows)] ** 2 for own in self.sensors.values())
+        return float(np.sqrt(sum(float(np.mean(each)) for each in squares if each.size)))
 
     def find(self, name: str, test: int | None = None) -> int | None:
         """Return the slot of a parameter by its qualified name, None if it is fixed."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,6 +15,7 @@ from lptn import Inputs, Trace
 from lptn.balance import heat_balance, rates
 from lptn.effects import NodeEffect, SensorEffect
 from lptn.march import heat_effects
+from lptn.sensor import lagged
 
 from ...bench.blocks import Blocks
 from ...inference.model import Model, Values
@@ -29,7 +31,8 @@ class Response:
     Attributes:
         knots: Times at which the heat is given; between them it runs straight [s], shape (knot,).
         columns: By node: derivative of the block means by the heat at each knot [K/W], shape
-            (block, knot); for `SENSOR` by the error of the reading [K/K].
+            (block, knot), of the winding and then of each body that is fitted; for `SENSOR` by
+            the error of the winding's reading [K/K].
         rise: Winding above the sink, mean over each block [K].
     """
 
@@ -49,6 +52,7 @@ def respond(model: Model, values: Values, test: Blocks, spacing_s: float) -> Res
     """
     step = float(test.inputs.step)
     edges = step * np.arange(test.inputs.num_time + 1)
+    steps = jnp.full(test.inputs.num_time, step)
     num = max(3, round(test.duration_s / spacing_s) + 1)
     knots = np.linspace(0.0, edges[-1], num)
     middle = 0.5 * (edges[1:] + edges[:-1])
@@ -56,17 +60,23 @@ def respond(model: Model, values: Values, test: Blocks, spacing_s: float) -> Res
 
     trace, slopes, capacity = _linear(model, values, test.inputs)
     nodes = sorted(capacity)
-    heated = [n for n in ("winding", "stator") if n in nodes]
+    heated = [n for n in model.form.nodes if n in nodes]
     A = np.stack([np.stack([slopes[row][column] for column in nodes], -1) for row in nodes], -2)
     courses = _march(A, step, {n: nodes.index(n) for n in heated}, capacity, hats)
     columns = {}
     for node, course in courses.items():
-        reading = _sense(model, values, test, trace, course, nodes)
-        columns[node] = _block_means(test, reading)
+        readings = [_sense(model, values, test, trace, course, nodes)]
+        for body in model.body_sensors(values, test.fitted):
+            seen = (1.0 + body.gain) * jnp.asarray(course[:, nodes.index(body.node)])
+            late = jax.vmap(lambda one, lag=body.lag or 0.0: lagged(one, lag, steps), 1, 1)
+            readings.append(np.asarray(late(seen)))
+        columns[node] = _block_means(test, readings)
     at_edges = np.maximum(0.0, 1.0 - np.abs(edges[:, None] - knots) / (knots[1] - knots[0]))
-    columns[SENSOR] = _block_means(test, at_edges)
-    rise = np.asarray(trace.temperature["winding"]) - np.asarray(test.inputs.ambient_at_edges())
-    return Response(knots, columns, _block_means(test, rise[:, None])[:, 0])
+    others = [np.zeros_like(at_edges)] * len(test.fitted)
+    columns[SENSOR] = _block_means(test, [at_edges, *others])
+    measured = model.form.measured_node
+    rise = np.asarray(trace.temperature[measured]) - np.asarray(test.inputs.ambient_at_edges())
+    return Response(knots, columns, _block_means(test.winding, [rise[:, None]])[:, 0])
 
 
 def _linear(model: Model, values: Values, inputs: Inputs):
@@ -140,7 +150,7 @@ def _sense(
 ) -> np.ndarray:
     """Return the change of the reading (edge, knot) for changes of the nodes."""
     sensor = model.sensor(values)
-    reading = (1.0 + float(np.asarray(sensor.gain))) * course[:, nodes.index("winding")]
+    reading = (1.0 + float(np.asarray(sensor.gain))) * course[:, nodes.index(sensor.node)]
     effects = [e for e in model.built_effects(values) if isinstance(e, SensorEffect)]
     for effect in effects:
         temperature = {node: trace.temperature[node] for node in nodes}
@@ -156,9 +166,14 @@ def _sense(
     return reading
 
 
-def _block_means(test: Blocks, edges: np.ndarray) -> Float[np.ndarray, "block column"]:
-    weight = test.weight[:, :, None]
-    position = test.position[:, :, None]
-    before = edges[:-1].reshape(*test.weight.shape, -1)
-    after = edges[1:].reshape(*test.weight.shape, -1)
-    return np.sum(weight * (before + position * (after - before)), axis=1)
+def _block_means(test: Blocks, readings: Sequence[np.ndarray]) -> Float[np.ndarray, "block column"]:
+    """Return the means over the blocks of each sensor in turn, of its readings at the edges."""
+    rows = []
+    for edges, weight, position in zip(
+        readings, test.by_sensor(test.weight), test.by_sensor(test.position), strict=True
+    ):
+        before = edges[:-1].reshape(*weight.shape, -1)
+        after = edges[1:].reshape(*weight.shape, -1)
+        between = before + position[:, :, None] * (after - before)
+        rows.append(np.sum(weight[:, :, None] * between, axis=1))
+    return np.concatenate(rows)

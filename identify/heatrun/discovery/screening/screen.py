@@ -63,7 +63,8 @@ class Score:
         log_bayes: Its approximate log Bayes factor over the model without it [nat].
         start: Scores by slot to start a refit from.
         visibility: Norm of its whitened, projected signature at the typical amplitude [1].
-        visible_K: Root mean square of its projected signature at that amplitude [K].
+        visible_K: Root mean square of its projected signature at that amplitude, summed over the
+            sensors as `Engine.rms_K` [K].
         direction: Its whitened, projected signature at the estimate, of length one.
         shift: By how much it would move the free scores of the present model at the estimate.
         other_starts: The next best starts, at other settings of its shape.
@@ -192,7 +193,6 @@ class Screen:
         size = self._scores[span]
         at_typical = (self._whitened[:, span] - self._base @ self._raw_half[:, span]) @ size
         raw = (self._raw[:, span] - self.present.jacobian @ self._raw_half[:, span]) @ size
-        seen = self.engine.is_observed
         length = float(np.linalg.norm(direction))
         return Score(
             candidate=signature.candidate,
@@ -200,7 +200,7 @@ class Screen:
             log_bayes=0.5 * gain - 0.5 * log_det,
             start=dict(zip(signature.slots, estimate, strict=True)) | signature.shape,
             visibility=float(np.linalg.norm(at_typical)),
-            visible_K=float(np.sqrt(np.mean(raw[seen] ** 2))),
+            visible_K=self.engine.rms_K(raw),
             direction=direction / max(length, 1e-300),
             shift=-self._raw_half[:, span] @ estimate,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ BEFORE, AFTER = "#D55E00", "#0072B2"
 """Okabe and Ito's palette, which colour-blind readers can tell apart."""
 
 NODE_COLOURS = {"winding": "#CC79A7", "stator": "#009E73", SENSOR: "#56B4E9"}
+MORE_COLOURS = ("#E69F00", "#0072B2", "#D55E00", "#F0E442")
+"""Of nodes with other names, in the order in which they come."""
 
 
 def draw_all(
@@ -103,8 +106,10 @@ def missing(test: Blocks, index: int, before: Where, after: Where) -> Figure | N
     axes[1].plot(minutes, mean(test.inputs.ambient), color="0.6", lw=0.8, label="sink")
     axes[1].set_ylabel("[°C]")
     axes[1].legend(fontsize=7, frameon=False)
+    others = [course.node for course in courses if course.node not in NODE_COLOURS]
+    colours = NODE_COLOURS | dict(zip(others, cycle(MORE_COLOURS), strict=False))
     for axis, course in zip(axes[2:], courses, strict=True):
-        colour = NODE_COLOURS[course.node]
+        colour = colours[course.node]
         time = course.time_s / 60.0
         half = 1.96 * course.sd
         axis.fill_between(time, course.mean - half, course.mean + half, color=colour, alpha=0.25,
