@@ -9,6 +9,7 @@ import numpy as np
 
 from ..inference.discrepancy import with_heat
 from ..inference.fitting.fit_result import RESULT, Fit
+from ..inference.fitting.held_heat import holding_heat
 from ..inference.fitting.laplace import spread
 from ..inference.fitting.restricted import estimate_noise
 from ..inference.noise import from_scores
@@ -24,7 +25,8 @@ def extended_fit(engine: Engine, z: np.ndarray, accepted: Sequence[Candidate]) -
 
     Noise and unmodelled heat are estimated on this very model, without a limit of the noise's
     correlation time, as in `inference.fitting.fit`: what the model does not explain widens the
-    posterior.
+    posterior. Where it would keep the model from tests that the search has followed, unmodelled
+    heat is held down as `inference.fitting.held_heat` does it.
 
     Args:
         engine: The extended model with all effects.
@@ -37,6 +39,17 @@ def extended_fit(engine: Engine, z: np.ndarray, accepted: Sequence[Candidate]) -
     parameters = _parameters(full.parameters, accepted)
     problem = Problem(model, full.motor, full.tests, parameters, loggers=full.loggers)
     order = [_slot(engine, slot.parameter.name, slot.test) for slot in parameters.slots]
+    reached_K = problem.rmse_K(engine.linearise(z, order)[0])
+
+    def fitted(problem: Problem) -> Fit:
+        return _fitted(engine, problem, z, order, reached_K)
+
+    return holding_heat(fitted(problem), refit=fitted)
+
+
+def _fitted(
+    engine: Engine, problem: Problem, z: np.ndarray, order: Sequence[int], reached_K: float
+) -> Fit:
     problem, z, noise_z = _settle(engine, problem, z, order)
     residual, jacobian = engine.linearise(z, order)
     width = spread(problem, z[order], noise_z, residual, jacobian)
@@ -51,6 +64,7 @@ def extended_fit(engine: Engine, z: np.ndarray, accepted: Sequence[Candidate]) -
         modes=z[order][None],
         log_evidence=width.log_evidence,
         result=RESULT.converged,
+        stats={"rmse_white_K": reached_K},
     )
 
 

@@ -119,6 +119,7 @@ def _as_calibration(
     rows = []
     findings = [finding for test in tests for finding in test.findings]
     findings += current_scale_unchecked(motor, [test.record for test in tests])
+    findings += posterior.fit.findings
     for test in tests:
         error, more = check_reduction(posterior.fit, test.record, test.blocks, motor)
         rows.append(describe_test(test.record, test.blocks, motor, test.role, error))

@@ -9,6 +9,7 @@ two.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -53,13 +54,16 @@ def is_overruled(found: Fit) -> bool:
     return rmse > max(OVERRULED * reached, OVERRULED_K)
 
 
-def holding_heat(found: Fit, *, seed: int = 0) -> Fit:
+def holding_heat(
+    found: Fit, *, refit: Callable[[Problem], Fit] | None = None, seed: int = 0
+) -> Fit:
     """Return the fit, or one with so much less unmodelled heat that the network follows its tests.
 
     What a motor file states under `[adequacy]` stays as it is.
 
     Args:
         found: The fit.
+        refit: Fits the problem with less heat; by default `fit`.
         seed: As `fit`.
     """
     problem = found.problem
@@ -71,7 +75,10 @@ def holding_heat(found: Fit, *, seed: int = 0) -> Fit:
         least = max(LESS * adequacy.unmodelled_heat, HEAT_LIMITS[0])
         adequacy = replace(adequacy, unmodelled_heat=least)
         model = replace(problem.model, adequacy=adequacy)
-        held = fit(Problem.of(model, problem.motor, problem.tests), seed=seed)
+        if refit is None:
+            held = fit(Problem.of(model, problem.motor, problem.tests), seed=seed)
+        else:
+            held = refit(replace(problem, model=model))
     return replace(held, findings=(*held.findings, _finding(found, held)))
 
 

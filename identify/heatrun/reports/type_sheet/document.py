@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ...results.population import PopulationResult
 from ..sheet.figures import save
+from ..sheet.page_fill import filling_height
 from ..sheet.typeset import typeset
 from .content import type_sheet_content
 from .figure import shown_machines, type_figures
@@ -30,9 +31,12 @@ def write_type_sheet(result: PopulationResult, path: Path) -> Path:
         "Each machine by its own tests, and given all machines of the type. Long intervals of "
         f"short tests are truncated at the frame.{thinned}"
     )
+    drawn = [each.get_size_inches() for each in type_figures(result)]
+    sizes = [(float(width), float(height)) for width, height in drawn]
+    height = filling_height(TEMPLATE, content, sizes)
     with tempfile.TemporaryDirectory() as name:
         figures = [
             save(figure, Path(name) / f"{number:03d}.png")
-            for number, figure in enumerate(type_figures(result))
+            for number, figure in enumerate(type_figures(result, height))
         ]
         return typeset(TEMPLATE, content, figures, path)
