@@ -52,6 +52,9 @@ SIMULATION, TABLE, COURSE, SCRIPT_COURSE, EXPORTED, WORKBOOK, FLEET, MACHINES = 
 )
 """What a file of heatrun's own is, in words."""
 
+READABLE = (SCRIPT_COURSE, EXPORTED, MACHINES)
+"""Of these, what can be read where its name is given; a table of machines fails by itself."""
+
 
 def is_run_folder(path: Path) -> bool:
     """Return whether a folder is a run of heatrun."""
@@ -117,7 +120,8 @@ def refuse_own_file(path: Path, *, for_fit: bool) -> None:
 
     Args:
         path: As the user names it.
-        for_fit: Whether a calibration is what it is for; a course of a script may be looked at.
+        for_fit: Whether a motor file is made of it; a course of a script may be looked at, and the
+            test that an export holds be simulated again.
 
     Raises:
         InputError: If it is one.
@@ -125,7 +129,7 @@ def refuse_own_file(path: Path, *, for_fit: bool) -> None:
     if not os.path.isfile(path):  # a pipe gives what it holds only once
         return
     said = own_file_at(path)
-    if said in (None, SIMULATION) or (not for_fit and said in (SCRIPT_COURSE, MACHINES)):
+    if said in (None, SIMULATION) or (not for_fit and said in READABLE):
         return
     remedy = "Name the bench file that it was made from."
     if said == MACHINES:

@@ -8,12 +8,16 @@ from typing import Literal
 
 import numpy as np
 
+from ....bench.channels.schema import CHANNELS
+from ..card import NOT_OF_THE_MACHINE
 from .general_information import J_PER_KWH
 from .integrate import bridged_steps, integrate
 from .pair import Pair
 from .tolerances import Tolerance
 
 Verdict = Literal["agrees", "biased", "differs", "input", "not comparable"]
+
+ORDER = {channel.name: number for number, channel in enumerate(CHANNELS)}
 
 INSIDE = 0.95
 """Share of the time that must lie inside the tolerance [1]: what a 95 % band would hold."""
@@ -80,13 +84,28 @@ def compare_signals(
         inputs: Channels of the test that drove the reference.
 
     Returns:
-        One comparison for each shared signal, in the order of the test's channels.
+        One comparison for each shared signal, in the order of `place`.
     """
     limits = bands or {}
     return tuple(
         replace(row, verdict="input") if row.channel in inputs else row
-        for row in (_compare(pair, name, tolerances[name], limits.get(name)) for name in pair.ours)
+        for row in (
+            _compare(pair, name, tolerances[name], limits.get(name))
+            for name in sorted(pair.ours, key=place)
+        )
     )
+
+
+def place(channel: str) -> tuple[int, int]:
+    """Return where a signal stands: temperatures of the machine first, of what is about it last.
+
+    Args:
+        channel: Name of the channel.
+    """
+    number = ORDER.get(channel, len(ORDER))
+    if channel in NOT_OF_THE_MACHINE:
+        return 2, number
+    return int(not channel.endswith("_degC")), number
 
 
 def _compare(

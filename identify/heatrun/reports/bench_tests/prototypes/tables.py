@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from ....bench.channels.schema import CHANNELS
 from ....bench.checks.samples import median_step, samples
 from ..analysis.compare_figures import FigureComparison
-from ..analysis.compare_signals import SignalComparison
+from ..analysis.compare_signals import SignalComparison, place
 from ..analysis.general_information import FIGURES
-from ..card import NOT_OF_THE_MACHINE
 from ..figure_cells import figure_cells
 from ..figures.plot import unit, wording
 from ..report import Column, Line, Row, Table
@@ -60,13 +58,7 @@ def signals_of(found: Confrontation) -> tuple[str, ...]:
     signals = [s for pair in found.pairs for s in pair.validation.signals]
     shared = {s.channel for s in signals if s.verdict != "not comparable"}
     judged = {s.channel for s in signals if s.verdict not in ("input", "not comparable")}
-    order = [channel.name for channel in CHANNELS]
-
-    def place(name: str) -> tuple[bool, bool, int]:
-        is_of_machine = name.endswith("_degC") and name not in NOT_OF_THE_MACHINE
-        return name not in judged, not is_of_machine, order.index(name)
-
-    return tuple(sorted(shared, key=place))
+    return tuple(sorted(shared, key=lambda name: (name not in judged, place(name))))
 
 
 def rows(found: Confrontation) -> tuple[Row, ...]:
