@@ -17,11 +17,13 @@ from heatrun.discovery.result import assemble
 from heatrun.discovery.run import discover, show
 from heatrun.discovery.screening.engine import Engine
 from heatrun.discovery.screening.response import respond
+from heatrun.inference.catalogue import all_effects
 from heatrun.inference.model import Model
 from heatrun.inference.noise import from_scores
 from heatrun.inference.problem import Problem
 from heatrun.reports.discovery.figures import missing
 
+RIVALS = ("natural_convection", "radiation", "speed_cooling", "external_loss", "neighbour_body")
 NOISE = from_scores(jnp.zeros(4))
 
 
@@ -104,7 +106,8 @@ def test_what_one_sensor_shows_is_left_by_the_model(bare):
 @pytest.fixture(scope="module")
 def named(cooled):
     _, motor, tests, _ = cooled
-    return discover(motor, tests)
+    kinds = [kind for kind in all_effects() if kind.card.id in RIVALS]
+    return discover(motor, tests, kinds=kinds)
 
 
 def test_a_cause_is_named_with_the_body_fitted(named):
