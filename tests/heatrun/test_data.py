@@ -54,6 +54,7 @@ def test_checksums_of_the_description_hold(name: str) -> None:
         assert hashlib.sha256((folder / file).read_bytes()).hexdigest() == digest, file
 
 
+@pytest.mark.slow
 def test_the_hidden_cause_can_be_made_again(tmp_path: Path) -> None:
     subprocess.run(
         [sys.executable, "-B", SYNTHETIC / "generate_hidden.py", "--out", tmp_path],

@@ -124,6 +124,7 @@ def resting(generator: ModuleType, duration_s: float):
     return generator.simulate(generator.reference_motor(), load)
 
 
+@pytest.mark.slow
 def test_the_slow_sensor_error_has_its_size_and_its_memory(generator: ModuleType) -> None:
     truth = resting(generator, 20000.0)
     slow = generator.Instruments(drift_sd_K=0.2, drift_time_s=20.0, white_sd_K=0.0, resolution_K=0)

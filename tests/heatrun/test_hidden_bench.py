@@ -32,6 +32,7 @@ def test_what_is_not_known_is_refused(hidden_bench):
         hidden_bench.make_case(("radiation",), 7, target_K=0.0)
 
 
+@pytest.mark.slow
 def test_a_cause_is_given_the_misfit_that_was_asked_for(hidden_bench):
     case = hidden_bench.make_case(("speed_cooling",), 7, target_K=0.5)
     # a secant on a nearly linear function, ended at 7 %; the clean machine's 0.05 K add a little
