@@ -96,6 +96,26 @@ def test_the_fit_is_tried_with_less_until_it_follows(fitted):
     assert finding.values["rmse_before_K"] > 5.0
 
 
+@pytest.mark.parametrize("errors_K", [(20.0,), (8.0, 3.0, 6.0)], ids=["worse", "between"])
+def test_of_fits_that_do_not_follow_the_nearest_counts(fitted, errors_K):
+    def off(error_K, problem=fitted.problem):
+        rows = tuple(error_K + 0.0 * rows for rows in fitted.residual)
+        return replace(fitted, residual=rows, problem=problem)
+
+    left = list(errors_K)
+
+    def refit(problem):
+        return off(left.pop(0) if len(left) > 1 else left[0], problem)
+
+    away = off(5.0)
+    held = holding_heat(away, refit=refit)
+    if min(errors_K) > 5.0:
+        assert held is away
+    else:
+        assert distance(held)[0] == pytest.approx(3.0, rel=1e-6)
+        assert held.findings[-1].id == "heat_held_down"
+
+
 def test_a_sound_fit_stays(fitted):
     assert holding_heat(fitted) is fitted
 

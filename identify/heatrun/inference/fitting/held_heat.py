@@ -59,7 +59,8 @@ def holding_heat(
 ) -> Fit:
     """Return the fit, or one with so much less unmodelled heat that the network follows its tests.
 
-    What a motor file states under `[adequacy]` stays as it is.
+    Where none follows, it is the nearest of those that were tried. What a motor file states under
+    `[adequacy]` stays as it is.
 
     Args:
         found: The fit.
@@ -70,7 +71,7 @@ def holding_heat(
     usual = problem.model.adequacy
     if not is_overruled(found) or problem.motor.adequacy != Adequacy():
         return found
-    held, adequacy = found, usual
+    held, adequacy, nearest = found, usual, found
     while _is_away(held) and adequacy.unmodelled_heat > HEAT_LIMITS[0]:
         least = max(LESS * adequacy.unmodelled_heat, HEAT_LIMITS[0])
         adequacy = replace(adequacy, unmodelled_heat=least)
@@ -79,7 +80,10 @@ def holding_heat(
             held = fit(Problem.of(model, problem.motor, problem.tests), seed=seed)
         else:
             held = refit(replace(problem, model=model))
-    return replace(held, findings=(*held.findings, _finding(found, held)))
+        nearest = min(nearest, held, key=lambda each: distance(each)[0])
+    if nearest is found:  # a search may end elsewhere, however little heat there is
+        return found
+    return replace(nearest, findings=(*nearest.findings, _finding(found, nearest)))
 
 
 def _is_away(found: Fit) -> bool:
