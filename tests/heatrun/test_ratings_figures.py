@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from heatrun.bench.blocks import Blocks
 from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem, Structure
+from heatrun.inference.problem import Problem
 from heatrun.motor import Motor, ParameterOverride
 from heatrun.ratings.figures import derive
 from heatrun.ratings.machine import machines
@@ -77,7 +77,7 @@ def posterior(order, machine, values, effects=(), tests=None):
     for position, slot in enumerate(problem.parameters.slots):
         if slot.parameter.name in values:
             z[:, position] = slot.parameter.score(values[slot.parameter.name])
-    return SimpleNamespace(fit=SimpleNamespace(problem=problem), flat=z)
+    return SimpleNamespace(fit=SimpleNamespace(problem=problem), flat=z, plausible=None)
 
 
 @pytest.fixture(scope="module")
@@ -362,16 +362,10 @@ class FourNodes(NamedTuple):
 
 
 def test_a_network_of_four_nodes_is_rated_too():
-    problem = posterior("first", motor(), {}).fit.problem
-    priors, form = problem.data.priors, problem.structure.form
-    place = problem.parameters.index("Req")
     R = np.array([0.015, 0.02, 0.03])
-    z = np.zeros((3, problem.num_parameters))
-    z[:, place] = problem.parameters.slots[place].parameter.score(R)
     loaded = Drive.constant(current_squared=CURRENT**2, losses=1500.0, ambient=SINK)
-    structure: Any = Structure(FourNodes(), form)  # pyright: ignore[reportArgumentType]
-    found = machines(structure, priors, jnp.asarray(z), loaded, jnp.asarray(90.0),
-                     jnp.asarray(70.0))  # fmt: skip
+    model: Any = FourNodes()
+    found = machines(model, {"Req": jnp.asarray(R)}, loaded, jnp.asarray(90.0), jnp.asarray(70.0))
     assert found.node_times == {}
     k = 3.0 * CURRENT**2 * RS0 / (B + TREF)
     other = 1500.0 - k * (B + 90.0)

@@ -10,17 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from lptn.effects import AbstractEffect
 
-from ..bench.blocks import Blocks, Observation
+from ..bench.blocks import Blocks
 from ..motor import Motor
+from .courses import Courses, courses
 from .effect_needs import lacking
 from .model import Model, parameters
 
@@ -76,33 +75,49 @@ class PlausibleEffects:
         """Return those of some draws."""
         return replace(self, which=self.which[rows], size=self.size[rows])
 
-    def added(
-        self, model: Model, motor: Motor, test: Blocks, fitted_as: str | None
-    ) -> Float[np.ndarray, "draw block"]:
-        """Return what the effects add to the block means of a test [K].
+    def with_effects(
+        self, course: Courses, model: Model, motor: Motor, test: Blocks, fitted_as: str | None
+    ) -> Courses:
+        """Return what a test is with the effects: readings, nodes and flows.
 
         An event of one test adds nothing to another, nor does an effect whose channel is lacking.
 
         Args:
+            course: What the network alone says of the draws.
             model: The network alone.
             motor: The machine.
-            test: A reduced record.
+            test: A reduced record, with the rows that `course` has.
             fitted_as: Name of the fitted test that it is, None if it was not fitted.
         """
-        acts = [
-            each.test in (None, fitted_as) and not lacking(each.kind, test) for each in self.effects
+        used = [
+            index
+            for index, each in enumerate(self.effects)
+            if np.any(self.which == index)
+            and each.test in (None, fitted_as)
+            and not lacking(each.kind, test)
         ]
-        shift = np.zeros((len(self.effects) + 1, test.measured.size))  # the last one is `NONE`
-        used = [i for i in np.unique(self.which) if i != NONE and acts[i]]
-        if used:
-            shift[used] = _differences(model, motor, test, [self.effects[i] for i in used])
-        return self.size[:, None] * shift[self.which]
+        if not used:
+            return course
+        shift = _differences(model, motor, test, [self.effects[index] for index in used])
+        place = np.full(len(self.effects) + 1, 0)  # the last one is `NONE`
+        place[used] = np.arange(len(used))
+        acts = np.isin(self.which, used)
+        size, rows = np.where(acts, self.size, 0.0)[:, None], place[self.which]
+
+        def added(draws: np.ndarray, by_effect: np.ndarray) -> np.ndarray:
+            return draws + size * by_effect[rows]
+
+        return Courses(
+            reading=added(course.reading, shift.reading),
+            nodes={node: added(T, shift.nodes[node]) for node, T in course.nodes.items()},
+            flows={link: added(P, shift.flows[link]) for link, P in course.flows.items()},
+        )
 
 
 def _differences(
     model: Model, motor: Motor, test: Blocks, effects: Sequence[PlausibleEffect]
-) -> Float[np.ndarray, "effect block"]:
-    """Return the block means with each effect less those without it [K]."""
+) -> Courses:
+    """Return what each effect adds at the parameters that it was found with, one row for each."""
     kinds = tuple(dict.fromkeys(effect.kind for effect in effects))
     extended = replace(model, effects=(*model.effects, *kinds))
     known = parameters(extended, motor, [test], searched=kinds).by_test[0]
@@ -113,13 +128,6 @@ def _differences(
                 name: values.get(name, p.centre if p.fixed is None else p.fixed)
                 for name, p in known.items()
             })  # fmt: skip
-    stacked = {name: jnp.asarray([row[name] for row in rows]) for name in rows[0]}
-    means = np.asarray(_block_means(extended, stacked, test.observation()))
-    return means[0::2] - means[1::2]
-
-
-@partial(jax.jit, static_argnames="model")
-def _block_means(
-    model: Model, values: dict[str, Float[Array, " row"]], test: Observation
-) -> Float[Array, "row block"]:
-    return jax.lax.map(lambda row: model.block_means(row, test), values)
+    stacked = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    means = courses(extended, stacked, test.observation())
+    return jax.tree.map(lambda each: each[0::2] - each[1::2], means)

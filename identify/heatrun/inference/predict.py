@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +15,7 @@ from ..bench.blocks import Blocks, Observation
 from ..bench.channels.schema import body_name
 from . import noise as noise_module
 from .bodies import BodyCourse, body_courses
+from .courses import courses
 from .discrepancy import heat_columns
 from .draws import Draws
 from .effect_parameters import null_values
@@ -161,14 +161,11 @@ def predict(
     rows = test.with_bodies(known)
     heat = heat_columns(source.model, middle, rows)
     observation = rows.observation(heat, scales_of(source.loggers, rows))
-    course = jax.tree.map(np.asarray, _means(source.model, drawn.values, observation))
-    (readings, *of_bodies), nodes = np.split(course["reading"], 1 + len(known), 1), course["nodes"]
-    refuse_unstable(source.model, drawn.values, readings, test)
+    course = courses(source.model, drawn.values, observation)
+    refuse_unstable(source.model, drawn.values, course.reading[:, : test.measured.size], test)
     if drawn.plausible is not None:
-        added = drawn.plausible.added(source.model, source.motor, test, fitted_as)
-        readings = readings + added
-        measured = source.model.form.measured_node
-        nodes = {**nodes, measured: nodes[measured] + added}
+        course = drawn.plausible.with_effects(course, source.model, source.motor, rows, fitted_as)
+    readings, *of_bodies = np.split(course.reading, 1 + len(known), axis=1)
     keys = jax.random.split(jax.random.key(seed), readings.shape[0])
     errors, *of_sensors = np.split(
         np.asarray(_errors(drawn.noise, keys, observation)), 1 + len(known), axis=1
@@ -178,8 +175,8 @@ def predict(
         channel: (np.median(means, axis=0), _limits(means + error)["95"])
         for channel, means, error in zip(known, of_bodies, of_sensors, strict=True)
     }
-    medians = {n: np.median(v, axis=0) for n, v in nodes.items()}
-    limits = {n: _limits(v)["95"] for n, v in nodes.items()}
+    medians = {n: np.median(v, axis=0) for n, v in course.nodes.items()}
+    limits = {n: _limits(v)["95"] for n, v in course.nodes.items()}
     return Prediction(
         model=source.model,
         test=test,
@@ -190,8 +187,8 @@ def predict(
         sd=np.std(noisy, axis=0),
         nodes=medians,
         nodes_95=limits,
-        flows={n: np.median(v, axis=0) for n, v in course["flows"].items()},
-        flows_95={n: _limits(v)["95"] for n, v in course["flows"].items()},
+        flows={n: np.median(v, axis=0) for n, v in course.flows.items()},
+        flows_95={n: _limits(v)["95"] for n, v in course.flows.items()},
         draws=readings,
         values=drawn.values,
         noise=drawn.noise.scaled(scales_of(source.loggers, test)[0]),
@@ -253,25 +250,6 @@ def of_test(
         of_winding = noise.scaled(scales_of(draws.loggers, test)[0])
         values |= start_draws(draws.model, test, dict(known), values, of_winding, rng)
     return OfTest(values, noise, picked.plausible)
-
-
-@partial(jax.jit, static_argnames="model")
-def _means(model: Model, values: dict[str, Float[Array, " draw"]], test: Observation):
-    """Return readings, node temperatures and flows, all as means over blocks, over draws."""
-    num_steps = test.weight.shape[1]
-
-    def means(course):
-        return course.reshape(-1, num_steps).mean(axis=1)
-
-    def one(values):
-        trace = model.simulate(values, test.inputs)
-        return {
-            "reading": model.block_means(values, test),
-            "nodes": {n: means(0.5 * (T[1:] + T[:-1])) for n, T in trace.temperature.items()},
-            "flows": {n: means(P) for n, P in trace.flow.items()},
-        }
-
-    return jax.lax.map(one, values, batch_size=50)
 
 
 @jax.jit

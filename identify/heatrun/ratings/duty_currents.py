@@ -12,10 +12,10 @@ from jaxtyping import Array, Float
 
 from lptn import Drive, hold
 
-from ..inference.parameters import Priors
-from ..inference.problem import Structure
+from ..inference.model import Model
 from ..results.derived import DerivedFigure
 from .at_limit import NO_CLASS, NO_CURRENT, Limit
+from .behind import Behind
 from .duties import NUM_DRAWS, Duty, current_at_limit, parse_duty
 from .figure import figure, refused
 from .machine import Machine, fixed_losses
@@ -30,9 +30,7 @@ class Rated:
     """A machine that is to be rated.
 
     Attributes:
-        structure: As `heatrun.ratings.machine.machines`.
-        priors: As there.
-        z: As there.
+        behind: Model and values behind each draw.
         drawn: The machine of each draw.
         times: Its time constants [s], shape (draw, node), shortest first.
         seen: Range of the tests.
@@ -40,9 +38,7 @@ class Rated:
         surroundings: As `heatrun.ratings.tested.Tested.surroundings`.
     """
 
-    structure: Structure
-    priors: Priors
-    z: Float[Array, "draw parameter"]
+    behind: Behind
     drawn: Machine
     times: Float[np.ndarray, "draw node"]
     seen: Tested
@@ -70,7 +66,8 @@ def duty_current(rated: Rated, text: str) -> DerivedFigure:
     if beyond:
         return refused(beyond)
     picked = np.random.default_rng(0).permutation(rated.times.shape[0])[:NUM_DRAWS]
-    other, z = rated.drawn.other[picked], rated.z[picked]
+    other = rated.drawn.other[picked]
+    values = {name: draws[picked] for name, draws in rated.behind.values.items()}
     longest = float(np.min(rated.times[picked])) / STEPS_PER_TIME_CONSTANT
 
     def highest(current: np.ndarray, duty: Duty) -> np.ndarray:
@@ -80,7 +77,7 @@ def duty_current(rated: Rated, text: str) -> DerivedFigure:
             num = int(np.ceil(length / longest))
             phases.append((jnp.asarray(length / max(num, 1)), jnp.asarray(num)))
         on, off = phases
-        top = _highest(rated.structure, rated.priors, z, seen.loaded, other, factor, on, off,
+        top = _highest(rated.behind.model, values, seen.loaded, other, factor, on, off,
                        jnp.asarray(duty.num_cycles))  # fmt: skip
         return np.asarray(top)
 
@@ -100,11 +97,10 @@ def duty_current(rated: Rated, text: str) -> DerivedFigure:
     return entry
 
 
-@partial(jax.jit, static_argnames="structure")
+@partial(jax.jit, static_argnames="model")
 def _highest(
-    structure: Structure,
-    priors: Priors,
-    z: Float[Array, "draw parameter"],
+    model: Model,
+    values: dict[str, Float[Array, " draw"]],
     loaded: Drive,
     other: Float[Array, " draw"],
     factor: Float[Array, " draw"],
@@ -116,10 +112,9 @@ def _highest(
     zero = jnp.zeros(())
     standing = None if loaded.speed is None else zero
 
-    def one(z, other, factor):
-        values = structure.model.in_general(priors.values(structure.form, z, 0))
-        network, effects = structure.model.network(values), structure.model.built_effects(values)
-        losses = fixed_losses(structure.model.losses(values))
+    def one(values, other, factor):
+        network, effects = model.network(values), model.built_effects(values)
+        losses = fixed_losses(model.losses(values))
         under_load = replace(loaded.scale_current(factor), losses=other)
         at_rest = replace(
             loaded.scale_current(0.0), losses=zero, speed=standing, speed_rad=standing
@@ -139,4 +134,4 @@ def _highest(
         cold = hold(network, losses, at_rest, sink, step=zero, num_steps=0, effects=effects).last
         return jax.lax.fori_loop(0, num_cycles, cycle, (cold, loaded.ambient))[1]
 
-    return jax.vmap(one)(z, other, factor)
+    return jax.vmap(one)(values, other, factor)

@@ -15,6 +15,7 @@ from lptn import time_constants
 from ..inference.posterior import Posterior
 from ..results.derived import DerivedFigure
 from .at_limit import LIMIT_DEGC, Limit, at_limit
+from .behind import alone, with_effects
 from .duty_currents import Rated, duty_current
 from .figure import bounded_rise, figure
 from .machine import Machine, machines
@@ -36,23 +37,23 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     insulation = problem.motor.insulation_class
     limit = None if insulation is None else Limit(insulation, LIMIT_DEGC[insulation])
     is_within = limit is not None and seen.beyond_limit(limit.degC) is None
-    z = jnp.asarray(posterior.flat[:, : problem.num_parameters])
-    priors = problem.data.priors
-    drawn = machines(
-        problem.structure,
-        priors,
-        z,
+    base = alone(posterior)
+    behind = with_effects(posterior, base)
+    at = (
         seen.loaded,
         jnp.asarray(seen.loaded_winding_degC),
         jnp.asarray(limit.degC if limit is not None and is_within else np.nan),
     )
-    times = time_constants(drawn.A)
+    network = machines(base.model, base.values, *at)
+    drawn = network if behind is base else machines(behind.model, behind.values, *at)
+    times = time_constants(network.A)
     surroundings = seen.surroundings(
-        problem.model.effects,
-        follows_time=bool(np.any(drawn.follows_time)),
-        second_sink=problem.model.form.second_sink,
+        base.model.effects,
+        follows_time=bool(np.any(network.follows_time)),
+        second_sink=base.model.form.second_sink,
+        likely=behind.likely,
     )
-    figures = _time_constants(drawn, times, seen.amperes, surroundings)
+    figures = _time_constants(network, times, seen.amperes, surroundings)
     heated = (
         f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C{surroundings}"
     )
@@ -60,7 +61,7 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
         np.asarray(drawn.rise), f"{seen.amperes:.0f} A rms, {heated}", seen
     )
     figures |= at_limit(drawn, seen, limit, heated)
-    rated = Rated(problem.structure, priors, z, drawn, times, seen, limit, surroundings)
+    rated = Rated(behind, drawn, times, seen, limit, surroundings)
     for duty in duties:
         figures[f"{duty}_current_A"] = duty_current(rated, duty)
     return figures

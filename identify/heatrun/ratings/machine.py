@@ -28,8 +28,7 @@ from lptn import (
 )
 from lptn.effects import AbstractEffect
 
-from ..inference.parameters import Priors
-from ..inference.problem import Structure
+from ..inference.model import Model
 
 WARM = 0.75
 """Share of the steady rise that a warm start has [1]."""
@@ -65,32 +64,26 @@ class Machine(NamedTuple):
     follows_time: Array
 
 
-@partial(jax.jit, static_argnames="structure")
+@partial(jax.jit, static_argnames="model")
 def machines(
-    structure: Structure,
-    priors: Priors,
-    z: Float[Array, "draw parameter"],
+    model: Model,
+    values: dict[str, Float[Array, " draw"]],
     loaded: Drive,
     winding: Float[Array, ""],
     limit: Float[Array, ""],
 ) -> Machine:
     """Return the machine of each draw; compiled once per model.
 
-    Parameters of one test (events) are those of the first.
-
     Args:
-        structure: Model, and what stands in which slot.
-        priors: Centres, standard deviations, fixed values.
-        z: Scores.
+        model: Network with effects.
+        values: Parameters of the machine in general by name [their units].
         loaded: The loaded part of the tests.
         winding: Mean reading of the loaded part [degC]; where laws bend with the temperature, the
             time constants are those with the winding there.
         limit: Limit of the insulation [degC]; NaN for none, and nothing is said of it.
     """
 
-    def one(z: Float[Array, " parameter"]) -> Machine:
-        values = structure.model.in_general(priors.values(structure.form, z, 0))
-        model = structure.model
+    def one(values: dict[str, Float[Array, ""]]) -> Machine:
         network, losses = model.network(values), model.losses(values)
         effects = model.built_effects(values)
         rated = fixed_losses(losses)
@@ -127,7 +120,7 @@ def machines(
             ),
         )
 
-    return jax.vmap(one)(z)
+    return jax.vmap(one)(values)
 
 
 def fixed_losses(losses: CopperLosses) -> CopperLosses:

@@ -62,6 +62,7 @@ class Tested:
         *,
         follows_time: bool,
         second_sink: str = "",
+        likely: Sequence[type[AbstractEffect]] = (),
     ) -> str:
         """Return what the figures of a model with effects hold under, to follow a condition.
 
@@ -69,8 +70,9 @@ class Tested:
             effects: Effects in the model.
             follows_time: Whether one of them depends on the time since the start of a test.
             second_sink: Name of the network's second sink; empty where it has none.
+            likely: Effects that the network is likely to miss, which the figures count.
         """
-        needs = {need for kind in effects for need in kind.card.needs}
+        needs = {need for kind in (*effects, *likely) for need in kind.card.needs}
         parts = []
         if second_sink and self.loaded.second_sink is not None:
             parts.append(f"{second_sink} {float(self.loaded.second_sink):.0f} °C")
@@ -82,6 +84,7 @@ class Tested:
             parts.append(f"fan or flow {100.0 * float(self.loaded.fan):.0f} % of rated")
         if follows_time:
             parts.append("as at the start of the first test")
+        parts += [f"with {kind.card.id}" for kind in likely]
         return "".join(f", {part}" for part in parts)
 
 

@@ -1,0 +1,118 @@
+"""The values behind each draw: of the network, and of the effect that it may miss.
+
+Where a posterior is averaged over effects that the network may miss, the parameters of a draw are
+where its effect puts them. The figures of that draw are then those of the network with the effect:
+without it, the machine would have another rise than the tests show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from lptn.effects import AbstractEffect
+
+from ..inference.effect_needs import lacking
+from ..inference.effect_parameters import amplitudes, qualified
+from ..inference.model import Model, parameters
+from ..inference.parameters import Parameter
+from ..inference.plausible_effects import PlausibleEffect
+from ..inference.posterior import Posterior
+
+LIKELY = 0.5
+"""Probability from which on a condition names an effect that the network misses [1]."""
+
+
+class Behind(NamedTuple):
+    """What the figures are computed from.
+
+    Attributes:
+        model: The network with all effects that stand behind one of the draws.
+        values: By parameter name [their units], shape (draw,) each; an effect that does not stand
+            behind a draw is at its null.
+        likely: Effects that the network is likely to miss.
+    """
+
+    model: Model
+    values: dict[str, Float[Array, " draw"]]
+    likely: tuple[type[AbstractEffect], ...]
+
+
+def alone(posterior: Posterior) -> Behind:
+    """Return the network without effects that it may miss; events are those of the first test."""
+    problem = posterior.fit.problem
+    structure, priors = problem.structure, problem.data.priors
+    z = posterior.flat[:, : problem.num_parameters]
+    values = jax.vmap(lambda z: priors.values(structure.form, z, 0))(z)
+    return Behind(structure.model, structure.model.in_general(values), ())
+
+
+def with_effects(posterior: Posterior, base: Behind) -> Behind:
+    """Return the network with the effects behind the draws; `base` itself if there are none.
+
+    An effect of one test is none of the machine in general, nor is one whose channel is lacking.
+
+    Args:
+        posterior: Draws.
+        base: The network alone.
+    """
+    plausible = posterior.plausible
+    if plausible is None:
+        return base
+    problem = posterior.fit.problem
+    used = {
+        index: each
+        for index, each in enumerate(plausible.effects)
+        if each.test is None
+        and np.any(plausible.which == index)
+        and not any(lacking(each.kind, test.winding) for test in problem.tests)
+    }
+    if not used:
+        return base
+    kinds = tuple(dict.fromkeys(effect.kind for effect in used.values()))
+    extended = replace(base.model, effects=(*base.model.effects, *kinds))
+    tests = [test.winding for test in problem.tests]
+    known = parameters(extended, problem.motor, tests, searched=kinds).by_test[0]
+    values = {name: np.array(draws) for name, draws in base.values.items()}
+    for kind in kinds:
+        for name in kind.card.parameters:
+            own = qualified(kind, name)
+            values[own] = np.full(plausible.which.size, known[own].centre)
+    for index, effect in used.items():
+        rows = np.flatnonzero(plausible.which == index)
+        _add(effect, plausible.size[rows], rows, known, values)
+    likely = tuple(each.kind for each in used.values() if each.probability >= LIKELY)
+    return Behind(extended, jax.tree.map(jnp.asarray, values), likely)
+
+
+def _add(
+    effect: PlausibleEffect,
+    size: Float[np.ndarray, " row"],
+    rows: Int[np.ndarray, " row"],
+    known: Mapping[str, Parameter],
+    values: Mapping[str, Float[np.ndarray, " draw"]],
+) -> None:
+    """Put an effect of given sizes behind some draws.
+
+    A resistance that it acts on stands in the draws for its mean over the tests, and moves to where
+    the effect has it.
+    """
+    strong = {qualified(effect.kind, name) for name in amplitudes(effect.kind)}
+    own = {qualified(effect.kind, name) for name in effect.kind.card.parameters}
+    for name, value in effect.with_effect.items():
+        parameter = known.get(name)
+        if parameter is None or name not in values:
+            continue
+        if name in strong:
+            values[name][rows] = parameter.centre + size * (value - parameter.centre)
+        elif name in own:
+            values[name][rows] = value
+        elif value != effect.without[name]:
+            apart = parameter.score(value) - parameter.score(effect.without[name])
+            values[name][rows] = parameter.value(parameter.score(values[name][rows]) + size * apart)

@@ -1,0 +1,62 @@
+"""Draws with an effect behind them predict what the network with that effect predicts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from machine_of_two_sensors import machine
+
+from heatrun.inference.draws import Draws
+from heatrun.inference.model import Model, parameters
+from heatrun.inference.plausible_effects import PlausibleEffect, PlausibleEffects
+from heatrun.inference.predict import predict
+from lptn.effects import EFFECTS
+
+RECIRCULATION = next(each for each in EFFECTS if each.card.id == "ambient_recirculation")
+NUM_DRAWS = 40
+
+
+@pytest.fixture(scope="module")
+def bench(hidden_bench):
+    _, motor, tests, _ = machine(hidden_bench, (), 940211)
+    return motor, tests
+
+
+def draws_of(model, motor, tests, plausible=None):
+    """Draws that are all at the most probable values."""
+    rows = [model.with_bodies(test) for test in tests]
+    found = parameters(model, motor, rows)
+    vectors = np.zeros((NUM_DRAWS, found.num_free + 4))
+    return Draws(model, motor, found, vectors, plausible)
+
+
+def test_winding_nodes_flows_and_bodies_are_those_of_the_network_with_the_effect(bench):
+    motor, tests = bench
+    alone = Model.of("second", motor).scaled(motor, tests)
+    named = "ambient_recirculation.r"
+    extended = replace(alone, effects=(RECIRCULATION,))
+    of_effect = draws_of(extended, motor, tests)
+    with_effect = {n: float(np.median(v)) for n, v in of_effect.of_test(tests[0].name).items()}
+    with_effect[named] = 0.02
+    effect = PlausibleEffect(RECIRCULATION, None, 0.5, with_effect, {**with_effect, named: 0.0})
+    which = np.zeros(NUM_DRAWS, dtype=int)
+    plausible = PlausibleEffects((effect,), which, np.ones(NUM_DRAWS))
+    found = predict(draws_of(alone, motor, tests, plausible), tests[0], fitted_as=tests[0].name)
+    slot = [s.parameter.name for s in of_effect.parameters.slots].index(named)
+    parameter = of_effect.parameters.slots[slot].parameter
+    vectors = of_effect.vectors.copy()
+    vectors[:, slot] = parameter.score(0.02)
+    held = replace(of_effect, vectors=vectors)
+    expected = predict(held, tests[0], fitted_as=tests[0].name)
+    bare = predict(draws_of(alone, motor, tests), tests[0], fitted_as=tests[0].name)
+    assert np.max(expected.median - bare.median) > 1.0  # the effect matters
+    np.testing.assert_allclose(found.median, expected.median, atol=1e-6)
+    for node, course in expected.nodes.items():
+        np.testing.assert_allclose(found.nodes[node], course, atol=1e-6, err_msg=node)
+    for link, course in expected.flows.items():
+        np.testing.assert_allclose(found.flows[link], course, atol=1e-4, err_msg=str(link))
+    (body,), (of_body,) = found.bodies, expected.bodies
+    assert body.is_fitted
+    np.testing.assert_allclose(body.median, of_body.median, atol=1e-6)
