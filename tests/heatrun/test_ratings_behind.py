@@ -80,8 +80,9 @@ def test_each_draw_has_its_own_effect_or_none():
 
 
 def test_a_likely_effect_stands_in_the_condition():
-    told = derive(behind([effect("ambient_recirculation", {"r": 0.02})], 0))["steady_rise_K"]
-    assert told.condition.endswith("with ambient_recirculation")
+    told = derive(behind([effect("ambient_recirculation", {"r": 0.02})], 0))
+    assert told["steady_rise_K"].condition.endswith("with ambient_recirculation")
+    assert "recirculation" not in told["tau_slow_s"].condition  # of the network alone
     rare = effect("ambient_recirculation", {"r": 0.02}, probability=0.2)
     assert "recirculation" not in derive(behind([rare], 0))["steady_rise_K"].condition
 

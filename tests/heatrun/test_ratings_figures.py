@@ -18,6 +18,7 @@ from heatrun.inference.problem import Problem
 from heatrun.motor import Motor, ParameterOverride
 from heatrun.ratings.figures import derive
 from heatrun.ratings.machine import machines
+from heatrun.ratings.rates import rates
 from heatrun.reports.sheet.content import _derived
 from lptn import CopperLosses, Drive, Inputs, Network
 from lptn.effects import EFFECTS
@@ -365,8 +366,10 @@ def test_a_network_of_four_nodes_is_rated_too():
     R = np.array([0.015, 0.02, 0.03])
     loaded = Drive.constant(current_squared=CURRENT**2, losses=1500.0, ambient=SINK)
     model: Any = FourNodes()
-    found = machines(model, {"Req": jnp.asarray(R)}, loaded, jnp.asarray(90.0), jnp.asarray(70.0))
-    assert found.node_times == {}
+    values, winding = {"Req": jnp.asarray(R)}, jnp.asarray(90.0)
+    found = machines(model, values, loaded, winding, jnp.asarray(70.0))
+    network = rates(model, values, loaded, winding)
+    assert network.node_times == {}
     k = 3.0 * CURRENT**2 * RS0 / (B + TREF)
     other = 1500.0 - k * (B + 90.0)
     np.testing.assert_allclose(found.other, other, rtol=1e-12)
@@ -381,7 +384,7 @@ def test_a_network_of_four_nodes_is_rated_too():
         K[2, 2] += 1 / R[index]
         C = np.array([437.0, 6509.0, 10666.0, 3511.0])
         expected = np.sort(1 / np.linalg.eigvals(K / C[:, None]).real)
-        got = np.sort(-1 / np.linalg.eigvals(np.asarray(found.A[index])).real)
+        got = np.sort(-1 / np.linalg.eigvals(np.asarray(network.A[index])).real)
         np.testing.assert_allclose(got, expected, rtol=1e-9)
         fed = K - np.diag([k, 0.0, 0.0, 0.0])
         heat = np.array([k * (B + SINK), 0.7 * other, 0.3 * other, 0.0])

@@ -6,6 +6,7 @@ Each comes with an interval and the condition it holds under, or is refused with
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +19,8 @@ from .at_limit import LIMIT_DEGC, Limit, at_limit
 from .behind import alone, with_effects
 from .duty_currents import Rated, duty_current
 from .figure import bounded_rise, figure
-from .machine import Machine, machines
+from .machine import machines
+from .rates import Rates, rates
 from .tested import tested
 
 
@@ -39,21 +41,20 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     is_within = limit is not None and seen.beyond_limit(limit.degC) is None
     base = alone(posterior)
     behind = with_effects(posterior, base)
-    at = (
-        seen.loaded,
-        jnp.asarray(seen.loaded_winding_degC),
-        jnp.asarray(limit.degC if limit is not None and is_within else np.nan),
-    )
-    network = machines(base.model, base.values, *at)
-    drawn = network if behind is base else machines(behind.model, behind.values, *at)
+    winding = jnp.asarray(seen.loaded_winding_degC)
+    degC = jnp.asarray(limit.degC if limit is not None and is_within else np.nan)
+    network = rates(base.model, base.values, seen.loaded, winding)
+    drawn = machines(behind.model, behind.values, seen.loaded, winding, degC)
     times = time_constants(network.A)
-    surroundings = seen.surroundings(
+    around = partial(
+        seen.surroundings,
         base.model.effects,
         follows_time=bool(np.any(network.follows_time)),
         second_sink=base.model.form.second_sink,
-        likely=behind.likely,
     )
-    figures = _time_constants(network, times, seen.amperes, surroundings)
+    is_fed = bool(np.any(drawn.copper_slope))
+    figures = _time_constants(network, is_fed, times, seen.amperes, around())
+    surroundings = around(likely=behind.likely)
     heated = (
         f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C{surroundings}"
     )
@@ -61,6 +62,10 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
         np.asarray(drawn.rise), f"{seen.amperes:.0f} A rms, {heated}", seen
     )
     figures |= at_limit(drawn, seen, limit, heated)
+    if not duties:
+        return figures
+    if behind is not base:  # the body of an effect may be faster
+        times = time_constants(rates(behind.model, behind.values, seen.loaded, winding).A)
     rated = Rated(behind, drawn, times, seen, limit, surroundings)
     for duty in duties:
         figures[f"{duty}_current_A"] = duty_current(rated, duty)
@@ -68,21 +73,21 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
 
 
 def _time_constants(
-    drawn: Machine, times: np.ndarray, amperes: float, surroundings: str
+    network: Rates, is_fed: bool, times: np.ndarray, amperes: float, surroundings: str
 ) -> dict[str, DerivedFigure]:
     """Return all time constants, of the nodes and of the network."""
     figures = {
         f"tau_{node}_s": figure(
             np.asarray(draws), "s", f"capacity of the {node} times its resistance towards the sink"
         )
-        for node, draws in sorted(drawn.node_times.items(), reverse=True)
+        for node, draws in sorted(network.node_times.items(), reverse=True)
     }
     num = times.shape[-1]
     text = "eigenvalue of the network, constant copper loss"
     for name, draws in zip(_names(num, ""), times.T, strict=True):
         figures[name] = figure(draws, "s", text + surroundings)
-    if np.any(drawn.copper_slope):
-        fed = time_constants(drawn.A_fed)
+    if is_fed:
+        fed = time_constants(network.A_fed)
         text = f"eigenvalue with R(T) at {amperes:.0f} A"
         for name, draws in zip(_names(num, "_feedback"), fed.T, strict=True):
             figures[name] = figure(draws, "s", text + surroundings)

@@ -1,4 +1,4 @@
-"""The machine of each draw under the load of the tests: what the figures are read from.
+"""The machine of each draw under the load of the tests: what ratings are read from.
 
 The other losses P_ol are held at what they were in the loaded part of the tests, because a
 balance says nothing about loads that were not run; the copper loss follows current and
@@ -21,7 +21,6 @@ from lptn import (
     Drive,
     Network,
     heat_input,
-    linearise,
     steady_current,
     steady_state,
     time_to,
@@ -40,28 +39,18 @@ class Machine(NamedTuple):
     Attributes:
         other: Other losses of the loaded part [W].
         copper_slope: Copper loss per squared ampere and kelvin [W/(A^2 K)].
-        node_times: Capacity times resistance of each node and its only way to the sink [s];
-            empty where a node has several.
-        A: State matrix without current [1/s], shape (node, node).
-        A_fed: State matrix at the loaded part's current, with R(T) and the other losses held as
-            for the steady rise [1/s], shape (node, node).
         rise: Steady rise of the copper at the loaded part's current [K]; inf where it runs away.
         limit_squared: Squared current that holds the copper at the limit [A^2].
         cold_s: Time to the limit at the loaded part's current, from the sink [s].
         warm_s: The same from `WARM` of the steady rise [s].
-        follows_time: Whether an effect depends on the time since the start of a test.
     """
 
     other: Float[Array, "*draw"]
     copper_slope: Float[Array, "*draw"]
-    node_times: dict[str, Float[Array, "*draw"]]
-    A: Float[Array, "*draw node node"]
-    A_fed: Float[Array, "*draw node node"]
     rise: Float[Array, "*draw"]
     limit_squared: Float[Array, "*draw"]
     cold_s: Float[Array, "*draw"]
     warm_s: Float[Array, "*draw"]
-    follows_time: Array
 
 
 @partial(jax.jit, static_argnames="model")
@@ -78,20 +67,15 @@ def machines(
         model: Network with effects.
         values: Parameters of the machine in general by name [their units].
         loaded: The loaded part of the tests.
-        winding: Mean reading of the loaded part [degC]; where laws bend with the temperature, the
-            time constants are those with the winding there.
+        winding: Mean reading of the loaded part [degC].
         limit: Limit of the insulation [degC]; NaN for none, and nothing is said of it.
     """
 
     def one(values: dict[str, Float[Array, ""]]) -> Machine:
-        network, losses = model.network(values), model.losses(values)
-        effects = model.built_effects(values)
-        rated = fixed_losses(losses)
-        drive = replace(loaded, losses=other_losses(network, losses, loaded, winding, effects))
-        held = steady_current(network, rated, drive, winding, effects=effects).temperature
-        at = {node: jnp.where(jnp.isfinite(T), T, winding) for node, T in held.items()}
-        rest = steady_state(network, rated, drive, effects=effects)
-        top = steady_current(network, rated, drive, limit, effects=effects)
+        at = under_load(model, values, loaded, winding)
+        network, drive, effects = at.network, at.drive, at.effects
+        rest = steady_state(network, at.losses, drive, effects=effects)
+        top = steady_current(network, at.losses, drive, limit, effects=effects)
         sink, copper = drive.ambient, network.copper_node
 
         def time_from(share: Float[Array, ""]) -> Float[Array, ""]:
@@ -100,27 +84,57 @@ def machines(
                 node: sink + share * (jnp.where(jnp.isfinite(T), T, top.temperature[node]) - sink)
                 for node, T in rest.items()
             }
-            return time_to(network, rated, drive, start, node=copper, limit=limit, effects=effects)
+            return time_to(
+                network, at.losses, drive, start, node=copper, limit=limit, effects=effects
+            )
 
         cold_s, warm_s = jax.vmap(time_from)(jnp.asarray([0.0, WARM]))
-        timeless = replace(loaded, time=jnp.asarray(jnp.nan))
         return Machine(
             other=drive.losses,
-            copper_slope=losses.slope(jnp.asarray(1.0)),
-            node_times=node_times(network),
-            A=linearise(network, losses, loaded.scale_current(0.0), at, effects=effects).A,
-            A_fed=linearise(network, rated, drive, at, effects=effects).A,
+            copper_slope=at.losses.slope(jnp.asarray(1.0)),
             rise=jnp.where(jnp.isfinite(rest[copper]), rest[copper] - sink, jnp.inf),
             limit_squared=top.squared,
             cold_s=cold_s,
             warm_s=warm_s,
-            # no time at all is seen by whoever looks at it
-            follows_time=jnp.any(
-                jnp.isnan(linearise(network, losses, timeless, at, effects=effects).offset)
-            ),
         )
 
     return jax.vmap(one)(values)
+
+
+class UnderLoad(NamedTuple):
+    """A machine at the load of the tests.
+
+    Attributes:
+        network: The network.
+        losses: Its losses, the other ones given.
+        drive: The loaded part, with the other losses.
+        effects: The effects.
+    """
+
+    network: Network
+    losses: CopperLosses
+    drive: Drive
+    effects: tuple[AbstractEffect, ...]
+
+
+def under_load(
+    model: Model,
+    values: dict[str, Float[Array, ""]],
+    loaded: Drive,
+    winding: Float[Array, ""],
+) -> UnderLoad:
+    """Return the machine of one draw, with the other losses held at what they were in the tests.
+
+    Args:
+        model: Network with effects.
+        values: Parameters by name [their units].
+        loaded: The loaded part of the tests.
+        winding: Mean reading of the loaded part [degC].
+    """
+    network, losses = model.network(values), model.losses(values)
+    effects = model.built_effects(values)
+    other = other_losses(network, losses, loaded, winding, effects)
+    return UnderLoad(network, fixed_losses(losses), replace(loaded, losses=other), effects)
 
 
 def fixed_losses(losses: CopperLosses) -> CopperLosses:
@@ -165,28 +179,3 @@ def other_losses(
     guess = loaded.losses
     value, slope = jax.jvp(excess, (guess,), (jnp.ones_like(guess),))
     return guess - value / slope
-
-
-def node_times(network: Network) -> dict[str, Float[Array, ""]]:
-    """Return capacity times resistance of each node and its link towards the sink [s].
-
-    Empty if there is one node, which has no other time, or if a node has several ways.
-    """
-    if len(network.nodes) == 1 or len(network.links) != len(network.nodes):
-        return {}
-    way: dict[str, Float[Array, ""]] = {}
-    reached = {network.boundary}
-    while True:
-        new = {
-            near: network.resistance[link]
-            for link in network.links
-            for near, far in (link, link[::-1])
-            if far in reached and near not in reached
-        }
-        if not new:
-            break
-        way |= new
-        reached |= set(new)
-    if set(way) != set(network.nodes):
-        return {}
-    return {node: network.capacitance[node] * way[node] for node in network.nodes}
