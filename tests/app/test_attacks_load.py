@@ -164,7 +164,15 @@ def test_a_flood_of_pages_ends_at_a_number(serve, wire):
         tab.close()
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGTERM,
+        pytest.param(signal.SIGHUP, marks=pytest.mark.slow),
+        pytest.param(signal.SIGINT, marks=pytest.mark.slow),
+        signal.SIGKILL,
+    ],
+)
 def test_nothing_is_left_when_the_server_ends(serve, wire, tmp_path, monkeypatch, number):
     temporary = tmp_path / "temporary"
     temporary.mkdir()

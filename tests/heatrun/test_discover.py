@@ -7,12 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hidden_machines import machine
-from matplotlib.figure import Figure
 
-from heatrun.discovery.result import assemble
-from heatrun.discovery.run import discover, show
+from heatrun.discovery.run import discover
 from heatrun.inference.catalogue import all_effects
-from heatrun.reports.discovery.report import write_report
 from lptn import EFFECTS
 
 
@@ -60,30 +57,6 @@ def test_network_parameters_move_back_to_the_truth(cooled, named):
     )
     assert abs(after / case.machine.Req_sr - 1.0) < 0.05
     assert abs(before / case.machine.Req_sr - 1.0) > 0.10
-
-
-def test_every_candidate_has_a_fate_and_a_reason_and_the_report_is_written(cooled, named, tmp_path):
-    _, _, _, tests = cooled
-    shown = show(named, tests, method="quick")
-    roles = ["calibration", "calibration", "holdout"]
-    result = assemble(named, shown, roles, command="test", seed=0)
-    assert {row.id for row in result.candidates} == {kind.card.id for kind in EFFECTS}
-    for row in result.candidates:
-        assert row.reason or row.status == "accepted"
-    assert result.verdict == "named"
-    assert result.effects[0].parameters["g"].unit == "1"
-    low, high = result.effects[0].parameters["g"].interval_95
-    assert low < result.effects[0].parameters["g"].value < high
-    assert result.effects[0].evidence.familywise_p < 0.05
-    gap = result.holdout
-    assert gap.rmse_after_K < 0.5 * gap.rmse_before_K
-    assert gap.coverage_95_after > 0.85
-    assert set(result.parameters) == {"Ceq_w", "Ceq_sr", "Req_w", "Req_sr", "Rs0"}
-    assert result.where[0].node in ("stator", "winding", "sensor")
-    figure = tmp_path / "figure.png"
-    Figure().savefig(figure)
-    written = write_report(result, [figure], tmp_path / "discovery.pdf")
-    assert written.read_bytes().startswith(b"%PDF")
 
 
 @pytest.mark.slow

@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 
 from heatrun.cli import main
+from lptn import EFFECTS
+
+IDS = {kind.card.id for kind in EFFECTS}
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic" / "hidden_cause"
 
@@ -32,10 +35,18 @@ def test_the_command_names_what_is_hidden_and_writes_its_folder(tmp_path, capsys
     assert said["parameters"]["Req_sr"]["after"]["value"] == pytest.approx(
         truth["Req_sr"], rel=0.05
     )
-    ids = {row["id"] for row in said["candidates"]}
-    assert "cabinet_heater" in ids
     stored = json.loads((run / "discovery.json").read_text())
     assert stored["verdict"] == said["verdict"]
+    assert {row["id"] for row in stored["candidates"]} == {*IDS, "cabinet_heater"}
+    for row in stored["candidates"]:
+        assert row["reason"] or row["status"] == "accepted"
+    (effect,) = stored["effects"]
+    assert effect["parameters"]["g"]["unit"] == "1"
+    assert low < effect["parameters"]["g"]["value"] < high
+    assert effect["evidence"]["familywise_p"] < 0.05
+    assert stored["holdout"]["coverage_95_after"] > 0.85
+    assert set(stored["parameters"]) == {"Ceq_w", "Ceq_sr", "Req_w", "Req_sr", "Rs0"}
+    assert stored["where"][0]["node"] in ("stator", "winding", "sensor")
     for name in ("discovery.pdf", "sheet.pdf", "fit.json", "posterior_second.nc", "manifest.json"):
         assert (run / name).stat().st_size > 0
     assert not run.with_name("run.partial").exists()
