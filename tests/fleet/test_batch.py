@@ -13,9 +13,10 @@ from heatrun.fleet.batch.layout import NotBatched, bucket, key_of, pack
 from heatrun.fleet.batch.matrices import solve, sweep
 from heatrun.fleet.batch.residuals import residuals_of_group
 from heatrun.fleet.batch.search import search
+from heatrun.inference.fitting.corner import delays
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.restricted import polished_noise
-from heatrun.inference.problem import Problem, linearise
+from heatrun.inference.problem import Problem, linearise, whitened
 from heatrun.motor import ParameterOverride
 
 SAME = 1e-6
@@ -104,6 +105,37 @@ def test_a_late_reading_is_that_of_one_machine(slow, late_s):
             np.testing.assert_allclose(
                 by_test[1][test][:num, :, lane], of_jacobian, rtol=1e-9, atol=1e-8
             )
+
+
+@pytest.fixture(scope="module")
+def on_time(generator):
+    """A machine of which one test is most probably read on time: a corner of the likelihood."""
+    profiles = [generator.duty(1900.0), generator.staircase(1900.0)]
+    return machine(generator, 64, profiles, sample_s=1.0)
+
+
+def test_a_delay_at_its_corner_is_held_there_and_all_else_is_at_its_best(on_time):
+    found = fit(on_time)
+    (at_corner, elsewhere) = delays(on_time.structure.form)
+    assert found.z[at_corner] == 0.0
+    assert found.z[elsewhere] != 0.0
+
+    def half_squares(z):
+        rows = whitened(found.problem.structure, found.problem.data, jnp.asarray(z), found.noise)
+        return 0.5 * float(np.sum(np.square(rows)))
+
+    best = half_squares(found.z)
+    for place in range(found.z.size):
+        for change in (-1e-3, 1e-3):
+            z = found.z.copy()
+            z[place] += change
+            assert half_squares(z) > best, on_time.parameters.slots[place].name
+
+
+@pytest.mark.slow
+def test_a_delay_at_its_corner_is_that_of_one_machine(on_time, slow):
+    (found, *_) = fit_batch([on_time, *slow], width=4)
+    assert_same(found, fit(on_time))
 
 
 @pytest.mark.slow

@@ -149,15 +149,19 @@ def begun(start: Float[Array, "parameter machine"]) -> Search:
     )
 
 
-def _step(now: Normal, damping: Float[Array, " machine"]) -> Float[Array, "parameter machine"]:
-    """Return the damped step, no longer than `LONGEST_STEP`.
+def _step(
+    now: Normal, damping: Float[Array, " machine"], held: Bool[Array, "parameter machine"]
+) -> Float[Array, "parameter machine"]:
+    """Return the damped step, no longer than `LONGEST_STEP`; held scores stay.
 
     It is shortened and not damped more: a damped step goes down the steepest way and then creeps,
     a shortened one stays in the valley.
     """
-    diagonal = jnp.einsum("iiw->iw", now.curvature)
-    unit = jnp.eye(diagonal.shape[0])[:, :, None]
-    step = -solve(now.curvature + (damping * diagonal)[:, None] * unit, now.gradient)
+    unit = jnp.eye(held.shape[0])[:, :, None]
+    curvature = jnp.where(held[:, None] | held, unit, now.curvature)
+    diagonal = jnp.einsum("iiw->iw", curvature)
+    gradient = jnp.where(held, 0.0, now.gradient)
+    step = -solve(curvature + (damping * diagonal)[:, None] * unit, gradient)
     length = jnp.max(jnp.abs(step), axis=0)
     return step * jnp.minimum(1.0, LONGEST_STEP / jnp.maximum(length, 1e-300))
 
@@ -170,6 +174,7 @@ def search(
     noise: Noise,
     heat: Heat,
     most: Int[Array, ""],
+    held: Bool[Array, "parameter machine"],
 ) -> Search:
     """Go on with a search for each lane; arguments as `normal_equations`.
 
@@ -180,6 +185,7 @@ def search(
         noise: Likewise.
         heat: Likewise.
         most: Most steps, those of earlier calls included.
+        held: Scores that stay as they are.
     """
 
     def unfinished(state: Search):
@@ -188,7 +194,7 @@ def search(
     def advance(state: Search) -> Search:
         z, now, damping, has_ended, num_steps = state
         is_first = jnp.isinf(now.cost)
-        step = _step(now, damping)
+        step = _step(now, damping, held)
         foreseen = -jnp.sum(step * now.gradient, axis=0) - 0.5 * jnp.einsum(
             "iw,ijw,jw->w", step, now.curvature, step
         )

@@ -7,8 +7,10 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ...inference.fitting.corner import SIDE, is_corner, near_corner
 from ...inference.fitting.fit import NUM_ROUNDS, SETTLED
 from ...inference.fitting.restricted import STARTS_S
 from ...inference.noise import NOISE, Noise, free_of_columns, from_scores
@@ -27,12 +29,16 @@ from .restricted import (
     restricted,
     search_noise,
 )
-from .search import Heat, linearise, search
+from .search import Heat, Search, linearise, search
 from .search import begun as search_begun
 from .whitening import filtered
 
 MOST_STEPS = 60
 """Steps of a search for parameters or noise that starts near its end, or from a fair guess."""
+
+BEFORE_CORNERS = 25
+"""Steps of a search after which a delay of next to nothing is held at none: it may be most probable
+there, where no search ends."""
 
 TOGETHER = 0.03
 """Noises nearer than this in all scores have come together [prior standard deviations]."""
@@ -73,6 +79,7 @@ def settle(
     num = z.shape[-1]
     means, noise = linearise(structure, machines, z), None
     is_done = has_rival = jnp.zeros(num, dtype=bool)
+    held = np.zeros(z.shape, dtype=bool)
     state: Settled | None = None
     for _ in range(NUM_ROUNDS):
         heat = heat_columns(structure, machines, z)
@@ -83,9 +90,8 @@ def settle(
             # the second derivative that the last turn has found still holds
             again = begun(noise.noise_z)._replace(curvature=noise.curvature)
             noise = search_noise(machines, linear, again, jnp.asarray(MOST_STEPS))
-        found = search(
-            structure, machines, search_begun(z), from_scores(noise.noise_z), heat,
-            jnp.asarray(MOST_STEPS),
+        found, held = _searched(
+            structure, machines, z, from_scores(noise.noise_z), heat, held
         )  # fmt: skip
         shift = jnp.max(jnp.abs(found.z - z), axis=0)
         has_ended = found.has_ended & noise.has_ended
@@ -100,6 +106,49 @@ def settle(
     assert state is not None
     assert state.shift.shape == (num,)
     return state
+
+
+def _searched(
+    structure: Structure,
+    machines: Machines,
+    z: Float[Array, "parameter machine"],
+    noise: Noise,
+    heat: Heat,
+    held: Bool[np.ndarray, "parameter machine"],
+) -> tuple[Search, Bool[np.ndarray, "parameter machine"]]:
+    """Return the searches from some scores, and which delays are at their corners.
+
+    Args:
+        structure: What is compiled.
+        machines: The numbers.
+        z: Scores.
+        noise: Of each machine.
+        heat: As `search.normal_equations`.
+        held: Delays that the last turn has left at their corners.
+    """
+
+    def ahead(state: Search, most: int, held: np.ndarray) -> Search:
+        return search(structure, machines, state, noise, heat, jnp.asarray(most), jnp.asarray(held))
+
+    found = ahead(search_begun(z), BEFORE_CORNERS, held)
+    ended = np.asarray(found.has_ended)
+    near = near_corner(structure.form, np.asarray(found.z)) & ~ended & ~held
+    if np.any(near):
+        held, is_new = held | near, jnp.asarray(near.any(axis=0))
+        at = search_begun(jnp.where(jnp.asarray(near), 0.0, found.z))
+        found = ahead(kept(is_new, at, found), MOST_STEPS, held)
+    if np.any(held):
+        # the first step is none: the slopes on the two sides, and no more
+        before, after = (
+            np.asarray(ahead(search_begun(found.z + side * held), 1, held).normal.gradient)
+            for side in (-SIDE, SIDE)
+        )
+        stays = is_corner(before, after, held)
+        held = held & stays
+        found = found._replace(has_ended=found.has_ended & jnp.asarray(stays))
+    if not np.all(np.asarray(found.has_ended)):
+        found = ahead(found, MOST_STEPS, held)
+    return found, held
 
 
 def _first_noise(machines: Machines, linear: Linear) -> tuple[NoiseSearch, Bool[Array, " machine"]]:

@@ -75,9 +75,10 @@ def optima_from_starts(
     width = machines.centre.shape[-1]
     rough = coarse(machines)
     states = []
+    none = jnp.zeros((starts.shape[1], width), dtype=bool)
     for start in starts:
-        lanes = jnp.asarray(np.repeat(start[:, None], width, axis=1))
-        states.append(search(structure, rough, begun(lanes), noise, (), jnp.asarray(FIRST_STEPS)))
+        lanes = begun(jnp.asarray(np.repeat(start[:, None], width, axis=1)))
+        states.append(search(structure, rough, lanes, noise, (), jnp.asarray(FIRST_STEPS), none))
     # trailing axes: machine, start
     joined: Any = jax.tree.map(lambda *parts: np.stack([*map(np.asarray, parts)], -1), *states)
     apart = [
@@ -160,6 +161,7 @@ def continued(
     width = machines.centre.shape[-1]
     state = jax.tree.map(np.array, state)
     stands_for = np.arange(lanes.size)
+    none = jnp.zeros((state.z.shape[0], width), dtype=bool)
     most = int(np.max(state.num_steps, initial=0))
     while (open_ones := _open(state, stands_for, lanes)).size and most < most_steps:
         most = min(most_steps, most + MORE_STEPS)
@@ -174,6 +176,7 @@ def continued(
                 picked(noise, places),
                 picked_heat(machines, heat, places) if heat else (),
                 jnp.asarray(most),
+                none,
             )
             for own, found in zip(
                 jax.tree.leaves(state), jax.tree.leaves(on_host(after)), strict=True

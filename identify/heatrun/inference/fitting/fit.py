@@ -24,6 +24,7 @@ from ..discrepancy import NUM_COLUMNS, with_heat
 from ..noise import Noise, from_scores, noise_parameters
 from ..problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
 from .adequacy import low_frequency_excess
+from .corner import SIDE, is_corner, near_corner
 from .fit_result import RESULT, Fit, failed
 from .laplace import Spread, spread, whiten_fit
 from .restricted import estimate_loggers, estimate_noise, polished_noise
@@ -68,6 +69,10 @@ DISTINCT = 0.5
 
 FINISH = 1e-3
 """Longest step with which a search is finished [prior standard deviations]."""
+
+MOST_AT_CORNER, AT_CORNER = 20, 1e-9
+"""Most steps that finish a search with a delay held at the corner, and the length of the last one
+[prior standard deviations]."""
 
 SETTLED = 0.02
 """Change of all scores at which the alternation ends [prior standard deviations]."""
@@ -260,12 +265,42 @@ def _polished(problem: Problem, z: np.ndarray, noise_z: np.ndarray) -> np.ndarra
     prior standard deviation. Where the step is longer than that finish, the search has not ended,
     and nothing says that the straight step leads down: the scores stay.
     """
+    step = _newton(problem, z, noise_z)[0]
+    if np.max(np.abs(step)) < FINISH:
+        return z - step
+    held = near_corner(problem.structure.form, z)
+    return _at_corner(problem, z, noise_z, held) if np.any(held) else z
+
+
+def _newton(
+    problem: Problem, z: np.ndarray, noise_z: np.ndarray, held: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a step to where the slope is zero, and the slope; held scores stay."""
     residual, jacobian = _linearise(problem, z)
     white = whiten_fit(problem, noise_z, residual, jacobian)
     columns = white.jacobian
     slope = columns.T @ white.stacked + z
-    step = np.linalg.solve(columns.T @ columns + np.eye(z.size), slope)
-    return z - step if np.max(np.abs(step)) < FINISH else z
+    curvature, free = columns.T @ columns + np.eye(z.size), slope.copy()
+    if held is not None:
+        curvature = np.where(held[:, None] | held, np.eye(z.size), curvature)
+        free[held] = 0.0
+    return np.linalg.solve(curvature, free), slope
+
+
+def _at_corner(
+    problem: Problem, z: np.ndarray, noise_z: np.ndarray, held: np.ndarray
+) -> np.ndarray:
+    """Return the scores with the held delays at zero, if they are most probable there."""
+    at = np.where(held, 0.0, z)
+    for _ in range(MOST_AT_CORNER):
+        step = _newton(problem, at, noise_z, held)[0]
+        at = at - step
+        if np.max(np.abs(step)) < AT_CORNER:
+            break
+    else:
+        return z
+    before, after = (_newton(problem, at + side * held, noise_z)[1] for side in (-SIDE, SIDE))
+    return at if is_corner(before, after, held) else z
 
 
 def _explore(
