@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from heatrun.inference.draws import Draws
 from heatrun.inference.model import Model, parameters
 from heatrun.inference.plausible_effects import PlausibleEffect, PlausibleEffects
 from heatrun.inference.predict import predict
+from heatrun.inference.virtual import virtual_record
 from lptn.effects import EFFECTS
 
 RECIRCULATION = next(each for each in EFFECTS if each.card.id == "ambient_recirculation")
@@ -60,3 +62,13 @@ def test_winding_nodes_flows_and_bodies_are_those_of_the_network_with_the_effect
     (body,), (of_body,) = found.bodies, expected.bodies
     assert body.is_fitted
     np.testing.assert_allclose(body.median, of_body.median, atol=1e-6)
+    record = SimpleNamespace(duration_s=float(tests[0].time[-1]))
+    rows, of_effect, of_bare = (
+        virtual_record(each, record, motor)  # pyright: ignore[reportArgumentType]
+        for each in (found, expected, bare)
+    )
+    for name in rows.columns:
+        change = np.sqrt(np.mean((of_effect[name] - of_bare[name]) ** 2))
+        apart = np.sqrt(np.mean((rows[name] - of_effect[name]) ** 2))
+        # between the middles of blocks along lines, where the flow steps with the load
+        assert apart <= (0.15 if name.startswith("flow") else 0.01) * change + 1e-9, name

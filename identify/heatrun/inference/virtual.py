@@ -79,15 +79,24 @@ def virtual_record(found: Prediction, record: Record, motor: Motor) -> pd.DataFr
     def carried(by_block: np.ndarray) -> np.ndarray:
         return np.interp(middle, block_middle, by_block)
 
+    def moved(course: np.ndarray, by_block: np.ndarray) -> np.ndarray:
+        # the median over draws, which is not the course of the median parameters
+        return course + carried(by_block - course.reshape(rows).mean(axis=1))
+
+    network, losses = model.network(values), model.losses(values)
+    warmer = np.zeros_like(middle)
     for node, T in trace.temperature.items():
         course = 0.5 * (np.asarray(T[1:]) + np.asarray(T[:-1]))
-        # the median over draws, which is not the course of the median parameters
-        shift = found.nodes[node] - course.reshape(rows).mean(axis=1)
-        columns[f"{node}_degC"] = course + carried(shift)
-    columns["copper_loss_W"] = np.asarray(trace.copper_loss)
-    columns["other_loss_W"] = np.asarray(trace.other_loss)
+        columns[f"{node}_degC"] = moved(course, found.nodes[node])
+        if node == network.copper_node:
+            warmer = columns[f"{node}_degC"] - course
+    more = np.asarray(losses.slope(blocks.inputs.current_squared)) * warmer
+    columns["copper_loss_W"] = np.asarray(trace.copper_loss) + more
+    # under a balance the sum is measured
+    less = more if losses.kind == "balance" else 0.0
+    columns["other_loss_W"] = np.asarray(trace.other_loss) - less
     for (start, end), flow in trace.flow.items():
-        columns[f"flow_{start}_{end}_W"] = np.asarray(flow)
+        columns[f"flow_{start}_{end}_W"] = moved(np.asarray(flow), found.flows[start, end])
     if found.draws.shape[0] > 1:
         for node in trace.temperature:
             limits, centre = found.nodes_95[node], found.nodes[node]
