@@ -47,6 +47,9 @@ absurd."""
 
 HEAT = NOISE[3]
 
+FACTORS = 8
+"""Variances of which one logarithm is taken: their product lies far from the limits of a double."""
+
 
 def noise_parameters(adequacy: Adequacy) -> tuple[Parameter, ...]:
     """Return `NOISE` with the prior of the heat that the motor file gives.
@@ -227,15 +230,20 @@ def filter_rows(
         weight = jnp.where(is_observed, (phi * gain * variance + shared) / total, 0.0)
         mean = phi * mean + weight * innovation
         variance = phi**2 * variance + fresh - weight**2 * total
-        log_sd = jnp.where(is_observed, 0.5 * jnp.log(total), 0.0)
-        return (mean, variance), (innovation / jnp.sqrt(total), log_sd)
+        return (mean, variance), (innovation, jnp.where(is_observed, total, 1.0))
 
     filled = jnp.where(_align(blocks.is_observed, rows), rows, 0.0)
     start = (jnp.zeros(rows.shape[1:]), slow)
-    _, (whitened, log_sd) = jax.lax.scan(
+    _, (innovation, total) = jax.lax.scan(
         advance, start, (filled, blocks.is_observed, gains, apart, shared)
     )
-    return whitened, jnp.sum(log_sd)
+    return innovation * _align(jax.lax.rsqrt(total), innovation), 0.5 * _sum_of_logs(total)
+
+
+def _sum_of_logs(values: Float[Array, " block"]) -> Float[Array, ""]:
+    """Return the sum of logarithms, of which one is taken for `FACTORS` values."""
+    filled = jnp.concatenate([values, jnp.ones(-values.shape[0] % FACTORS)])
+    return jnp.sum(jnp.log(jnp.prod(filled.reshape(-1, FACTORS), axis=1)))
 
 
 def free_of_columns(
