@@ -95,7 +95,7 @@ study-faults: $(VENV)/ready
 # Populations of simulated fleets: coverage, pooling, outliers, and one stage beside the two.
 study-fleet: $(VENV)/ready
 	$(BIN)/python tests/studies/fleet_one_stage.py
-	$(BIN)/python tests/studies/fleet.py --fleets 24 --machines 60
+	$(BIN)/python tests/studies/fleet.py --fleets 12 --machines 200
 
 # Effects that the machines of a fleet share; goes on where it was stopped.
 study-fleet-discovery: $(VENV)/ready
