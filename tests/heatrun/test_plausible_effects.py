@@ -72,3 +72,31 @@ def test_winding_nodes_flows_and_bodies_are_those_of_the_network_with_the_effect
         apart = np.sqrt(np.mean((rows[name] - of_effect[name]) ** 2))
         # between the middles of blocks along lines, where the flow steps with the load
         assert apart <= (0.15 if name.startswith("flow") else 0.01) * change + 1e-9, name
+
+
+def test_a_body_in_a_link_leaves_the_flow_out_of_its_first_node(bench):
+    """The case between stator and sink, and the end winding between winding and stator."""
+    motor, tests = bench
+    alone = Model.of("second", motor).scaled(motor, tests)
+    rows = [alone.with_bodies(test) for test in tests[:1]]
+    kinds = [kind for kind in EFFECTS if kind.card.id in ("housing_node", "end_winding_node")]
+    extended = replace(alone, effects=tuple(kinds))
+    known = parameters(extended, motor, rows, searched=kinds).by_test[0]
+    centre = {name: p.centre for name, p in known.items() if not p.per_test}
+    effects = []
+    for kind in kinds:
+        own = {
+            f"{kind.card.id}.{name}": quantity.typical
+            for name, quantity in kind.card.parameters.items()
+            if quantity.null is not None
+        }
+        effects.append(PlausibleEffect(kind, None, 0.5, {**centre, **own}, centre))
+    which = np.arange(NUM_DRAWS) % 2
+    for index, effect in enumerate(effects):
+        plausible = PlausibleEffects(tuple(effects), which * 0 + index, np.ones(NUM_DRAWS))
+        found = predict(draws_of(alone, motor, tests, plausible), tests[0], fitted_as=tests[0].name)
+        bare = predict(draws_of(alone, motor, tests), tests[0], fitted_as=tests[0].name)
+        assert set(found.flows) == set(bare.flows)
+        stored = found.flows["stator", "ambient"] - bare.flows["stator", "ambient"]
+        assert np.all(np.isfinite(stored)), effect.id
+        assert np.max(np.abs(stored)) > 0.1, effect.id

@@ -8,7 +8,7 @@ most probable parameters, scaled with its amplitude in the draw.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import jax
@@ -22,6 +22,8 @@ from ..motor import Motor
 from .courses import Courses, courses
 from .effect_needs import lacking
 from .model import Model, parameters
+
+Link = tuple[str, str]
 
 NONE = -1
 """Index of a draw of the network alone."""
@@ -110,8 +112,36 @@ class PlausibleEffects:
         return Courses(
             reading=added(course.reading, shift.reading),
             nodes={node: added(T, shift.nodes[node]) for node, T in course.nodes.items()},
-            flows={link: added(P, shift.flows[link]) for link, P in course.flows.items()},
+            flows={
+                link: added(P, shift.flows[_way(link, shift.flows, course.nodes)])
+                for link, P in course.flows.items()
+            },
         )
+
+
+def _way(link: Link, links: Collection[Link], nodes: Collection[str]) -> Link:
+    """Return the link by which the heat of a link leaves its first node.
+
+    That is the link itself, unless the body of an effect stands in it.
+
+    Args:
+        link: Of the network alone.
+        links: Of the network with effects.
+        nodes: Of the network alone.
+    """
+    if link in links:
+        return link
+    near, far = link
+
+    def leads(node: str, seen: frozenset[str]) -> bool:
+        ends = {b if a == node else a for a, b in links if node in (a, b)} - seen
+        return far in ends or any(leads(n, seen | {n}) for n in ends if n not in nodes)
+
+    return next(
+        (near, body)
+        for start, body in links
+        if start == near and body not in nodes and leads(body, frozenset({near, body}))
+    )
 
 
 def _differences(
