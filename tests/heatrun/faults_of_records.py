@@ -235,8 +235,36 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     ),
     "chamber at 70 degC, unit declared": (
         "units_temperature",
-        heat_run(ambient=70.0, minutes=30.0),
-        replace(MOTOR, columns={"ambient_degC": "T_amb [degC]"}), "warning",
+        replace(
+            heat_run(ambient=70.0, minutes=30.0),
+            mapping=(
+                ColumnReading(
+                    "ambient_degC", "T_amb", "degC", "stated", "[columns]", "run.csv", True
+                ),
+            ),
+        ),
+        MOTOR, "warning",
+    ),
+    "chamber at 70 degC, unit in its heading alone": (
+        "units_temperature",
+        replace(
+            heat_run(ambient=70.0, minutes=30.0),
+            mapping=(
+                ColumnReading("ambient_degC", "T_amb [degC]", "degC", "stated", "map", "run.csv"),
+            ),
+        ),
+        MOTOR, "error",
+    ),
+    "ambient and winding of one sensor": (
+        "ambient_implausible",
+        changed(CLEAN, ambient_degC=CLEAN["winding_degC"] + 0.05 * np.sin(TIME)), MOTOR, "error",
+    ),
+    "winding close above oil that it warms": (
+        "ambient_implausible",
+        changed(
+            CLEAN, ambient_degC=22.0 + 0.4 * (CLEAN["winding_degC"] - CLEAN["winding_degC"][0])
+        ),
+        MOTOR, None,
     ),
     "ambient of 300 degC": (
         "ambient_implausible", changed(CLEAN, ambient_degC=TIME * 0.0 + 340.0), MOTOR, "error"

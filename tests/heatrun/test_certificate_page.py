@@ -294,3 +294,24 @@ def test_the_workbook_shows_the_digits_of_the_sheet(result, tmp_path):
     assert head[12:15] == ("prior 95 % low", "prior 95 % high", "prior from")
     ohm = next(row for row in rest if row[1] == "Rs0")
     assert ohm[3] == "Ω"
+
+
+def test_inputs_in_doubt_are_said_first(result):
+    name = result.tests[0].name
+    doubt = Finding("losses_below_copper", "warning", "Expected more.", test=name)
+    said = headline(replace(result, findings=(*result.findings, doubt)))
+    assert said.use == "restricted"
+    assert said.reasons[0] == (
+        f"In doubt about {name}: its losses are at times below the copper loss. See Findings in "
+        "the annex."
+    )
+    note = replace(doubt, severity="note")
+    assert headline(replace(result, findings=(*result.findings, note))) == headline(result)
+
+
+def test_a_simulation_gives_no_certificate_of_a_machine(result):
+    name = result.tests[0].name
+    virtual = Finding("simulated_by_heatrun", "warning", "Expected a measurement.", test=name)
+    said = headline(replace(result, findings=(*result.findings, virtual)))
+    assert said.use == "not usable"
+    assert f"No measurement: {name} was simulated by heatrun." in said.sentence

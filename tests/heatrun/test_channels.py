@@ -228,9 +228,20 @@ def test_two_columns_for_one_channel_are_both_named(names, columns, channel):
         assert f"'{name}'" in caught.value.problem
 
 
-def test_one_column_for_two_channels_is_doubted():
-    found = mapped("T", columns={"ambient_degC": "T", "coolant_degC": "T"})
-    assert [finding.id for finding in found.findings] == ["column_used_twice"]
+@pytest.mark.parametrize(
+    ("channels", "severity"),
+    [
+        (("ambient_degC", "coolant_degC"), "warning"),
+        (("ambient_degC", "winding_degC"), "error"),
+        (("winding_degC", "losses_W"), "error"),
+        (("losses_W", "phase_current_A"), "error"),
+    ],
+)
+def test_one_column_for_two_channels_is_doubted(channels, severity):
+    found = mapped("T", columns=dict.fromkeys(channels, "T"))
+    twice = [one for one in found.findings if one.id == "column_used_twice"]
+    assert [one.severity for one in twice] == [severity]
+    assert " and as ".join(channels) in twice[0].message
 
 
 @pytest.mark.parametrize(

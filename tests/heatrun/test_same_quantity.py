@@ -133,7 +133,11 @@ def test_losses_of_a_map_are_no_balance(tmp_path):
     ("header", "values", "line", "severity", "said"),
     [
         ("losses_W", 4e3 * LOSSES_W, "", "error", "[mW]"),
-        ("Pd [kW]", LOSSES_W * 4, 'losses_W = "Pd"', "warning", "[W]"),
+        ("Pd [kW]", LOSSES_W * 4, 'losses_W = "Pd"', "error", "[W]"),
+        # the line of `heatrun init` repeats the heading; the one that is offered decides
+        ("Pd [kW]", LOSSES_W * 4, 'losses_W = "Pd [kW]"', "error", '"Pd [kW] [kW]"'),
+        ("Pd [kW]", LOSSES_W * 4, 'losses_W = "Pd [kW] [kW]"', "warning", "[W]"),
+        ("Pd [kW]", LOSSES_W, 'losses_W = "Pd [kW] [W]"', None, ""),
         ("losses_W", 1e-7 * LOSSES_W, "", "error", "[kW]"),
         ("losses_W", LOSSES_W, "", None, ""),
         # a machine of 1 MW with 15 % of overload

@@ -40,6 +40,18 @@ def finding(id: str, severity: str, where: str = "t", message: str = "Too hot.")
             "time constant; read the warnings first (nan_block).",
         ),
         (
+            [finding("unit_suspected", "warning"), finding("nan_block", "warning")],
+            True,
+            "To be cleared up first: a column may be in another unit (unit_suspected). Then this "
+            f"record will do for {AIM}, read the warnings first (nan_block).",
+        ),
+        (
+            [finding("simulated_by_heatrun", "warning")],
+            False,
+            f"This record will not do for {AIM}: it was simulated by heatrun, not measured "
+            "(simulated_by_heatrun).",
+        ),
+        (
             [finding("missing_channel", "error", "t, losses_W"), finding("kelvin", "error")],
             False,
             f"This record will not do for {AIM}: it has no losses_W.",

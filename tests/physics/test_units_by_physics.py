@@ -51,13 +51,16 @@ def as_read(
     columns: dict[str, np.ndarray],
     *,
     unit_from: UnitSource = "assumed",
+    is_decided: bool = False,
     only: tuple[str, ...] = FIVE,
     factors: Mapping[str, float] | None = None,
 ) -> Record:
     """A record as the reader leaves it, columns read as if they were in their canonical units."""
     kept = {k: v * (factors or {}).get(k, 1.0) for k, v in columns.items() if k in only}
     mapping = tuple(
-        ColumnReading(name, f"column of {name}", UNITS.get(name, "degC"), unit_from, "t", "a.csv")
+        ColumnReading(
+            name, f"column of {name}", UNITS.get(name, "degC"), unit_from, "t", "a.csv", is_decided
+        )
         for name in kept
     )
     return Record("run", derive(kept)[0], mapping=mapping)
@@ -222,10 +225,19 @@ def test_both_powers_in_kilowatts_are_named_together():
 
 
 @pytest.mark.parametrize(
-    ("unit_from", "severity"), [("assumed", "error"), ("name", "error"), ("stated", "warning")]
+    ("unit_from", "is_decided", "severity"),
+    [
+        ("assumed", False, "error"),
+        ("name", False, "error"),
+        ("stated", False, "error"),
+        ("stated", True, "warning"),
+    ],
 )
-def test_who_said_the_unit_decides_how_it_is_asked(unit_from, severity):
-    record = as_read(made(TRACTION, "steps"), unit_from=unit_from, factors={"time_s": 1.0 / 60.0})
+def test_who_said_the_unit_decides_how_it_is_asked(unit_from, is_decided, severity):
+    record = as_read(
+        made(TRACTION, "steps"),
+        unit_from=unit_from, is_decided=is_decided, factors={"time_s": 1.0 / 60.0},
+    )  # fmt: skip
     (finding,) = asked(record, motor_of(TRACTION))
     assert finding.severity == severity
     assert 'time_s = "column of time_s [min]"' in finding.remedy
@@ -242,6 +254,21 @@ def test_another_kind_of_cooling_is_a_warning_where_a_name_gives_the_unit():
     (finding,) = asked(record, motor)
     assert finding.severity == "warning"
     assert 'sink = "coolant"' in finding.remedy
+
+
+@pytest.mark.parametrize(("machine", "said"), [(STANDARD, "where air"), (TRACTION, "a liquid")])
+def test_watts_under_kilowatts_are_an_error_whatever_the_heading_says(machine, said):
+    record = as_read(made(machine, "steps"), unit_from="stated", factors={"losses_W": 1e3})
+    (finding,) = asked(record, motor_of(machine))
+    assert finding.severity == "error"
+    # alone, little copper loss may be that of a machine without load
+    assert said in finding.message
+    assert "copper loss is only" in finding.message
+    decided = as_read(
+        made(machine, "steps"), unit_from="stated", is_decided=True, factors={"losses_W": 1e3}
+    )
+    (finding,) = asked(decided, motor_of(machine))
+    assert finding.severity == "warning"
 
 
 def test_minutes_no_longer_look_like_a_sensor_that_came_off():

@@ -174,15 +174,17 @@ def test_a_hot_start_is_no_fahrenheit_where_the_winding_cools_again(machine):
 @pytest.mark.parametrize("machine", AIR, ids=lambda m: m.name)
 @pytest.mark.parametrize("scale", [10.0, 100.0, 1000.0])
 @pytest.mark.parametrize(
-    ("unit_from", "severity", "hall_K"),
-    [("assumed", "error", 0.0), ("stated", "warning", 0.0), ("assumed", "error", -15.0)],
+    ("is_decided", "severity", "hall_K"),
+    [(False, "error", 0.0), (True, "warning", 0.0), (False, "error", -15.0)],
 )
-def test_a_winding_in_tenths_of_degrees_is_named(machine, scale, unit_from, severity, hall_K):
+def test_a_winding_in_tenths_of_degrees_is_named(machine, scale, is_decided, severity, hall_K):
     columns = in_hall(made(machine, "steps"), hall_K)
     columns["winding_degC"] = scale * columns["winding_degC"]
-    found = check_record(as_read(columns, unit_from=unit_from), motor_of(machine))
+    record = as_read(columns, unit_from="stated", is_decided=is_decided)
+    found = check_record(record, motor_of(machine))
     told = [f for f in found if f.id == "units_temperature"]
     assert [f.severity for f in told] == [severity]
+    assert ("only a warning" in told[0].remedy) == (severity == "error")
     assert f"Divide the column by {scale:.0f}" in told[0].remedy
 
 

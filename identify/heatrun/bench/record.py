@@ -70,6 +70,8 @@ class ColumnReading:
         found_by: What says that the column is this channel: `"[columns]"`, `"canonical name"` or
             the name of a built-in map.
         file: The file, as the user gave it.
+        is_decided: The motor file gives the unit itself; a line that repeats the heading of the
+            column, as `heatrun init` writes it, decides nothing.
     """
 
     channel: str
@@ -78,6 +80,7 @@ class ColumnReading:
     unit_from: UnitSource
     found_by: str
     file: str
+    is_decided: bool = False
 
 
 @dataclass(frozen=True)

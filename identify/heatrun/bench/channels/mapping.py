@@ -13,7 +13,7 @@ from ..readers.table import Column
 from ..record import ColumnReading, Finding, UnitSource
 from .column_unit import line_of, unit_wanted
 from .combined import combine, known_by, sensors_differ
-from .schema import Channel
+from .schema import CHANNEL, Channel
 from .unit_table import Unit
 from .units import find_unit, require_unit, to_canonical
 
@@ -116,7 +116,9 @@ class Assignment:
         read = f", {column.note}" if column.note else ""
         self.notes.append(f"{channel.name} from column '{column.name}' ({source}; {said}{read}).")
         self.readings.append(
-            ColumnReading(channel.name, column.name, known.symbol, unit_from, source, self.where)
+            ColumnReading(
+                channel.name, column.name, known.symbol, unit_from, source, self.where, is_decided
+            )
         )
         self.taken[channel.name] = column
         self.channels[channel.name] = values
@@ -146,8 +148,10 @@ class Assignment:
         self.channels[name] = whole.values
         symbols = dict.fromkeys(reading.unit for reading in readings)
         unit_from = known_by([reading.unit_from for reading in readings])
+        is_decided = all(reading.is_decided for reading in readings)
+        unit = ", ".join(symbols)
         self.readings.append(
-            ColumnReading(name, text, ", ".join(symbols), unit_from, "[columns]", self.where)
+            ColumnReading(name, text, unit, unit_from, "[columns]", self.where, is_decided)
         )
         self.notes += [note for one in each for note in one.notes]
         self.findings += [finding for one in each for finding in one.findings]
@@ -156,21 +160,31 @@ class Assignment:
         self.findings += [apart] if apart else []
 
     def used_twice(self) -> list[Finding]:
-        """Return a finding for each column that stands for more than one channel."""
+        """Return a finding for each column that stands for more than one channel.
+
+        An error where it is the winding too, whose rise above the other would be nil, or is read in
+        several quantities; else a warning: one sensor may be coolant and ambient.
+        """
         users: dict[int, list[str]] = {}
         for name, column in self.taken.items():
             users.setdefault(id(column), []).append(name)
         return [
             Finding(
                 id="column_used_twice",
-                severity="warning",
+                severity="error" if _excludes(names) else "warning",
                 message=f"One column is read as {' and as '.join(names)}.",
                 where=f"{self.where}, column '{self.taken[names[0]].name}'",
-                remedy="Check [columns].",
+                remedy="Give each its own column in [columns], or remove the line of the one that "
+                "the file does not have.",
             )
             for names in users.values()
             if len(names) > 1
         ]
+
+
+def _excludes(channels: Sequence[str]) -> bool:
+    """Return whether one column cannot be all of these channels."""
+    return "winding_degC" in channels or len({CHANNEL[one].quantity for one in channels}) > 1
 
 
 def doubt_of_kind(channel: Channel, column: Column, symbol: str, where: str) -> Finding | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ...motor import Motor
-from ..channels.header import split_name
 from ..channels.units import require_unit
 from ..record import ColumnReading, Finding, Record
 from .losses import BLOCK_S
@@ -25,7 +24,7 @@ OTHER_UNITS = {"W": ("kW", "mW"), "kW": ("W", "MW"), "MW": ("kW", "W"), "mW": ("
 def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report losses beyond those of any machine on a bench, with the unit that would explain them.
 
-    An error; a warning where `[columns]` states the unit, so that a giant can be measured too.
+    An error; a warning where the motor file decides the unit, so that a giant can be measured too.
     """
     time_s, losses, winding, sink = samples(
         record, "losses_W", "winding_degC", sink_channel(motor)
@@ -48,7 +47,7 @@ def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
     return (
         Finding(
             "losses_absurd",
-            "warning" if reading is not None and reading.found_by == "[columns]" else "error",
+            "warning" if reading is not None and reading.is_decided else "error",
             f"Expected losses between {SMALLEST_W:g} W and {LARGEST_W / 1e6:g} MW, and at most "
             f"{LARGEST_W_PER_K:g} W/K; the largest are {shown}.{_explained(reading, largest)}",
             place(record, "losses_W", float(time_s[0]), float(time_s[-1])),
@@ -72,14 +71,15 @@ def _explained(reading: ColumnReading | None, largest_W: float) -> str:
 def _remedy(reading: ColumnReading | None, is_large: bool) -> str:
     if reading is None:
         return "Check the units of the powers that the losses follow from, and their signs."
-    label = split_name(reading.column)[0]
+    # the heading whole: its own unit alone would repeat what is in doubt
+    line = f'losses_W = "{reading.column} '
     if reading.unit not in OTHER_UNITS:
-        return f'State the unit in [columns]: losses_W = "{label} [UNIT]".'
+        return f'State the unit in [columns]: {line}[UNIT]".'
     units = sorted(OTHER_UNITS[reading.unit], key=_factor)
     likely = units[0] if is_large else units[-1]
     return (
-        f'State the unit in [columns]: losses_W = "{label} [{likely}]", or '
-        f'"{label} [{reading.unit}]" if it is right.'
+        f'State the unit in [columns]: {line}[{likely}]". If {reading.unit} is right, write '
+        f'{line}[{reading.unit}]": then this is only a warning.'
     )
 
 

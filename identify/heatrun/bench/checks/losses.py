@@ -24,6 +24,10 @@ MOST = 0.5
 """Share of the loaded time [1] from which a fault is the state of the record, not an event in
 it."""
 
+FAR_ABOVE, OFTEN = 1.25, 0.1
+"""Copper loss over the total [1], and share of the loaded time [1]: no transient, tolerance of a
+resistance or torque sensor lasts so long and reaches so far."""
+
 NEGATIVE_SHARE = 0.03
 """Losses below minus this share of their peak are no offset of the instruments [1]."""
 
@@ -79,8 +83,9 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report a measured total that is less than the copper loss alone.
 
     Needs `phase_resistance_ohm` and losses that are a balance. An error if it holds for most of the
-    time under current, a warning if for 30 s or more, or where the error that is allowed for the
-    mechanical power (`shaft_power_gain`) explains it: a fit estimates that.
+    time under current, or for a tenth of it by a quarter; a warning if for 30 s or more, or where
+    the error that is allowed for the mechanical power (`shaft_power_gain`) explains it: a fit
+    estimates that.
     """
     time_s, share = copper_shares(record, motor)
     below = share > 1.0 + COPPER_TOLERANCE
@@ -93,10 +98,12 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
     if not is_most and to_s - from_s + BLOCK_S < SUSTAINED_S:
         return ()
     typical = float(np.median(share[below]))
+    is_far = float(np.mean(share > FAR_ABOVE)) > OFTEN
+    is_error = (is_most or is_far) and not _shaft_explains(record, motor)
     return (
         Finding(
             "losses_below_copper",
-            "error" if is_most and not _shaft_explains(record, motor) else "warning",
+            "error" if is_error else "warning",
             f"Expected losses above the copper loss; in {100.0 * np.mean(below):.0f} % of the time "
             f"under current they are {100.0 / typical:.0f} % of it. Every thermal resistance and "
             "capacity would be biased.",

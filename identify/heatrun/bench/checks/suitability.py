@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..record import Finding
+from .doubts import DOUBTS, SIMULATED, doubts
 
 WEAK = {
     "too_short": "it is too short for the slow time constant",
@@ -22,7 +23,8 @@ class Suitability:
 
     Attributes:
         test: Name of the record.
-        will_do: No error forbids it, and the motor file says what the network needs.
+        will_do: No error forbids it, it was measured, and the motor file says what the network
+            needs.
         sentence: The answer with its reason.
     """
 
@@ -51,8 +53,14 @@ def suitability(
         return Suitability(test, False, sentence)
     warnings = {finding.id for finding in findings if finding.severity == "warning"}
     weak = [words for id, words in WEAK.items() if id in warnings]
-    others = sorted(warnings - set(WEAK))
+    others = sorted(warnings - set(WEAK) - set(DOUBTS))
+    doubtful = doubts(findings)
+    told = [f"{words} ({', '.join(ids)})" for words, ids in doubtful.items()]
+    if SIMULATED in warnings:
+        return Suitability(test, False, f"This record will not do for {aim}: {told[0]}.")
     sentence = f"This record will do for {aim}"
+    if told:
+        sentence = f"To be cleared up first: {', '.join(told)}. Then this record will do for {aim}"
     if weak:
         sentence += f", with wide intervals: {' and '.join(weak)}"
     if others:

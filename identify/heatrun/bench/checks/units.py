@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ...motor import Motor
-from ..channels.header import split_name
 from ..record import Finding, Record, Severity
 from .course import lead_in
 from .samples import is_loaded, place, samples, sink_channel, with_all_heat
@@ -43,15 +42,19 @@ PLAUSIBLE_DEGC = {"ambient_degC": (-30.0, 50.0), "coolant_degC": (-40.0, 120.0)}
 POSSIBLE_DEGC = {"ambient_degC": (-60.0, 130.0), "coolant_degC": (-60.0, 160.0)}
 """Beyond these no bench runs: a wrong column, unit or sensor."""
 
+SAME_SHARE, LEAST_SWING_K = 0.02, 10.0
+"""Excess over the sink as a part of the winding's own swing [1] below which the two are one sensor,
+where it swings so far [K]: the tightest winding in oil that warms with it keeps a tenth."""
+
 SINK_ABOVE_K = 5.0
 """A winding that stays this far below its sink while heat flows is not heated by it: swapped
 channels."""
 
 
-def _declares_unit(record: Record, motor: Motor, channel: str) -> bool:
-    """Whether the file or the motor file says the unit of a channel."""
-    is_stated = any(r.channel == channel and r.unit_from == "stated" for r in record.mapping)
-    return is_stated or "[" in motor.columns.get(channel, "")
+def _severity(record: Record, channel: str) -> Severity:
+    """An error, but where the motor file itself decides the unit of a channel."""
+    is_decided = any(r.channel == channel and r.is_decided for r in record.mapping)
+    return "warning" if is_decided else "error"
 
 
 def _unit_finding(
@@ -59,15 +62,17 @@ def _unit_finding(
 ) -> Finding:
     as_celsius = typical - 273.15 if unit == "kelvin" else (typical - 32.0) / 1.8
     symbol = "K" if unit == "kelvin" else "degF"
+    is_doubtful = severity == "error" and unit == "Fahrenheit"
     column = next((r.column for r in record.mapping if r.channel == channel), "column")
-    column = split_name(column)[0]
+    line = f'{channel} = "{column}'
     return Finding(
         "units_temperature",
         severity,
         f"Expected °C; {typical:.1f} looks like {unit}, which would be {as_celsius:.1f} °C. Read "
         "in the wrong unit, temperature rises and copper loss would be wrong.",
         place(record, channel, from_s),
-        f'Declare the unit in the motor file: [columns] {channel} = "{column} [{symbol}]".',
+        f'Declare the unit in the motor file: [columns] {line} [{symbol}]".'
+        + (f' If °C is right, write {line} [degC]": then this is only a warning.' * is_doubtful),
         values={"value": typical, "as_degC": as_celsius},
     )
 
@@ -76,6 +81,9 @@ def _scaled_finding(
     record: Record, severity: Severity, typical: float, scale: float, from_s: float
 ) -> Finding:
     degC = typical / scale
+    column = next((r.column for r in record.mapping if r.channel == "winding_degC"), "column")
+    kept = f'winding_degC = "{column} [degC]"'
+    confirmed = f" If °C is right, write {kept}: then this is only a warning."
     return Finding(
         "units_temperature",
         severity,
@@ -83,7 +91,8 @@ def _scaled_finding(
         f"would start at {degC:.1f} °C, the temperature of the sink. Read in the wrong unit, every "
         "parameter would be wrong.",
         place(record, "winding_degC", from_s),
-        f"Divide the column by {scale:.0f} before it is read.",
+        f"Divide the column by {scale:.0f} before it is read."
+        + (confirmed if severity == "error" else ""),
         values={"value": typical, "as_degC": degC, "factor": 1.0 / scale},
     )
 
@@ -113,7 +122,7 @@ def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
 
     Kelvin is told by value. Fahrenheit is told only where ambient and winding agree at a cold start
     between 55 and 110, or where one of the two at the start equals the other converted. A hot
-    climate chamber looks the same: where the motor file names the unit it is a warning. Tenths of
+    climate chamber looks the same: where the motor file decides the unit it is a warning. Tenths of
     degrees are told where the winding is hotter than any and a tenth of its start is the ambient.
     """
     found = []
@@ -141,11 +150,11 @@ def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
     at_start = float(np.median(winding[:lead]))
     around = float(np.median(ambient[:lead]))
     if low < around < high and abs(at_start - around) < AGREEMENT_K:
-        severity = "warning" if _declares_unit(record, motor, "ambient_degC") else "error"
+        severity = _severity(record, "ambient_degC")
         return (_unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0]),)
     if low < around < high and abs((around - 32.0) / 1.8 - at_start) < AGREEMENT_K:
         # A winding tens of kelvin colder than the air around it has no way to be so.
-        severity = "warning" if _declares_unit(record, motor, "ambient_degC") else "error"
+        severity = _severity(record, "ambient_degC")
         return (_unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0]),)
     is_far = at_start - around > FAHRENHEIT_ABOVE_K
     if around < low and is_far and _starts_cold(winding, ambient, lead):
@@ -156,7 +165,7 @@ def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
     is_beyond = at_start > HOTTEST_START_DEGC or high > HOTTEST_DEGC
     for scale in SCALES:
         if is_beyond and abs(at_start / scale - around) < AGREEMENT_K:
-            severity = "warning" if _declares_unit(record, motor, "winding_degC") else "error"
+            severity = _severity(record, "winding_degC")
             return (_scaled_finding(record, severity, at_start, scale, float(time_s[0])),)
     return ()
 
@@ -174,7 +183,7 @@ def _starts_cold(winding: np.ndarray, ambient: np.ndarray, lead: int) -> bool:
 
 
 def ambient_implausible(record: Record, motor: Motor) -> tuple[Finding, ...]:
-    """Report a sink temperature that no bench has, or that lies above the loaded winding."""
+    """Report a sink temperature that no bench has, that lies above the loaded winding or is it."""
     channel = sink_channel(motor)
     time_s, sink = samples(record, channel)
     if time_s.size == 0:
@@ -212,4 +221,20 @@ def ambient_implausible(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 values={"winding_above_sink_K": below},
             )
         )
+    swing = float(np.ptp(winding)) if winding.size else 0.0
+    excess = float(np.quantile(np.abs(winding - sink), 0.95)) if winding.size else 0.0
+    if loaded.any() and swing > LEAST_SWING_K and excess < SAME_SHARE * swing:
+        found = [  # that it is as hot as a winding follows from it
+            Finding(
+                "ambient_implausible",
+                "error",
+                f"Expected the winding above {channel} under load; they stay within "
+                f"{excess:.2g} K of each other while the winding swings by {swing:.0f} K. They "
+                "are one temperature, so no resistance can be fitted.",
+                place(record, channel, float(time_s[0]), float(time_s[-1])),
+                f"Give {channel} the column of the cooling medium in [columns]; where it was "
+                f"steady and not recorded, its value under [constants], as {channel} = 22.0.",
+                values={"excess_K": excess, "swing_K": swing},
+            )
+        ]
     return tuple(found)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from ...bench.checks.doubts import SIMULATED, doubts
 from ...bench.record import Finding
 from ...io.printable import clean
 from ...io.quantities import rounded
@@ -72,11 +73,21 @@ def headline(result: FitResult) -> Headline:
     free = {name: entry for name, entry in thermal(model).items() if not entry.fixed}
     lost = [name for name, entry in free.items() if entry.identifiability == "not identifiable"]
     weak = [name for name, entry in free.items() if entry.identifiability == "weak"]
-    reasons = (*_accuracy(model), *_doubts(result, model), *_given(model))
+    reasons = (
+        *_inputs(result), *_accuracy(model), *_doubts(result, model), *_given(model),
+    )  # fmt: skip
     if model.result != "converged":
         return Headline(
             "not usable",
             f"{title}. The fit did not converge: do not use these parameters.",
+            reasons,
+        )
+    simulated = [one.test for one in result.findings if one.id == SIMULATED]
+    if simulated:
+        return Headline(
+            "not usable",
+            f"{title}. No measurement: {_listed(simulated)} was simulated by heatrun. These are "
+            "the parameters of that simulation, not of a machine.",
             reasons,
         )
     astray = _not_followed(result, model)
@@ -99,7 +110,8 @@ def headline(result: FitResult) -> Headline:
             f"{_uses(weak)}.",
             reasons,
         )
-    if not model.posterior.is_sound or _fails_held_out(model) or _lacks(result, model):
+    is_restricted = not model.posterior.is_sound or bool(_inputs(result))
+    if is_restricted or _fails_held_out(model) or _lacks(result, model):
         return Headline(
             "restricted",
             f"{title}. All {len(free)} parameters are identified, with the restrictions below.",
@@ -142,6 +154,22 @@ def _accuracy(model: FittedModel) -> list[str]:
             if row.role == role
         ]
     return words
+
+
+def _inputs(result: FitResult) -> list[str]:
+    """Return what is in doubt about the inputs themselves, in a sentence for each test."""
+    names = dict.fromkeys(finding.test for finding in result.findings)
+    words = []
+    for name in names:
+        found = doubts([one for one in result.findings if one.test == name])
+        if found:
+            about = f"In doubt about {clean(name)}" if name else "In doubt"
+            words.append(f"{about}: {'; '.join(found)}. See Findings in the annex.")
+    return words
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(clean(name) for name in dict.fromkeys(names))
 
 
 def _fails_held_out(model: FittedModel) -> bool:

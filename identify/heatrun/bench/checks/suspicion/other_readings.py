@@ -13,7 +13,7 @@ from ...channels.derive import DERIVATIONS, derive
 from ...channels.schema import CHANNEL
 from ...channels.unit_table import QUANTITIES, Unit
 from ...channels.units import find_unit, to_canonical
-from ...record import ColumnReading, Record, UnitSource
+from ...record import ColumnReading, Record
 from ..samples import is_measured
 
 LEAST_FACTOR = 1.4
@@ -55,10 +55,10 @@ class OtherReading:
         return " and ".join(dict.fromkeys(self.units))
 
     @property
-    def is_stated(self) -> bool:
-        """Whether the unit that it denies was written down as one."""
-        sources: tuple[UnitSource, ...] = tuple(one.unit_from for one in self.readings)
-        return not self.channels or (bool(sources) and all(one == "stated" for one in sources))
+    def is_decided(self) -> bool:
+        """Whether the motor file itself gives what it denies."""
+        is_given = bool(self.readings) and all(one.is_decided for one in self.readings)
+        return not self.channels or is_given
 
     @property
     def is_assumed(self) -> bool:

@@ -2,8 +2,8 @@
 
 A relation compares what belongs to one machine: a time with a size, a power with another, a speed
 with a speed. Machines from 1 W to 1 MW differ by a million in watts and by thirty in time, so no
-limit here is one of watts or amperes. Where a relation is broken, a unit has been misread as a
-rule; `heatrun.bench.checks.suspicion` then tries which.
+limit here is one of watts or amperes, but for the largest machine of all. Where a relation is
+broken, a unit has been misread as a rule; `heatrun.bench.checks.suspicion` then tries which.
 """
 
 from __future__ import annotations
@@ -57,6 +57,10 @@ LONGEST_S = 360e3
 
 LONGEST_TEST_S = 3e7
 """A year: no heat run lasts as long, nor does any network of a machine need it."""
+
+LARGEST_W_PER_K = {"ambient": 2e3, "coolant": 1e4}
+"""Conductance [W/K] above which no machine is on a bench: fan-cooled 1 MW has 700, the largest that
+air draws through some thousands, water jackets of such ten times as much as those of a car."""
 
 LEAST_PER_TORQUE = 2.0
 """Capacity over the largest torque [J/(K Nm)]: the lightest axial-flux traction motors have 0.05
@@ -123,6 +127,13 @@ def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]
         sentence = f"Expected a time constant above {shortest:.2g} s{size}; {came}."
         is_mild = tau > _shortest(G, "coolant")
         found.append(Conflict("too_fast", sentence, channels, False, values, is_mild))
+    if math.isfinite(G) and LARGEST_W_PER_K[motor.sink] < G:
+        cooled = "air" if motor.sink == "ambient" else "a liquid"
+        sentence = (
+            f"Expected at most {LARGEST_W_PER_K[motor.sink]:g} W/K where {cooled} cools the "
+            f'machine (sink = "{motor.sink}"); the record shows {G:.3g} W/K.'
+        )
+        found.append(Conflict("too_large", sentence, channels[1:], False, values))
     if tau > longest:
         sentence = f"Expected a time constant below {longest:.2g} s{size}; {came}."
         found.append(Conflict("too_slow", sentence, channels, False, values))

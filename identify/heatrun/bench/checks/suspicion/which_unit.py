@@ -1,9 +1,9 @@
 """A record that breaks a relation of physics: which unit, read otherwise, would mend it?
 
 Each column is tried in each other unit of its quantity, and every relation asked again. What mends
-all of them is named; it is never applied. A unit that was only assumed, or taken from a name, is
-asked about by an error; one that was written down by a warning, since the file may be right and the
-machine unlike others.
+all of them is named; it is never applied. It is asked by an error, also of a unit that the file
+states, since headings are copied; by a warning where the motor file decided the unit, or where a
+single relation is broken that another kind of cooling explains and something gave the unit.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ SPOKEN = {"time_s": "the time", "speed_rpm": "the speed", "losses_W": "the losse
 def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report relations between channels that the record breaks, and the units that would mend it.
 
-    An error where a unit that was not written down explains it, else a warning; nothing for what is
-    only odd and explained by no unit.
+    An error where a unit explains it that the motor file has not decided, else a warning; nothing
+    for what is only odd and explained by no unit.
     """
     record = _thinned(record)
     broken = conflicts(record, motor)
@@ -89,15 +89,18 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
     if not mending:
         broken = tuple(c for c in broken if not c.is_odd and c.id != "losses_below_copper")
         return (_unexplained(record, broken),) if broken and not symptoms else ()
-    is_mild = all(conflict.is_odd or conflict.is_mild for conflict in broken)
-    asked = any(one.is_assumed if is_mild else not one.is_stated for one in mending)
+    # two that one unit explains are no matter of cooling, nor of a machine without load
+    is_alone = len({_family(id) for id in ids}) < 2
+    is_mild = is_alone and all(conflict.is_odd or conflict.is_mild for conflict in broken)
+    is_odd = is_odd and is_alone
+    asked = any(one.is_assumed if is_mild else not one.is_decided for one in mending)
     explained = [*symptoms, *(c.id for c in broken if c.id == "losses_below_copper")]
     sentences = [_supposed(one) for one in mending]
     return (
         Finding(
             "unit_suspected",
             "error" if asked and not is_odd else "warning",
-            f"{_told(broken)} {_list(sentences)}",
+            f"{_told(broken, is_alone)} {_list(sentences)}",
             place(record, broken[0].channels[0], float(samples(record)[0][0])),
             _remedy(mending, record) + (OTHER_COOLING if is_mild and not is_odd else ""),
             values={
@@ -135,6 +138,11 @@ def _thinned(record: Record) -> Record:
         return record
     step = -(-size // MAX_SAMPLES)
     return replace(record, channels={k: np.asarray(v)[::step] for k, v in record.channels.items()})
+
+
+def _family(id: str) -> frozenset[str]:
+    """Return the relations that say the same as one of them."""
+    return next((family for family in FAMILIES if id in family), frozenset({id}))
 
 
 def _symptoms(record: Record, motor: Motor) -> list[str]:
@@ -214,10 +222,12 @@ def _from_usual(one: OtherReading) -> float:
     return abs(math.log(seen.tau_s / usual))
 
 
-def _told(broken: Sequence[Conflict]) -> str:
-    """The conflicts in words, the impossible ones first."""
-    firm = [c.sentence for c in broken if not c.is_odd]
-    return " ".join(firm or [c.sentence for c in broken])
+def _told(broken: Sequence[Conflict], is_alone: bool = True) -> str:
+    """The conflicts in words; odd ones where they are all there is, or bear the others out."""
+    firm = [c for c in broken if not c.is_odd]
+    odd = [c for c in broken if c.is_odd]
+    told = [*firm, *odd] if not is_alone else firm or odd
+    return " ".join(c.sentence for c in told)
 
 
 def _supposed(one: OtherReading) -> str:
@@ -259,7 +269,7 @@ def _remedy(mending: Sequence[OtherReading], record: Record) -> str:
             'if the time column counts samples, write time_s = "rate 10 Hz" with the logger\'s rate'
         )
     told = "; or ".join(words)
-    stays = next((r for one in mending for r in one.readings if r.unit_from != "stated"), None)
+    stays = next((r for one in mending for r in one.readings if not r.is_decided), None)
     if stays is None:
         return f"If so, {told}."
     kept = f'{stays.channel} = "{stays.column} [{stays.unit}]"'
