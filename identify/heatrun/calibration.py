@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -77,6 +78,7 @@ class Calibration:
         posteriors: By name of the network.
         predictions: Likewise, one per test.
         result: What stands in `fit.json`.
+        sampling_s: What sampling took, of networks at once the longest [s].
     """
 
     motor: Motor
@@ -84,6 +86,7 @@ class Calibration:
     posteriors: dict[str, Posterior]
     predictions: dict[str, list[Prediction]]
     result: FitResult
+    sampling_s: float = math.nan
 
 
 def load_tests(
@@ -186,7 +189,9 @@ def calibrate(
         def report(sentence: str, share: float) -> None:
             work.at((name, "sample"), f"{model.title}: {sentence}", share)
 
+        begun = time.monotonic()
         posterior = _sampled(found, screened, method, seed, folder, report)
+        sampling_s = time.monotonic() - begun
         work.done((name, "sample"), f"{model.title}: predicting the tests")
         seen = [*found.findings, *_sampling_findings(posterior)]
         finding = None if screened is None else missing_finding(found, screened)
@@ -199,7 +204,7 @@ def calibrate(
             described = replace(described, stats=stats)
         if is_last:
             seen += fit_findings(posterior, predicted)
-        return _Outcome(posterior, predicted, described, seen)
+        return _Outcome(posterior, predicted, described, seen, sampling_s)
 
     outcomes = dict(zip(names, at_once(one, models), strict=True))
     posteriors = {name: outcome.posterior for name, outcome in outcomes.items()}
@@ -216,7 +221,8 @@ def calibrate(
     work.done("reduction")
     described = {name: outcome.described for name, outcome in outcomes.items()}
     result = assemble(motor, rows, findings, described, predictions, command=command, seed=seed)
-    return Calibration(motor, tuple(tests), posteriors, predictions, result)
+    sampling_s = max(outcome.sampling_s for outcome in outcomes.values())
+    return Calibration(motor, tuple(tests), posteriors, predictions, result, sampling_s)
 
 
 @dataclass(frozen=True)
@@ -227,6 +233,7 @@ class _Outcome:
     predictions: list[Prediction]
     described: FittedModel
     findings: list[Finding]
+    sampling_s: float
 
 
 def _sampled(

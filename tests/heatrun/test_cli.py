@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 import os
 import signal
 import subprocess
@@ -213,9 +214,11 @@ def test_wrong_use_is_exit_code_two():
 
 
 def test_the_main_job_from_file_to_sheet(run, table, tmp_path, motor_file, capsys):
-    code, out, _, left = run(table, "--json", "--quick")
+    code, out, err, left = run(table, "--json", "--quick")
     assert code == 0
     assert left == ["run"]
+    sampling_s, total_s = map(float, re.search(r"here (\d+) of (\d+) s;", err).groups())
+    assert 0.0 <= sampling_s < total_s  # what a quick run cannot shorten is said
     result = json.loads(out)
     assert result["verdict"]["order"] == "second"
     true = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
