@@ -8,13 +8,21 @@ from __future__ import annotations
 
 import re
 
+SHORT = r"(?:\b|_)(?:T|Temp|tmp|theta|th|[θϑΘ])[_ .]?"
+"""Beginning of a short name of a temperature, such as Tw, T_cu or theta_w."""
+
+NO_COPPER = r".*(?:loss|verl|perd|pert|pérd|mass|resist|widerst|(?<![a-z])P[_ ])"
+"""In a name with the word copper: it is no temperature."""
+
 LIKELY: dict[str, re.Pattern[str]] = {
     channel: re.compile(pattern, re.IGNORECASE)
     for channel, pattern in {
         "time_s": r"^t$|time|zeit|tempo|temps|tiempo|elapsed|clock|stamp",
         "end_winding_degC": r"end.?w|overhang|wickelk|testat",
         "winding_degC": r"w(?:i?n?dg|nd)|winding|wickl|coil|avvolg|bobin|enroul|devanad|hot.?spot"
-        r"|\bT_?w|slot|nut(?![a-z])",
+        rf"|{SHORT}(?:s?w(?:[1-9uvw]|ind)?|cu[1-9uvw]?)(?![a-z])(?!.?in(?![a-z]))"
+        rf"|^(?!{NO_COPPER}).*(?:copper|kupfer|cuivre|cobre|(?<![a-z])rame(?![a-z]))"
+        r"|slot|nut(?![a-z])",
         "ambient_degC": r"amb|room|raum|environ|umg|umluft|\bluft|\bair|\blab|aria|stanza|pi[eè]ce"
         r"|\bT_?(?:e|a|amb|env|0)(?![a-z0-9])",
         "coolant_degC": r"cool|k[üu]hl|water|wasser|inlet|vorlauf|refrig|acqua|\boil|glyk|glyc",
@@ -50,3 +58,18 @@ def likely_channels(name: str) -> tuple[str, ...]:
         name: As it stands in the file, or without its unit.
     """
     return tuple(channel for channel, pattern in LIKELY.items() if pattern.search(name))
+
+
+ELECTRICAL_SPEED = re.compile(
+    r"(?:^|[^a-z])e[_ .\-]?rpm(?![a-z])|(?:^|[^a-z])(?:omega|w)[_ .]?e(?:l\w*)?(?![a-z])"
+    r"|(?:^|[^a-z])(?:el|elec\w*|elek\w*|elett\w*|élec\w*)(?![a-z])"
+    r"(?![_ .]*(?:mot|mach|masch|macch))",
+    re.IGNORECASE,
+)
+"""In the name of a speed: that of the field, the shaft's times the pole pairs. An "electric motor
+speed" is the shaft's."""
+
+NOT_THE_SHAFTS = (
+    "it is the electrical speed: divided by the number of pole pairs, in the file, it is speed_rpm"
+)
+"""What is missing where a file has the electrical speed alone."""
