@@ -11,7 +11,8 @@ from collections.abc import Sequence, Set
 from pathlib import Path
 
 from .bench.channels.schema import CHANNEL
-from .bench.survey import Survey, flat
+from .bench.free_columns import flat
+from .bench.survey import Survey
 from .io.printable import printable
 from .motor_gaps import LONGEST_LINE, Gap, found_resistance, gaps
 from .motor_keys import (
@@ -131,6 +132,13 @@ def _columns(surveys: Sequence[Survey], missing: Sequence[Gap]) -> list[str]:
             more = "remove the # to state it; " if is_assumed else ""
             lines.append(_line(reading.channel, side, f"{how}{more}{reading.found_by}"))
         lines += [f"#   {channel} = {formula}" for channel, formula in one.derived.items()]
+        for silent in one.silent:
+            column = printable(flat(silent.column))
+            lines += _comment(
+                f"  {silent.channel} from column '{column}' of {Path(one.path).name}: "
+                f"{silent.held}. Name another column if this one was not recorded.",
+                indent="    ",
+            )
     for gap in missing:
         if gap.channel in CHANNEL and gap.candidates:
             title = f"Candidates for {gap.channel} ({CHANNEL[gap.channel].meaning}), likely first:"
@@ -158,7 +166,7 @@ def _free(one: Survey, settled: Set[str], shown: Set[str]) -> list[str]:
     lines = ["#", *_comment(f"Columns of {Path(one.path).name} that no channel claims:")]
     for column in free:
         likely = [p for p in column.proposals if p.is_likely and p.channel not in settled]
-        if likely and len(likely[0].line) <= LONGEST_LINE:
+        if likely and not column.is_silent and len(likely[0].line) <= LONGEST_LINE:
             lines.append(_line(likely[0].channel, likely[0].line, column.shown()))
         else:
             lines.append(f"#   {printable(flat(column.name))}: {column.shown()}")

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from .bench.channels.derive import DERIVATIONS
 from .bench.channels.likely_names import LIKELY
-from .bench.channels.schema import REQUIRED
+from .bench.channels.schema import CHANNEL, REQUIRED
 from .bench.channels.units import find_unit
-from .bench.survey import FreeColumn, Survey, flat
+from .bench.column_course import Course
+from .bench.free_columns import FreeColumn, Proposal, flat
+from .bench.phase_means import PhaseMean
+from .bench.survey import Survey
 from .io.printable import printable
+from .motor_candidates import ROOM_RANGE, Candidate, ranked
 
 WHY = {
     "time_s": "no sample has a time. Name the column of times, or the sampling rate: "
@@ -26,9 +30,6 @@ WHY = {
 """Why a channel that a calibration needs matters."""
 
 NUMBER = re.compile(r"(?<![\w.,])[+-]?[0-9]{1,4}(?:[.,][0-9]+)?(?![\w.,]*[0-9])")
-COLDEST, HOTTEST = -40.0, 60.0
-"""Range of rooms in which motors are tested [°C]."""
-
 MOST_CANDIDATES = 12
 LONGEST_LINE = 450
 """Characters; the motor file takes 500 on a right-hand side."""
@@ -113,24 +114,79 @@ def _channel(name: str, surveys: Sequence[Survey]) -> Gap:
     if name == "losses_W":
         ways = [" and ".join(way.needs) for way in DERIVATIONS if way.channel == name]
         sentence = f"{sentence} {'; or '.join(ways)}."
-    ranked = sorted(
-        (
-            (not one.is_likely, one.unit_from == "assumed", one.line, _note(column))
-            for each in surveys
-            for column in each.free
-            for one in column.proposals
-            if one.channel == name
-            and len(one.line) <= LONGEST_LINE
-            # a column whose name speaks of another channel is none of this one
-            and (one.is_likely or not any(other.is_likely for other in column.proposals))
-        ),
-        key=lambda row: row[:2],
-    )
-    candidates = tuple(dict.fromkeys((line, note) for _, _, line, note in ranked))
+    found = [candidate for one in surveys for candidate in _candidates(name, one)]
+    candidates = ranked(name, [one for one in found if len(one.line) <= LONGEST_LINE])
     constants = _constants(name, surveys)
-    if not candidates and not constants and name != "time_s":
+    silent = [sentence for one in surveys for sentence in _silent(name, one)]
+    sentence = " ".join((sentence, *silent))
+    if not candidates and not constants and not silent and name != "time_s":
         sentence += " No column has a unit or a name that speaks for it."
-    return Gap(name, "", sentence, candidates[:MOST_CANDIDATES], constants)
+    return Gap(name, "", sentence, tuple(candidates[:MOST_CANDIDATES]), constants)
+
+
+def _candidates(name: str, one: Survey) -> Iterator[Candidate]:
+    """Yield the columns of a file that may be a channel, and the means of three of them."""
+    held: dict[str, Candidate] = {}
+    for column in one.free:
+        proposal = _proposal(name, column)
+        if proposal is not None and not column.is_silent:
+            held[column.name] = Candidate(
+                proposal.line,
+                _note(column),
+                proposal.is_likely,
+                proposal.unit_from == "assumed",
+                _in_unit_of(name, proposal, column),
+            )
+    yield from (_mean(mean, held) for mean in one.means if mean.channel == name)
+    yield from held.values()
+
+
+def _proposal(name: str, column: FreeColumn) -> Proposal | None:
+    """Return how a column may be a channel; one whose name speaks of another is none of it."""
+    is_others = any(one.is_likely for one in column.proposals)
+    for one in column.proposals:
+        if one.channel == name and (one.is_likely or not is_others):
+            return one
+    return None
+
+
+def _mean(mean: PhaseMean, held: Mapping[str, Candidate]) -> Candidate:
+    parts = [held[name] for name in mean.columns]
+    return Candidate(
+        mean.line,
+        "three columns that move together",
+        any(part.is_likely for part in parts),
+        any(part.is_assumed for part in parts),
+        max(parts, key=lambda part: part.move).course,
+        is_mean=True,
+    )
+
+
+def _in_unit_of(name: str, proposal: Proposal, column: FreeColumn) -> Course | None:
+    unit = find_unit(proposal.unit, CHANNEL[name].quantity)
+    if column.course is None or unit is None:
+        return column.course
+    return column.course.converted(unit.factor, unit.offset)
+
+
+def _silent(name: str, one: Survey) -> Iterator[str]:
+    """Yield a sentence for each column that would be the channel and holds nothing."""
+    where = printable(flat(Path(one.path).name))
+    for column in one.silent:
+        if column.channel == name:
+            yield (
+                f"Column '{printable(flat(column.column))}' of {where} is read for it and holds "
+                f"{column.held}.{'' if column.is_empty else ' If that was measured, it may stay.'}"
+            )
+    for free in one.free:
+        proposal = _proposal(name, free)
+        if proposal is not None and proposal.is_likely and free.is_silent:
+            held = "0 throughout" if free.num_values else "no values"
+            line = f' If that was measured: {name} = "{printable(flat(proposal.line))}".'
+            yield (
+                f"Column '{printable(flat(free.name))}' of {where} holds {held}."
+                f"{line if free.num_values else ''}"
+            )
 
 
 def _note(column: FreeColumn) -> str:
@@ -147,7 +203,8 @@ def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
         for column in one.free:
             is_room = find_unit(column.unit or "", "temperature") is not None
             value = column.low
-            if is_room and value is not None and value == column.high and _is_room(value):
+            is_steady = value == column.high and not column.is_silent
+            if is_room and value is not None and is_steady and _is_room(value):
                 what = "the one value of" if column.num_values == 1 else "throughout in"
                 column_name = printable(flat(column.name))
                 lines.append(f"# {name} = {value!r}  # {what} column '{column_name}'")
@@ -160,4 +217,5 @@ def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
 
 
 def _is_room(value: float) -> bool:
-    return COLDEST <= value <= HOTTEST
+    coldest, hottest = ROOM_RANGE
+    return coldest <= value <= hottest

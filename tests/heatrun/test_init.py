@@ -19,8 +19,9 @@ from hypothesis import strategies as st
 from mdf_files import signal, written
 
 from heatrun import cli
+from heatrun.bench.free_columns import FreeColumn, Proposal
 from heatrun.bench.joined import read_test
-from heatrun.bench.survey import FreeColumn, Proposal, Survey, survey
+from heatrun.bench.survey import Survey, survey
 from heatrun.errors import InputError
 from heatrun.motor_draft import draft
 from heatrun.motorfile import load_motor, parse_motor
@@ -305,7 +306,7 @@ def test_channels_of_a_measurement_file_are_proposed(here):
     found = survey(here / "bench.mf4")
     free = {column.name: column for column in found.free}
     assert (free["T_coil"].low, free["T_coil"].high) == (20.0, 79.5)
-    assert free["T_coil"].proposals[0] == Proposal("winding_degC", "T_coil", "stated", True)
+    assert free["T_coil"].proposals[0] == Proposal("winding_degC", "T_coil", "stated", True, "degC")
     assert free["Pump"].proposals == ()
     assert {one.channel for one in found.recognised} == {"time_s"}
 

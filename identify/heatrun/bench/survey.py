@@ -4,84 +4,54 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
-from ..io.printable import printable
 from .channels.channel_map import map_columns
 from .channels.claims import NOT_RECORDED
-from .channels.column_unit import statements, unit_of
 from .channels.derive import derive, formulas
-from .channels.likely_names import likely_channels
-from .channels.schema import CHANNEL
+from .channels.schema import CHANNEL, REQUIRED
+from .free_columns import FreeColumn, free_column
 from .own_files import refuse_own_file
+from .phase_means import PhaseMean, phase_means
 from .readers.formats import opened
 from .readers.measurement import Measurement, header_of
 from .readers.multirate import read_all
 from .readers.open_file import open_input
 from .readers.read import read_whole
-from .readers.table import Column, Table
-from .record import ColumnReading, UnitSource
+from .readers.table import Table
+from .record import ColumnReading
 
 MOST_SAMPLED = 200
 """Channels of a measurement file of which values are looked at; each is read whole."""
+
+NEEDED = frozenset(REQUIRED) - {"time_s"}
+"""Channels that a calibration cannot do without; zeros alone in one of them are told."""
 
 CHANNEL_NAME = re.compile("|".join(sorted(map(re.escape, CHANNEL), key=len, reverse=True)))
 
 
 @dataclass(frozen=True)
-class Proposal:
-    """A channel that a column may be.
+class SilentColumn:
+    """A column that is recognised and holds zeros alone, or no value.
 
     Attributes:
         channel: Canonical name.
-        line: Right-hand side of `[columns]` that reads the column so.
-        unit_from: How its unit is known; `"assumed"` if the line itself states it.
-        is_likely: The name speaks for it, not the unit alone.
+        column: As it stands in the file.
+        is_empty: It holds no value at all.
     """
 
     channel: str
-    line: str
-    unit_from: UnitSource
-    is_likely: bool
+    column: str
+    is_empty: bool
 
-
-@dataclass(frozen=True)
-class FreeColumn:
-    """A column that no channel claims.
-
-    Attributes:
-        name: As it stands in the file.
-        unit: Unit text that the file gives, or None.
-        low: Smallest value, in the file's unit; None without any.
-        high: Largest value.
-        num_values: Number of values [1]; None where they were not looked at.
-        text: What stands in it instead of numbers, or empty.
-        proposals: What it may be, likely ones first.
-    """
-
-    name: str
-    unit: str | None
-    low: float | None
-    high: float | None
-    num_values: int | None
-    text: str = ""
-    proposals: tuple[Proposal, ...] = ()
-
-    def shown(self) -> str:
-        """Return what stands in the column, in words."""
-        if self.text:
-            return f"text: {printable(flat(self.text))[:60]}"
-        unit = f" {printable(flat(self.unit))}" if self.unit else ", no unit given"
-        if self.low is None or self.high is None:
-            return f"{'no values' if self.num_values == 0 else 'values not looked at'}{unit}"
-        if self.low == self.high:
-            many = "1 value" if self.num_values == 1 else "throughout"
-            return f"{self.low:.6g}{unit} ({many})"
-        return f"{self.low:.4g} … {self.high:.4g}{unit}"
+    @property
+    def held(self) -> str:
+        """What it holds, in words."""
+        return "no values" if self.is_empty else "0 throughout"
 
 
 @dataclass(frozen=True)
@@ -98,6 +68,9 @@ class Survey:
             remedy.
         constants: Scalars of the file by name.
         preamble: Lines above the table.
+        silent: Columns that are recognised and hold nothing, for channels that a calibration
+            needs.
+        means: Columns of three phases that a channel may be the mean of.
     """
 
     path: str
@@ -108,16 +81,13 @@ class Survey:
     questions: tuple[str, ...] = ()
     constants: Mapping[str, float] | None = None
     preamble: tuple[str, ...] = ()
+    silent: tuple[SilentColumn, ...] = ()
+    means: tuple[PhaseMean, ...] = ()
 
     @property
     def channels(self) -> frozenset[str]:
-        """Channels that a record of this file has."""
+        """Channels that a record of this file has, and that hold something."""
         return frozenset((*(one.channel for one in self.recognised), *self.derived))
-
-
-def flat(text: str) -> str:
-    """Return a text on one line."""
-    return " ".join(text.split())
 
 
 def survey(path: Path, sheet: str | None = None) -> Survey:
@@ -139,43 +109,89 @@ def survey(path: Path, sheet: str | None = None) -> Survey:
 
 
 def _of_table(table: Table, where: str) -> Survey:
-    readings, derived, questions = _mapped(table, where)
-    used = {one.column for one in readings}
-    free = [_free(column, where) for column in table.columns if column.name not in used]
-    free += [FreeColumn(name, None, None, None, 0, text or "nothing")
+    # two columns of a worksheet may have one name
+    values = {id(column): column.values for column in table.columns}
+    found = _surveyed(table, values, _mapped(table, where), where)
+    texts = [FreeColumn(name, None, None, None, 0, text or "nothing")
              for name, text in table.text_columns.items()]  # fmt: skip
     preamble = tuple(
         note.removeprefix("Preamble: ") for note in table.notes if note.startswith("Preamble: ")
     )
-    return Survey(
-        where, table.reader, readings, derived, tuple(free), questions, table.constants, preamble
-    )
+    return replace(found, free=(*found.free, *texts), constants=table.constants, preamble=preamble)
 
 
 def _of_measurement(measurement: Measurement, where: str) -> Survey:
     header = header_of(measurement, {})
     if not header.channels:
         read_all(measurement, where=where)  # it says what is wrong
-    readings, derived, questions = _mapped(header.table(1), where)
-    used = {one.column for one in readings}
-    free = []
-    for column in header.table(1).columns:
-        stored = header.channels.get(column.name)
-        if stored is None or column.name in used:
-            continue
-        if stored.refusal is None and len(free) < MOST_SAMPLED:
-            (series,) = measurement.read([stored])
-            free.append(_free(column, where, series.values))
-        else:
-            found = _free(column, where)
-            free.append(replace(found, low=None, high=None, num_values=None))
-    free += [FreeColumn(name, None, None, None, 0, text) for name, text in header.texts.items()]
-    return Survey(where, measurement.reader, readings, derived, tuple(free), questions)
+    table = replace(header.table(1), reader=measurement.reader)
+    mapped = _mapped(table, where)
+    needed = {one.column for one in mapped.readings if one.channel in NEEDED}
+    others = header.channels.keys() - {one.column for one in mapped.readings}
+    readable = [name for name, stored in header.channels.items() if stored.refusal is None]
+    looked_at = {name for name in readable if name in needed}
+    looked_at |= {*[name for name in readable if name in others][:MOST_SAMPLED]}
+    values = {
+        id(column): measurement.read([header.channels[column.name]])[0].values
+        for column in table.columns
+        if column.name in looked_at
+    }
+    found = _surveyed(table, values, mapped, where)
+    free = [one for one in found.free if one.name in header.channels]
+    texts = [FreeColumn(name, None, None, None, 0, text) for name, text in header.texts.items()]
+    return replace(found, free=(*free, *texts))
 
 
-def _mapped(
-    table: Table, where: str
-) -> tuple[tuple[ColumnReading, ...], dict[str, str], tuple[str, ...]]:
+@dataclass(frozen=True)
+class _Mapped:
+    """What is recognised, and what was left out for it."""
+
+    readings: tuple[ColumnReading, ...] = ()
+    derived: Mapping[str, str] = field(default_factory=dict)
+    questions: tuple[str, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    refused: Mapping[str, str] = field(default_factory=dict)
+
+
+def _surveyed(
+    table: Table, values: Mapping[int, np.ndarray], mapped: _Mapped, where: str
+) -> Survey:
+    """Return what is known of the columns of numbers.
+
+    Args:
+        table: With the columns; of a measurement file with placeholders in them.
+        values: Identity of a column to what it holds, shape (time,), where it was looked at.
+        mapped: What is recognised.
+        where: The file.
+    """
+    used = {one.column for one in mapped.readings}
+    free = tuple(
+        free_column(column, where, values.get(id(column)), mapped.refused)
+        for column in table.columns
+        if column.name not in used
+    )
+    silent = {}
+    read = {one.name: values[id(one)] for one in table.columns if id(one) in values}
+    for one in mapped.readings:
+        numbers = read.get(one.column)
+        if one.channel in NEEDED and numbers is not None and not np.nan_to_num(numbers).any():
+            is_empty = not np.isfinite(numbers).any()
+            silent[one.channel] = SilentColumn(one.channel, one.column, is_empty)
+    heard = tuple(one for one in mapped.readings if one.channel not in silent)
+    known = {*(one.channel for one in heard), *mapped.derived}
+    return Survey(
+        where,
+        table.reader,
+        heard,
+        mapped.derived,
+        free,
+        mapped.questions,
+        silent=tuple(silent.values()),
+        means=phase_means(table, free, values, known, mapped.left_out, where),
+    )
+
+
+def _mapped(table: Table, where: str) -> _Mapped:
     """Return what is recognised; a channel about which there is a question is left out."""
     left_out: dict[str, str] = {}
     questions = []
@@ -186,52 +202,17 @@ def _mapped(
             questions.append(f"{error}")
             named = [name for name in _channels_in(error) if name not in left_out]
             if not named:
-                return (), {}, tuple(questions)
+                return _Mapped(questions=tuple(questions))
             left_out[named[0]] = NOT_RECORDED
             continue
         channels, _ = derive(mapped.channels)
         read = {one.channel for one in mapped.readings}
-        return mapped.readings, formulas(channels, read), tuple(questions)
+        return _Mapped(
+            mapped.readings, formulas(channels, read), tuple(questions), left_out, mapped.refused
+        )
 
 
 def _channels_in(error: InputError) -> Iterator[str]:
     """Return the channels that an error is about: where it says, then what it says."""
     for text in (error.where.rpartition(" as ")[2], error.problem, error.remedy):
         yield from CHANNEL_NAME.findall(text)
-
-
-def _free(column: Column, where: str, values: np.ndarray | None = None) -> FreeColumn:
-    numbers = column.values if values is None else values
-    numbers = numbers[np.isfinite(numbers)]
-    stated = statements(column)
-    return FreeColumn(
-        column.name,
-        stated[0].text if stated else column.unit,
-        float(numbers.min()) if numbers.size else None,
-        float(numbers.max()) if numbers.size else None,
-        int(numbers.size),
-        proposals=tuple(_proposals(column, where)),
-    )
-
-
-def _proposals(column: Column, where: str) -> list[Proposal]:
-    """Return the channels whose quantity the column's unit is of, and those its name speaks of."""
-    if np.isfinite(column.values).sum() == 1 < column.values.size:
-        return []  # a remark in a cell, no course
-    likely = likely_channels(column.label)
-    found = []
-    for channel in CHANNEL.values():
-        name_speaks = channel.name in likely
-        try:
-            _, unit_from = unit_of(column, channel, where)
-        except InputError:
-            # of another quantity; or the file leaves it open, and the line would decide it
-            if statements(column) or not name_speaks:
-                continue
-            unit_from = "assumed"
-        if unit_from == "assumed" and not name_speaks:
-            continue
-        line = f"{column.name} [{channel.unit}]" if unit_from == "assumed" else column.name
-        found.append(Proposal(channel.name, line, unit_from, name_speaks))
-    order = {name: place for place, name in enumerate(likely)}
-    return sorted(found, key=lambda one: order.get(one.channel, len(order)))

@@ -34,6 +34,7 @@ class MappedColumns:
         readings: How each column became its channel.
         parts: Canonical name to the names of the columns that it combines, where it does.
         start: When the times begin, as `Column.start`.
+        refused: Name of a column to the reason why it is no channel, whatever it looks like.
     """
 
     channels: Mapping[str, np.ndarray]
@@ -45,6 +46,7 @@ class MappedColumns:
     readings: tuple[ColumnReading, ...] = ()
     parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     start: str = ""
+    refused: Mapping[str, str] = field(default_factory=dict)
 
     def names(self, channel: str) -> tuple[str, ...]:
         """Return the names of the columns that a channel is made of."""
@@ -109,6 +111,7 @@ def map_columns(
         tuple(mapping.readings),
         {name: tuple(part.name for part in parts) for name, parts in mapping.parts.items()},
         mapping.taken["time_s"].start if "time_s" in mapping.taken else "",
+        mapping.refused,
     )
 
 
@@ -320,6 +323,7 @@ def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Colum
     for label, reason in column_map.refused.items():
         for column in columns_of(label, "", free):
             mapping.notes.append(f"Column '{column.name}' is not mapped: {reason}.")
+            mapping.refused[column.name] = reason
 
 
 def _two_columns(channel: str, columns: Sequence[Column], where: str) -> InputError:

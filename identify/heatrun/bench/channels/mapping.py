@@ -53,6 +53,7 @@ class Assignment:
         findings: Doubts about columns.
         readings: How each column became its channel.
         parts: Canonical name to the columns that it combines, where it does.
+        refused: Name of a column to the reason why it is no channel, whatever it looks like.
     """
 
     where: str
@@ -63,6 +64,7 @@ class Assignment:
     findings: list[Finding] = field(default_factory=list)
     readings: list[ColumnReading] = field(default_factory=list)
     parts: dict[str, list[Column]] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
 
     @property
     def used(self) -> set[int]:

@@ -1,0 +1,171 @@
+"""Columns that no channel claims: what stands in them, and which channels they may be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..io.printable import printable
+from .channels.column_unit import statements, unit_of
+from .channels.likely_names import ELECTRICAL_SPEED, NOT_THE_SHAFTS, likely_channels
+from .channels.schema import CHANNEL, Channel
+from .channels.units import find_unit, refusal
+from .column_course import Course, course_of
+from .readers.table import Column
+from .record import UnitSource
+
+
+def flat(text: str) -> str:
+    """Return a text on one line."""
+    return " ".join(text.split())
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A channel that a column may be.
+
+    Attributes:
+        channel: Canonical name.
+        line: Right-hand side of `[columns]` that reads the column so.
+        unit_from: How its unit is known; `"assumed"` if the line itself states it.
+        is_likely: The name speaks for it, not the unit alone.
+        unit: Unit that it is read in.
+    """
+
+    channel: str
+    line: str
+    unit_from: UnitSource
+    is_likely: bool
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class FreeColumn:
+    """A column that no channel claims.
+
+    Attributes:
+        name: As it stands in the file.
+        unit: Unit text that the file gives, or None.
+        low: Smallest value, in the file's unit; None without any.
+        high: Largest value.
+        num_values: Number of values [1]; None where they were not looked at.
+        text: What stands in it instead of numbers, or empty.
+        proposals: What it may be, likely ones first.
+        course: How its values run, in the file's unit; None where they were not looked at.
+        remark: Why it is no channel although it looks like one, or empty.
+    """
+
+    name: str
+    unit: str | None
+    low: float | None
+    high: float | None
+    num_values: int | None
+    text: str = ""
+    proposals: tuple[Proposal, ...] = ()
+    course: Course | None = None
+    remark: str = ""
+
+    @property
+    def is_silent(self) -> bool:
+        """It holds zeros alone, or no value: nothing was recorded, or nothing happened."""
+        is_zero = self.low == self.high == 0.0 and self.num_values != 1
+        return is_zero or (self.num_values == 0 and not self.text)
+
+    def shown(self) -> str:
+        """Return what stands in the column, in words."""
+        return f"{self._held()}; {self.remark}" if self.remark else self._held()
+
+    def _held(self) -> str:
+        if self.text:
+            return f"text: {printable(flat(self.text))[:60]}"
+        unit = f" {printable(flat(self.unit))}" if self.unit else ", no unit given"
+        if self.low is None or self.high is None:
+            return f"{'no values' if self.num_values == 0 else 'values not looked at'}{unit}"
+        if self.is_silent:
+            unit = unit if self.unit else ""
+            return f"0{unit} throughout: not recorded, or 0 during the whole test"
+        if self.low == self.high:
+            many = "1 value" if self.num_values == 1 else "throughout"
+            return f"{self.low:.6g}{unit} ({many})"
+        return f"{self.low:.4g} … {self.high:.4g}{unit}"
+
+
+def free_column(
+    column: Column, where: str, values: np.ndarray | None, refused: Mapping[str, str]
+) -> FreeColumn:
+    """Look at a column.
+
+    Args:
+        column: The column.
+        where: The file, for messages.
+        values: What it holds, shape (time,), None if it was not read.
+        refused: Name of a column to the reason why it is none, as a built-in map has it.
+    """
+    stated = statements(column)
+    unit = stated[0].text if stated else column.unit
+    likely = likely_channels(column.label)
+    reason = refused.get(column.name, "")
+    proposals = [] if reason else _proposals(column, where)
+    is_speed = "speed_rpm" in (*likely, *(one.channel for one in proposals))
+    if is_speed and ELECTRICAL_SPEED.search(column.label):
+        proposals, reason = [], NOT_THE_SHAFTS
+    if not reason and not proposals and unit:
+        reason = _refusal(unit, likely)
+    if values is None:
+        return FreeColumn(
+            column.name, unit, None, None, None, proposals=tuple(proposals), remark=reason
+        )
+    numbers = values[np.isfinite(values)]
+    return FreeColumn(
+        column.name,
+        unit,
+        float(numbers.min()) if numbers.size else None,
+        float(numbers.max()) if numbers.size else None,
+        int(numbers.size),
+        proposals=() if _is_remark(values) else tuple(proposals),
+        course=course_of(numbers),
+        remark=reason,
+    )
+
+
+def _is_remark(values: np.ndarray) -> bool:
+    """Return whether a column is a remark in a cell, no course."""
+    return bool(np.isfinite(values).sum() == 1 < values.size)
+
+
+def _refusal(unit: str, likely: tuple[str, ...]) -> str:
+    """Return why a unit does not determine the channel that a name speaks of, or an empty text."""
+    for name in likely:
+        if reason := refusal(unit, CHANNEL[name].quantity):
+            return f"{name} is not read in {printable(flat(unit))}: {reason}"
+    return ""
+
+
+def _proposals(column: Column, where: str) -> list[Proposal]:
+    """Return the channels whose quantity the column's unit is of, and those its name speaks of."""
+    likely = likely_channels(column.label)
+    found = []
+    for channel in CHANNEL.values():
+        name_speaks = channel.name in likely
+        text = None
+        try:
+            text, unit_from = unit_of(column, channel, where)
+        except InputError:
+            # of another quantity; or the file leaves it open, and the line would decide it
+            if statements(column) or not name_speaks:
+                continue
+            unit_from = "assumed"
+        if unit_from == "assumed" and not name_speaks:
+            continue
+        line = f"{column.name} [{channel.unit}]" if unit_from == "assumed" else column.name
+        found.append(Proposal(channel.name, line, unit_from, name_speaks, _symbol(text, channel)))
+    order = {name: place for place, name in enumerate(likely)}
+    return sorted(found, key=lambda one: order.get(one.channel, len(order)))
+
+
+def _symbol(text: str | None, channel: Channel) -> str:
+    unit = find_unit(text, channel.quantity) if text else None
+    return unit.symbol if unit else channel.unit
