@@ -23,9 +23,11 @@ from .motor_keys import (
     SECTIONS,
     SENSORS,
     TESTS,
+    WINDING,
     Key,
     Section,
 )
+from .motor_stated import stated_resistance
 from .version import __version__
 
 WIDTH = 96
@@ -101,11 +103,18 @@ def _section(
     if section is SENSORS:
         return [*lines, '# tooth_degC = "stator"', '# stator_degC = "none"']
     known = {"name": toml_text(name.strip() or "motor")} | found_resistance(surveys)
+    stated = stated_resistance(surveys) if section is WINDING else {}
     for key in section.keys:
         gap = next((gap for gap in missing if gap.key == key.name), None)
         lines += _comment(f"{key.meaning} Default: {key.default}.")
         lines += gap.lines if gap else ()
-        lines.append(_key(key, known.get(key.name), is_missing=gap is not None))
+        if key.name not in known and stated.get(key.name):
+            lines += [
+                f"# {key.name} = {value!r}  # from {where}"
+                for value, where in stated[key.name].items()
+            ]
+        else:
+            lines.append(_key(key, known.get(key.name), is_missing=gap is not None))
     return lines
 
 

@@ -17,6 +17,7 @@ from .bench.phase_means import PhaseMean
 from .bench.survey import Survey
 from .io.printable import printable
 from .motor_candidates import ROOM_RANGE, Candidate, ranked
+from .motor_stated import stated_ohms
 
 WHY = {
     "time_s": "no sample has a time. Name the column of times, or the sampling rate: "
@@ -99,12 +100,14 @@ def _resistance(surveys: Sequence[Survey]) -> Gap:
         for column in one.free
         if (column.unit or "").casefold() in ("ohm", "ω", "mohm", "mω") and column.low is not None
     )
+    offered = " or ".join(f"{ohm:g} Ω" for ohm in stated_ohms(surveys))
     return Gap(
         "",
         "phase_resistance_ohm",
         "the copper loss 3 I² R(T) follows from it. Without it only --model first can be "
         "calibrated. It is measured at the terminals of the cold machine (half of what a star "
-        "shows between two of them), or stands on its data sheet.",
+        "shows between two of them), or stands on its data sheet."
+        + (f" The tests state {offered}: confirm it in [winding]." if offered else ""),
         lines=notes,
     )
 
