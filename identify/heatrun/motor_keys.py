@@ -108,7 +108,8 @@ COLUMNS = Section(
     "columns",
     'Which column of the file is which channel: CHANNEL = "COLUMN [UNIT]". Only for columns that '
     "heatrun does not recognise or reads in another way than you want. The unit in brackets may be "
-    "left out where the file gives it; it decides where the file gives another. Several sensors of "
+    "left out where the file gives it; it decides where the file gives another, and behind the "
+    'whole heading, as in "P [kW] [kW]", where the record speaks against it. Several sensors of '
     "one winding or body: mean(T_U, T_V, T_W), or hottest(…). Currents are rms; "
     'write [A_peak] for amplitudes. "none" leaves a channel out; time_s = "rate 10 Hz" stands for '
     'a column of times. In MDF, TDMS and workbooks "GROUP/COLUMN" names a column of a group or '
