@@ -315,3 +315,4 @@ def test_a_simulation_gives_no_certificate_of_a_machine(result):
     said = headline(replace(result, findings=(*result.findings, virtual)))
     assert said.use == "not usable"
     assert f"No measurement: {name} was simulated by heatrun." in said.sentence
+    assert not any("simulated" in reason for reason in said.reasons)

@@ -161,7 +161,8 @@ def _inputs(result: FitResult) -> list[str]:
     names = dict.fromkeys(finding.test for finding in result.findings)
     words = []
     for name in names:
-        found = doubts([one for one in result.findings if one.test == name])
+        about_test = [one for one in result.findings if one.test == name]
+        found = doubts([one for one in about_test if one.id != SIMULATED])
         if found:
             about = f"In doubt about {clean(name)}" if name else "In doubt"
             words.append(f"{about}: {'; '.join(found)}. See Findings in the annex.")
