@@ -122,6 +122,17 @@ def files_of(path: Path | str) -> tuple[tuple[Path, str | None], ...]:
     return tuple(files)
 
 
+def has_rate(path: Path | str) -> bool:
+    """Return whether a file of a test carries its sampling rate behind it.
+
+    Args:
+        path: As `read_test`.
+    """
+    text, _ = _with_stretch(str(path))
+    parts = (text,) if _exists(text) else text.split("+")
+    return any(RATE.match(part) for part in parts if not _exists(part))
+
+
 def _with_stretch(text: str) -> tuple[str, Stretch | None]:
     return (text, None) if _exists(text) else stretch_of(text)
 

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from .channels.channel_map import map_columns
-from .channels.claims import NOT_RECORDED
-from .channels.derive import derive, formulas
-from .channels.schema import CHANNEL, REQUIRED
+from .channels.schema import REQUIRED
 from .free_columns import FreeColumn, free_column
 from .own_files import refuse_own_file
+from .partial_mapping import PartialMapping, map_as_far
 from .phase_means import PhaseMean, phase_means
 from .readers.formats import opened
+from .readers.hints import Hints
 from .readers.measurement import Measurement, header_of
 from .readers.multirate import read_all
 from .readers.open_file import open_input
@@ -30,8 +27,6 @@ MOST_SAMPLED = 200
 
 NEEDED = frozenset(REQUIRED) - {"time_s"}
 """Channels that a calibration cannot do without; zeros alone in one of them are told."""
-
-CHANNEL_NAME = re.compile("|".join(sorted(map(re.escape, CHANNEL), key=len, reverse=True)))
 
 
 @dataclass(frozen=True)
@@ -105,13 +100,13 @@ def survey(path: Path, sheet: str | None = None) -> Survey:
     with open_input(path) as stream, opened(stream, where) as measurement:
         if measurement is not None:
             return _of_measurement(measurement, where)
-        return _of_table(read_whole(stream, where, sheet), where)
+        return _of_table(read_whole(stream, where, Hints(sheet=sheet)), where)
 
 
 def _of_table(table: Table, where: str) -> Survey:
     # two columns of a worksheet may have one name
     values = {id(column): column.values for column in table.columns}
-    found = _surveyed(table, values, _mapped(table, where), where)
+    found = _surveyed(table, values, map_as_far(table, where=where), where)
     texts = [FreeColumn(name, None, None, None, 0, text or "nothing")
              for name, text in table.text_columns.items()]  # fmt: skip
     preamble = tuple(
@@ -125,9 +120,10 @@ def _of_measurement(measurement: Measurement, where: str) -> Survey:
     if not header.channels:
         read_all(measurement, where=where)  # it says what is wrong
     table = replace(header.table(1), reader=measurement.reader)
-    mapped = _mapped(table, where)
-    needed = {one.column for one in mapped.readings if one.channel in NEEDED}
-    others = header.channels.keys() - {one.column for one in mapped.readings}
+    mapped = map_as_far(table, where=where)
+    readings = mapped.mapped.readings
+    needed = {one.column for one in readings if one.channel in NEEDED}
+    others = header.channels.keys() - {one.column for one in readings}
     readable = [name for name, stored in header.channels.items() if stored.refusal is None]
     looked_at = {name for name in readable if name in needed}
     looked_at |= {*[name for name in readable if name in others][:MOST_SAMPLED]}
@@ -142,28 +138,18 @@ def _of_measurement(measurement: Measurement, where: str) -> Survey:
     return replace(found, free=(*free, *texts))
 
 
-@dataclass(frozen=True)
-class _Mapped:
-    """What is recognised, and what was left out for it."""
-
-    readings: tuple[ColumnReading, ...] = ()
-    derived: Mapping[str, str] = field(default_factory=dict)
-    questions: tuple[str, ...] = ()
-    left_out: Mapping[str, str] = field(default_factory=dict)
-    refused: Mapping[str, str] = field(default_factory=dict)
-
-
 def _surveyed(
-    table: Table, values: Mapping[int, np.ndarray], mapped: _Mapped, where: str
+    table: Table, values: Mapping[int, np.ndarray], found: PartialMapping, where: str
 ) -> Survey:
     """Return what is known of the columns of numbers.
 
     Args:
         table: With the columns; of a measurement file with placeholders in them.
         values: Identity of a column to what it holds, shape (time,), where it was looked at.
-        mapped: What is recognised.
+        found: What is recognised.
         where: The file.
     """
+    mapped = found.mapped
     used = {one.column for one in mapped.readings}
     free = tuple(
         free_column(column, where, values.get(id(column)), mapped.refused)
@@ -178,41 +164,14 @@ def _surveyed(
             is_empty = not np.isfinite(numbers).any()
             silent[one.channel] = SilentColumn(one.channel, one.column, is_empty)
     heard = tuple(one for one in mapped.readings if one.channel not in silent)
-    known = {*(one.channel for one in heard), *mapped.derived}
+    known = {*(one.channel for one in heard), *found.derived}
     return Survey(
         where,
         table.reader,
         heard,
-        mapped.derived,
+        found.derived,
         free,
-        mapped.questions,
+        tuple(str(fault) for fault in found.faults),
         silent=tuple(silent.values()),
-        means=phase_means(table, free, values, known, mapped.left_out, where),
+        means=phase_means(table, free, values, known, found.lines, where),
     )
-
-
-def _mapped(table: Table, where: str) -> _Mapped:
-    """Return what is recognised; a channel about which there is a question is left out."""
-    left_out: dict[str, str] = {}
-    questions = []
-    while True:
-        try:
-            mapped = map_columns(table, left_out, where=where, is_part=True)
-        except InputError as error:
-            questions.append(f"{error}")
-            named = [name for name in _channels_in(error) if name not in left_out]
-            if not named:
-                return _Mapped(questions=tuple(questions))
-            left_out[named[0]] = NOT_RECORDED
-            continue
-        channels, _ = derive(mapped.channels)
-        read = {one.channel for one in mapped.readings}
-        return _Mapped(
-            mapped.readings, formulas(channels, read), tuple(questions), left_out, mapped.refused
-        )
-
-
-def _channels_in(error: InputError) -> Iterator[str]:
-    """Return the channels that an error is about: where it says, then what it says."""
-    for text in (error.where.rpartition(" as ")[2], error.problem, error.remedy):
-        yield from CHANNEL_NAME.findall(text)

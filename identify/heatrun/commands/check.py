@@ -13,6 +13,7 @@ from .exit_codes import DONE, NOT_ALLOWED
 
 if TYPE_CHECKING:
     from ..bench import Finding
+    from ..bench.unread import UnreadTest
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -31,6 +32,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Print the findings about every test; they forbid a calibration if one is an error."""
+    from ..bench import Record
     from ..bench.channels.column_mapping import (
         ReadColumns,
         describe_columns,
@@ -39,16 +41,29 @@ def run(options: argparse.Namespace) -> int:
     from ..bench.checks import check_record
     from ..bench.checks.suitability import suitability
     from ..bench.joined import read_tests
+    from ..bench.unread import unread_test
+    from ..errors import InputError
     from ..inference.model_check import check_model, check_second_order
     from ..motorfile import load_motor
     from ..reports.terminal import findings_text
     from ..results import to_json
 
     motor = load_motor(options.motor)
-    records = []
+    subjects: list[Record | UnreadTest] = []
     findings: list[Finding] = []
     tests: list[ReadColumns] = []
-    for record in (each for path in options.tests for each in read_tests(path, motor)):
+    for path in options.tests:
+        try:
+            subjects += read_tests(path, motor)
+        except InputError as error:
+            found = unread_test(path, motor, error)
+            if found is None:
+                raise
+            subjects.append(found)
+            tests.append(ReadColumns(found.name, list(found.mapping)))
+            findings += found.findings
+    records = [one for one in subjects if isinstance(one, Record)]
+    for record in records:
         say(f"{record.name}: {record.time_s.size} samples over {record.duration_s:.0f} s")
         for note in record.notes:
             # the table of columns says the same
@@ -56,7 +71,6 @@ def run(options: argparse.Namespace) -> int:
                 say(f"  {note}")
         tests.append(describe_columns(record))
         findings += check_record(record, motor)
-        records.append(record)
     if all(finding.severity != "error" for finding in findings):
         findings += check_model(options.model, options.effects_known, motor, records)
     has_error = any(finding.severity == "error" for finding in findings)
@@ -66,26 +80,26 @@ def run(options: argparse.Namespace) -> int:
         lacks = check_second_order(options.effects_known, motor, records)
     answers = [
         suitability(
-            record.name,
-            [finding for finding in findings if finding.test == record.name],
+            subject.name,
+            [finding for finding in findings if finding.test == subject.name],
             _aim(options.model),
-            lacks.get(record.name),
+            lacks.get(subject.name),
         )
-        for record in records
+        for subject in subjects
     ]
+    unclaimed = {subject.name: subject.unused for subject in subjects}
     following = _next(options, findings, list(lacks.values()))
     if options.json:
-        unclaimed = {record.name: record.unused for record in records}
         print(to_json({"findings": findings, "tests": tests, "unclaimed": unclaimed,
                        "suitability": answers, "next": following}))  # fmt: skip
         return NOT_ALLOWED if has_error else DONE
     columns = mapping_text(tests)
     if columns:
         print("\n".join(printable(line) for line in columns.split("\n")), end="\n\n")
-    for record in records:
-        if record.unused:
-            names = ", ".join(" ".join(name.split()) for name in record.unused)
-            print(printable(f"No channel claims, in {record.name}: {names}"), end="\n\n")
+    for test, unused in unclaimed.items():
+        if unused:
+            names = ", ".join(" ".join(name.split()) for name in unused)
+            print(printable(f"No channel claims, in {test}: {names}"), end="\n\n")
     print(findings_text(findings), end="\n\n")
     for answer in answers:
         print(printable(f"{answer.test}: {answer.sentence}" if len(answers) > 1

@@ -83,18 +83,18 @@ def read_raw(path: str | Path) -> Table:
         return read_whole(stream, where)
 
 
-def read_whole(stream: BinaryIO, where: str, sheet: str | None = None) -> Table:
+def read_whole(stream: BinaryIO, where: str, hints: Hints = NO_HINTS) -> Table:
     """Read an open bench file that is no measurement file, under its own column names.
 
     Args:
         stream: What `heatrun.bench.readers.open_file.open_input` gave.
         where: The file, for messages.
-        sheet: As `read_record`.
+        hints: What the motor file says about reading it.
 
     Raises:
         InputError: As `read_raw`.
     """
-    return _read_bytes(read_stream(stream, where), where, replace(NO_HINTS, sheet=sheet))
+    return _read_bytes(read_stream(stream, where), where, hints)
 
 
 def read_record(
@@ -161,9 +161,7 @@ def read_record(
         channels = with_missing_rows(channels, table.sample_numbers)
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
     channels, derived = derive(channels, phases=phases, losses=losses)
-    # a name goes on to figures, tables and the terminal, where a control character would act
-    stem = _stem(Path(path)) if sheet is None else f"{_stem(Path(path))}_{sheet}"
-    test = name or "".join(c if c.isprintable() else "?" for c in stem)
+    test = name or name_of_test(Path(path), sheet)
     conflict = resistance_conflict(table.constants, motor, where)
     findings = (*table.findings, *missing, *mapped.findings, *conflict)
     return Record(
@@ -288,6 +286,18 @@ def _time(
         return np.arange(table.num_rows) / rate, (note,), ()
     time_s = np.arange(rows[-1] + 1) / rate
     return time_s, (note,), (missing_rows(rows, rate, time_s, where),)
+
+
+def name_of_test(path: Path, sheet: str | None = None) -> str:
+    """Return the name of the test in a file, which figures, tables and messages print.
+
+    Args:
+        path: The file.
+        sheet: Sheet of a workbook that was asked for.
+    """
+    stem = _stem(path) if sheet is None else f"{_stem(path)}_{sheet}"
+    # on the terminal a control character would act
+    return "".join(c if c.isprintable() else "?" for c in stem)
 
 
 def _stem(path: Path) -> str:

@@ -1,0 +1,102 @@
+"""A test that cannot be read yet: what its files hold, and which channels they lack."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..motor import Motor
+from .channels.schema import CHANNEL
+from .checks import missing_channel
+from .joined import files_of, has_rate
+from .own_files import refuse_own_file
+from .partial_mapping import PartialMapping, map_as_far
+from .readers.formats import opened
+from .readers.hints import hints_of
+from .readers.measurement import header_of
+from .readers.open_file import open_input
+from .readers.read import name_of_test, read_whole
+from .record import ColumnReading, Finding, Record
+
+
+@dataclass(frozen=True)
+class UnreadTest:
+    """What is known of a test that cannot be read.
+
+    Attributes:
+        name: Name of the test.
+        findings: Why it cannot be read, then each channel that a fit lacks.
+        mapping: How columns became channels as far as they do.
+        unused: Columns that no channel claims.
+    """
+
+    name: str
+    findings: tuple[Finding, ...]
+    mapping: tuple[ColumnReading, ...]
+    unused: tuple[str, ...]
+
+
+def unread_test(path: Path | str, motor: Motor, error: InputError) -> UnreadTest | None:
+    """Return what a test holds whose reading ended in an error.
+
+    Args:
+        path: As `heatrun.bench.joined.read_test`.
+        motor: The machine.
+        error: Why the test cannot be read.
+
+    Returns:
+        None if a file of it is none that can be looked at a second time, or no table: the error
+        then says all there is to say.
+    """
+    files = files_of(path)
+    if not all(_is_regular(file) for file, _ in files):
+        return None  # what came through a pipe is gone
+    try:
+        found = [_mapping_of(file, sheet, motor) for file, sheet in files]
+    except InputError:
+        return None
+    name = name_of_test(*files[0])
+    faults = {str(one): one for one in (error, *(fault for each in found for fault in each.faults))}
+    reasons = [
+        Finding("not_read", "error", one.problem, one.where or str(path), one.remedy)
+        for one in faults.values()
+    ]
+    channels = {channel for each in found for channel in each.channels} | set(motor.constants)
+    if has_rate(path) or any(each.mapped.rate_Hz is not None for each in found):
+        channels.add("time_s")
+    held = {channel: np.ones(1) for channel in CHANNEL if channel in channels}
+    lacking = missing_channel(Record(name, held), motor)
+    return UnreadTest(
+        name,
+        tuple(replace(finding, test=name) for finding in (*reasons, *lacking)),
+        tuple(reading for each in found for reading in each.mapped.readings),
+        _once(column for each in found for column in each.mapped.unused),
+    )
+
+
+def _mapping_of(path: Path, sheet: str | None, motor: Motor) -> PartialMapping:
+    """Return what becomes of the columns of a file by the motor file."""
+    where = str(path)
+    refuse_own_file(path, for_fit=False)
+    with open_input(path) as stream, opened(stream, where, motor.columns) as measurement:
+        if measurement is not None:
+            table = header_of(measurement, motor.columns).table(1)
+        else:
+            hints = hints_of(motor.columns, motor.decimal, where=where, sheet=sheet)
+            table = read_whole(stream, where, hints)
+    return map_as_far(table, motor.columns, where=where)
+
+
+def _is_regular(file: Path) -> bool:
+    try:
+        return file.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _once(names: Iterable[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(names))
