@@ -88,6 +88,11 @@ class Certificate:
         given = {name: value for name in names if (value := getattr(other, name))}
         return replace(self, **given)
 
+    def lost_to(self, other: Certificate) -> dict[str, tuple[Any, Any]]:
+        """Return what this one says and another one does not: by key, here and there."""
+        pairs = {f.name: (getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
+        return {name: pair for name, pair in pairs.items() if pair[0] and pair[0] != pair[1]}
+
     def as_section(self) -> dict[str, Any]:
         """Return what the section would hold; it reads back to the same."""
         content = {key: value for key, value in asdict(self).items() if value}

@@ -119,6 +119,30 @@ def test_the_run_keeps_what_the_sheet_was_told(own_run, few_figures, tmp_path, c
     assert digests(own_run) == told
 
 
+def test_what_the_run_was_told_is_not_replaced_in_silence(own_run, few_figures, tmp_path, capsys):
+    meta = tmp_path / "meta.toml"
+    meta.write_text('number = "7"\ncustomer = "Example Motors"\n')
+    words = ["sheet", str(own_run), "--meta", str(meta)]
+    assert cli.main(words) == 0  # blank lines are filled in
+    assert f"replaced in {own_run}: sheet.json, sheet.pdf" in capsys.readouterr().err
+    told = digests(own_run)
+    assert cli.main(words) == 0
+    assert "replaced" not in capsys.readouterr().err
+    meta.write_text('number = "8"\n')
+    assert cli.main(words) == 1
+    said = capsys.readouterr().err
+    assert "number '7' would become '8', customer 'Example Motors' would be left out" in said
+    assert "--out" in said
+    assert "--force" in said
+    assert digests(own_run) == told
+    meta.write_text('number = "7"\ncustomer = "Example Motors"\noperator = "A. B."\n')
+    assert cli.main(words) == 0  # nothing is lost by a further line
+    meta.write_text('number = "8"\n')
+    assert cli.main([*words, "--force"]) == 0
+    assert identification(own_run)["Certificate number"] == "8"
+    assert "replaced in" in capsys.readouterr().err
+
+
 def test_the_digital_certificate_lies_beside_the_sheet(own_run, few_figures, tmp_path, capsys):
     assert cli.main(["sheet", str(own_run), "--dcc", "--out", str(tmp_path / "no")]) == 1
     assert "Missing: number, laboratory" in capsys.readouterr().err
@@ -131,7 +155,7 @@ def test_the_digital_certificate_lies_beside_the_sheet(own_run, few_figures, tmp
     assert "dcc.xml" in json.loads((own_run / "manifest.json").read_text())["files"]
     # the two never say different things
     meta.write_text(META.replace("0147", "0148"))
-    rewrite_sheet(own_run, own_run, meta)
+    rewrite_sheet(own_run, own_run, meta, is_replacing=True)
     assert b"2026-0148" in (own_run / "dcc.xml").read_bytes()
 
 

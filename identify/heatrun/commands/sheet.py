@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from . import words
-from .console import printable
+from .console import printable, say
 from .exit_codes import DONE
 
 
@@ -32,7 +32,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "xmldsig-core-schema.xsd in the same folder (needs heatrun[dcc])",
     )
     words.add_out(parser, "folder for the sheet (default: the run itself)")
-    words.add_force(parser)
+    words.add_force(
+        parser, "replace the sheet of another run in --out, and what this one was told by --meta"
+    )
     words.add_json(parser)
     return parser
 
@@ -49,6 +51,7 @@ def run(options: argparse.Namespace) -> int:
         with_dcc=options.dcc,
         schema=options.dcc_schema,
         is_replacing=options.force,
+        tell=say,
     )
     if options.json:
         print(to_json({"files": [str(path) for path in written]}))

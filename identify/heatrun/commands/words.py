@@ -81,11 +81,11 @@ def add_out(parser: argparse.ArgumentParser, text: str) -> None:
     parser.add_argument("--out", type=Path, default=None, metavar="DIR", help=text)
 
 
-def add_force(parser: argparse.ArgumentParser) -> None:
-    """Add the leave to replace a result that stands where this one goes."""
-    parser.add_argument(
-        "--force", action="store_true", help="replace a result that stands in --out"
-    )
+def add_force(
+    parser: argparse.ArgumentParser, text: str = "replace a result that stands in --out"
+) -> None:
+    """Add the leave to replace a result that stands where this one goes, described by `text`."""
+    parser.add_argument("--force", action="store_true", help=text)
 
 
 def add_with(parser: argparse.ArgumentParser) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import astuple
 from pathlib import Path
 
 import pandas as pd
 import tomli_w
 
-from ...certificate import Certificate
+from ...certificate import Certificate, Instrument
 from ...certificate_file import load_meta
 from ...errors import InputError
 from ...io.file_set import together
@@ -88,6 +89,7 @@ def rewrite_sheet(
     with_dcc: bool = False,
     schema: Path | None = None,
     is_replacing: bool = False,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> list[Path]:
     """Write the sheet of a run again from its files.
 
@@ -99,18 +101,22 @@ def rewrite_sheet(
         with_dcc: Write the Digital Calibration Certificate too; always where the run that the
             sheet is written into has one.
         schema: `dcc.xsd` to validate it with; None for no validation.
-        is_replacing: Whether the sheet of another run in `folder` is replaced.
+        is_replacing: Whether the sheet of another run in `folder` is replaced, and what the run was
+            told before by what `meta` says.
+        tell: Told which files held something else before.
 
     Raises:
         InputError: If the folder is no run, or misses one of its files; if something is not given
             that a Digital Calibration Certificate must say, or it violates the schema; if the
-            sheet of another run would be lost.
+            sheet of another run would be lost, or something that this one was told.
     """
     opened = open_run(run)
     certificate = certificate_of(opened)
     if meta is not None:
         certificate = opened.motor.certificate.beneath(load_meta(meta))
     is_own = folder.resolve() == run.resolve()
+    if is_own and meta is not None and not is_replacing:
+        _refuse_other_words(certificate_of(opened), certificate, folder)
     document = None
     if with_dcc or schema is not None or (is_own and DCC in opened.manifest["files"]):
         document = dcc_text(opened.result, certificate)
@@ -127,6 +133,11 @@ def rewrite_sheet(
                 written.append(files.aside / DCC)
             if not is_own and not is_replacing:
                 _refuse_loss(files.aside, folder)
+            replaced = [
+                name
+                for name in (str(path.relative_to(files.aside)) for path in written)
+                if is_other(folder / name, (files.aside / name).read_bytes())
+            ]
             if is_own:
                 if meta is not None:
                     text = tomli_w.dumps(certificate.as_section()).encode()
@@ -141,6 +152,8 @@ def rewrite_sheet(
             where=str(run),
             remedy="Calibrate again with this version.",
         ) from error
+    if replaced:
+        tell(f"replaced in {folder}: {', '.join(sorted(replaced))}")
     return [folder / path.relative_to(files.aside) for path in written]
 
 
@@ -149,3 +162,24 @@ def _refuse_loss(made: Path, folder: Path) -> None:
     for name in ("sheet.json", "sheet.pdf", "sheet.xlsx"):
         if is_other(folder / name, (made / name).read_bytes()):
             refuse_replacing(folder / name, "the sheet of another run")
+
+
+def _refuse_other_words(told: Certificate, new: Certificate, folder: Path) -> None:
+    """Refuse to let a certificate say otherwise, or less; lines that were blank may be filled in."""
+    changes = [
+        f"{key} {_shown(before)} would {f'become {_shown(after)}' if after else 'be left out'}"
+        for key, (before, after) in told.lost_to(new).items()
+    ]
+    if changes:
+        raise InputError(
+            f"the sheet of this run says otherwise: {', '.join(changes)}; it is left as it is.",
+            where=str(folder),
+            remedy="Write the other sheet elsewhere with --out DIR, or pass --force to replace "
+            "this one.",
+        )
+
+
+def _shown(value: str | tuple[Instrument, ...]) -> str:
+    if isinstance(value, str):
+        return f"'{value}'"
+    return f"'{'; '.join(' '.join(filter(None, astuple(one))) for one in value)}'"
