@@ -214,8 +214,9 @@ CERTIFICATE = Section(
         Key("condition", "State in which the machine was tested.", '"as delivered, no fan"',
             "left out"),
         Key("received", "Day on which the machine came.", "2026-03-02", "left out"),
-        Key("test_from", "First day of the test. The clock of the record says it where that has a "
-            "date; a day that is given here goes before, and the annex shows both.", "2026-03-04",
+        Key("test_from", "First day of the test. The clock or the header of the record says it "
+            "where that has a date; a day that is given here goes before, and the annex shows "
+            "both.", "2026-03-04",
             "the record's date; a blank line where it has none"),
         Key("test_until", "Last day of the test.", "2026-03-04", "as test_from"),
         Key("issue_date", "Day on which the certificate is issued.", "2026-03-09", "a blank line"),

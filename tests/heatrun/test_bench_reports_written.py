@@ -85,12 +85,16 @@ def test_a_report_is_named_after_its_test_and_holds_the_same_in_pdf_csv_and_json
         ("Test_2023_06_23_14_16_08.csv", "", "2023_06_23_14_16_08"),
         ("run20240229-007.csv", "", "2024_02_29_007"),
         ("run.csv", "Start: 20/11/2025 18:02:33\n", "2025_11_20_001"),
-        ("run.csv", "Start: 03/04/2025 18:02:33\n", "2001_09_09_001"),  # March or April: mtime
-        ("Test_2023_02_30.csv", "", "2001_09_09_001"),  # there is no such day
+        ("run.csv", "Start: 03/04/2025 18:02:33\n", "undated_001"),  # March or April
+        ("Test_2023_02_30.csv", "", "undated_001"),  # there is no such day
+        ("export_2025_11_21.csv", "Datum: 20.11.2025\n", "2025_11_20_001"),
+        ("Test_2025_11_20_007.csv", "Datum: 20.11.2025\n", "2025_11_20_007"),
     ],
 )
 @pytest.mark.usefixtures("unset")
-def test_the_date_comes_from_the_name_else_the_header_else_the_file(tmp_path, name, head, stem):
+def test_the_date_comes_from_the_record_else_from_the_name_and_never_from_the_file(
+    tmp_path, name, head, stem
+):
     test = write_drive(tmp_path / name)
     test.write_text(head + test.read_text("utf-8"), encoding="utf-8")
     os.utime(test, (1e9, 1e9))  # 2001-09-09 01:46:40 UTC
@@ -118,7 +122,7 @@ def test_the_time_of_a_file_is_no_date_of_a_test(tmp_path):
     test = write_drive(tmp_path / "run.csv")
     os.utime(test, (1e9, 1e9))
     (outcome,) = make_report("general", CAR, [test], tmp_path / "out")
-    assert outcome.pdf.name == "GeneralInformationTest_2001_09_09_001.pdf"
+    assert outcome.pdf.name == "GeneralInformationTest_undated_001.pdf"
     content = json.loads(outcome.json.read_text("utf-8"))
     assert content["date"] is None
     assert content["date_from"] is None

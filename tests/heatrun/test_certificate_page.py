@@ -180,7 +180,7 @@ def test_the_days_are_those_of_the_records_or_as_stated(result):
     assert str(days_of(half, Certificate())) == ""
     stated = days_of(dated, Certificate(test_from="2026-03-09"))
     assert str(stated) == "2026-03-09"
-    assert stated.note == "By the clocks of the records: 2026-03-04 to 2026-03-05."
+    assert stated.note == "By the records: 2026-03-04 to 2026-03-05."
     long = replace(dated, tests=(replace(one, start="2026-03-05", duration_s=90000.0),))
     assert str(days_of(long, Certificate())) == "2026-03-05 to 2026-03-06"
 

@@ -96,8 +96,8 @@ class Record:
         findings: What the readers found, before any check ran.
         unused: Columns of the files that were not mapped to a channel.
         mapping: How each column of the files became a channel, in the order of the mapping.
-        start: Day on which it began by the clock of the file, ISO 8601; empty where the file has
-            no date.
+        start: Day on which it began, ISO 8601; empty where the file does not say it.
+        start_from: What of the file says so: `"clock of the record"` or `"header of the file"`.
         stretch: The part of the files that this is, as it is written behind a file; empty for all.
         masks: Windows whose readings are left out of the comparison, first and last time [s].
     """
@@ -110,6 +110,7 @@ class Record:
     unused: tuple[str, ...] = ()
     mapping: tuple[ColumnReading, ...] = ()
     start: str = ""
+    start_from: str = ""
     stretch: str = ""
     masks: tuple[tuple[float, float], ...] = ()
 

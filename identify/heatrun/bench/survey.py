@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from .readers.measurement import Measurement, header_of
 from .readers.multirate import read_all
 from .readers.open_file import open_input
 from .readers.read import read_whole
-from .readers.table import Table
+from .readers.table import Table, preamble_of
 from .record import ColumnReading
 
 MOST_SAMPLED = 200
@@ -109,9 +109,7 @@ def _of_table(table: Table, where: str) -> Survey:
     found = _surveyed(table, values, map_as_far(table, where=where), where)
     texts = [FreeColumn(name, None, None, None, 0, text or "nothing")
              for name, text in table.text_columns.items()]  # fmt: skip
-    preamble = tuple(
-        note.removeprefix("Preamble: ") for note in table.notes if note.startswith("Preamble: ")
-    )
+    preamble = preamble_of(table.notes)
     return replace(found, free=(*found.free, *texts), constants=table.constants, preamble=preamble)
 
 

@@ -37,8 +37,8 @@ class DescribedTest:
         winding_degC: Lowest and highest winding temperature [degC]; null if not recorded.
         sink_degC: Lowest and highest temperature of the sink [degC]; null if not recorded.
         reduction_error_K: Error of reducing the record to blocks [K].
-        start: Day on which it began by the clock of the record, ISO 8601; unset where that has no
-            date.
+        start: Day on which it began by the clock or the header of the record, ISO 8601; unset where
+            that has no date.
     """
 
     name: str

@@ -104,6 +104,7 @@ def join(
         exact = (offset_s, offset_s)
         alignment = Alignment(offset_s, 0.0, 0.0, exact, np.nan, np.nan, "given", ())
     channels, notes = joined_channels(temperature_record, drive_record, alignment.offset_s)
+    dated = temperature_record if temperature_record.start else drive_record
     joined = Record(
         name=temperature_record.name,
         channels=channels,
@@ -112,7 +113,8 @@ def join(
         findings=(*temperature_record.findings, *drive_record.findings, *alignment.findings),
         unused=temperature_record.unused + drive_record.unused,
         mapping=temperature_record.mapping + drive_record.mapping,
-        start=temperature_record.start or drive_record.start,
+        start=dated.start,
+        start_from=dated.start_from,
     )
     return joined, alignment
 

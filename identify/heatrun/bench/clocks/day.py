@@ -7,6 +7,9 @@ import re
 
 STAMP = re.compile(r"(?P<year>[0-9]{4})-(?P<month>[0-9]{2})-(?P<day>[0-9]{2})(?![0-9])")
 
+CLOCK, HEADER = "clock of the record", "header of the file"
+"""What can say the day of a test."""
+
 FIRST_YEAR = 1990
 """Clocks that nobody has set begin in 1904, 1970 or 1980."""
 

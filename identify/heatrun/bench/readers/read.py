@@ -17,14 +17,15 @@ from ..channels.channel_map import MappedColumns, map_columns
 from ..channels.claims import positive_rate
 from ..channels.constants import constant_notes, resistance_conflict
 from ..channels.derive import derive
-from ..clocks.day import day_of
+from ..clocks.day import CLOCK, HEADER, day_of
+from ..clocks.header_date import HeaderDay, header_day
 from ..clocks.timegrid import exact_grid, from_first_sample
 from ..record import Finding, Record, Source
 from .formats import MDF, TDMS, opened
 from .hints import NO_HINTS, Hints, hints_of
 from .multirate import read_all, read_measurement
 from .open_file import digest_of, open_input, read_stream, unzip
-from .table import Table
+from .table import Table, preamble_of
 from .text.missing_rows import missing_rows, with_missing_rows
 
 ZIP = b"PK\x03\x04"
@@ -163,6 +164,8 @@ def read_record(
     channels, derived = derive(channels, phases=phases, losses=losses)
     test = name or name_of_test(Path(path), sheet)
     conflict = resistance_conflict(table.constants, motor, where)
+    start = day_of(mapped.start)
+    headed = HeaderDay() if start else header_day(preamble_of(table.notes))
     findings = (*table.findings, *missing, *mapped.findings, *conflict)
     return Record(
         name=test,
@@ -174,11 +177,13 @@ def read_record(
             *mapped.notes,
             *time_notes,
             *derived,
+            *((headed.note,) if headed.note else ()),
         ),
         findings=tuple(replace(finding, test=test) for finding in findings),
         unused=mapped.unused,
         mapping=mapped.readings,
-        start=day_of(mapped.start),
+        start=start or headed.day,
+        start_from=CLOCK if start else HEADER if headed.day else "",
     )
 
 

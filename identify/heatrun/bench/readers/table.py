@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -117,3 +117,12 @@ class Table:
     def num_rows(self) -> int:
         """Number of samples; 0 if there is no column."""
         return self.columns[0].values.size if self.columns else 0
+
+
+PREAMBLE = "Preamble: "
+"""How a note begins that holds a line above the table."""
+
+
+def preamble_of(notes: Sequence[str]) -> tuple[str, ...]:
+    """Return the lines above the table that stand among the notes of a reader."""
+    return tuple(note.removeprefix(PREAMBLE) for note in notes if note.startswith(PREAMBLE))

@@ -13,17 +13,16 @@ def report_content(report: Report, when: DateOfTest | None) -> dict[str, Any]:
 
     Args:
         report: Any report.
-        when: Date of the test and how it is known; None for a record in memory.
+        when: Date of the test and how it is known; None where it is not.
     """
-    known = when if when is not None and when.is_of_the_test else None
     return {
         "format": "heatrun-report/1",
         "type": report.kind,
         "title": report.title,
         "test": report.test,
         "motor": report.motor,
-        "date": known.day.isoformat() if known else None,
-        "date_from": known.basis if known else None,
+        "date": when.day.isoformat() if when else None,
+        "date_from": when.basis if when else None,
         "summary": report.summary,
         "table": [
             {"name": r.name, "label": r.label, "value": r.value, "unit": r.unit, "note": r.note}

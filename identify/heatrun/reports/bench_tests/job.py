@@ -23,7 +23,7 @@ from .csv_table import csv_table
 from .document import write_pdf
 from .reference import read_reference
 from .report import Report
-from .report_name import DateOfTest, choose_name, date_of_test, set_name
+from .report_name import DateOfTest, choose_name, date_of_record, date_of_test, set_name
 from .tests_in import tests_in
 from .unchanged import refuse_changed
 
@@ -120,7 +120,8 @@ def make_report(
         try:
             records = (test,) if isinstance(test, Record) else read_tests(test, motor)
             for record in records:
-                when = None if isinstance(test, Record) else date_of_test(test, record.start)
+                is_file = not isinstance(test, Record)
+                when = date_of_test(test, record) if is_file else date_of_record(record)
                 report = build_report(
                     kind, motor, record, run=run, reference=other, tolerances=tolerances,
                     offset_s=offset_s,
@@ -160,7 +161,7 @@ def write_report(
     Args:
         test: As it was named.
         report: What is written.
-        when: Date of the test, for the name.
+        when: Date of the test, for the name; None where it is not known.
         out: Folder of the reports.
         settings: What makes another report of the same files: part, run, tolerances.
 

@@ -1,4 +1,4 @@
-"""The days of the tests: from the records' clocks, or as the laboratory states them."""
+"""The days of the tests: from the records, or as the laboratory states them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class TestDays:
     Attributes:
         first: The first day.
         last: The last day.
-        note: What the clocks say where the laboratory states another day; else empty.
+        note: What the records say where the laboratory states another day; else empty.
     """
 
     first: str = ""
@@ -34,27 +34,25 @@ class TestDays:
 def test_days(result: FitResult, certificate: Certificate) -> TestDays:
     """Return the days of the tests of a run.
 
-    A day that the certificate states goes before that of a clock. Where the clock of one test has
+    A day that the certificate states goes before that of a record. Where the record of one test has
     no date, those of the others say nothing of the whole.
 
     Args:
         result: What stands in `fit.json`.
         certificate: What the laboratory states.
     """
-    first, last = _by_clock(result)
+    first, last = _by_record(result)
     begin = certificate.test_from or certificate.test_until
     if not begin:
         return TestDays(first, last)
     stated = TestDays(begin, certificate.test_until or begin)
     if not first or (first, last) == (stated.first, stated.last):
         return stated
-    return TestDays(
-        stated.first, stated.last, f"By the clocks of the records: {TestDays(first, last)}."
-    )
+    return TestDays(stated.first, stated.last, f"By the records: {TestDays(first, last)}.")
 
 
-def _by_clock(result: FitResult) -> tuple[str, str]:
-    """Return first and last day by the clocks of the records; empty if one has no date."""
+def _by_record(result: FitResult) -> tuple[str, str]:
+    """Return first and last day by the records; empty if one has no date."""
     starts = [known(test.start) or "" for test in result.tests]
     if not all(starts):
         return "", ""

@@ -165,7 +165,7 @@ def _refuse_loss(made: Path, folder: Path) -> None:
 
 
 def _refuse_other_words(told: Certificate, new: Certificate, folder: Path) -> None:
-    """Refuse to let a certificate say otherwise, or less; lines that were blank may be filled in."""
+    """Refuse to let a certificate say otherwise, or less; blank lines may be filled in."""
     changes = [
         f"{key} {_shown(before)} would {f'become {_shown(after)}' if after else 'be left out'}"
         for key, (before, after) in told.lost_to(new).items()

@@ -17,7 +17,7 @@ from ...channels.units import find_unit
 from ...clocks.time_format import TimeFormat, parse_time_format, stated_format
 from ...record import Finding
 from ..hints import NO_HINTS, Hints
-from ..table import Column, Question, Stated, Table
+from ..table import PREAMBLE, Column, Question, Stated, Table
 from .cells import MISSING
 from .encoding import decode
 from .layout import DELIMITERS, Layout, find_layout
@@ -68,7 +68,7 @@ def read_text(
     frame = parsed_cells(body.text, layout, where)
     columns: list[Column] = []
     texts: dict[str, str] = {}
-    notes = [f"Preamble: {line}" for line in layout.preamble]
+    notes = [f"{PREAMBLE}{line}" for line in layout.preamble]
     if body.is_double_spaced:
         notes.append("A blank line follows each line; blank lines are no samples.")
     findings = ragged_lines(body, layout, where)

@@ -49,7 +49,7 @@ def make_prototypes_report(
     prototypes = read_prototypes(roles, motor)
     report = prototypes_report(motor, prototypes, run=run, tolerances=tolerances)
     base = base_of(prototypes)
-    when = date_of_test(dict(roles)[base.role], base.record.start)
+    when = date_of_test(dict(roles)[base.role], base.record)
     with writable("the folder of the reports", out):
         out.mkdir(parents=True, exist_ok=True)
     parts = [p.record.stretch for p in prototypes if p.record.stretch]
