@@ -12,6 +12,7 @@ from contextlib import nullcontext, suppress
 from importlib import import_module
 
 from .commands import COMMANDS
+from .commands.any_order import AnyOrder
 from .commands.exit_codes import DONE, INTERRUPTED, NOT_ALLOWED, WRONG_USE
 from .commands.interrupt import SENTENCE, ends_at_once
 from .errors import InputError, UsageError, of_file
@@ -108,7 +109,9 @@ def _parser() -> argparse.ArgumentParser:
         description="Thermal networks of motors from bench transients, with 95 % intervals.",
     )
     parser.add_argument("--version", action="version", version=f"heatrun {__version__}")
-    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    subparsers = parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", parser_class=AnyOrder
+    )
     for name in COMMANDS:
         command = import_module(f".commands.{name}", __package__)
         command.add_parser(subparsers).set_defaults(run_command=command.run)
