@@ -56,6 +56,7 @@ def parse_certificate(section: Mapping[str, Any], where: str) -> Certificate:
     """
     at = f"{where}, [certificate]"
     check_keys(section, KEYS, at, "key")
+    section = _given(section)
     given = {key: _clean(section, key, at, longest) for key, longest in TEXTS.items()}
     given |= {key: _day(section, key, at) for key in DATES}
     first, last = given["test_from"], given["test_until"]
@@ -100,6 +101,11 @@ def parse_meta(data: bytes, where: str) -> Certificate:
             remedy="Write [certificate] on a line of its own.",
         )
     return parse_certificate(section, where)
+
+
+def _given(section: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys whose text is not blank: `customer = ""` is a line to fill in by hand."""
+    return {k: v for k, v in section.items() if not (isinstance(v, str) and not v.strip())}
 
 
 def _clean(section: Mapping[str, Any], key: str, where: str, longest: int) -> str:
@@ -177,11 +183,13 @@ def _instruments(section: Mapping[str, Any], where: str) -> tuple[Instrument, ..
         raise InputError(
             f"Expected at most {MOST_INSTRUMENTS} instruments, got {len(tables)}.", where=at
         )
-    return tuple(_instrument(one, at) for one in tables)
+    found = (_instrument(one, at) for one in tables)
+    return tuple(one for one in found if one != Instrument())
 
 
 def _instrument(table: Mapping[str, Any], where: str) -> Instrument:
     check_keys(table, INSTRUMENT_KEYS, where, "key")
+    table = _given(table)
     quantity, name, kind, calibration = (
         _clean(table, key, where, NAME) for key in INSTRUMENT_KEYS[:-1]
     )

@@ -62,10 +62,27 @@ def test_the_motor_file_has_the_same_section_and_the_run_keeps_it():
     assert parse_motor(motor_text(motor), "run").certificate == motor.certificate
 
 
-@pytest.mark.parametrize("text", ["", "[certificate]\n"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[certificate]\n",
+        'customer = ""\noperator = "  "\nissue_date = ""\ncountry = ""\nperformed_at = ""',
+        '[[instruments]]\nquantity = ""\nvalid_until = ""',
+    ],
+)
 def test_an_empty_block_states_nothing(text):
     assert parsed(text) == Certificate()
     assert b"certificate" not in motor_text(Motor("M", certificate=parsed(text)))
+
+
+def test_an_empty_cell_of_an_instrument_stays_empty():
+    (one,) = parsed('[[instruments]]\nquantity = "current"\ninstrument = ""').instruments
+    assert one == Instrument(quantity="current")
+
+
+def test_an_empty_text_leaves_that_of_the_motor_file():
+    assert Certificate(customer="C").beneath(parsed('customer = ""')).customer == "C"
 
 
 def test_a_file_goes_before_the_motor_file_key_by_key():
@@ -88,7 +105,6 @@ def test_a_name_is_kept_to_the_letter_on_one_line():
     [
         ("nummer = 1", "The key 'nummer' is not known. Did you mean 'number'"),
         ("number = 17", "Expected a text for number, got the number 17."),
-        ('operator = "  "', "Expected a text for operator"),
         (f'operator = "{"x" * 121}"', "Expected at most 120 letters for operator, got 121."),
         ('operator = "a\\u001Bb"', "characters that can be printed for operator, got U+001B"),
         ('operator = "a\\u202Eb"', "got U+202E"),
