@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from faults_of_records import FAULTS, VARIANTS
-from heat_runs import CLEAN, named
+from heat_runs import CLEAN, MOTOR, edited, named
 
 from heatrun.bench.checks import check_record
 from heatrun.bench.checks.advice import section_of
@@ -42,7 +42,7 @@ ADVISED = list(lines())
 def test_the_checks_that_can_advise_a_line_do():
     advising = {case.values[2].id for case in ADVISED}
     assert advising >= {
-        "time_gap", "time_backwards", "sensor_stuck", "sensor_detached", "temperature_jump",
+        "nan_block", "time_gap", "time_backwards", "sensor_stuck", "sensor_detached", "temperature_jump",
     }  # fmt: skip
 
 
@@ -83,3 +83,37 @@ def test_a_cooling_is_used_where_losses_are_absent():
 def test_the_advised_section_names_the_test(name):
     header = section_of(replace(CLEAN, name=name))
     assert tomllib.loads(header) == {"tests": {name: {}}}
+
+
+def advice_on_missing(channel: str, *blocks: tuple[float, float], masks=()) -> str:
+    record = replace(CLEAN, name="t", masks=masks)
+    for begin, end in blocks:
+        record = edited(record, channel, begin, end, np.nan)
+    (found,) = named(check_record(record, MOTOR), "nan_block")
+    assert found.severity == "error"
+    return found.remedy
+
+
+def test_missing_readings_are_left_out_by_a_mask_with_their_times():
+    said = advice_on_missing("winding_degC", (600.0, 630.0), (900.0, 940.0))
+    assert "[tests.t] mask = [[600.0, 630.0], [900.0, 939.9]] in the motor file" in said
+    both = advice_on_missing("winding_degC", (600.0, 630.0), masks=((300.0, 330.0),))
+    assert "mask = [[300.0, 330.0], [600.0, 630.0]]" in both
+
+
+def test_missing_currents_leave_the_parts_that_have_them():
+    end = float(CLEAN.time_s[-1])
+    said = advice_on_missing("phase_current_A", (600.0, 640.0), (900.0, 940.0))
+    assert "[tests.t] use = [[0.000, 599.9" in said
+    assert f", {end:.3f}]] in the motor file" in said
+    assert said.count("],") == 2
+    assert "FROM" not in said
+    late = advice_on_missing("winding_degC", (0.0, 40.0))
+    assert "use = [[4" in late
+    assert "mask" not in late
+
+
+def test_a_channel_that_is_never_there_has_no_part_to_use():
+    said = advice_on_missing("losses_W", (0.0, 1e9))
+    assert "[tests" not in said
+    assert "Export the channel again" in said

@@ -173,7 +173,7 @@ def test_missing_readings_outside_a_mask_are_still_told(bench):
     motor = machine("[tests.drive]\nmask = [[1000, 1599]]\n")
     found = findings(read_test(bench / "drive.csv", motor), motor, "nan_block")
     assert [one.severity for one in found] == ["error"]
-    assert "use = [[FROM, UNTIL]]" in found[0].remedy
+    assert "[tests.drive] mask = [[1000.0, 1599.0], [2000.0, 2400.0]]" in found[0].remedy
 
 
 @pytest.mark.parametrize(("num_missing", "severity"), [(15, "warning"), (60, "error")])

@@ -36,7 +36,8 @@ def mask_line(record: Record, windows: Sequence[tuple[float, float]]) -> str:
 
     Args:
         record: The record.
-        windows: First and last time of each [s], in order.
+        windows: First and last time of each [s], in order; those that are left out already come
+            with them.
     """
     time_s = record.time_s[np.isfinite(record.time_s)]
     first, last = windows[0]
@@ -44,6 +45,8 @@ def mask_line(record: Record, windows: Sequence[tuple[float, float]]) -> str:
         later = time_s[time_s > last]
         if later.size and len(windows) == 1:
             return use_line(record, (float(later[0]), float(time_s[-1])))
+    # a key stands once in its section: what is left out already belongs to the line
+    windows = sorted({*record.masks, *windows})
     if len(windows) > MOST_WINDOWS:
         return f"{section_of(record)} mask = [[FROM, UNTIL], …] in the motor file"
     pairs = ", ".join(

@@ -9,7 +9,7 @@ from ..blocks import BLOCK_S
 from ..channels.schema import BODIES
 from ..record import Finding, Record, Severity
 from ..stretch import masked
-from .advice import section_of
+from .advice import MOST_WINDOWS, mask_line, use_line
 from .samples import is_measured, median_step, needed_channels, place, runs, samples
 
 MIN_SAMPLES = 20
@@ -37,8 +37,7 @@ MEANING: dict[Severity, str] = {
     "note": "The fit does not need this channel.",
 }
 REMEDY: dict[Severity, str] = {
-    "error": "Export the channel again, or use the part that has it: [tests.NAME] "
-    "use = [[FROM, UNTIL]] in the motor file.",
+    "error": "Export the channel again.",
     "warning": "Nothing need be done; look at the logger if they grow more.",
     "note": "Export the channel again if a report is to show it.",
 }
@@ -134,6 +133,8 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
             severity = "warning"
         else:
             severity = "error"
+        is_long = (lengths >= ISOLATED_SAMPLES) & (lengths * step_s >= BLOCK_S)
+        advice = _without(record, channel, first[is_long], past[is_long])
         begin, end = int(first[worst]), int(past[worst]) - 1
         from_s, to_s = float(record.time_s[begin]), float(record.time_s[end])
         if channel == "time_s" or not np.isfinite([from_s, to_s]).all():
@@ -148,7 +149,7 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 f"({100.0 * share:.1f} %) in {lengths.size} stretches, the longest of {longest} "
                 f"samples ({duration_s:.3g} s). {MEANING[severity]}",
                 where,
-                REMEDY[severity].replace("[tests.NAME]", section_of(record)),
+                REMEDY[severity] + (advice if severity == "error" else ""),
                 values={
                     "num_missing": float(lengths.sum()),
                     "share": share,
@@ -158,3 +159,34 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
             )
         )
     return tuple(found)
+
+
+def _without(record: Record, channel: str, first: np.ndarray, past: np.ndarray) -> str:
+    """Return the advice that does without long stretches of missing values; empty if none can.
+
+    Readings of winding and bodies are not compared there, and all else is simulated through; what
+    drives the model must be there, so that of other channels the parts between are used.
+
+    Args:
+        record: The record.
+        channel: What is missing.
+        first: First sample of each stretch.
+        past: One past its last.
+    """
+    time_s = record.time_s
+    if not first.size or channel == "time_s" or not np.isfinite(time_s).all():
+        return ""
+    if (channel == "winding_degC" or channel in BODIES) and first[0] > 0:
+        windows = [
+            (float(time_s[a]), float(time_s[b - 1])) for a, b in zip(first, past, strict=True)
+        ]
+        return f" Or leave these readings out of the comparison: {mask_line(record, windows)}."
+    begins, ends = (0, *past), (*first, time_s.size)
+    parts = [
+        (float(time_s[a]), float(time_s[b - 1]))
+        for a, b in zip(begins, ends, strict=True)
+        if b - a >= MIN_SAMPLES
+    ]
+    if not 0 < len(parts) <= MOST_WINDOWS:
+        return ""
+    return f" Or use the parts that have it, each as a test: {use_line(record, *parts)}."
