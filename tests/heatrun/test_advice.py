@@ -42,7 +42,8 @@ ADVISED = list(lines())
 def test_the_checks_that_can_advise_a_line_do():
     advising = {case.values[2].id for case in ADVISED}
     assert advising >= {
-        "nan_block", "time_gap", "time_backwards", "sensor_stuck", "sensor_detached", "temperature_jump",
+        "nan_block", "time_gap", "time_backwards",
+        "sensor_stuck", "sensor_detached", "temperature_jump",
     }  # fmt: skip
 
 

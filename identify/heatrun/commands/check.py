@@ -39,6 +39,7 @@ def run(options: argparse.Namespace) -> int:
         mapping_text,
     )
     from ..bench.checks import check_record
+    from ..bench.checks.other_tests import other_tests
     from ..bench.checks.suitability import suitability
     from ..bench.joined import read_tests
     from ..bench.unread import unread_test
@@ -71,6 +72,7 @@ def run(options: argparse.Namespace) -> int:
                 say(f"  {note}")
         tests.append(describe_columns(record))
         findings += check_record(record, motor)
+    findings += other_tests(motor, [subject.name for subject in subjects])
     if all(finding.severity != "error" for finding in findings):
         findings += check_model(options.model, options.effects_known, motor, records)
     has_error = any(finding.severity == "error" for finding in findings)

@@ -20,15 +20,19 @@ def load(
     """Return the tests, or None after the findings that forbid them were printed."""
     count = len(calibration) + len(holdout)
     say(f"reading {count} test{'s' if count > 1 else ''}")
+    from ..bench.checks.other_tests import other_tests
     from ..calibration import Refused, load_tests
     from ..reports.terminal import findings_text
     from ..results import to_json
 
     try:
-        return load_tests(motor, calibration, holdout)
+        tests = load_tests(motor, calibration, holdout)
     except Refused as refusal:
         if as_json:
             print(to_json({"findings": refusal.findings}))
         print(findings_text(refusal.findings), file=sys.stderr)
         print("heatrun: the data do not allow a calibration.", file=sys.stderr)
         return None
+    for finding in other_tests(motor, [test.record.name for test in tests]):
+        say(f"{finding.severity}: {finding.sentence()}")
+    return tests
