@@ -166,6 +166,23 @@ def test_masked_readings_are_not_compared_and_no_finding(bench):
     np.testing.assert_array_equal(after.inputs.losses, before.inputs.losses)
 
 
+def test_a_mask_belongs_to_the_part_that_it_lies_in(bench):
+    motor = machine("[tests.drive]\nuse = [[0, 1999], [2000, 3600]]\nmask = [[1000, 1599]]\n")
+    one, two = read_tests(bench / "drive.csv", motor)
+    assert one.masks == ((1000.0, 1599.0),)
+    assert sum("not compared" in note for note in one.notes) == 1
+    assert two.masks == ()
+    assert not any("not compared" in note for note in two.notes)
+    assert np.isnan(one["winding_degC"]).sum() == 600
+    assert not np.isnan(two["winding_degC"]).any()
+    (asked,) = read_tests(f"{bench / 'drive.csv'}@2000..3600", motor)
+    assert asked.masks == ()
+    both = machine("[tests.drive]\nuse = [[0, 1299], [1200, 3600]]\nmask = [[1250, 1599]]\n")
+    assert [part.masks for part in read_tests(bench / "drive.csv", both)] == [
+        ((1250.0, 1599.0),), ((1250.0, 1599.0),),
+    ]  # fmt: skip
+
+
 def test_missing_readings_outside_a_mask_are_still_told(bench):
     table = pd.read_csv(bench / "drive.csv")
     table.loc[2000:2400, "winding_degC"] = np.nan

@@ -14,7 +14,7 @@ from .clocks.align import join
 from .own_files import refuse_own_file
 from .readers.read import read_record
 from .record import Record
-from .stretch import Stretch, cut, mask, stretch_of, with_seen_start
+from .stretch import Stretch, cut, mask, stretch_of, windows_in, with_seen_start
 
 RATE = re.compile(r"^(?P<path>.*)@(?P<rate>[^@/\\]*)Hz$", re.DOTALL)
 SHEET = re.compile(r"^(?P<path>.+\.xls[xm](?:\.gz)?)#(?P<sheet>.+)$", re.DOTALL | re.IGNORECASE)
@@ -56,12 +56,14 @@ def parts_of(record: Record, motor: Motor, stretch: Stretch | None = None) -> tu
     if parts is None and stretch is None:
         return (record,)
     said_by = f"[tests.{record.name}] of the motor file"
-    if parts is not None:
-        record = mask(record, parts.mask, f"mask in {said_by}")
+    windows = parts.mask if parts is not None else ()
+    mask(record, windows, f"mask in {said_by}")  # a window without a sample is an error
     if stretch is not None:
-        return (with_seen_start(cut(record, stretch, "asked for with the file")),)
-    used = parts.use if parts is not None else ()
-    found = [cut(record, one, f"use in {said_by}") for one in used] or [record]
+        found = [cut(record, stretch, "asked for with the file")]
+    else:
+        used = parts.use if parts is not None else ()
+        found = [cut(record, one, f"use in {said_by}") for one in used] or [record]
+    found = [mask(one, windows_in(one, windows), f"mask in {said_by}") for one in found]
     if len(found) > 1:
         found = [replace(one, name=f"{one.name}_{n}") for n, one in enumerate(found, start=1)]
     return tuple(with_seen_start(one) for one in found)

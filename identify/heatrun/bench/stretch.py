@@ -181,7 +181,7 @@ def mask(record: Record, windows: Sequence[tuple[float, float]], said_by: str) -
         return record
     time_s = record.time_s
     for low, high in windows:
-        if not np.any((time_s >= low) & (time_s <= high)):
+        if not windows_in(record, [(low, high)]):
             raise InputError(
                 f"The window {low:g} s to {high:g} s holds no sample; the record has "
                 f"{np.nanmin(time_s):.6g} s to {np.nanmax(time_s):.6g} s.",
@@ -199,6 +199,14 @@ def mask(record: Record, windows: Sequence[tuple[float, float]], said_by: str) -
     spans = ", ".join(f"{low:g} s to {high:g} s" for low, high in windows)
     note = f"readings from {spans} are not compared: {said_by}"
     return replace(hidden, channels=channels, notes=(*record.notes, note))
+
+
+def windows_in(
+    record: Record, windows: Sequence[tuple[float, float]]
+) -> tuple[tuple[float, float], ...]:
+    """Return those windows, first and last time [s], that hold a sample of a record."""
+    time_s = record.time_s
+    return tuple((low, high) for low, high in windows if np.any((time_s >= low) & (time_s <= high)))
 
 
 def masked(record: Record) -> np.ndarray:
