@@ -60,6 +60,16 @@ def test_a_current_off_by_three_percent_is_seen_twice_as_large(gain):
     assert f"reading 3.0 % too {'low' if gain < 1 else 'high'}" in finding.remedy
 
 
+@pytest.mark.parametrize(("power_gain", "said"), [(1e3, "1000 times it"), (1e-3, "1/1000 of it"),
+                                                  (0.0, "0 % of it")])  # fmt: skip
+def test_a_wrong_unit_is_said_as_a_factor_and_not_in_thousands_of_per_cent(power_gain, said):
+    for finding in seen(locked(power_gain=power_gain)):
+        assert said in finding.message
+        assert finding.remedy.startswith("Check the units of ")
+        assert "too high" not in finding.remedy
+        assert "Leads" not in finding.remedy
+
+
 def test_a_current_off_by_one_percent_is_within_the_instruments():
     assert [f.severity for f in seen(locked(current_gain=0.99))] == ["note"]
 

@@ -53,3 +53,30 @@ def plain(value: float, digits: int) -> str:
         return text
     shown = f"{float(text):.{max(0, digits - 1 - power)}f}"
     return shown.rstrip("0").rstrip(".") if "." in shown else shown
+
+
+def off_by(ratio: float) -> str:
+    """Return how far a reading is off, of its ratio to the true value: in per cent, or as a factor.
+
+    Example:
+        >>> off_by(1.03), off_by(0.97), off_by(1000.0)
+        ('3.0 % too high', '3.0 % too low', 'too high by a factor of 1000')
+    """
+    side = "high" if ratio > 1.0 else "low"
+    if 0.5 < ratio < 2.0:
+        return f"{100.0 * abs(ratio - 1.0):.1f} % too {side}"
+    return f"too {side} by a factor of {rounded(max(ratio, 1.0 / ratio))}"
+
+
+def part_of(share: float, whole: str) -> str:
+    """Return a share of something in per cent, or as a factor where per cent are hard to read.
+
+    Example:
+        >>> part_of(0.87, "it"), part_of(1234.0, "the losses"), part_of(0.001, "it")
+        ('87 % of it', '1230 times the losses', '1/1000 of it')
+    """
+    if 0.01 <= share <= 10.0 or share <= 0.0:
+        return f"{100.0 * share:.0f} % of {whole}"
+    if share > 1.0:
+        return f"{rounded(share)} times {whole}"
+    return f"1/{rounded(1.0 / share)} of {whole}"

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...io.quantities import part_of
 from ...motor import Motor, ParameterOverride
 from ..channels.derive import recorded_shaft_power
 from ..record import Finding, Record
@@ -105,7 +106,7 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
             "losses_below_copper",
             "error" if is_error else "warning",
             f"Expected losses above the copper loss; in {100.0 * np.mean(below):.0f} % of the time "
-            f"under current they are {100.0 / typical:.0f} % of it. Every thermal resistance and "
+            f"under current they are {part_of(1.0 / typical, 'it')}. Every thermal resistance and "
             "capacity would be biased.",
             place(record, "losses_W", from_s, to_s),
             "Check whether phase_current_A is an amplitude (factor 2 in the copper loss), whether "
@@ -167,8 +168,8 @@ def current_amplitude(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "current_amplitude",
             "warning" if is_impossible or turns else "note",
-            f"Expected rms values; read as rms, the copper loss is {100.0 * typical:.0f} % of the "
-            f"losses; read as amplitudes, {100.0 * typical / AMPLITUDE_SQUARED:.0f} %. A wrong "
+            f"Expected rms values; read as rms, the copper loss is "
+            f"{part_of(typical, 'the losses')}; read as amplitudes, {part_of(typical / AMPLITUDE_SQUARED, 'them')}. A wrong "
             "reading doubles the copper loss.",
             place(record, "phase_current_A", float(time_s[0]), float(time_s[-1])),
             "If the column holds amplitudes, say so in [columns]: "

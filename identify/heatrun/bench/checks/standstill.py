@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...io.quantities import off_by, part_of
 from ...motor import Motor
 from ..channels.derive import WITH_INVERTER, dq_power, formulas
 from ..record import Finding, Record
@@ -44,6 +45,9 @@ DQ = "u_d·i_d"
 
 DECISIVE = 2.0
 """Standard deviations from one that make the finding a warning [1]."""
+
+FAR = 10.0
+"""Ratio from which a unit is wrong and not an instrument [1]."""
 
 
 @dataclass(frozen=True)
@@ -267,19 +271,24 @@ def _finding(
             where,
             values=values,
         )
-    less = "low" if seen.ratio > 1.0 else "high"
-    off = 100.0 * abs(1.0 - max(seen.ratio, 1e-6) ** (-1.0 / power))
+    is_of_units = not 1.0 / FAR < seen.ratio < FAR
+    they_are = part_of(seen.ratio, "it") if is_of_units else f"{seen.ratio:.3f} of it"
+    first = (
+        f"Check the units of {what} and phase_current_A: instruments are not off by so much."
+        if is_of_units
+        else "Compare phase_current_A with a second instrument (reading "
+        f"{off_by(seen.ratio ** (-1.0 / power))} explains this: {power:.0f} % per 1 %)."
+    )
+    leads = "" if is_of_units else _leads(seen.ratio)
     return Finding(
         "standstill_losses",
         "warning",
         f"Expected {what} equal to {expected} at standstill within {band:.1f} % (95 %, of the "
-        f"instruments and Rs0); {stretch} they are {seen.ratio:.3f} of it. The copper loss of the "
+        f"instruments and Rs0); {stretch} they are {they_are}. The copper loss of the "
         "loaded tests, and with it Ceq_w and Req_w, is off by as much if the current or "
         "phase_resistance_ohm is the cause.",
         where,
-        f"Compare phase_current_A with a second instrument (reading {off:.1f} % too {less} it "
-        f"explains this: {power:.0f} % per 1 %), then {what} and phase_resistance_ohm "
-        f"with its temperature.{_leads(seen.ratio)} With direct current the phases do not share it "
-        "equally: phase_current_A must be the rms of the three.",
+        f"{first} Then compare {what} and phase_resistance_ohm with its temperature.{leads} "
+        "With direct current the phases do not share it equally: phase_current_A must be the rms of the three.",
         values=values,
     )
