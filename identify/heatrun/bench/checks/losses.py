@@ -168,9 +168,10 @@ def current_amplitude(record: Record, motor: Motor) -> tuple[Finding, ...]:
         Finding(
             "current_amplitude",
             "warning" if is_impossible or turns else "note",
-            f"Expected rms values; read as rms, the copper loss is "
-            f"{part_of(typical, 'the losses')}; read as amplitudes, {part_of(typical / AMPLITUDE_SQUARED, 'them')}. A wrong "
-            "reading doubles the copper loss.",
+            "Expected rms values; read as rms, the copper loss is "
+            f"{part_of(typical, 'the losses')}; read as amplitudes, "
+            f"{part_of(typical / AMPLITUDE_SQUARED, 'them')}. A wrong reading doubles the copper "
+            "loss.",
             place(record, "phase_current_A", float(time_s[0]), float(time_s[-1])),
             "If the column holds amplitudes, say so in [columns]: "
             'phase_current_A = "COLUMN [A_peak]".',

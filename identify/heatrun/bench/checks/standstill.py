@@ -289,6 +289,7 @@ def _finding(
         "phase_resistance_ohm is the cause.",
         where,
         f"{first} Then compare {what} and phase_resistance_ohm with its temperature.{leads} "
-        "With direct current the phases do not share it equally: phase_current_A must be the rms of the three.",
+        "With direct current the phases do not share it equally: phase_current_A must be the rms "
+        "of the three.",
         values=values,
     )

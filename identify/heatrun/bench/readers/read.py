@@ -24,6 +24,7 @@ from ..record import Finding, Record, Source
 from .formats import MDF, TDMS, opened
 from .hints import NO_HINTS, Hints, hints_of
 from .multirate import read_all, read_measurement
+from .namesakes import told_apart
 from .open_file import digest_of, open_input, read_stream, unzip
 from .table import Table, preamble_of
 from .text.missing_rows import missing_rows, with_missing_rows
@@ -191,8 +192,8 @@ def _read_bytes(data: bytes, where: str, hints: Hints) -> Table:
     if data.startswith(GZIP):
         data = unzip(data, where)
         table = _reader(data, where, hints)(data, where)
-        return replace(table, reader=f"{table.reader}, gzip")
-    return _reader(data, where, hints)(data, where)
+        return told_apart(replace(table, reader=f"{table.reader}, gzip"))
+    return told_apart(_reader(data, where, hints)(data, where))
 
 
 def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Table]:
