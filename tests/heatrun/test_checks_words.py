@@ -8,8 +8,9 @@ from heat_runs import CLEAN, LINK, MOTOR, changed, heat_run, named, without
 
 from heatrun.bench.checks import check_record, excitation
 from heatrun.bench.checks.crude_fit import crude_fit
+from heatrun.bench.checks.suspicion.which_unit import read_as
 from heatrun.bench.joined import parts_of
-from heatrun.bench.record import Finding
+from heatrun.bench.record import ColumnReading, Finding
 from heatrun.bench.stretch import Stretch, cut
 from heatrun.motor import PartsOfTest
 
@@ -77,3 +78,11 @@ def test_coolant_replaces_ambient_where_it_is_the_sink():
     assert named(check_record(record, MOTOR), "missing_channel")
     cooled = replace(MOTOR, sink="coolant")
     assert not [f for f in check_record(record, cooled) if f.severity != "note"]
+
+
+def test_a_plain_ampere_is_not_said_to_be_stated_as_rms():
+    current = ColumnReading("phase_current_A", "I [A]", "A_rms", "stated", "[columns]", "t.csv")
+    assert read_as(current).endswith("a plain A counts as rms")
+    peak = replace(current, unit="A_peak")
+    assert read_as(peak) == "A_peak, as the file or [columns] states"
+    assert read_as(replace(current, unit_from="assumed")) == "A_rms, assumed, no unit given"

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..motor import Motor
 from .channels.schema import CHANNEL
-from .checks import missing_channel
+from .checks.presence import missing_channel
 from .joined import files_of, has_rate
 from .own_files import refuse_own_file
 from .partial_mapping import PartialMapping, map_as_far

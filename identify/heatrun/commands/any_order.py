@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
 
@@ -18,13 +18,14 @@ class AnyOrder(argparse.ArgumentParser):
     _is_intermixing = False
 
     def parse_known_args(
-        self, args: Sequence[str] | None = None, namespace: Any = None
+        self, args: Iterable[str] | None = None, namespace: Any = None
     ) -> tuple[Any, list[str]]:
         """Parse options first, then what is left as one row of files."""
+        words = None if args is None else list(args)
         if self._is_intermixing:  # called by the very method that is called below
-            return super().parse_known_args(args, namespace)
+            return super().parse_known_args(words, namespace)
         self._is_intermixing = True
         try:
-            return self.parse_known_intermixed_args(args, namespace)
+            return self.parse_known_intermixed_args(words, namespace)
         finally:
             self._is_intermixing = False

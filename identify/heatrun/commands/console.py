@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
@@ -20,11 +22,26 @@ def say(sentence: str) -> None:
     _line(f"· {printable(sentence)}")
 
 
+EVERY_S = 30.0
+"""Time [s] between two lines about the time left where no bar can be drawn."""
+
+
 @contextmanager
-def bar() -> Iterator[Callable[[str, float], None]]:
-    """Show a bar on stderr that is told a sentence and the share done, 1 when the job is done."""
+def bar(
+    clock: Callable[[], float] = time.monotonic,
+) -> Iterator[Callable[[str, float], None]]:
+    """Show a bar on stderr that is told a sentence and the share done, 1 when the job is done.
+
+    Where stderr is no terminal, such as in a log, a line every `EVERY_S` takes its place.
+
+    Args:
+        clock: Gives the time [s].
+    """
     if os.environ.get(PROGRESS) == "json":
         yield _tell
+        return
+    if not sys.stderr.isatty():
+        yield _now_and_then(clock)
         return
     from tqdm import tqdm
 
@@ -37,6 +54,19 @@ def bar() -> Iterator[Callable[[str, float], None]]:
             shown.refresh()
 
         yield progress
+
+
+def _now_and_then(clock: Callable[[], float]) -> Callable[[str, float], None]:
+    """Return what prints the first sentence, and then one every `EVERY_S`."""
+    last = -math.inf
+
+    def progress(sentence: str, share: float) -> None:
+        nonlocal last
+        if share < 1.0 and clock() - last >= EVERY_S:
+            last = clock()
+            say(f"{100.0 * share:.0f} %, {sentence}")
+
+    return progress
 
 
 def _tell(sentence: str, share: float) -> None:

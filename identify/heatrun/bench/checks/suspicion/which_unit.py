@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....motor import Motor
-from ...record import Finding, Record
+from ...record import ColumnReading, Finding, Record
 from ..losses import losses_negative
 from ..samples import place, samples
 from ..sensor import sensor_detached, temperature_jump
@@ -24,6 +24,9 @@ from .conflict import Conflict
 from .one_node import one_node, unsettled
 from .other_readings import OtherReading, other_readings, scaled_readings
 from .relations import USUAL_BY_SIZE_S, conflicts
+
+PLAIN = "A_rms"
+"""What the unit A of a phase current is read as."""
 
 MAX_SAMPLES = 20_000
 """Relations hold for means: a longer record is thinned before it is tried in thirty units."""
@@ -233,10 +236,17 @@ def _told(broken: Sequence[Conflict], is_alone: bool = True) -> str:
 def _supposed(one: OtherReading) -> str:
     if not one.readings:
         return one.sentence
+    was = ", ".join(dict.fromkeys(read_as(reading) for reading in one.readings))
+    return f"{_spoken(one)} (read as {was})"
+
+
+def read_as(reading: ColumnReading) -> str:
+    """Return the unit that a column was read in and how it is known, in words."""
+    if reading.unit == PLAIN and reading.unit_from == "stated":
+        return f"{PLAIN}, as the file or [columns] states; a plain A counts as rms"
     how = {"stated": "as the file or [columns] states", "name": "by the name",
            "assumed": "assumed, no unit given"}  # fmt: skip
-    was = ", ".join(dict.fromkeys(f"{r.unit}, {how[r.unit_from]}" for r in one.readings))
-    return f"{_spoken(one)} (read as {was})"
+    return f"{reading.unit}, {how[reading.unit_from]}"
 
 
 def _spoken(one: OtherReading) -> str:
