@@ -17,7 +17,7 @@ class AnyOrder(argparse.ArgumentParser):
 
     _is_intermixing = False
 
-    def parse_known_args(
+    def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, args: Iterable[str] | None = None, namespace: Any = None
     ) -> tuple[Any, list[str]]:
         """Parse options first, then what is left as one row of files."""
