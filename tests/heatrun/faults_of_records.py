@@ -238,10 +238,9 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         replace(
             heat_run(ambient=70.0, minutes=30.0),
             mapping=(
-                ColumnReading(
-                    "ambient_degC", "T_amb", "degC", "stated", "[columns]", "run.csv", True
-                ),
+                ColumnReading("ambient_degC", "T_amb", "degC", "stated", "[columns]", "run.csv"),
             ),
+            decided=frozenset({"ambient_degC"}),
         ),
         MOTOR, "warning",
     ),

@@ -58,12 +58,11 @@ def as_read(
     """A record as the reader leaves it, columns read as if they were in their canonical units."""
     kept = {k: v * (factors or {}).get(k, 1.0) for k, v in columns.items() if k in only}
     mapping = tuple(
-        ColumnReading(
-            name, f"column of {name}", UNITS.get(name, "degC"), unit_from, "t", "a.csv", is_decided
-        )
+        ColumnReading(name, f"column of {name}", UNITS.get(name, "degC"), unit_from, "t", "a.csv")
         for name in kept
     )
-    return Record("run", derive(kept)[0], mapping=mapping)
+    decided = frozenset(kept if is_decided else ())
+    return Record("run", derive(kept)[0], mapping=mapping, decided=decided)
 
 
 def asked(record: Record, motor: Motor) -> list[Finding]:

@@ -70,8 +70,6 @@ class ColumnReading:
         found_by: What says that the column is this channel: `"[columns]"`, `"canonical name"` or
             the name of a built-in map.
         file: The file, as the user gave it.
-        is_decided: The motor file gives the unit itself; a line that repeats the heading of the
-            column, as `heatrun init` writes it, decides nothing.
     """
 
     channel: str
@@ -80,7 +78,6 @@ class ColumnReading:
     unit_from: UnitSource
     found_by: str
     file: str
-    is_decided: bool = False
 
 
 @dataclass(frozen=True)
@@ -99,6 +96,8 @@ class Record:
         start: Day on which it began, ISO 8601; empty where the file does not say it.
         start_from: What of the file says so: `"clock of the record"` or `"header of the file"`.
         stretch: The part of the files that this is, as it is written behind a file; empty for all.
+        decided: Channels whose unit the motor file itself gives; a line that repeats the heading of
+            a column, as `heatrun init` writes it, decides nothing.
         masks: Windows whose readings are left out of the comparison, first and last time [s].
     """
 
@@ -113,6 +112,7 @@ class Record:
     start_from: str = ""
     stretch: str = ""
     masks: tuple[tuple[float, float], ...] = ()
+    decided: frozenset[str] = frozenset()
 
     def __getitem__(self, channel: str) -> np.ndarray:
         return self.channels[channel]

@@ -35,6 +35,7 @@ class MappedColumns:
         parts: Canonical name to the names of the columns that it combines, where it does.
         start: When the times begin, as `Column.start`.
         refused: Name of a column to the reason why it is no channel, whatever it looks like.
+        decided: Channels whose unit `[columns]` itself gives.
     """
 
     channels: Mapping[str, np.ndarray]
@@ -47,6 +48,7 @@ class MappedColumns:
     parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     start: str = ""
     refused: Mapping[str, str] = field(default_factory=dict)
+    decided: frozenset[str] = frozenset()
 
     def names(self, channel: str) -> tuple[str, ...]:
         """Return the names of the columns that a channel is made of."""
@@ -112,6 +114,7 @@ def map_columns(
         {name: tuple(part.name for part in parts) for name, parts in mapping.parts.items()},
         mapping.taken["time_s"].start if "time_s" in mapping.taken else "",
         mapping.refused,
+        frozenset(mapping.decided),
     )
 
 

@@ -54,6 +54,7 @@ class Assignment:
         readings: How each column became its channel.
         parts: Canonical name to the columns that it combines, where it does.
         refused: Name of a column to the reason why it is no channel, whatever it looks like.
+        decided: Channels whose unit `[columns]` itself gives.
     """
 
     where: str
@@ -65,6 +66,7 @@ class Assignment:
     readings: list[ColumnReading] = field(default_factory=list)
     parts: dict[str, list[Column]] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
+    decided: set[str] = field(default_factory=set)
 
     @property
     def used(self) -> set[int]:
@@ -118,10 +120,10 @@ class Assignment:
         read = f", {column.note}" if column.note else ""
         self.notes.append(f"{channel.name} from column '{column.name}' ({source}; {said}{read}).")
         self.readings.append(
-            ColumnReading(
-                channel.name, column.name, known.symbol, unit_from, source, self.where, is_decided
-            )
+            ColumnReading(channel.name, column.name, known.symbol, unit_from, source, self.where)
         )
+        if is_decided:
+            self.decided.add(channel.name)
         self.taken[channel.name] = column
         self.channels[channel.name] = values
         is_kind_known = source == "[columns]" and bool(KIND.search(unit or ""))
@@ -150,11 +152,10 @@ class Assignment:
         self.channels[name] = whole.values
         symbols = dict.fromkeys(reading.unit for reading in readings)
         unit_from = known_by([reading.unit_from for reading in readings])
-        is_decided = all(reading.is_decided for reading in readings)
+        if all(name in one.decided for one in each):
+            self.decided.add(name)
         unit = ", ".join(symbols)
-        self.readings.append(
-            ColumnReading(name, text, unit, unit_from, "[columns]", self.where, is_decided)
-        )
+        self.readings.append(ColumnReading(name, text, unit, unit_from, "[columns]", self.where))
         self.notes += [note for one in each for note in one.notes]
         self.findings += [finding for one in each for finding in one.findings]
         parts = {column.name: part for column, part in zip(columns, values, strict=True)}

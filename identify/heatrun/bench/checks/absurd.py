@@ -47,7 +47,7 @@ def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
     return (
         Finding(
             "losses_absurd",
-            "warning" if reading is not None and reading.is_decided else "error",
+            "warning" if "losses_W" in record.decided else "error",
             f"Expected losses between {SMALLEST_W:g} W and {LARGEST_W / 1e6:g} MW, and at most "
             f"{LARGEST_W_PER_K:g} W/K; the largest are {shown}.{_explained(reading, largest)}",
             place(record, "losses_W", float(time_s[0]), float(time_s[-1])),

@@ -53,8 +53,7 @@ channels."""
 
 def _severity(record: Record, channel: str) -> Severity:
     """An error, but where the motor file itself decides the unit of a channel."""
-    is_decided = any(r.channel == channel and r.is_decided for r in record.mapping)
-    return "warning" if is_decided else "error"
+    return "warning" if channel in record.decided else "error"
 
 
 def _unit_finding(

@@ -113,6 +113,7 @@ def join(
         findings=(*temperature_record.findings, *drive_record.findings, *alignment.findings),
         unused=temperature_record.unused + drive_record.unused,
         mapping=temperature_record.mapping + drive_record.mapping,
+        decided=temperature_record.decided | drive_record.decided,
         start=dated.start,
         start_from=dated.start_from,
     )

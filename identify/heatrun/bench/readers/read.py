@@ -183,6 +183,7 @@ def read_record(
         findings=tuple(replace(finding, test=test) for finding in findings),
         unused=mapped.unused,
         mapping=mapped.readings,
+        decided=mapped.decided,
         start=start or headed.day,
         start_from=CLOCK if start else HEADER if headed.day else "",
     )

@@ -57,8 +57,7 @@ class OtherReading:
     @property
     def is_decided(self) -> bool:
         """Whether the motor file itself gives what it denies."""
-        is_given = bool(self.readings) and all(one.is_decided for one in self.readings)
-        return not self.channels or is_given
+        return self.record.decided.issuperset(self.channels)
 
     @property
     def is_assumed(self) -> bool:

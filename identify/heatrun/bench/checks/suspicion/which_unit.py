@@ -279,7 +279,8 @@ def _remedy(mending: Sequence[OtherReading], record: Record) -> str:
             'if the time column counts samples, write time_s = "rate 10 Hz" with the logger\'s rate'
         )
     told = "; or ".join(words)
-    stays = next((r for one in mending for r in one.readings if not r.is_decided), None)
+    readings = (reading for one in mending for reading in one.readings)
+    stays = next((one for one in readings if one.channel not in record.decided), None)
     if stays is None:
         return f"If so, {told}."
     kept = f'{stays.channel} = "{stays.column} [{stays.unit}]"'
