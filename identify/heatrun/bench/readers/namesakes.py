@@ -1,33 +1,42 @@
-"""Columns of one name told apart: the second is called `NAME #2`."""
+"""Columns of one name told apart: they are called `NAME #1`, `NAME #2` and so on."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 from .table import Table
 
 
 def told_apart(table: Table) -> Table:
-    """Return a table in which no two columns have one name, with a note on each new name.
+    """Return a table in which no two columns have one name, with a note on the new names.
 
-    A line of `[columns]` can then name either of them. What stands over a column, and with it its
-    unit, stays as it is; so two columns that would be read by their name remain a question.
+    A line of `[columns]` can then name each of them; the name that they share stays a question,
+    also to a line of `[columns]`. What stands over a column, and with it its unit, stays as it is.
 
     Args:
         table: What a reader returned.
     """
-    taken = {column.name for column in table.columns}
-    seen: set[str] = set()
-    columns, notes = [], []
+    counts = Counter(column.name for column in table.columns)
+    shared = {name: number for name, number in counts.items() if number > 1}
+    if not shared:
+        return table
+    taken = set(counts)
+    named: dict[str, list[str]] = {name: [] for name in shared}
+    columns = []
     for column in table.columns:
-        if column.name not in seen:
-            seen.add(column.name)
+        if column.name not in shared:
             columns.append(column)
             continue
-        number = 2
+        number = len(named[column.name]) + 1
         while (name := f"{column.name} #{number}") in taken:
             number += 1
         taken.add(name)
-        notes.append(f"Two columns are called '{column.name}': the later one is named '{name}'.")
+        named[column.name].append(name)
         columns.append(replace(column, name=name, heading=column.heading or column.name))
+    notes = tuple(
+        f"{shared[name]} columns are called '{name}'; in [columns] they are "
+        f"{', '.join(repr(one) for one in names)}."
+        for name, names in named.items()
+    )
     return replace(table, columns=tuple(columns), notes=(*table.notes, *notes))
