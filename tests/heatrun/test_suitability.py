@@ -68,6 +68,21 @@ def test_the_answer_follows_from_the_findings(findings, will_do, sentence):
     assert (answer.will_do, answer.sentence) == (will_do, sentence)
 
 
+@pytest.mark.parametrize(
+    ("id", "next_step"),
+    [
+        ("simulated_by_heatrun", "name tests that were measured, then: heatrun check "),
+        ("current_amplitude", "clear up the warnings named above, then: heatrun calibrate "),
+        ("ambient_moving", "heatrun calibrate "),
+    ],
+)
+def test_what_is_in_doubt_comes_before_a_calibration(here, capsys, monkeypatch, id, next_step):
+    doubt = finding(id, "warning")
+    monkeypatch.setattr("heatrun.bench.checks.check_record", lambda record, motor: (doubt,))
+    _, out = said(capsys, "duty.csv")
+    assert next_step in out.splitlines()[-1]
+
+
 def test_what_the_network_lacks_is_said_and_no_error():
     lacking = finding("model_refused", "error", message="This test cannot be used: no Rs0.")
     answer = suitability("t", [], AIM, lacking)

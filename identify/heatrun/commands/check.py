@@ -120,6 +120,8 @@ def _next(
     options: argparse.Namespace, findings: Sequence[Finding], lacks: Sequence[Finding]
 ) -> str:
     """Return what to do next, with the command in full."""
+    from ..bench.checks.doubts import SIMULATED, doubts
+
     words = [str(options.motor), *map(str, options.tests)]
     words += ["--model", options.model] if options.model else []
     words += ["--with", options.effects_known] if options.effects_known else []
@@ -132,4 +134,9 @@ def _next(
         return f"do what the errors above say, then: {again}"
     if lacks:
         return f"{options.motor}: {lacks[0].remedy} Then: {again}"
-    return shlex.join(["heatrun", "calibrate", *words])
+    if any(finding.id == SIMULATED for finding in findings):
+        return f"name tests that were measured, then: {again}"
+    calibrate = shlex.join(["heatrun", "calibrate", *words])
+    if doubts(findings):
+        return f"clear up the warnings named above, then: {calibrate}"
+    return calibrate
