@@ -16,12 +16,14 @@ import pytest
 COMPILATIONS = "JAX_COMPILATION_CACHE_DIR"
 ONE_THREAD = "OPENBLAS_NUM_THREADS"
 LONGEST = (
-    "test_run_everywhere.py", "test_posterior.py", "test_view_browser.py",
-    "test_discover_command.py", "test_attacks_load.py", "test_mixed_rates.py",
-    "test_discover.py", "test_discover_bodies.py", "test_missing.py", "test_edges.py",
-    "test_fit.py", "test_attacks_files.py", "test_cli.py", "test_ratios.py", "test_bodies.py",
-    "test_corpus.py", "test_coverage_small.py", "test_export_run.py", "test_ratings_figures.py",
-    "test_attacks_address.py", "test_attacks_browser.py", "test_fleet_engine.py",
+    "test_view_browser.py", "test_discover_command.py", "test_run_everywhere.py",
+    "test_posterior.py", "test_cli.py", "test_fleet_engine.py", "test_bodies.py",
+    "test_sheet_again.py", "test_coverage_small.py", "test_notebooks.py",
+    "test_rest_and_time_to.py", "test_effects.py", "test_simulate.py", "test_fit.py",
+    "test_attacks_load.py",
+    "test_export_run.py", "test_attacks_files.py", "test_physics.py", "test_discover_bodies.py",
+    "test_two_sinks.py", "test_attacks_browser.py", "test_constant_drive.py", "test_heat_only.py",
+    "test_corpus.py", "test_densities.py", "test_attacks_address.py",
 )  # fmt: skip
 """Files that take half a minute or more, longest first."""
 

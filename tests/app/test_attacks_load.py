@@ -151,6 +151,7 @@ sys.exit(main())
 """The server with a bound that is reached in seconds, before it forgets the first pages."""
 
 
+@pytest.mark.slow
 def test_a_flood_of_pages_ends_at_a_number(serve, wire):
     server = serve(program=("-c", WITH_FEW_PAGES))
     tabs = [wire.Tab(server.url) for _ in range(2)]
@@ -170,7 +171,7 @@ def test_a_flood_of_pages_ends_at_a_number(serve, wire):
         signal.SIGTERM,
         pytest.param(signal.SIGHUP, marks=pytest.mark.slow),
         pytest.param(signal.SIGINT, marks=pytest.mark.slow),
-        signal.SIGKILL,
+        pytest.param(signal.SIGKILL, marks=pytest.mark.slow),
     ],
 )
 def test_nothing_is_left_when_the_server_ends(serve, wire, tmp_path, monkeypatch, number):
@@ -205,6 +206,7 @@ def test_nothing_is_left_when_the_server_ends(serve, wire, tmp_path, monkeypatch
     assert "Traceback" not in server.log.read_text()
 
 
+@pytest.mark.slow
 def test_a_server_under_nohup_outlives_its_terminal(folder, served_class, wire):
     if shutil.which("nohup") is None:
         pytest.skip("no nohup here")

@@ -14,8 +14,9 @@ PLACES = (
 )  # fmt: skip
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=True, scope="module")
 def _alive(served, wire):
+    """After all of them the page is still there."""
     yield
     tab = wire.Tab(served.url)
     assert "duty_30min.csv.gz" in tab.document()

@@ -114,6 +114,7 @@ def on_time(generator):
     return machine(generator, 64, profiles, sample_s=1.0)
 
 
+@pytest.mark.slow
 def test_a_delay_at_its_corner_is_held_there_and_all_else_is_at_its_best(on_time):
     found = fit(on_time)
     (at_corner, elsewhere) = delays(on_time.structure.form)

@@ -221,6 +221,7 @@ def test_the_main_job_from_file_to_sheet(run, table, tmp_path, motor_file, capsy
     assert 0.0 <= sampling_s < total_s  # what a quick run cannot shorten is said
     result = json.loads(out)
     assert result["verdict"]["order"] == "second"
+    assert "missing_effect" not in [finding["id"] for finding in result["findings"]]
     true = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
     for name, value in true.items():
         low, high = result["models"]["second"]["parameters"][name]["interval_95"]

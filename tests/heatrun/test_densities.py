@@ -98,6 +98,7 @@ def error_of(values, effective_size):
     return np.std(values) / np.mean(values) / np.sqrt(effective_size)
 
 
+@pytest.mark.slow
 def test_loo_of_a_written_run_is_what_refits_without_a_window_say(posterior, opened, motor):
     with warnings.catch_warnings():
         # of one window in 24, whose Pareto k is above 0.7

@@ -24,6 +24,7 @@ def named(cooled):
     return discover(motor, tests)
 
 
+@pytest.mark.slow
 def test_a_hidden_effect_is_named_with_its_amplitude(cooled, named):
     case, _, _, _ = cooled
     assert named.verdict.word == "named"
@@ -48,6 +49,7 @@ def test_the_gap_is_at_the_stator(named):
         assert low * high > 0.0  # significant spans only
 
 
+@pytest.mark.slow
 def test_network_parameters_move_back_to_the_truth(cooled, named):
     case, _, _, _ = cooled
     index = named.engine.find("Req_sr")
@@ -94,6 +96,7 @@ def test_on_a_clean_machine_nothing_is_claimed(hidden_bench):
     assert not found.named
 
 
+@pytest.mark.slow
 def test_a_single_load_step_cannot_tell(hidden_bench):
     _, motor, tests, _ = machine(hidden_bench, ("ac_copper_loss",), 33, kind="single_step")
     found = discover(motor, tests)

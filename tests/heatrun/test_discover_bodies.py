@@ -110,6 +110,7 @@ def named(cooled):
     return discover(motor, tests, kinds=kinds)
 
 
+@pytest.mark.slow
 def test_a_cause_is_named_with_the_body_fitted(named):
     assert named.verdict.word == "named"
     assert [each.rival.candidate.id for each in named.named] == ["natural_convection"]

@@ -79,6 +79,7 @@ def errors_of(record, machine):
 LOADS = (0, 100, 60, 120, 0, 80, 110, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("step", "ambient", "into"),
     [

@@ -77,6 +77,7 @@ def test_a_run_read_back_predicts_with_the_effects_that_it_may_miss(calibrated):
     assert np.ptp(draws.plausible.size[with_effect]) > 0.0
 
 
+@pytest.mark.slow
 def test_of_a_machine_that_is_what_it_seems_nothing_is_told(calibrated):
     run, _ = calibrated((), 8)
     for name in ("missing_effect", "holdout_outside_band", "instrument_beyond_prior"):

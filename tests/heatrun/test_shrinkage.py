@@ -29,7 +29,7 @@ def integral(size, power, one_sign):
     return float(simpson(simpson(values, x=axes[1], axis=1), x=axes[0]))
 
 
-@pytest.mark.parametrize("size", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("size", [0.1, pytest.param(0.5, marks=pytest.mark.slow), 1.0])
 @pytest.mark.parametrize("one_sign", [False, True])
 def test_the_gain_is_the_ratio_of_the_integrals(size, one_sign):
     mean, _, gain = rescaled(*gaussian(), [1], np.array([size]), has_one_sign=one_sign)

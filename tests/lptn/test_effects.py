@@ -29,6 +29,15 @@ from lptn.effects.sensor_lag import SensorLag
 from lptn.effects.speed_cooling import SpeedCooling
 
 every_effect = pytest.mark.parametrize("kind", EFFECTS, ids=lambda kind: kind.card.id)
+# one in three by `make test`, the others by `make test-slow`
+some_effects = pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(kind, marks=() if place % 3 == 0 else pytest.mark.slow)
+        for place, kind in enumerate(EFFECTS)
+    ],
+    ids=lambda kind: kind.card.id,
+)
 
 
 REFERENCE = lptn.second_order(666.75, 15060.1, 0.14485, 0.11625)
@@ -136,7 +145,7 @@ def test_gradients_are_finite_and_true(kind, losses, short):
             assert float(gradient[name]) == expected
 
 
-@every_effect
+@some_effects
 def test_eager_jit_and_vmap_agree(kind, read, losses, short):
     network, start = home(kind), start_of(home(kind))
     effects = [build(kind), null(kind)]

@@ -8,18 +8,25 @@ from pathlib import Path
 
 import pytest
 from reading_corpus.case import Truth
-from reading_corpus.corpus import SOURCES
+from reading_corpus.corpus import SOURCES, corpus
 from reading_corpus.oracle import MISREAD, NEEDLESS, TRACEBACK, Outcome, judge
 
 LARGEST_NEEDLESS_SHARE = 0.05
 """Of the files that leave nothing open: a tool that refuses everything misreads nothing, too."""
 
 
+EVERY = 3
+"""One file of so many is read by `make test`, the others by `make test-slow`."""
+
+READ = [pytest.param(EVERY, id="a third"), pytest.param(1, id="all", marks=pytest.mark.slow)]
+
+
 @cache
-def outcomes(kind: str) -> tuple[Outcome, ...]:
-    """Read the files of a kind, once for all tests."""
+def outcomes(kind: str, every: int) -> tuple[Outcome, ...]:
+    """Read every so many files of a kind, once for all tests."""
     with tempfile.TemporaryDirectory() as folder:
-        return tuple(judge(case, Path(folder), i) for i, case in enumerate(SOURCES[kind]()))
+        cases = list(enumerate(SOURCES[kind]()))[::every]
+        return tuple(judge(case, Path(folder), i) for i, case in cases)
 
 
 def words(found: list[Outcome]) -> str:
@@ -27,26 +34,29 @@ def words(found: list[Outcome]) -> str:
     return "\n".join(f"{o.verdict}: {o.case.label}: {o.said}" for o in found)
 
 
+@pytest.mark.parametrize("every", READ)
 @pytest.mark.parametrize("kind", list(SOURCES))
-def test_no_file_is_misread_in_silence(kind):
-    wrong = [o for o in outcomes(kind) if o.verdict in (MISREAD, TRACEBACK)]
+def test_no_file_is_misread_in_silence(kind, every):
+    wrong = [o for o in outcomes(kind, every) if o.verdict in (MISREAD, TRACEBACK)]
     assert not words(wrong)
 
 
-def test_few_files_that_leave_nothing_open_are_asked_about():
-    clear = [o for kind in SOURCES for o in outcomes(kind)
+@pytest.mark.parametrize("every", READ)
+def test_few_files_that_leave_nothing_open_are_asked_about(every):
+    clear = [o for kind in SOURCES for o in outcomes(kind, every)
              if o.case.truth in (Truth.READ, Truth.PLAIN)]  # fmt: skip
     needless = [o for o in clear if o.verdict == NEEDLESS]
     assert len(needless) <= LARGEST_NEEDLESS_SHARE * len(clear), words(needless)
 
 
-def test_no_ordinary_file_is_asked_about():
-    needless = [o for kind in SOURCES for o in outcomes(kind)
+@pytest.mark.parametrize("every", READ)
+def test_no_ordinary_file_is_asked_about(every):
+    needless = [o for kind in SOURCES for o in outcomes(kind, every)
                 if o.case.truth is Truth.PLAIN and o.verdict == NEEDLESS]  # fmt: skip
     assert not words(needless)
 
 
 def test_the_corpus_is_large_and_its_names_are_unique():
-    labels = [o.case.label for kind in SOURCES for o in outcomes(kind)]
+    labels = [case.label for case in corpus()]
     assert len(labels) >= 400
     assert len(set(labels)) == len(labels)
