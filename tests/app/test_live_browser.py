@@ -8,6 +8,10 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
+playwright = pytest.importorskip("playwright.sync_api")
+
 WRITER = Path(__file__).with_name("bench_writer.py")
 
 LAST_TIMES = """
@@ -46,7 +50,13 @@ arranged a moment after the browser's window has changed, and moves the plots on
 
 def _open(tab, served, query: str) -> None:
     tab.goto(f"{served.url}?{query}")
-    tab.locator(".bk-Figure").first.wait_for()
+    try:
+        tab.locator(".bk-Figure").first.wait_for()
+    except playwright.TimeoutError as error:
+        plots = tab.locator(".bk-Figure").count()
+        alerts = tab.locator(".alert").all_inner_texts()
+        told = f"{plots} plots, none in sight; problems {tab.problems}; alerts {alerts}"
+        raise AssertionError(told) from error
 
 
 def _drag(tab, first: float, last: float) -> None:

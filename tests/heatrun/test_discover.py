@@ -39,6 +39,7 @@ def test_a_hidden_effect_is_named_with_its_amplitude(cooled, named):
     assert named.after.is_adequate
 
 
+@pytest.mark.slow
 def test_the_gap_is_at_the_stator(named):
     assert "stator" in named.where_before.node
     spans = [span for span in named.where_before.spans if span.node == "stator"]
