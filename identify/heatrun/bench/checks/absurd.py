@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...io.quantities import rounded
 from ...motor import Motor
 from ..channels.units import require_unit
 from ..record import ColumnReading, Finding, Record
@@ -42,7 +43,9 @@ def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
         return ()
     reading = next((one for one in record.mapping if one.channel == "losses_W"), None)
     shown = (
-        f"{largest:.3g} W, {per_K:.3g} W for each kelvin of rise" if per_K else f"{largest:.3g} W"
+        f"{rounded(largest)} W, {rounded(per_K)} W for each kelvin of rise"
+        if per_K
+        else f"{rounded(largest)} W"
     )
     return (
         Finding(
@@ -62,7 +65,7 @@ def _explained(reading: ColumnReading | None, largest_W: float) -> str:
     if reading is None or reading.unit not in OTHER_UNITS:
         return ""
     shown = [
-        f"{largest_W * _factor(unit) / _factor(reading.unit):.3g} W if in {unit}"
+        f"{rounded(largest_W * _factor(unit) / _factor(reading.unit))} W if in {unit}"
         for unit in OTHER_UNITS[reading.unit]
     ]
     return f" Column '{reading.column}' is read as {reading.unit}; it would be {', '.join(shown)}."

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...io.quantities import rounded
 from ...motor import Motor
 from ..channels.derive import (
     AMPLITUDE_INVARIANT,
@@ -171,8 +172,8 @@ def _compared(
     return Finding(
         "columns_disagree",
         "error" if is_error else "warning",
-        f"Expected {way.channel} {limit or '= '}{formula}; under load it is {ratio:.3g} times that "
-        f"(columns {named}).{likely}",
+        f"Expected {way.channel} {limit or '= '}{formula}; under load it is {rounded(ratio)} times "
+        f"that (columns {named}).{likely}",
         place(record, way.channel, float(time_s[0]), float(time_s[-1])),
         "Find out which of the columns is wrong. State its unit in [columns], or leave it out "
         f'there: {way.channel} = "none" or {silence}.',

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ....io.quantities import rounded
 from ....motor import Motor
 from ...channels.derive import dq_power, shaft_power
 from ...record import Record
@@ -115,12 +116,12 @@ def power_conflicts(record: Record, motor: Motor, is_strict: bool) -> list[Confl
         best = float(np.quantile((taken / np.maximum(given, 1e-300))[loaded], 0.9))
         values = {"efficiency": best}
         if typical > 1.0 + COPPER_TOLERANCE:
-            sentence = f"Expected an efficiency below 1; it is {typical:.3g}."
+            sentence = f"Expected an efficiency below 1; it is {rounded(typical)}."
             found.append(Conflict("power_from_nothing", sentence, channels, False, values))
         elif 1e-6 < best < (USUAL_EFFICIENCY if is_strict else LOW_EFFICIENCY) and _is_idle(
             record, motor
         ):
-            sentence = f"The highest efficiency is only {best:.2g}."
+            sentence = f"The highest efficiency is only {rounded(best, 2)}."
             found.append(Conflict("little_efficiency", sentence, channels, True, values))
     found += _difference(record, motor, width_s, name, both, channels)
     if name.startswith("dc"):
@@ -159,7 +160,7 @@ def _lossless(
         return []
     sentence = (
         f"Expected losses above {100.0 * least:.1f} % of the shaft's power of "
-        f"{float(np.median(shaft[loaded])):.3g} W; they are {100.0 * share:.2f} % of it."
+        f"{rounded(float(np.median(shaft[loaded])))} W; they are {100.0 * share:.2f} % of it."
     )
     values = {"losses_over_shaft": share}
     return [Conflict("too_efficient", sentence, ("losses_W", *rods), False, values)]
@@ -225,7 +226,9 @@ def _difference(
     least = 0.0 if name.startswith("dc") else 1.0 / LOSSES_AGREE
     if least <= ratio <= LOSSES_AGREE:
         return []
-    sentence = f"Expected losses_W = electrical power - shaft power; it is {ratio:.3g} times that."
+    sentence = (
+        f"Expected losses_W = electrical power - shaft power; it is {rounded(ratio)} times that."
+    )
     values = {"losses_over_difference": ratio}
     return [Conflict("losses_disagree", sentence, ("losses_W", *channels), False, values)]
 
@@ -246,7 +249,7 @@ def speed_conflicts(record: Record, motor: Motor) -> list[Conflict]:
     if speed.size and motor.rated_speed_rpm:
         ratio = float(np.quantile(np.abs(speed), 0.99)) / motor.rated_speed_rpm
         if ratio > FAST_OVER_RATED:
-            sentence = f"The speed reaches {ratio:.3g} times rated_speed_rpm."
+            sentence = f"The speed reaches {rounded(ratio)} times rated_speed_rpm."
             values = {"speed_over_rated": ratio}
             found.append(Conflict("too_quick", sentence, ("speed_rpm",), True, values))
     if motor.gear_ratio and motor.wheel_radius_m:
@@ -256,7 +259,9 @@ def speed_conflicts(record: Record, motor: Motor) -> list[Conflict]:
         if moving.any():
             ratio = float(np.median(np.abs(speed[moving] / wheel[moving])))
             if not 1.0 - KINEMATIC <= ratio <= 1.0 + KINEMATIC:
-                sentence = f"The shaft turns at {ratio:.3g} times wheel speed times gear ratio."
+                sentence = (
+                    f"The shaft turns at {rounded(ratio)} times wheel speed times gear ratio."
+                )
                 values = {"speed_over_wheel": ratio}
                 channels = ("speed_rpm", "vehicle_speed_km_per_h")
                 found.append(Conflict("wheel_disagrees", sentence, channels, False, values))

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from ....io.quantities import rounded
 from ....motor import Motor
 from ...record import Record
 from ..crude_fit import crude_fit
@@ -98,7 +99,7 @@ def _length(record: Record) -> list[Conflict]:
     length_s = float(time_s[-1] - time_s[0]) if time_s.size else 0.0
     if length_s <= LONGEST_TEST_S:
         return []
-    sentence = f"Expected a test of days at most; it lasts {length_s / 31557600.0:.3g} years."
+    sentence = f"Expected a test of days at most; it lasts {rounded(length_s / 31557600.0)} years."
     return [Conflict("too_long", sentence, ("time_s",), False, {"duration_s": length_s})]
 
 
@@ -119,23 +120,23 @@ def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]
             longest = min(longest, usual * FROM_USUAL)
     values = {"tau_s": tau, "capacity_J_per_K": C, "conductance_W_per_K": G}
     values = {name: value for name, value in values.items() if math.isfinite(value)}
-    size = f" at {G:.3g} W/K" if math.isfinite(G) else ""
-    came = f"the record shows {tau:.3g} s"
+    size = f" at {rounded(G)} W/K" if math.isfinite(G) else ""
+    came = f"the record shows {rounded(tau)} s"
     channels = ("time_s", "winding_degC", "losses_W")
     has_settled = seen.duration_s > SETTLES * tau
     if tau < shortest and (is_strict or (has_settled and _stays_short(record, motor, shortest))):
-        sentence = f"Expected a time constant above {shortest:.2g} s{size}; {came}."
+        sentence = f"Expected a time constant above {rounded(shortest, 2)} s{size}; {came}."
         is_mild = tau > _shortest(G, "coolant")
         found.append(Conflict("too_fast", sentence, channels, False, values, is_mild))
     if math.isfinite(G) and LARGEST_W_PER_K[motor.sink] < G:
         cooled = "air" if motor.sink == "ambient" else "a liquid"
         sentence = (
             f"Expected at most {LARGEST_W_PER_K[motor.sink]:g} W/K where {cooled} cools the "
-            f'machine (sink = "{motor.sink}"); the record shows {G:.3g} W/K.'
+            f'machine (sink = "{motor.sink}"); the record shows {rounded(G)} W/K.'
         )
         found.append(Conflict("too_large", sentence, channels[1:], False, values))
     if tau > longest:
-        sentence = f"Expected a time constant below {longest:.2g} s{size}; {came}."
+        sentence = f"Expected a time constant below {rounded(longest, 2)} s{size}; {came}."
         found.append(Conflict("too_slow", sentence, channels, False, values))
     torque = samples(record, "torque_Nm")[1]
     peak = float(np.quantile(np.abs(torque), 0.99)) if torque.size else 0.0
@@ -143,7 +144,7 @@ def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]
     if is_light and (is_strict or has_settled):
         sentence = (
             f"Expected a heat capacity above {LEAST_PER_TORQUE:.0f} J/K for each Nm of torque; "
-            f"the record shows {C:.3g} J/K at {peak:.3g} Nm."
+            f"the record shows {rounded(C)} J/K at {rounded(peak)} Nm."
         )
         values = values | {"torque_Nm": peak}
         found.append(Conflict("too_light", sentence, (*channels, "torque_Nm"), False, values))
@@ -160,8 +161,8 @@ def _slow_start(record: Record, motor: Motor) -> list[Conflict]:
     if seen.tau_s <= longest:
         return []
     sentence = (
-        f"Expected a time constant below {longest:.2g} s at {G:.3g} W/K at most; "
-        f"after {seen.duration_s:.3g} s the winding has hardly begun to settle."
+        f"Expected a time constant below {rounded(longest, 2)} s at {rounded(G)} W/K at most; "
+        f"after {rounded(seen.duration_s)} s the winding has hardly begun to settle."
     )
     values = {
         "tau_s": seen.tau_s,
@@ -194,9 +195,11 @@ def _copper(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
     channels = ("phase_current_A", "losses_W")
     values = {"copper_share": typical}
     if float(np.mean(share > 1.0 + COPPER_TOLERANCE)) > 0.5:
-        sentence = f"Expected losses above the copper loss; they are {1.0 / typical:.2g} of it."
+        sentence = (
+            f"Expected losses above the copper loss; they are {rounded(1.0 / typical, 2)} of it."
+        )
         return [Conflict("losses_below_copper", sentence, channels, False, values)]
     if typical < (USUAL_COPPER if is_strict else LEAST_COPPER):
-        sentence = f"The copper loss is only {typical:.2g} of the losses under load."
+        sentence = f"The copper loss is only {rounded(typical, 2)} of the losses under load."
         return [Conflict("little_copper", sentence, channels, True, values)]
     return []
