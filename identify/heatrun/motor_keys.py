@@ -169,7 +169,8 @@ ADEQUACY = Section(
 POPULATION = Section(
     "population",
     "What other machines of the type say of this one before its first test: priors of the thermal "
-    "parameters. `[parameters.NAME]` goes before it.",
+    "parameters, the effects that those were calibrated with, and how much heat the network is "
+    "likely to miss. `[parameters.NAME]` and `[adequacy]` go before it.",
     (
         Key("run", "Folder of a population, as `heatrun population` writes it, from where this "
             "file is.", '"../fleet"', "wide priors, scaled by the tests"),

@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from .fleet.population.files import read_next_machine
+from .fleet.population.files import NextMachine, read_next_machine
 from .io.toml_values import text_of
-from .motor import ParameterOverride
 
 
-def population_priors(section: Mapping[str, Any], where: str) -> dict[str, ParameterOverride]:
-    """Return the priors of a machine of a known type, by parameter; none where none is given.
+def next_of_population(section: Mapping[str, Any], where: str) -> NextMachine:
+    """Return what is known of a machine of a known type; nothing where no type is given.
 
     Each parameter has its own: correlations over the machines are left aside, and covariates are at
     their mean over the machines.
@@ -25,7 +24,7 @@ def population_priors(section: Mapping[str, Any], where: str) -> dict[str, Param
         InputError: If there is no population where it says.
     """
     if not section:
-        return {}
+        return NextMachine({})
     at = f"{where}, [population]"
     folder = Path(where).parent / text_of(section, "run", at)
     return read_next_machine(folder, at)

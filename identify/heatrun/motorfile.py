@@ -17,7 +17,7 @@ from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
 from .io.toml_values import shown, text_of
 from .motor import HEAT_LIMITS, Adequacy, Motor, ParameterOverride
 from .motor_parts import parse_parts
-from .motor_population import population_priors
+from .motor_population import next_of_population
 from .plausible import RANGES, UNITS, refuse_implausible
 
 COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
@@ -105,6 +105,8 @@ def parse_motor(data: bytes, where: str) -> Motor:
     for name, keys in KEYS.items():
         check_keys(sections[name], keys, f"{where}, [{name}]", "key")
     motor, winding, vehicle, adequacy, population = (sections[name] for name in KEYS)
+    sisters = next_of_population(population, where)
+    effects = _effects(_section(content, "model", where), where)
     if "name" not in motor:
         raise InputError(
             "Expected the name of the motor, found none.",
@@ -137,13 +139,13 @@ def parse_motor(data: bytes, where: str) -> Motor:
         columns=_columns(_section(content, "columns", where), where),
         constants=_constants(_section(content, "constants", where), where),
         parameters={
-            **population_priors(population, where),
+            **sisters.parameters,
             **_parameters(_section(content, "parameters", where), where),
         },
         sensors=_sensors(_section(content, "sensors", where), where),
         tests=parse_parts(_section(content, "tests", where), where),
-        effects=_effects(_section(content, "model", where), where),
-        adequacy=_adequacy(adequacy, at_adequacy),
+        effects=tuple(dict.fromkeys((*effects, *sisters.effects))),
+        adequacy=_adequacy(adequacy, sisters.unmodelled_heat, at_adequacy),
         certificate=parse_certificate(_section(content, "certificate", where), where),
         raster_s=_number(motor, "raster_s", POSITIVE, at),
         decimal=cast(Literal[".", ","] | None, _choice(motor, "decimal", (".", ","), at)),
@@ -274,12 +276,11 @@ def _sensors(section: Mapping[str, Any], where: str) -> dict[str, str]:
     return {channel: text_of(section, channel, at) for channel in section}
 
 
-def _adequacy(section: Mapping[str, Any], where: str) -> Adequacy:
+def _adequacy(section: Mapping[str, Any], of_sisters: float | None, where: str) -> Adequacy:
     usual = Adequacy()
+    heat = _or_default(of_sisters, usual.unmodelled_heat)
     return Adequacy(
-        unmodelled_heat=_or_default(
-            _number(section, "unmodelled_heat", HEAT_RANGE, where), usual.unmodelled_heat
-        ),
+        unmodelled_heat=_or_default(_number(section, "unmodelled_heat", HEAT_RANGE, where), heat),
         heat_time_s=_or_default(
             _number(section, "heat_time_s", HEAT_TIME_RANGE, where), usual.heat_time_s
         ),

@@ -17,15 +17,25 @@ MEDIAN = np.array([700.0, 15000.0, 0.15, 0.11])
 SPREAD = np.array([0.03, 0.05, 0.06, 0.04])
 ERROR = 0.015
 PRIOR_SD = np.array([1.3, 1.5, 1.8, 1.4])
+NOISE_NAMES = ("noise_sd", "noise_time", "noise_white", "unmodelled_heat")
+NOISE_UNITS = ("K", "s", "K", "1")
+NOISE_MEDIAN = np.array([0.15, 50.0, 0.05, 0.003])
+NOISE_SPREAD = np.array([0.25, 0.15, 0.20, 0.40])
+NOISE_ERROR = np.array([0.10, 0.20, 0.05, 0.30])
+NOISE_PRIOR_SD = np.array([1.2, 1.0, 1.5, 1.2])
 
 
-def machine(number: int, seed: int = 0, *, shift: Sequence[float] = (0.0,) * 4, **said):
+def machine(
+    number: int, seed: int = 0, *, shift: Sequence[float] = (0.0,) * 4,
+    noise_shift: Sequence[float] = (0.0,) * 4, **said,
+):  # fmt: skip
     """Return the row of a machine whose posterior was drawn about its true parameters.
 
     Args:
         number: Of the machine.
         seed: Of its type.
         shift: Of the logarithms of its parameters, beside its share of the spread.
+        noise_shift: The same of its noise and unmodelled heat.
         **said: Columns that are otherwise than in a good row.
     """
     rng = np.random.default_rng([seed, number])
@@ -44,9 +54,26 @@ def machine(number: int, seed: int = 0, *, shift: Sequence[float] = (0.0,) * 4, 
         "parameter_sd": (np.exp(mean) / np.sqrt(precision)).tolist(),
         "log_mean": mean.tolist(), "log_covariance": np.diag(1.0 / precision).ravel().tolist(),
         "prior_mean": prior_mean.tolist(), "prior_sd": PRIOR_SD.tolist(),
+        **_noise([seed, number, 1], noise_shift),
     }  # fmt: skip
     covariates = list(said.pop("covariates", {}).items())
     return {**row, "covariates": covariates, **said}
+
+
+def _noise(seed: Sequence[int], shift: Sequence[float]):
+    """Return the columns of noise and unmodelled heat."""
+    rng = np.random.default_rng(seed)
+    true = np.log(NOISE_MEDIAN) + NOISE_SPREAD * rng.standard_normal(4) + shift
+    prior_mean = np.log(NOISE_MEDIAN) - 0.4
+    read = true + NOISE_ERROR * rng.standard_normal(4)
+    precision = NOISE_ERROR**-2 + NOISE_PRIOR_SD**-2
+    mean = (read * NOISE_ERROR**-2 + prior_mean * NOISE_PRIOR_SD**-2) / precision
+    return {
+        "noise": list(NOISE_NAMES), "noise_units": list(NOISE_UNITS),
+        "noise_values": np.exp(mean).tolist(), "noise_log_mean": mean.tolist(),
+        "noise_log_covariance": np.diag(1.0 / precision).ravel().tolist(),
+        "noise_prior_mean": prior_mean.tolist(), "noise_prior_sd": NOISE_PRIOR_SD.tolist(),
+    }  # fmt: skip
 
 
 def refused(number: int, message: str, **said):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from msgspec import UNSET, UnsetType
+
 from .gap import ValueWithInterval
 from .values import Count, Interval, NonNegative, Probability
 
@@ -136,6 +138,34 @@ class Assumed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PopulationNoise:
+    """Noise and unmodelled heat over the machines of a type: a population of its own.
+
+    A machine with a loose sensor is no other motor: which machines do not fit is told apart here
+    and for the thermal parameters.
+
+    Attributes:
+        num_machines: Machines that count.
+        is_converged: Whether the draws are to be relied on.
+        parameters: By name: noise and unmodelled heat.
+        correlation: Over the machines, of the logarithms, in the order of `parameters` [1].
+        outlier_share: Share of machines whose noise is not that of the type [1].
+        covariates: What each changes over its range, a share [1], by label and parameter.
+        machines: The machines that count.
+        assumed: Hyperprior by parameter.
+    """
+
+    num_machines: Count
+    is_converged: bool
+    parameters: dict[str, PopulationParameter]
+    correlation: list[list[float]]
+    outlier_share: ValueWithInterval
+    covariates: dict[str, dict[str, ValueWithInterval]]
+    machines: list[PopulationMachine]
+    assumed: dict[str, Assumed]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PopulationResult:
     """What the machines of a type have in common, how they differ, and which do not fit.
 
@@ -159,6 +189,8 @@ class PopulationResult:
         machines: The machines that count.
         assumed: Hyperprior by parameter.
         notes: What else must be known of it, in sentences.
+        noise: Noise and unmodelled heat over the machines; not there where their calibrations do
+            not tell them.
     """
 
     format: Literal["heatrun-population/1"]
@@ -179,3 +211,4 @@ class PopulationResult:
     machines: list[PopulationMachine]
     assumed: dict[str, Assumed]
     notes: list[str]
+    noise: PopulationNoise | UnsetType = UNSET

@@ -32,11 +32,16 @@ class Design:
     covariates: tuple[Covariate, ...]
     notes: tuple[str, ...]
 
-    def matrix(self) -> Float[np.ndarray, "machine covariate"]:
-        """Return the columns, each divided by its span and less its mean over the machines."""
+    def matrix(self, places: Sequence[int] | None = None) -> Float[np.ndarray, "machine covariate"]:
+        """Return the columns, each divided by its span and less its mean over the machines.
+
+        Args:
+            places: Of the machines that are meant; all by default.
+        """
+        used = range(len(self.gathered.machines)) if places is None else places
         if not self.covariates:
-            return np.zeros((len(self.gathered.machines), 0))
-        columns = np.stack([each.values / each.span for each in self.covariates], axis=1)
+            return np.zeros((len(used), 0))
+        columns = np.stack([each.values / each.span for each in self.covariates], axis=1)[[*used]]
         return columns - columns.mean(axis=0)
 
 

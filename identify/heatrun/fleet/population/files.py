@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from ...errors import InputError
 from ...io.file_set import together
 from ...io.free_names import is_other, refuse_replacing
 from ...io.whole_files import write_whole
-from ...motor import ParameterOverride
+from ...motor import HEAT_LIMITS, ParameterOverride
 from ...results import to_json
 from ...results.population import PopulationResult
 
@@ -77,15 +78,32 @@ def _write_sheet(path: Path, result: PopulationResult) -> None:
     write_type_sheet(result, path)
 
 
-def read_next_machine(folder: Path, where: str) -> dict[str, ParameterOverride]:
+HEAT = "unmodelled_heat"
+"""Name of the heat that a network misses, among the parameters of the noise."""
+
+
+@dataclass(frozen=True)
+class NextMachine:
+    """What a population says of its next machine before its first test.
+
+    Attributes:
+        parameters: Prior of each thermal parameter.
+        effects: Ids of the effects that its machines were calibrated with.
+        unmodelled_heat: Median of the prior of the heat that the network misses, sd over the mean
+            loss [1]; None where the machines do not tell it.
+    """
+
+    parameters: dict[str, ParameterOverride]
+    effects: tuple[str, ...] = ()
+    unmodelled_heat: float | None = None
+
+
+def read_next_machine(folder: Path, where: str) -> NextMachine:
     """Return what a population says of its next machine before its first test.
 
     Args:
         folder: Of the population, or its file.
         where: What asked for it, for messages.
-
-    Returns:
-        The prior of each parameter.
 
     Raises:
         InputError: If there is no such file, or it is not one that heatrun wrote.
@@ -95,6 +113,7 @@ def read_next_machine(folder: Path, where: str) -> dict[str, ParameterOverride]:
     try:
         content = json.loads(path.read_bytes())
         found = {name: _prior(said) for name, said in content["parameters"].items()}
+        heat = _heat(content.get("noise") or {})
     except OSError as error:
         types = sorted(each.parent.name for each in folder.glob(f"*/{NAME}"))
         raise InputError(
@@ -108,13 +127,23 @@ def read_next_machine(folder: Path, where: str) -> dict[str, ParameterOverride]:
             where=where,
             remedy=remedy,
         ) from None
-    if not found or not all(_is_sound(each) for each in found.values()):
+    sound = [_is_sound(each) for each in found.values()]
+    if not found or not all(sound) or not (heat is None or 0.0 < heat < math.inf):
         raise InputError(
             f"Expected positive medians and widths of the parameters in {path}.",
             where=where,
             remedy=remedy,
         )
-    return found
+    effects = dict.fromkeys(name.partition(".")[0] for name in found if "." in name)
+    return NextMachine(found, tuple(effects), heat)
+
+
+def _heat(noise: dict[str, Any]) -> float | None:
+    said = noise.get("parameters", {}).get(HEAT)
+    if said is None:
+        return None
+    low, high = HEAT_LIMITS
+    return min(max(float(said["next_median"]), low), high)
 
 
 def _prior(said: dict[str, Any]) -> ParameterOverride:

@@ -47,6 +47,8 @@ class Gathered:
         columns: Covariates by name, a text for each machine, empty where there is none.
         left_out: The others.
         source: What they were taken from, for the record.
+        noise: Noise and unmodelled heat of machines of the same type, likewise; None where nothing
+            is known of them.
     """
 
     machines: tuple[str, ...]
@@ -60,6 +62,7 @@ class Gathered:
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     left_out: tuple[LeftOut, ...] = ()
     source: Mapping[str, str] = field(default_factory=dict)
+    noise: Gathered | None = None
 
     def evidence(self) -> Evidence:
         """Return what the tests of each machine say, the priors divided out."""
@@ -81,6 +84,9 @@ class Gathered:
             {name: tuple(texts[place] for place in kept) for name, texts in self.columns.items()},
             (*self.left_out, *(LeftOut(name, why) for name, why in others.items())),
             self.source,
+            None if self.noise is None else self.noise.without(
+                {name: why for name, why in others.items() if name in self.noise.machines}
+            ),
         )  # fmt: skip
 
     def refuse_few(self, where: str) -> None:
@@ -99,6 +105,20 @@ class Gathered:
             where=where,
             remedy="Calibrate more machines of the type; a spread cannot be told from fewer.",
         )
+
+
+def is_positive(covariance: Float[np.ndarray, "..."], size: int) -> bool:
+    """Return whether numbers are a covariance of so many parameters, finite and positive definite.
+
+    Args:
+        covariance: Row by row, or as a matrix.
+        size: Number of parameters.
+    """
+    return (
+        covariance.size == size**2
+        and bool(np.all(np.isfinite(covariance)))
+        and np.linalg.eigvalsh(covariance.reshape(size, size)).min() > 0.0
+    )
 
 
 MOST_NAMED = 3

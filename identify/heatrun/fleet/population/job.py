@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from msgspec import UNSET, UnsetType
 
 from ...errors import InputError
 from ...results import to_plain
-from ...results.population import PopulationResult
+from ...results.population import PopulationNoise, PopulationParameter, PopulationResult
 from ...runs.run import Run, open_run
 from ..job import FleetResult
-from .design import designed, given_columns
+from .design import Design, designed, given_columns
 from .files import write_population
-from .gathered import Gathered
+from .gathered import FEWEST, Gathered
 from .of_fleet import FleetRows, gathered_of_fleet, is_fleet, read_fleet
 from .of_runs import gathered_of_runs
-from .report import default_hyperprior, population_result
+from .report import NOISE_SPREAD, default_hyperprior, noise_result, population_result
 from .sampling import sample_population
 
 Covariates = Mapping[str, Sequence[Any]] | Sequence[str]
@@ -44,33 +46,26 @@ class TypeOfMachine:
         """Return a row for each parameter: median, spread over machines, and the limits between
         which 95 % of the machines lie, at 95 % confidence; in their units, spreads as shares.
         """
-        rows = [
-            {
-                "parameter": name,
-                "median": said.median.value,
-                "low_95": said.median.interval_95[0],
-                "high_95": said.median.interval_95[1],
-                "spread": said.spread.value,
-                "spread_low_95": said.spread.interval_95[0],
-                "spread_high_95": said.spread.interval_95[1],
-                "tolerance_low": said.tolerance_95_95[0],
-                "tolerance_high": said.tolerance_95_95[1],
-                "unit": said.unit,
-            }
-            for name, said in self.result.parameters.items()
-        ]
-        return pd.DataFrame(rows)
+        return _summary(self.result.parameters)
+
+    def noise(self) -> pd.DataFrame:
+        """Return the same for noise and unmodelled heat; no rows where they are not known."""
+        return _summary(self.result.noise.parameters if self.result.noise else {})
 
     def machines(self) -> pd.DataFrame:
         """Return a row for each machine: probability that it does not belong to the type, what is
-        different about it, and its parameters given all machines [their units].
+        different about it, its parameters given all machines [their units], and the probability
+        that its noise is not that of the type (NaN where its noise does not count).
         """
+        of_noise = self.result.noise.machines if self.result.noise else []
+        odd_noise = {said.name: said.outlier_probability for said in of_noise}
         rows = [
             {
                 "machine": said.name,
                 "outlier_probability": said.outlier_probability,
                 "different": ", ".join(said.different),
                 **{name: entry.value for name, entry in said.parameters.items()},
+                "noise_outlier_probability": odd_noise.get(said.name, math.nan),
             }
             for said in self.result.machines
         ]
@@ -83,6 +78,25 @@ class TypeOfMachine:
 
     def _repr_html_(self) -> str:
         return self.summary().to_html(index=False)
+
+
+def _summary(parameters: Mapping[str, PopulationParameter]) -> pd.DataFrame:
+    rows = [
+        {
+            "parameter": name,
+            "median": said.median.value,
+            "low_95": said.median.interval_95[0],
+            "high_95": said.median.interval_95[1],
+            "spread": said.spread.value,
+            "spread_low_95": said.spread.interval_95[0],
+            "spread_high_95": said.spread.interval_95[1],
+            "tolerance_low": said.tolerance_95_95[0],
+            "tolerance_high": said.tolerance_95_95[1],
+            "unit": said.unit,
+        }
+        for name, said in parameters.items()
+    ]
+    return pd.DataFrame(rows)
 
 
 def population(
@@ -168,9 +182,25 @@ def pooled(
     notes = list(design.notes)
     if not found.is_converged:
         notes.append("The sampling did not converge: the intervals are indicative.")
+    noise = _noise(design, seed)
+    if noise and not noise.is_converged:
+        notes.append("The sampling of the noise did not converge: its intervals are indicative.")
     return population_result(
-        found, machines, design.covariates, type_name=type_name, seed=seed, notes=notes
+        found, machines, design.covariates, type_name=type_name, noise=noise, seed=seed,
+        notes=notes,
+    )  # fmt: skip
+
+
+def _noise(design: Design, seed: int) -> PopulationNoise | UnsetType:
+    """Return the population of noise and unmodelled heat, with the same covariates."""
+    noise = design.gathered.noise
+    if noise is None or len(noise.machines) < FEWEST + len(design.covariates):
+        return UNSET
+    used = [design.gathered.machines.index(name) for name in noise.machines]
+    found = sample_population(
+        noise.evidence(), default_hyperprior(noise, NOISE_SPREAD), design.matrix(used), seed=seed
     )
+    return noise_result(found, noise, design.covariates, seed=seed)
 
 
 def _of_runs(

@@ -17,14 +17,15 @@ from ..arrow_schema import arrow
 from ..job import MACHINES, MANIFEST, FleetResult
 from ..parts import read_part
 from ..rows import FITTED
-from .gathered import Gathered, LeftOut
+from .gathered import Gathered, LeftOut, is_positive
 
 Row = Mapping[str, Any]
 
 COLUMNS = (
     "machine", "type", "covariates", "status", "findings", "model", "is_converged", "result",
     "parameters", "parameter_units", "transforms", "log_mean", "log_covariance", "prior_mean",
-    "prior_sd",
+    "prior_sd", "noise", "noise_units", "noise_log_mean", "noise_log_covariance",
+    "noise_prior_mean", "noise_prior_sd",
 )  # fmt: skip
 """What a population is made of."""
 
@@ -136,7 +137,33 @@ def gathered_of_fleet(fleet: FleetRows, type: str) -> Gathered:
             if reasons[row["machine"]]
         ),
         {"fleet": fleet.name, "network": model, MACHINES: fleet.sha256},
+        _noise_of(used),
     )  # fmt: skip
+
+
+def _noise_of(rows: Sequence[Row]) -> Gathered | None:
+    """Return noise and unmodelled heat of the machines; a machine may lack a sound posterior."""
+    names = next((tuple(row["noise"]) for row in rows if row["noise"]), ())
+    size = len(names)
+    if not size:
+        return None
+    used = [
+        row for row in rows
+        if tuple(row["noise"]) == names
+        and is_positive(np.array(row["noise_log_covariance"], dtype=float), size)
+    ]  # fmt: skip
+    if not used:
+        return None
+    return Gathered(
+        tuple(row["machine"] for row in used),
+        names,
+        tuple(used[0]["noise_units"]),
+        ("log",) * size,
+        _stacked(used, "noise_log_mean", (size,)),
+        _stacked(used, "noise_log_covariance", (size, size)),
+        _stacked(used, "noise_prior_mean", (size,)),
+        _stacked(used, "noise_prior_sd", (size,)),
+    )
 
 
 def _form(row: Row) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], str]:
@@ -156,9 +183,7 @@ def _unusable(row: Row) -> str:
     covariance = np.array(row["log_covariance"])
     if covariance.size != size**2 or not np.all(np.isfinite(covariance)):
         return "no covariance"
-    if np.linalg.eigvalsh(covariance.reshape(size, size)).min() <= 0.0:
-        return "its covariance is not positive definite"
-    return ""
+    return "" if is_positive(covariance, size) else "its covariance is not positive definite"
 
 
 def _first_error(row: Row) -> str:

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ...errors import InputError
+from ...inference.draws import NUM_NOISE, Draws
+from ...inference.noise import noise_parameters
+from ...inference.parameters import Parameter
 from ...runs.run import Run
+from ..rows import THERMAL
 from .gathered import FEWEST, Gathered
 
 
+Normal = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
 def gathered_of_runs(runs: Sequence[Run], network: str | None = None) -> Gathered:
-    """Return the posterior of each machine's thermal parameters.
+    """Return the posterior of each machine's thermal parameters, and of its noise.
 
     Args:
         runs: One for each machine, all with one network.
@@ -29,13 +37,13 @@ def gathered_of_runs(runs: Sequence[Run], network: str | None = None) -> Gathere
             remedy="Calibrate more machines of the type; a spread cannot be told from fewer.",
         )
     kinds = []
-    rows = []
+    rows, noises = [], []
     for run in runs:
         draws = run.draws(network)
         found = {
             place: slot.parameter
             for place, slot in enumerate(draws.parameters.slots)
-            if slot.parameter.role == "network" and slot.test is None
+            if slot.parameter.role in THERMAL and slot.test is None
         }
         own = tuple(parameter.name for parameter in found.values())
         if kinds and own != tuple(parameter.name for parameter in kinds):
@@ -46,22 +54,38 @@ def gathered_of_runs(runs: Sequence[Run], network: str | None = None) -> Gathere
                 remedy="Calibrate all machines with one network, and fix none of its parameters.",
             )
         kinds = list(found.values())
-        scale = np.array([parameter.sd for parameter in kinds])
-        centre = np.array([np.log(p.centre) if p.transform == "log" else p.centre for p in kinds])
-        values = centre + scale * draws.vectors[:, list(found)]
-        rows.append((values.mean(axis=0), np.cov(values.T), centre, scale))
+        rows.append(_normal(kinds, draws.vectors[:, list(found)]))
+        noises.append(_normal(_noise(draws), draws.vectors[:, -NUM_NOISE:]))
     names = [run.path.name for run in runs]
     if len(set(names)) < len(names):
         names = [str(run.path) for run in runs]
-    mean, covariance, prior_mean, prior_sd = map(np.stack, zip(*rows, strict=True))
+    noise = _gathered(names, _noise(draws), noises)
+    return replace(
+        _gathered(names, kinds, rows), source={"network": runs[0].choose(network)}, noise=noise
+    )
+
+
+def _noise(draws: Draws) -> tuple[Parameter, ...]:
+    return noise_parameters(draws.model.adequacy)
+
+
+def _normal(kinds: Sequence[Parameter], scores: np.ndarray) -> Normal:
+    """Return mean and covariance of draws, then centre and width of the prior, all in the space of
+    the transforms.
+    """
+    scale = np.array([parameter.sd for parameter in kinds])
+    centre = np.array([np.log(p.centre) if p.transform == "log" else p.centre for p in kinds])
+    values = centre + scale * scores
+    return values.mean(axis=0), np.cov(values.T), centre, scale
+
+
+def _gathered(
+    names: Sequence[str], kinds: Sequence[Parameter], rows: Sequence[Normal]
+) -> Gathered:
     return Gathered(
         tuple(names),
         tuple(parameter.name for parameter in kinds),
         tuple(parameter.unit for parameter in kinds),
         tuple(parameter.transform for parameter in kinds),
-        mean,
-        covariance,
-        prior_mean,
-        prior_sd,
-        source={"network": runs[0].choose(network)},
+        *map(np.stack, zip(*rows, strict=True)),
     )

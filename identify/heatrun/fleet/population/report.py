@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 from ...results.gap import ValueWithInterval
 from ...results.population import (
@@ -15,6 +16,7 @@ from ...results.population import (
     MachineParameter,
     PopulationCovariate,
     PopulationMachine,
+    PopulationNoise,
     PopulationParameter,
     PopulationResult,
 )
@@ -37,6 +39,9 @@ MEAN_SD, EFFECT_SD, SPREAD = 2.0, 0.2, 0.1
 """Default hyperprior, of logarithms: the mean to a factor of 50 about the machines' middle, what a
 covariate does over its range to 20 %, a spread of 10 % with a long tail (half-Cauchy)."""
 
+NOISE_SPREAD = 0.3
+"""The same spread for noise and unmodelled heat, which differ more between machines than R and C."""
+
 LARGEST_LOG = 300.0
 """Logarithm beyond which a number means nothing any more [1]."""
 
@@ -44,18 +49,19 @@ NORMAL_95 = 1.96
 """Standard deviations on each side that hold 95 % of a normal law."""
 
 
-def default_hyperprior(gathered: Gathered) -> Hyperprior:
+def default_hyperprior(gathered: Gathered, spread: float = SPREAD) -> Hyperprior:
     """Return the hyperprior of the parameters in the space of their transforms.
 
     That of a parameter which is normal by its value is in units of its calibrations' prior.
 
     Args:
         gathered: The machines.
+        spread: Median of the prior of the spread over machines.
     """
     is_log = np.array([transform == "log" for transform in gathered.transforms])
     unit = np.where(is_log, 1.0, np.median(gathered.prior_sd, axis=0))
     return Hyperprior(
-        np.median(gathered.mean, axis=0), MEAN_SD * unit, EFFECT_SD * unit, SPREAD * unit
+        np.median(gathered.mean, axis=0), MEAN_SD * unit, EFFECT_SD * unit, spread * unit
     )
 
 
@@ -65,6 +71,7 @@ def population_result(
     covariates: Sequence[Covariate] = (),
     *,
     type_name: str = "",
+    noise: PopulationNoise | UnsetType = UNSET,
     seed: int = 0,
     notes: Sequence[str] = (),
 ) -> PopulationResult:
@@ -75,13 +82,11 @@ def population_result(
         gathered: Its machines.
         covariates: Columns of its design, each of which was divided by its span.
         type_name: Of the machines.
+        noise: From `noise_result`.
         seed: Random seed, for the record.
         notes: What else must be known of it.
     """
-    spaces = [
-        _Space(*each)
-        for each in zip(gathered.names, gathered.units, gathered.transforms, strict=True)
-    ]
+    spaces = _spaces(gathered)
     effects = np.asarray(population.laws.effects)
     return PopulationResult(
         format=POPULATION_FORMAT,
@@ -97,7 +102,7 @@ def population_result(
         is_converged=bool(population.is_converged),
         seed=seed,
         parameters=_parameters(population, spaces, seed),
-        correlation=np.asarray(population.laws.correlation).mean(axis=0).tolist(),
+        correlation=_correlation(population),
         outlier_share=_ranged(np.asarray(population.laws.outlier_share)),
         covariates={
             each.label: {
@@ -118,17 +123,62 @@ def population_result(
             for row, each in enumerate(covariates)
         },
         machines=_machines(population, gathered, spaces),
-        assumed={
-            space.name: Assumed(
-                mean=float(space.value(population.hyper.mean[place])),
-                mean_sd=float(population.hyper.mean_sd[place]),
-                spread=float(population.hyper.spread[place]),
-                effect_sd=float(population.hyper.effect_sd[place]),
-            )
-            for place, space in enumerate(spaces)
-        },
+        assumed=_assumed(population, spaces),
         notes=list(notes),
+        noise=noise,
     )  # fmt: skip
+
+
+def noise_result(
+    population: Population,
+    gathered: Gathered,
+    covariates: Sequence[Covariate] = (),
+    *,
+    seed: int = 0,
+) -> PopulationNoise:
+    """Return what stands under `noise` in `population.json`; arguments as `population_result`."""
+    spaces = _spaces(gathered)
+    effects = np.asarray(population.laws.effects)
+    return PopulationNoise(
+        num_machines=len(gathered.machines),
+        is_converged=bool(population.is_converged),
+        parameters=_parameters(population, spaces, seed),
+        correlation=_correlation(population),
+        outlier_share=_ranged(np.asarray(population.laws.outlier_share)),
+        covariates={
+            each.label: {
+                space.name: _ranged(space.change(effects[:, row, place]))
+                for place, space in enumerate(spaces)
+            }
+            for row, each in enumerate(covariates)
+        },
+        machines=_machines(population, gathered, spaces),
+        assumed=_assumed(population, spaces),
+    )
+
+
+def _spaces(gathered: Gathered) -> list[_Space]:
+    return [
+        _Space(*each)
+        for each in zip(gathered.names, gathered.units, gathered.transforms, strict=True)
+    ]
+
+
+def _correlation(population: Population) -> list[list[float]]:
+    return np.asarray(population.laws.correlation).mean(axis=0).tolist()
+
+
+def _assumed(population: Population, spaces: Sequence[_Space]) -> dict[str, Assumed]:
+    hyper = population.hyper
+    return {
+        space.name: Assumed(
+            mean=float(space.value(hyper.mean[place])),
+            mean_sd=float(hyper.mean_sd[place]),
+            spread=float(hyper.spread[place]),
+            effect_sd=float(hyper.effect_sd[place]),
+        )
+        for place, space in enumerate(spaces)
+    }
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 Parameters stand as parallel lists in the order of `parameters`, as in a fleet's `machines.parquet`;
 the two are joined by the name of the machine. Machines that were left out have a row with the
-reason and empty lists.
+reason and empty lists. So do the columns of the noise, which is a population of its own; they are
+empty where a machine's noise does not count.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 from ...results.population import PopulationMachine, PopulationResult
 from ..arrow_schema import LIST, Column, arrow, arrow_schema
 
-FORMAT = "heatrun-population-rows/1"
+FORMAT = "heatrun-population-rows/2"
 
 USED, LEFT_OUT = "used", "left out"
 
@@ -39,6 +40,16 @@ COLUMNS: tuple[Column, ...] = (
     ("given_high_95", LIST, "parameter_units", "upper limit"),
     ("distance_sd", LIST, "1", "how far its tests put each from what is expected, in standard "
      "deviations over machines with what the tests leave open"),
+    ("noise", "list of text", "", "names of the parameters of noise and unmodelled heat"),
+    ("noise_units", "list of text", "", "unit of each"),
+    ("noise_alone_values", LIST, "noise_units", "median by the machine's own calibration"),
+    ("noise_given_values", LIST, "noise_units", "median given all machines of the type"),
+    ("noise_given_low_95", LIST, "noise_units", "lower limit of its 95 % interval"),
+    ("noise_given_high_95", LIST, "noise_units", "upper limit"),
+    ("noise_outlier_probability", "number", "1", "probability that its noise is not that of the "
+     "type"),
+    ("noise_different", "list of text", "", "of them, those more than 3 standard deviations from "
+     "what is expected of the machine"),
 )  # fmt: skip
 """Name, kind, unit and meaning of each column, in order."""
 
@@ -60,7 +71,11 @@ def table_of(result: PopulationResult) -> Any:
         result: The population.
     """
     empty = {name: [] if kind.startswith("list") else None for name, kind, _, _ in COLUMNS}
-    rows = [_row(machine, result) for machine in result.machines]
+    noise = {each.name: each for each in result.noise.machines} if result.noise else {}
+    rows = [
+        {**empty, **_row(machine, result), **_noise_row(noise.get(machine.name), result)}
+        for machine in result.machines
+    ]
     rows += [
         {**empty, "machine": each.name, "type": result.type, "status": LEFT_OUT,
          "reason": each.reason}
@@ -91,4 +106,20 @@ def _row(machine: PopulationMachine, result: PopulationResult) -> dict[str, Any]
         "given_low_95": [each.interval_95[0] for each in own.values()],
         "given_high_95": [each.interval_95[1] for each in own.values()],
         "distance_sd": [each.distance_sd for each in own.values()],
+    }
+
+
+def _noise_row(machine: PopulationMachine | None, result: PopulationResult) -> dict[str, Any]:
+    if machine is None or not result.noise:
+        return {}
+    own = machine.parameters
+    return {
+        "noise": list(own),
+        "noise_units": [result.noise.parameters[name].unit for name in own],
+        "noise_alone_values": [each.alone_value for each in own.values()],
+        "noise_given_values": [each.value for each in own.values()],
+        "noise_given_low_95": [each.interval_95[0] for each in own.values()],
+        "noise_given_high_95": [each.interval_95[1] for each in own.values()],
+        "noise_outlier_probability": machine.outlier_probability,
+        "noise_different": machine.different,
     }

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from ...io.printable import clean
 from ...io.quantities import printed_unit, rounded
 from ...reports.sheet.digits import signed
 from ...results.gap import ValueWithInterval
-from ...results.population import PopulationResult
+from ...results.population import PopulationNoise, PopulationParameter, PopulationResult
 from .types import Written
 
 MOST_NAMED = 10
@@ -36,14 +37,7 @@ def _lines(result: PopulationResult) -> list[str]:
     if len(result.left_out) > MOST_NAMED:
         lines.append(f"  and {len(result.left_out) - MOST_NAMED} more, all in the files.")
     lines += [f"  note: {note}" for note in result.notes]
-    heads = ("median (95 %)", "spread (95 %)", "95 % of the machines (at 95 %)")
-    rows = [("", *heads), *(_row(name, result) for name in result.parameters)]
-    widths = [max(len(row[column]) for row in rows) for column in range(4)]
-    lines += [
-        "  "
-        + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+    lines += _table(result.parameters)
     for label, covariate in result.covariate_columns.items():
         effects = ", ".join(
             f"{name} {change(each, name, result)}" for name, each in covariate.over_range.items()
@@ -60,11 +54,36 @@ def _lines(result: PopulationResult) -> list[str]:
         )
     if len(outliers) > MOST_NAMED:
         lines.append(f"  and {len(outliers) - MOST_NAMED} more that do not fit.")
+    return lines + (_noise_lines(result.noise) if result.noise else [])
+
+
+def _noise_lines(noise: PopulationNoise) -> list[str]:
+    """Return noise and unmodelled heat over the machines."""
+    lines = ["  noise, and heat that the network misses:", *_table(noise.parameters)]
+    outliers = [machine for machine in noise.machines if machine.is_outlier]
+    for machine in outliers[:MOST_NAMED]:
+        what = ", ".join(machine.different) or "no single one"
+        lines.append(
+            f"  another noise: {clean(machine.name)} (probability "
+            f"{machine.outlier_probability:.2f}; different: {what})"
+        )
+    if len(outliers) > MOST_NAMED:
+        lines.append(f"  and {len(outliers) - MOST_NAMED} more with another noise.")
     return lines
 
 
-def _row(name: str, result: PopulationResult) -> tuple[str, str, str, str]:
-    said = result.parameters[name]
+def _table(parameters: Mapping[str, PopulationParameter]) -> list[str]:
+    heads = ("median (95 %)", "spread (95 %)", "95 % of the machines (at 95 %)")
+    rows = [("", *heads), *(_row(name, said) for name, said in parameters.items())]
+    widths = [max(len(row[column]) for row in rows) for column in range(4)]
+    return [
+        "  "
+        + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+
+
+def _row(name: str, said: PopulationParameter) -> tuple[str, str, str, str]:
     unit = printed_unit(said.unit)
     low, high = said.tolerance_95_95
     return (

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+from msgspec import UnsetType
 
 from ...fleet.population.law import LKJ, OUTLIER_SCALE, OUTLIER_SHARE
 from ...io.printable import clean, with_breaks
 from ...io.quantities import quantity
 from ...results.gap import ValueWithInterval
 from ...results.population import (
+    Assumed,
     PopulationCovariate,
     PopulationMachine,
+    PopulationNoise,
     PopulationParameter,
     PopulationResult,
 )
@@ -53,8 +57,11 @@ def type_sheet_content(result: PopulationResult) -> dict[str, Any]:
             "notes": [clean(note) for note in _notes(result)],
             "parameters": [_parameter(name, said) for name, said in result.parameters.items()],
             "rule": RULE,
-            "outliers": [_outlier(each, result) for each in _outliers(result)[:MOST_LISTED]],
+            "outliers": [
+                _outlier(each, result.parameters) for each in _outliers(result)[:MOST_LISTED]
+            ],
             "more_outliers": max(0, len(_outliers(result)) - MOST_LISTED),
+            **_noise(result.noise),
             "covariates": _covariates(result),
             "correlation_head": names,
             "correlation": [
@@ -67,7 +74,12 @@ def type_sheet_content(result: PopulationResult) -> dict[str, Any]:
             "more_left_out": max(0, len(result.left_out) - MOST_LISTED),
             "method": _method(result),
             "assumed": [
-                [name, *_assumed(name, result)] for name in result.assumed
+                [name, *_assumed(said, result.parameters[name])]
+                for name, said in result.assumed.items()
+            ]
+            + [
+                [name, *_assumed(said, result.noise.parameters[name])]
+                for name, said in (result.noise.assumed.items() if result.noise else ())
             ],
         }
     )  # fmt: skip
@@ -81,7 +93,29 @@ RULE = (
 )
 
 
-def _outliers(result: PopulationResult) -> list[PopulationMachine]:
+NOISE_RULE = (
+    "Noise of the winding's readings: its slow part, the correlation time of that, and its white "
+    "part (of a mean over 20 s); and the heat that the network misses (its standard deviation over "
+    "the mean loss). A population of its own: noise of another kind is a matter of the bench, and "
+    "heat of another size one of the network or the instruments. The next machine takes the "
+    "prior of this heat from here."
+)
+
+
+def _noise(noise: PopulationNoise | UnsetType) -> dict[str, Any]:
+    """Return the section on noise and unmodelled heat; empty lists where they are not known."""
+    if not noise:
+        return {"noise": [], "noise_rule": "", "noise_outliers": [], "more_noise_outliers": 0}
+    odd = _outliers(noise)
+    return {
+        "noise": [_parameter(name, said) for name, said in noise.parameters.items()],
+        "noise_rule": NOISE_RULE,
+        "noise_outliers": [_outlier(each, noise.parameters) for each in odd[:MOST_LISTED]],
+        "more_noise_outliers": max(0, len(odd) - MOST_LISTED),
+    }
+
+
+def _outliers(result: PopulationResult | PopulationNoise) -> list[PopulationMachine]:
     """Return the machines that do not fit, the surest first."""
     found = [machine for machine in result.machines if machine.is_outlier]
     return sorted(found, key=lambda machine: -machine.outlier_probability)
@@ -166,8 +200,10 @@ def _percent(entry: ValueWithInterval, *, is_signed: bool = False) -> str:
     return f"{printed(entry.value)} % ({printed(low)} … {printed(high)})"
 
 
-def _outlier(machine: PopulationMachine, result: PopulationResult) -> list[str]:
-    what = [_difference(name, machine, result) for name in machine.different]
+def _outlier(
+    machine: PopulationMachine, parameters: Mapping[str, PopulationParameter]
+) -> list[str]:
+    what = [_difference(name, machine, parameters) for name in machine.different]
     return [
         clean(machine.name),
         f"{machine.outlier_probability:.2f}",
@@ -175,8 +211,10 @@ def _outlier(machine: PopulationMachine, result: PopulationResult) -> list[str]:
     ]
 
 
-def _difference(name: str, machine: PopulationMachine, result: PopulationResult) -> str:
-    own, said = machine.parameters[name], result.parameters[name]
+def _difference(
+    name: str, machine: PopulationMachine, parameters: Mapping[str, PopulationParameter]
+) -> str:
+    own, said = machine.parameters[name], parameters[name]
     far = own.distance_sd
     side = "above" if far > 0.0 else "below"
     median = said.median.value
@@ -247,9 +285,9 @@ def _method(result: PopulationResult) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def _assumed(name: str, result: PopulationResult) -> list[str]:
-    said, unit = result.assumed[name], result.parameters[name].unit
-    if result.parameters[name].transform == "linear":
+def _assumed(said: Assumed, parameter: PopulationParameter) -> list[str]:
+    unit = parameter.unit
+    if parameter.transform == "linear":
         texts = [format_value(value, said.spread)[0]
                  for value in (said.mean, said.mean_sd, said.spread, said.effect_sd)]  # fmt: skip
         centre, *widths = (quantity(text, unit) for text in texts)
