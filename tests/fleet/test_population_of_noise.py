@@ -65,8 +65,10 @@ def test_median_and_spread_are_found(known):
 
 def test_a_machine_with_another_noise_is_another_in_its_noise_alone(known):
     noise = {each.name: each for each in known.result.noise.machines}
-    assert noise[LOOSE].is_outlier and {"noise_sd", "noise_white"} <= set(noise[LOOSE].different)
-    assert noise[LATENT].is_outlier and noise[LATENT].different == ["unmodelled_heat"]
+    assert noise[LOOSE].is_outlier
+    assert {"noise_sd", "noise_white"} <= set(noise[LOOSE].different)
+    assert noise[LATENT].is_outlier
+    assert noise[LATENT].different == ["unmodelled_heat"]
     assert sum(each.is_outlier for each in noise.values()) == 2
     assert not any(each.is_outlier for each in known.result.machines)
 
@@ -81,9 +83,11 @@ def test_a_machine_without_a_sound_noise_counts_for_its_parameters(known):
 
 def test_the_table_has_the_noise_of_each_machine(folder):
     rows = {each["machine"]: each for each in read_table(folder / "population.parquet").to_pylist()}
-    assert rows[SILENT]["status"] == "used" and rows[SILENT]["noise"] == []
+    assert rows[SILENT]["status"] == "used"
+    assert rows[SILENT]["noise"] == []
     loose = rows[LOOSE]
-    assert loose["noise"] == list(NOISE_NAMES) and loose["noise_outlier_probability"] > 0.9
+    assert loose["noise"] == list(NOISE_NAMES)
+    assert loose["noise_outlier_probability"] > 0.9
     given, low, high = (np.array(loose[f"noise_given_{key}"])
                         for key in ("values", "low_95", "high_95"))  # fmt: skip
     assert np.all((low < given) & (given < high))
@@ -96,7 +100,8 @@ def test_tables_and_sheet_say_it(known):
     assert [line[0] for line in content["noise"]] == list(NOISE_NAMES)
     said = {line[0]: line[2] for line in content["noise_outliers"]}
     assert set(said) == {LOOSE, LATENT}
-    assert said[LATENT].startswith("unmodelled_heat") and "above the median" in said[LATENT]
+    assert said[LATENT].startswith("unmodelled_heat")
+    assert "above the median" in said[LATENT]
 
 
 def motor(folder, further=""):

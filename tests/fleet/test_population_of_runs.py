@@ -66,6 +66,16 @@ def test_the_type_in_a_table(known):
         assert row.tolerance_low < row.low_95 < row.high_95 < row.tolerance_high
 
 
+def test_the_noise_of_the_runs_is_pooled(known):
+    table = known[0].noise().set_index("parameter")
+    assert list(table.index) == ["noise_sd", "noise_time", "noise_white", "unmodelled_heat"]
+    assert known[0].result.noise.num_machines == NUM
+    # the runs have one noise and one heat: no spread is seen
+    assert table.loc["noise_sd", "median"] == pytest.approx(0.2, rel=0.01)
+    assert table.loc["unmodelled_heat", "median"] == pytest.approx(0.0015, rel=0.1)
+    assert table.spread_low_95.max() < 0.01
+
+
 def test_the_machine_that_does_not_fit_is_named_with_what_is_different(known):
     table = known[0].machines().set_index("machine")
     assert table.loc["machine_11"].outlier_probability > 0.9

@@ -65,6 +65,8 @@ def run_near_truth(folder: Path, motor: Motor, test: Record) -> Path:
         name: (("chain", "draw"), value * (1.0 + 0.005 * rng.normal(size=(1, NUM_DRAWS))))
         for name, value in around.items()
     }
+    heat = 0.0015 * np.exp(0.2 * np.random.default_rng(7).normal(size=(1, NUM_DRAWS)))
+    draws["unmodelled_heat"] = (("chain", "draw"), heat)
     starts = 20.0 + 0.2 * rng.normal(size=(2, 1, NUM_DRAWS, 1))
     for name, start in zip(("Tw_start", "Tsr_start"), starts, strict=True):
         draws[name] = (("chain", "draw", "test"), start)

@@ -135,15 +135,18 @@ def read_next_machine(folder: Path, where: str) -> NextMachine:
             remedy=remedy,
         )
     effects = dict.fromkeys(name.partition(".")[0] for name in found if "." in name)
-    return NextMachine(found, tuple(effects), heat)
+    return NextMachine(found, tuple(effects), _within_limits(heat))
 
 
 def _heat(noise: dict[str, Any]) -> float | None:
     said = noise.get("parameters", {}).get(HEAT)
-    if said is None:
-        return None
+    return None if said is None else float(said["next_median"])
+
+
+def _within_limits(heat: float | None) -> float | None:
+    """Return the heat as far as a motor file may say it: the tail of a law may reach beyond."""
     low, high = HEAT_LIMITS
-    return min(max(float(said["next_median"]), low), high)
+    return None if heat is None else min(max(heat, low), high)
 
 
 def _prior(said: dict[str, Any]) -> ParameterOverride:

@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from ...errors import InputError
-from ...inference.draws import NUM_NOISE, Draws
+from ...inference.draws import NUM_NOISE
 from ...inference.noise import noise_parameters
 from ...inference.parameters import Parameter
 from ...runs.run import Run
 from ..rows import THERMAL
-from .gathered import FEWEST, Gathered
-
+from .gathered import FEWEST, Gathered, is_positive
 
 Normal = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -38,6 +37,7 @@ def gathered_of_runs(runs: Sequence[Run], network: str | None = None) -> Gathere
         )
     kinds = []
     rows, noises = [], []
+    of_noise: tuple[Parameter, ...] = ()
     for run in runs:
         draws = run.draws(network)
         found = {
@@ -55,18 +55,19 @@ def gathered_of_runs(runs: Sequence[Run], network: str | None = None) -> Gathere
             )
         kinds = list(found.values())
         rows.append(_normal(kinds, draws.vectors[:, list(found)]))
-        noises.append(_normal(_noise(draws), draws.vectors[:, -NUM_NOISE:]))
+        of_noise = noise_parameters(draws.model.adequacy)
+        noises.append(_normal(of_noise, draws.vectors[:, -NUM_NOISE:]))
     names = [run.path.name for run in runs]
     if len(set(names)) < len(names):
         names = [str(run.path) for run in runs]
-    noise = _gathered(names, _noise(draws), noises)
+    is_told = [is_positive(covariance, NUM_NOISE) for _, covariance, _, _ in noises]
+    own = [name for name, told in zip(names, is_told, strict=True) if told]
+    noises = [noise for noise, told in zip(noises, is_told, strict=True) if told]
     return replace(
-        _gathered(names, kinds, rows), source={"network": runs[0].choose(network)}, noise=noise
+        _gathered(names, kinds, rows),
+        source={"network": runs[0].choose(network)},
+        noise=_gathered(own, of_noise, noises) if own else None,
     )
-
-
-def _noise(draws: Draws) -> tuple[Parameter, ...]:
-    return noise_parameters(draws.model.adequacy)
 
 
 def _normal(kinds: Sequence[Parameter], scores: np.ndarray) -> Normal:
@@ -79,13 +80,15 @@ def _normal(kinds: Sequence[Parameter], scores: np.ndarray) -> Normal:
     return values.mean(axis=0), np.cov(values.T), centre, scale
 
 
-def _gathered(
-    names: Sequence[str], kinds: Sequence[Parameter], rows: Sequence[Normal]
-) -> Gathered:
+def _gathered(names: Sequence[str], kinds: Sequence[Parameter], rows: Sequence[Normal]) -> Gathered:
+    mean, covariance, prior_mean, prior_sd = map(np.stack, zip(*rows, strict=True))
     return Gathered(
         tuple(names),
         tuple(parameter.name for parameter in kinds),
         tuple(parameter.unit for parameter in kinds),
         tuple(parameter.transform for parameter in kinds),
-        *map(np.stack, zip(*rows, strict=True)),
+        mean,
+        covariance,
+        prior_mean,
+        prior_sd,
     )

@@ -40,7 +40,7 @@ MEAN_SD, EFFECT_SD, SPREAD = 2.0, 0.2, 0.1
 covariate does over its range to 20 %, a spread of 10 % with a long tail (half-Cauchy)."""
 
 NOISE_SPREAD = 0.3
-"""The same spread for noise and unmodelled heat, which differ more between machines than R and C."""
+"""Median of the spread for noise and unmodelled heat, which machines share less [1]."""
 
 LARGEST_LOG = 300.0
 """Logarithm beyond which a number means nothing any more [1]."""

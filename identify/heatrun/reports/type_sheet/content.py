@@ -77,10 +77,10 @@ def type_sheet_content(result: PopulationResult) -> dict[str, Any]:
                 [name, *_assumed(said, result.parameters[name])]
                 for name, said in result.assumed.items()
             ]
-            + [
+            + ([
                 [name, *_assumed(said, result.noise.parameters[name])]
-                for name, said in (result.noise.assumed.items() if result.noise else ())
-            ],
+                for name, said in result.noise.assumed.items()
+            ] if result.noise else []),
         }
     )  # fmt: skip
 
