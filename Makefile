@@ -96,6 +96,7 @@ study-faults: $(VENV)/ready
 study-fleet: $(VENV)/ready
 	$(BIN)/python tests/studies/fleet_one_stage.py
 	$(BIN)/python tests/studies/fleet.py --fleets 12 --machines 200
+	$(BIN)/python tests/studies/fleet_noise.py
 
 # Effects that the machines of a fleet share; goes on where it was stopped.
 study-fleet-discovery: $(VENV)/ready

@@ -182,8 +182,9 @@ def readings(values: np.ndarray, minutes: float, rng: np.random.Generator) -> di
 
 
 def courses(
-    values: np.ndarray, current: np.ndarray, other: np.ndarray, ohm: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    values: np.ndarray, current: np.ndarray, other: np.ndarray, ohm: np.ndarray,
+    into_winding: np.ndarray | float = 0.0, missed: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return winding temperature [degC] and copper loss [W] of machines second by second.
 
     Two nodes: copper loss enters the winding, the other losses the stator; the resistance follows
@@ -194,6 +195,8 @@ def courses(
         current: Rms phase current [A], shape (machine, second).
         other: Losses other than copper [W], likewise.
         ohm: Phase resistance at 25 degC [ohm], shape (machine,).
+        into_winding: Share of the other losses that warms the winding first, shape (machine,) [1].
+        missed: Heat into winding and stator beside the losses [W], shape (2, machine, second).
     """
     C_w, C_sr, R_w, R_sr = values.T
 
@@ -201,15 +204,20 @@ def courses(
         warm = (B_degC + winding) / (B_degC + REFERENCE_degC)
         return 3.0 * ohm * warm * amperes**2
 
-    def slope(T: np.ndarray, amperes: np.ndarray, watts: np.ndarray) -> np.ndarray:
+    def slope(
+        T: np.ndarray, amperes: np.ndarray, watts: np.ndarray, more: np.ndarray
+    ) -> np.ndarray:
         flow = (T[0] - T[1]) / R_w
         out = (T[1] - ROOM_degC) / R_sr
-        return np.stack([(copper_at(T[0], amperes) - flow) / C_w, (watts + flow - out) / C_sr])
+        winding = copper_at(T[0], amperes) + into_winding * watts + more[0]
+        stator = (1.0 - into_winding) * watts + more[1]
+        return np.stack([(winding - flow) / C_w, (stator + flow - out) / C_sr])
 
-    T = np.full((2, len(values)), ROOM_degC)
+    T, none = np.full((2, len(values)), ROOM_degC), np.zeros((2, 1))
     winding, copper = np.empty_like(current), np.empty_like(current)
     for second in range(current.shape[1]):
-        load = current[:, second], other[:, second]
+        more = none if missed is None else missed[:, :, second]
+        load = current[:, second], other[:, second], more
         winding[:, second], copper[:, second] = T[0], copper_at(T[0], load[0])
         first = slope(T, *load)
         middle = slope(T + 0.5 * first, *load)
@@ -221,10 +229,25 @@ def courses(
 
 def _noise(num: int, steps: int, rng: np.random.Generator) -> np.ndarray:
     """Return the noise of readings a second apart [K], shape (machine, second)."""
-    kept = np.exp(-1.0 / SLOW_S)
+    slow = slowly(num, steps, SLOW_S, rng)
+    return SLOW_K * slow + WHITE_K * rng.standard_normal((num, steps))
+
+
+def slowly(
+    num: int, steps: int, time_s: np.ndarray | float, rng: np.random.Generator
+) -> np.ndarray:
+    """Return Gauss-Markov processes of unit variance a second apart, shape (process, second).
+
+    Args:
+        num: Number of processes.
+        steps: Seconds.
+        time_s: Correlation times [s], one for all or of shape (process,).
+        rng: Random numbers.
+    """
+    kept = np.exp(-1.0 / np.broadcast_to(time_s, num))
     slow = np.empty((num, steps))
     slow[:, 0] = rng.standard_normal(num)
-    shocks = np.sqrt(1.0 - kept**2) * rng.standard_normal((num, steps))
+    shocks = np.sqrt(1.0 - kept**2)[:, None] * rng.standard_normal((num, steps))
     for second in range(1, steps):
         slow[:, second] = kept * slow[:, second - 1] + shocks[:, second]
-    return SLOW_K * slow + WHITE_K * rng.standard_normal((num, steps))
+    return slow

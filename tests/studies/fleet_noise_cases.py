@@ -1,0 +1,182 @@
+"""Simulated fleets whose machines differ in noise, in heat that no network tells, and in an effect.
+
+Independent of heatrun and lptn: the machines of `fleet_cases`, into whose nodes heat comes and goes
+that nobody measures. That heat is smoother than the Gauss-Markov process that heatrun takes it for:
+a random force through two lags, whose time is another in each machine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from fleet_cases import (
+    ERRORS,
+    OHM,
+    SAMPLE_S,
+    Fleet,
+    REFERENCE_degC,
+    ROOM_degC,
+    courses,
+    draw_fleet,
+    slowly,
+)
+
+NOISE = ("noise_sd", "noise_time", "noise_white", "unmodelled_heat")
+NOISE_CENTRE = np.array([0.15, 45.0, 0.04, 0.005])
+"""Of the types: K, s, K (of a mean over 20 s), share of the mean loss."""
+
+NOISE_SPREAD = np.array([0.25, 0.15, 0.20, 0.40])
+"""Middle of the spreads of the types, of the logarithm [1]; as for the parameters, each type's are
+up to 1.5 times as large or as small. The types' centres differ by as much again."""
+
+OTHER_NOISE = 0.05
+"""Share of machines with noise of another kind: their slow part or their heat is larger by a factor
+drawn between the two numbers of `TIMES`."""
+
+TIMES = (5.0, 9.0)
+
+EFFECT, SHARE, SHARE_SPREAD = "iron_loss_in_winding", 0.15, 0.13
+"""What half of the types have: share of the other losses that warms the winding first, centre of
+the types [1], and standard deviation of the logarithm over machines; the centres differ by 20 %."""
+
+HEAT_S = (400.0, 900.0)
+"""Each of the two lags of the heat that nobody measures [s]."""
+
+STAIR_S = 480.0
+
+MOTOR = f"""[motor]
+name = "simulated type"
+[winding]
+phase_resistance_ohm = {OHM}
+reference_temperature_degC = {REFERENCE_degC}
+[columns]
+speed_rpm = "n"
+"""
+
+
+@dataclass(frozen=True)
+class NoisyFleet:
+    """A fleet and its truth.
+
+    Attributes:
+        machines: Their thermal parameters.
+        noise_mean: Of the logarithms over machines, shape (noise,).
+        noise_sd: Likewise, machines of another noise left aside, shape (noise,).
+        noise: Logarithms of each machine's noise, shape (machine, noise).
+        is_other: Machines with another noise, shape (machine,).
+        share_median: Of the effect over machines [1]; 0 where the type has none.
+        share: Of each machine, shape (machine,).
+    """
+
+    machines: Fleet
+    noise_mean: np.ndarray
+    noise_sd: np.ndarray
+    noise: np.ndarray
+    is_other: np.ndarray
+    share_median: float
+    share: np.ndarray
+
+
+def draw_noisy_fleet(seed: int, num: int, *, has_effect: bool) -> NoisyFleet:
+    """Return a fleet of a type that is drawn too.
+
+    Args:
+        seed: Random seed.
+        num: Number of machines.
+        has_effect: Whether the type has the effect.
+    """
+    rng = np.random.default_rng([seed, 3])
+    mean = np.log(NOISE_CENTRE) + NOISE_SPREAD * rng.standard_normal(4)
+    sd = NOISE_SPREAD * 1.5 ** rng.uniform(-1.0, 1.0, 4)
+    noise = mean + sd * rng.standard_normal((num, 4))
+    is_other = rng.permutation(np.arange(num) < round(OTHER_NOISE * num))
+    for place in np.flatnonzero(is_other):
+        noise[place, rng.choice([0, 3])] += np.log(rng.uniform(*TIMES))
+    median = SHARE * np.exp(0.2 * rng.standard_normal()) * has_effect
+    share = median * np.exp(SHARE_SPREAD * rng.standard_normal(num))
+    machines = draw_fleet(seed, num, outliers=0.0, short=0.0)
+    return NoisyFleet(machines, mean, sd, noise, is_other, float(median), share)
+
+
+def write_noisy_fleet(
+    fleet: NoisyFleet, folder: Path, seed: int, *, minutes: float, places: range, motor: str = ""
+) -> Path:
+    """Write motor file, tests, table of machines and fleet file; return the last.
+
+    Args:
+        fleet: The machines.
+        folder: Where they go; made.
+        seed: Random seed of loads, instruments and noise.
+        minutes: Length of the tests [min]; one of less than an hour is under one load.
+        places: Of the machines that are tested.
+        motor: Further sections of the motor file.
+    """
+    (folder / "tests").mkdir(parents=True)
+    has_effect = fleet.share_median > 0.0 and "[population]" not in motor
+    effects = f'[model]\neffects = ["{EFFECT}"]\n' if has_effect else ""
+    (folder / "motor.toml").write_text(MOTOR + effects + motor)
+    rng = np.random.default_rng([seed, 4, round(minutes)])
+    columns = _readings(fleet, np.array(places), minutes, rng)
+    rows = ["machine,type,test"]
+    for row, place in enumerate(places):
+        name = fleet.machines.machines[place]
+        rows.append(f"{name},simulated,tests/{name}.csv")
+        table = np.stack([column[row] for column in columns.values()], axis=1)
+        np.savetxt(folder / "tests" / f"{name}.csv", table, "%.6g", ",",
+                   header=",".join(columns), comments="")  # fmt: skip
+    (folder / "machines.csv").write_text("\n".join(rows) + "\n")
+    path = folder / "FLEET.toml"
+    path.write_text(
+        '[fleet]\nname = "simulated"\nmotor = "motor.toml"\nmanifest = "machines.csv"\n'
+    )
+    return path
+
+
+def _readings(
+    fleet: NoisyFleet, places: np.ndarray, minutes: float, rng: np.random.Generator
+) -> dict[str, np.ndarray]:
+    """Return what the bench writes, by column, shape (machine, sample) each."""
+    num, steps = places.size, round(minutes * 60.0)
+    time_s = np.arange(steps, dtype=float)
+    stairs = 1 if minutes < 60.0 else round(60.0 * minutes / STAIR_S)
+    stretch = np.minimum((time_s * stairs / steps).astype(int), 63)
+    current = rng.uniform(60.0, 170.0, (num, 64))[:, stretch]
+    other = rng.uniform(150.0, 400.0, (num, 64))[:, stretch]
+    current[:, :60] = other[:, :60] = 0.0
+    error = {name: sd * rng.standard_normal((num, 1)) for name, sd in ERRORS.items()}
+    ohm = OHM * np.exp(error["resistance"][:, 0])
+    slow_K, slow_s, white_K, heat = np.exp(fleet.noise[places]).T
+    # of the loss as it would be at 60 degC: what is missed does not follow the temperature
+    warm = 3.0 * ohm[:, None] * 1.14 * current**2 + other
+    size = (heat * warm.mean(axis=1))[:, None]
+    lasting = rng.uniform(*HEAT_S, num)
+    missed = np.stack([size * _smoothly(num, steps, lasting, rng) for _ in range(2)])
+    winding, copper = courses(
+        np.exp(fleet.machines.logs[places]), current, other, ohm, fleet.share[places], missed
+    )
+    every = slice(0, steps, round(SAMPLE_S))
+    slow = slow_K[:, None] * slowly(num, steps, slow_s, rng)[:, every]
+    rise = (winding[:, every] - ROOM_degC) * (1.0 + error["sensor_gain"]) + ROOM_degC
+    white = white_K[:, None] * np.sqrt(20.0 / SAMPLE_S) * rng.standard_normal(rise.shape)
+    return {
+        "t": np.broadcast_to(time_s[every], rise.shape),
+        "Is": current[:, every] / (1.0 + error["current"]),
+        "Pd": (copper + other)[:, every] / (1.0 + error["power"]),
+        "n": np.broadcast_to(3000.0 * (time_s[every] >= 60.0), rise.shape),
+        "Te": np.broadcast_to(ROOM_degC - error["ambient_K"], rise.shape),
+        "Tw_m": rise + error["sensor_K"] + slow + white,
+    }
+
+
+def _smoothly(num: int, steps: int, lag_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return processes of unit variance whose slope is continuous, shape (process, second)."""
+    warm_up = round(8.0 * lag_s.max())
+    once = slowly(num, steps + warm_up, lag_s, rng)
+    kept = np.exp(-1.0 / lag_s)
+    twice = np.empty_like(once)
+    twice[:, 0] = once[:, 0]
+    for second in range(1, once.shape[1]):
+        twice[:, second] = kept * twice[:, second - 1] + (1.0 - kept) * once[:, second]
+    return np.sqrt(2.0) * twice[:, warm_up:]  # a lag as long as the process takes half its variance
