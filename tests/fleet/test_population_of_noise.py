@@ -101,7 +101,7 @@ def test_tables_and_sheet_say_it(known):
     said = {line[0]: line[2] for line in content["noise_outliers"]}
     assert set(said) == {LOOSE, LATENT}
     assert said[LATENT].startswith("unmodelled_heat")
-    assert "above the median" in said[LATENT]
+    assert "times the median" in said[LATENT]
 
 
 def motor(folder, further=""):

@@ -152,7 +152,7 @@ def _readings(
     warm = 3.0 * ohm[:, None] * 1.14 * current**2 + other
     size = (heat * warm.mean(axis=1))[:, None]
     lasting = rng.uniform(*HEAT_S, num)
-    missed = np.stack([size * _smoothly(num, steps, lasting, rng) for _ in range(2)])
+    missed = np.stack([size * smoothly(num, steps, lasting, rng) for _ in range(2)])
     winding, copper = courses(
         np.exp(fleet.machines.logs[places]), current, other, ohm, fleet.share[places], missed
     )
@@ -170,7 +170,7 @@ def _readings(
     }
 
 
-def _smoothly(num: int, steps: int, lag_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def smoothly(num: int, steps: int, lag_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return processes of unit variance whose slope is continuous, shape (process, second)."""
     warm_up = round(8.0 * lag_s.max())
     once = slowly(num, steps + warm_up, lag_s, rng)

@@ -36,6 +36,9 @@ TOO_FAR = 20.0
 LARGEST_SHARE = 10.0
 """Spread or change from which on no upper limit is printed [1]."""
 
+MANY_TIMES = 3.0
+"""Value over the median from which on it is said in times and not in percent [1]."""
+
 FEW = 10
 """Machines below which the sheet says that spreads and limits are wide for want of machines."""
 
@@ -218,6 +221,9 @@ def _difference(
     far = own.distance_sd
     side = "above" if far > 0.0 else "below"
     median = said.median.value
+    if said.transform == "log" and median > 0.0 and own.value > MANY_TIMES * median:
+        times = own.value / median
+        return f"{name} {times:.2g} times the median ({abs(far):.0f} standard deviations)"
     if said.transform == "log" and median > 0.0:
         by = f"{abs(100.0 * (own.value / median - 1.0)):.0f} %"
     else:
