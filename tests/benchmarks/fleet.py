@@ -1,6 +1,9 @@
 """Machines per second: a fleet's fits beside those of one machine at a time.
 
-    python tests/benchmarks/fleet.py --machines 1 100 10000 --files 100
+    python tests/benchmarks/fleet.py --machines 1 100 10000 --files 128
+
+Rows of other numbers of machines, or of other ways, stay as an earlier run left them in the JSON
+file beside the page, each with its date. So the long ones need not be run with the short ones.
 
 Each machine is a random one with two tests of two hours at 1 Hz, simulated by the bench of
 `data/synthetic`. Readings of `NUM_SIMULATED` machines are simulated; further machines have noise of
@@ -26,7 +29,7 @@ import shutil
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -48,8 +51,9 @@ from heatrun.inference.fitting.fit import fit  # noqa: E402
 
 OUT = ROOT / "results" / "fleet" / "throughput.md"
 NUM_SIMULATED, NOISE_K, SAMPLE_S, DURATION_S = 32, 0.05, 1.0, 7200.0
-TARGET_S, STEEPEST = 600.0, 1.05
+TARGET_MACHINES, TARGET_S, STEEPEST = 10_000, 600.0, 1.05
 NUM_BY_HAND, NUM_QUICK = 16, 3
+ORDER = ("fits of", "heatrun fleet", "heatrun calibrate", "scipy")
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,13 @@ class Row:
     processor_s: float
     memory_MB: float
     note: str = ""
+    date: str = field(default_factory=lambda: about_machine()["date"])
+
+    @property
+    def key(self) -> tuple[int, int, str]:
+        """What row of the page it is, in their order."""
+        place = next((i for i, what in enumerate(ORDER) if self.what.startswith(what)), len(ORDER))
+        return place, self.machines, self.what
 
 
 def profiles():
@@ -227,18 +238,18 @@ def text(rows: list[Row], arguments: str) -> str:
         "",
         f"`python tests/benchmarks/fleet.py {arguments}` (`make bench-fleet`). Machines with two "
         f"tests of {DURATION_S / 3600:.0f} h, sampled each {SAMPLE_S:g} s. "
-        + f"{about['processor']}, {about['cores']} cores, {about['date']}, Python "
+        + f"{about['processor']}, {about['cores']} cores, Python "
         + f"{about['python']}, heatrun {about['versions']['heatrun']}, jax "
         + f"{about['versions']['jax']}.",
         "",
-        "| what | machines | wall | processor | a machine | machines per second | |",
-        "|---|---|---|---|---|---|---|",
+        "| what | machines | wall | processor | a machine | machines per second | | measured |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         lines.append(
             f"| {row.what} | {row.machines} | {row.wall_s:.1f} s | {row.processor_s:.1f} s | "
             f"{1e3 * row.processor_s / row.machines:.0f} ms | {row.machines / row.wall_s:.2f} | "
-            f"{row.note} |"
+            f"{row.note} | {row.date} |"
         )
     lines += ["", *_verdicts(own)]
     return "\n".join(lines) + "\n"
@@ -247,13 +258,14 @@ def text(rows: list[Row], arguments: str) -> str:
 def _verdicts(rows: list[Row]) -> list[str]:
     said = []
     largest = max(rows, key=lambda row: row.machines)
-    if largest.machines >= 10_000:
-        is_met = largest.wall_s <= TARGET_S
-        said.append(
-            f"- {largest.machines} machines in at most {TARGET_S:.0f} s on two cores: "
-            f"{largest.wall_s:.0f} s, "
-            + ("met." if is_met else f"**missed by {largest.wall_s / TARGET_S - 1:.0%}**.")
-        )
+    for row in rows:
+        if row.machines == TARGET_MACHINES:
+            is_met = row.wall_s <= TARGET_S
+            said.append(
+                f"- {row.machines} machines in at most {TARGET_S:.0f} s on two cores: "
+                f"{row.wall_s:.0f} s, "
+                + ("met." if is_met else f"**missed by {row.wall_s / TARGET_S - 1:.0%}**.")
+            )
     many = [row for row in rows if row.machines >= 100]
     if len(many) > 1:
         slope = np.polyfit(*(np.log([getattr(r, key) for r in many])
@@ -265,15 +277,25 @@ def _verdicts(rows: list[Row]) -> list[str]:
         grown = many[-1].memory_MB / many[0].memory_MB
         said.append(f"- Largest process: {grown:.2f} times as large for {many[-1].machines} "
                     f"machines as for {many[0].machines}.")  # fmt: skip
-    said.append("- No GPU was at hand; 100 000 machines were not run.")
+    said.append("- No GPU was at hand.")
+    if largest.machines < 100_000:
+        said.append("- 100 000 machines were not run.")
     return said
+
+
+def rows_before(path: Path) -> list[Row]:
+    """Return the rows of earlier runs."""
+    if not path.exists():
+        return []
+    stored = json.loads(path.read_text())
+    return [Row(**{**row, "memory_MB": row["memory_MB"] or math.nan}) for row in stored]
 
 
 def main() -> None:
     """Measure and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--machines", type=int, nargs="+", default=[1, 100, 10_000])
-    parser.add_argument("--files", type=int, default=100, help="machines of `heatrun fleet`")
+    parser.add_argument("--machines", type=int, nargs="*", default=[1, 100, 10_000])
+    parser.add_argument("--files", type=int, default=128, help="machines of `heatrun fleet`")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=OUT)
@@ -293,8 +315,12 @@ def main() -> None:
     done(by_hand(chosen.processes))
     said = f"--machines {' '.join(map(str, chosen.machines))} --files {chosen.files}"
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
+    stored = chosen.out.with_suffix(".json")
+    new = {row.key for row in rows}
+    rows = sorted([*rows, *(row for row in rows_before(stored) if row.key not in new)],
+                  key=lambda row: row.key)  # fmt: skip
     chosen.out.write_text(text(rows, said))
-    chosen.out.with_suffix(".json").write_text(
+    stored.write_text(
         json.dumps([vars(row) | {"memory_MB": None if math.isnan(row.memory_MB) else row.memory_MB}
                     for row in rows], indent=1) + "\n"
     )  # fmt: skip
