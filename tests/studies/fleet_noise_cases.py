@@ -24,8 +24,12 @@ from fleet_cases import (
 )
 
 NOISE = ("noise_sd", "noise_time", "noise_white", "unmodelled_heat")
-NOISE_CENTRE = np.array([0.15, 45.0, 0.04, 0.005])
-"""Of the types: K, s, K (of a mean over 20 s), share of the mean loss."""
+NOISE_CENTRE = np.array([0.15, 45.0, 0.04, 1.0])
+"""Of the types: K, s, K (of a mean over 20 s); the heat is one of `HEATS`."""
+
+HEATS = (0.0015, 0.005)
+"""Heat that nobody measures, over the mean loss [1]: half of the types have the one, half the
+other. The smaller is what heatrun takes as usual."""
 
 NOISE_SPREAD = np.array([0.25, 0.15, 0.20, 0.40])
 """Middle of the spreads of the types, of the logarithm [1]; as for the parameters, each type's are
@@ -79,16 +83,19 @@ class NoisyFleet:
     share: np.ndarray
 
 
-def draw_noisy_fleet(seed: int, num: int, *, has_effect: bool) -> NoisyFleet:
+def draw_noisy_fleet(
+    seed: int, num: int, *, has_effect: bool, heat: float = HEATS[0]
+) -> NoisyFleet:
     """Return a fleet of a type that is drawn too.
 
     Args:
         seed: Random seed.
         num: Number of machines.
         has_effect: Whether the type has the effect.
+        heat: About which that of the type is drawn, over the mean loss [1].
     """
     rng = np.random.default_rng([seed, 3])
-    mean = np.log(NOISE_CENTRE) + NOISE_SPREAD * rng.standard_normal(4)
+    mean = np.log(NOISE_CENTRE * [1.0, 1.0, 1.0, heat]) + NOISE_SPREAD * rng.standard_normal(4)
     sd = NOISE_SPREAD * 1.5 ** rng.uniform(-1.0, 1.0, 4)
     noise = mean + sd * rng.standard_normal((num, 4))
     is_other = rng.permutation(np.arange(num) < round(OTHER_NOISE * num))
@@ -142,8 +149,8 @@ def _readings(
     time_s = np.arange(steps, dtype=float)
     stairs = 1 if minutes < 60.0 else round(60.0 * minutes / STAIR_S)
     stretch = np.minimum((time_s * stairs / steps).astype(int), 63)
-    current = rng.uniform(60.0, 170.0, (num, 64))[:, stretch]
-    other = rng.uniform(150.0, 400.0, (num, 64))[:, stretch]
+    current = rng.uniform(50.0, 120.0, (num, 64))[:, stretch]
+    other = rng.uniform(120.0, 320.0, (num, 64))[:, stretch]
     current[:, :60] = other[:, :60] = 0.0
     error = {name: sd * rng.standard_normal((num, 1)) for name, sd in ERRORS.items()}
     ohm = OHM * np.exp(error["resistance"][:, 0])

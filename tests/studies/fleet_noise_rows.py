@@ -31,11 +31,13 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
     """Return the row of a fleet.
 
     Args:
-        job: `seed`, `machines`, `has_effect`, and `workers` for the fleet's calibrations.
+        job: `seed`, `machines`, `has_effect`, `heat`, and `workers` for the calibrations.
     """
     begin = time.monotonic()
     num = job["machines"]
-    fleet = draw_noisy_fleet(job["seed"], num + NUM_NEXT, has_effect=job["has_effect"])
+    fleet = draw_noisy_fleet(
+        job["seed"], num + NUM_NEXT, has_effect=job["has_effect"], heat=job["heat"]
+    )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         path = write_noisy_fleet(

@@ -62,7 +62,7 @@ def test_the_files_are_the_ones_that_a_bench_leaves(tmp_path):
 def test_a_small_fleet_by_the_users_path(tmp_path, monkeypatch):
     monkeypatch.setattr("fleet_noise_rows.NUM_NEXT", 4)
     monkeypatch.setattr("sys.argv", ["fleet_noise.py", "--seed", "700"])
-    row = run({"seed": 700, "machines": 6, "workers": 1, "has_effect": True})
+    row = run({"seed": 700, "machines": 6, "workers": 1, "has_effect": True, "heat": 0.005})
     assert {each["of"] for each in row["type"]} == {"network", "noise", "effect"}
     assert len(row["machines_found"]) == 6
     assert len(row["machines_found"][0]["noise_inside"]) == len(NOISE)
@@ -74,4 +74,5 @@ def test_a_small_fleet_by_the_users_path(tmp_path, monkeypatch):
     found = table([row], json.loads((tmp_path / "rows.json").read_text()))
     inside = sum(sum(each["noise_inside"]) for each in row["machines_found"])
     assert f"({inside} of 24)" in found
+    assert "of unmodelled_heat, types with 0.5 % of heat" in found
     assert "(4 of 4 fitted)" in found

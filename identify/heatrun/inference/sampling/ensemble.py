@@ -9,9 +9,16 @@ from pathlib import Path
 import emcee
 import numpy as np
 
+from ..draws import NUM_NOISE
 from ..fitting.fit_result import Fit
 from .checkpoint import Checkpoint, state_of
 from .importance import Weighted, evaluate
+
+SHARE_OF_NOISE, SHARE_ANEW = 0.5, 0.2
+"""Shares of the moves that take one score of the noise anew, and of those that take all [1]."""
+
+SHARE_WITH_EVOLUTION = 0.25
+"""Share of the former where evolution alone moves the parameters [1]."""
 
 
 class Ensemble:
@@ -49,9 +56,12 @@ class Ensemble:
             moves=_moves(weighted),
         )
         rng = np.random.default_rng([seed, 7, index])
-        start = weighted.resample(num_walkers, rng)
+        drawn = weighted.resample(num_walkers, rng)
         # equal draws would leave the ensemble in a subspace that it cannot get out of
-        start = start + 1e-3 * np.sqrt(np.diag(fit.covariance)) * rng.standard_normal(start.shape)
+        start = drawn + 1e-3 * np.sqrt(np.diag(fit.covariance)) * rng.standard_normal(drawn.shape)
+        # beyond the largest noise no walker may start: there the density is nothing
+        is_beyond = ~np.isfinite(evaluate(fit, start))
+        start[is_beyond] = drawn[is_beyond]
         random_state = np.random.RandomState(rng.integers(2**31)).get_state()
         state = emcee.State(start, random_state=random_state)
         if folder is None:
@@ -100,15 +110,36 @@ def evolution() -> list[tuple[emcee.moves.Move, float]]:
     return [(emcee.moves.DEMove(), 0.9), (emcee.moves.DEMove(gamma0=1.0), 0.1)]
 
 
+def of_noise(coordinates: np.ndarray, random: np.random.RandomState):
+    """Return walkers each of which has one score of the noise anew from its prior, and the factors
+    of their acceptance [nat].
+
+    A white part so small that it does not show leaves its logarithm to the prior. That makes a long
+    tail, into which evolution and the proposal of the importance sampling seldom reach: the other
+    scores forgot where they were in 30 steps, this one in 160 (`duty_90min`).
+
+    Args:
+        coordinates: Scores of parameters and noise, shape (walker, all).
+        random: Random numbers.
+    """
+    num, size = coordinates.shape
+    rows, place = np.arange(num), size - NUM_NOISE + random.randint(NUM_NOISE, size=num)
+    moved, old, new = coordinates.copy(), coordinates[rows, place], random.randn(num)
+    moved[rows, place] = new
+    return moved, 0.5 * (new**2 - old**2)
+
+
 def _moves(weighted: Weighted) -> list[tuple[emcee.moves.Move, float]]:
     """Return the moves of an ensemble with their shares.
 
-    Draws from the proposal of the importance sampling forget where a walker was wherever that
-    proposal is good, at five times the cost of a step of evolution; where it is not good, evolution
-    goes on alone.
+    Many of them take one score of the noise from its prior. Draws from the proposal of the
+    importance sampling forget where a walker was wherever that proposal is good, at five times the
+    cost of a step of evolution; where it is not good, they are left out.
     """
+    noise = emcee.moves.MHMove(of_noise)
     if not weighted.is_sound:
-        return evolution()
+        usual = [(move, (1.0 - SHARE_WITH_EVOLUTION) * share) for move, share in evolution()]
+        return [*usual, (noise, SHARE_WITH_EVOLUTION)]
     proposal = weighted.proposal
 
     def anew(coordinates: np.ndarray, random: np.random.RandomState):
@@ -116,5 +147,6 @@ def _moves(weighted: Weighted) -> list[tuple[emcee.moves.Move, float]]:
         drawn = proposal.draw(coordinates.shape[0], rng)
         return drawn.vectors, proposal.log_density(coordinates) - drawn.log_density
 
-    usual = [(move, 0.6 * share) for move, share in evolution()]
-    return [*usual, (emcee.moves.MHMove(anew), 0.4)]
+    rest = 1.0 - SHARE_OF_NOISE - SHARE_ANEW
+    usual = [(move, rest * share) for move, share in evolution()]
+    return [*usual, (noise, SHARE_OF_NOISE), (emcee.moves.MHMove(anew), SHARE_ANEW)]
