@@ -35,8 +35,8 @@ def table(rows: Sequence[Row], said: Row) -> str:
         f"`python tests/studies/fleet_noise.py` (`make study-fleet`), seeds from {said['seed']} "
         f"on; {len(rows)} of {said['planned']} fleets, {len(machines)} machines that count, of "
         f"tests of {TEST_MIN:.0f} min. Two-node machines by NumPy after Runge and Kutta; slow and "
-        "white noise of the winding and heat that nobody measures (of a usual size in half of the types, three times that in the others) differ from "
-        "machine to machine; "
+        "white noise of the winding and heat that nobody measures differ from machine to machine, "
+        "the heat of a usual size in half of the types and three times that in the others; "
         f"{with_effect} types warm the winding with a share of their other losses, and their motor "
         "file names the effect. The heat is smoother than the process that heatrun takes it for. "
         "In 5 % of the machines the slow noise or the heat is 5 to 9 times as large. Through "
@@ -69,7 +69,9 @@ def table(rows: Sequence[Row], said: Row) -> str:
         "",
         f"Converged: {sum(row['is_converged'] for row in rows)} of {len(rows)} populations. Left "
         f"out: {sum(len(row['left_out']) for row in rows)} machines. "
-        f"{sum(row['processor_s'] for row in rows) / 60:.0f} min in all.",
+        f"{sum(row['processor_s'] for row in rows) / 60:.0f} min in all. What the calibrations call "
+        "noise and heat holds what the network leaves besides: loads that are sampled each 2 s, and "
+        "heat of another law.",
         "",
         f"`{said['command']}`, {', '.join(f'{k} {v}' for k, v in said['versions'].items())}.",
     ]  # fmt: skip
