@@ -69,9 +69,8 @@ def table(rows: Sequence[Row], said: Row) -> str:
         "",
         f"Converged: {sum(row['is_converged'] for row in rows)} of {len(rows)} populations. Left "
         f"out: {sum(len(row['left_out']) for row in rows)} machines. "
-        f"{sum(row['processor_s'] for row in rows) / 60:.0f} min in all. What the calibrations call "
-        "noise and heat holds what the network leaves besides: loads that are sampled each 2 s, and "
-        "heat of another law.",
+        f"{sum(row['processor_s'] for row in rows) / 60:.0f} min in all. What the calibrations "
+        "call noise and heat holds whatever else the network leaves.",
         "",
         f"`{said['command']}`, {', '.join(f'{k} {v}' for k, v in said['versions'].items())}.",
     ]  # fmt: skip
