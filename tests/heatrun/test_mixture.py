@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
+from heatrun.calibration import load_tests
+from heatrun.inference.fitting.fit import fit
 from heatrun.inference.kernels import Kernels
-from heatrun.inference.sampling.importance import truncated
+from heatrun.inference.model import Model
+from heatrun.inference.posterior import sample
+from heatrun.inference.problem import Problem
+from heatrun.inference.sampling.importance import importance_sample, truncated
 from heatrun.inference.sampling.proposal import Proposal
+from heatrun.motorfile import load_motor
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
 
 ERRORS = 5.0
 """Standard errors of a mean that chance leaves in one case of two million."""
@@ -21,6 +31,14 @@ CENTRE, SD = np.array([0.5, -1.0, 0.0, -0.5]), np.array([0.2, 0.8, 1.0, 0.9])
 @pytest.fixture
 def rng():
     return np.random.default_rng(4)
+
+
+@pytest.fixture(scope="module")
+def one_node():
+    """The first order's fit of a step of 90 minutes."""
+    motor = load_motor(DATA / "motor.toml")
+    tests = load_tests(motor, [DATA / "step_90min.csv.gz"], [])
+    return fit(Problem.of(Model.of("first", motor), motor, [test.blocks for test in tests]))
 
 
 def mean_is_one(log_ratio):
@@ -56,8 +74,28 @@ def test_the_proposal_draws_from_its_density(fitted, rng):
         log_ratio = target.logpdf(drawn.vectors) - drawn.log_density
         assert mean_is_one(log_ratio)
         weights = np.exp(log_ratio - np.max(log_ratio))
-        proposal = proposal.adapted(drawn, truncated(weights / weights.sum()))
+        proposal = proposal.adapted(drawn, truncated(weights / weights.sum()), rng)
     assert proposal.branches.share.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_weights_hold_where_a_network_is_too_small(one_node, seed):
+    """One node for a winding and its stator: the noise grows to what its prior allows."""
+    weighted = importance_sample(one_node, seed=seed)
+    assert weighted.is_sound, (weighted.pareto_k, weighted.effective_size)
+
+
+@pytest.mark.slow
+def test_weights_and_ensembles_agree_where_a_network_is_too_small(one_node):
+    weighted = importance_sample(one_node, num_draws=8192, seed=5)
+    ensemble = sample(one_node, seed=5, most_steps=6000)
+    mean = weighted.weights @ weighted.vectors
+    shift = weighted.vectors - mean
+    sd = np.sqrt(weighted.weights @ shift**2)
+    by_weights = np.sqrt(weighted.weights**2 @ shift**2)
+    by_steps = sd / np.sqrt(ensemble.convergence.effective_size)
+    gap = (mean - ensemble.flat.mean(axis=0)) / np.hypot(by_weights, by_steps)
+    assert np.all(np.abs(gap) < ERRORS), gap
 
 
 def test_no_truncated_weight_overwhelms_the_others():

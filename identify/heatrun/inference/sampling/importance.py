@@ -20,7 +20,7 @@ from ..problem import log_posterior_batch
 from .diagnostics import pareto_smoothed
 from .proposal import Drawn, Proposal
 
-NUM_ADAPTATIONS = 3
+NUM_ADAPTATIONS = 5
 """Most rounds in which the proposal is moved to the importance samples of the round before."""
 
 ENOUGH = 0.15
@@ -91,20 +91,22 @@ def importance_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weig
         Sampling, Journal of Machine Learning Research 25 (2024) 72.
     """
     rng = np.random.default_rng(seed)
-    proposal = source = Proposal.around(fit, rng)
-    best = None
-    for _ in range(1 + NUM_ADAPTATIONS):
+    proposal = Proposal.around(fit, rng)
+    drawn = proposal.draw(num_draws, rng)
+    best = _weigh(fit, proposal, drawn)
+    proposal = beyond = proposal.adapted(drawn, truncated(best.weights), rng)
+    for _ in range(NUM_ADAPTATIONS):
+        if best.is_sound and best.effective_size > ENOUGH * num_draws:
+            break
         drawn = proposal.draw(num_draws, rng)
         weighted = _weigh(fit, proposal, drawn)
-        if best is None or weighted.effective_size > best.effective_size:
-            best, source = weighted, proposal
-        if best.is_sound and best.effective_size > ENOUGH * num_draws:
-            return best
-        proposal = proposal.adapted(drawn, truncated(weighted.weights))
-    if best is not None and best.is_sound:
+        proposal = proposal.adapted(drawn, truncated(weighted.weights), rng)
+        if weighted.effective_size > best.effective_size:
+            best, beyond = weighted, proposal
+    if best.is_sound:
         return best
     # still several times cheaper than the ensembles that would follow
-    return _weigh(fit, source, source.draw(MORE * num_draws, rng))
+    return _weigh(fit, beyond, beyond.draw(MORE * num_draws, rng))
 
 
 def truncated(weights: Float[np.ndarray, " draw"]) -> Float[np.ndarray, " draw"]:

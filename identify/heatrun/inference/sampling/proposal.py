@@ -193,14 +193,19 @@ class Proposal:
         rows = noise_z, branch, z
         return Drawn(*in_batches(lambda part: _place(*known, *part), rows, BATCH, alone=True))
 
-    def adapted(self, drawn: Drawn, weights: Float[np.ndarray, " draw"]) -> Proposal:
-        """Return the proposal moved to the importance samples.
+    def adapted(
+        self, drawn: Drawn, weights: Float[np.ndarray, " draw"], rng: np.random.Generator
+    ) -> Proposal:
+        """Return the proposal moved to the importance samples, in the parameters and the noise.
 
-        The fewer draws carry the weight, the more of the linear model's shape is kept.
+        The fewer draws carry the weight, the more of the linear model's shape is kept. The noise
+        goes with them whole: where the fit is poor, the parameters bend as the noise grows, and
+        its density under the linear model ends elsewhere.
 
         Args:
             drawn: From this proposal.
             weights: Normalised, none of them overwhelming.
+            rng: Picks the noises on which new kernels stand.
         """
         top = np.max(drawn.log_parts, axis=1, keepdims=True)
         responsible = np.exp(drawn.log_parts - top)
@@ -220,7 +225,8 @@ class Proposal:
             shifts.append(trust * mean + (1.0 - trust) * old.shift[index])
             shapes.append(np.linalg.cholesky(shape))
         moved = Branches.of(old.optimum, *map(np.stack, (shares, shifts, shapes)))
-        return replace(self, branches=moved)
+        kernels = Kernels.over(drawn.vectors[:, -NUM_NOISE:], weights, rng)
+        return replace(self, branches=moved, kernels=kernels)
 
 
 @jax.jit
