@@ -5,11 +5,16 @@ The records come from the bench with hidden causes, which shares no code with th
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 import heatrun
+from heatrun.discovery.missing import Missing, missing_finding
+from heatrun.inference.catalogue import all_effects
+from heatrun.inference.plausible_effects import PlausibleEffect
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +47,21 @@ def calibrated(hidden_bench, tmp_path_factory):
 
 def of_kind(run, name):
     return [finding for finding in run.result.findings if finding.id == name]
+
+
+@pytest.mark.parametrize(("probability", "told"), [(0.6, True), (0.95, False)])
+def test_what_no_effect_explains_is_told_with_its_probability(fitted, probability, told):
+    """A power meter that wanders heats no machine: an effect that resembles it is a guess."""
+    kind = next(kind for kind in all_effects() if kind.card.id == "bearing_friction")
+    first = SimpleNamespace(
+        effect=PlausibleEffect(kind, None, probability, {}, {}), mean=lambda: fitted.z
+    )
+    found = Missing(0.004, 3.0, (first,))  # pyright: ignore[reportArgumentType]
+    finding = missing_finding(fitted, found)
+    assert finding is not None
+    assert f"bearing_friction ({100 * probability:.0f} %)" in finding.message
+    assert ("heat without a name, or errors of the power (40 %)" in finding.message) == told
+    assert finding.values["probability_of_none"] == pytest.approx(1.0 - probability)
 
 
 @pytest.mark.slow

@@ -53,6 +53,11 @@ class Missing:
         """Whether the tests show that something is missing."""
         return self.p < CHANCE and len(self.alternatives) > 0
 
+    @property
+    def probability_of_none(self) -> float:
+        """Probability that the network with its unmodelled heat lacks no effect of these [1]."""
+        return max(0.0, 1.0 - sum(each.effect.probability for each in self.alternatives))
+
 
 def missing(fit: Fit, *, seed: int = 0) -> Missing | None:
     """Return what the fitted network misses, None if no effect can be looked for.
@@ -88,7 +93,8 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
     message = (
         f"the {fit.problem.model.words} is incomplete: its residuals show an effect that it lacks "
         f"(p = {found.p:.2g}, the share of clean records that would look so). Most likely: "
-        f"{', '.join(_words(each.effect) for each in named)}. {_moved(first, moves)}"
+        f"{', '.join(_words(each.effect) for each in named)}{_or_none(found)}. "
+        f"{_moved(first, moves)}"
     )
     with_effects = ",".join([kind.card.id for kind in fit.problem.model.effects]
                             + [first.effect.id])  # fmt: skip
@@ -102,6 +108,7 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
         values={
             "familywise_p": found.p,
             "log_bayes_factor": found.log_bayes,
+            "probability_of_none": found.probability_of_none,
             **{f"change_of_{name}": change for name, (change, _) in moves.items()},
         },
     )
@@ -111,6 +118,14 @@ def _words(effect: PlausibleEffect) -> str:
     """Return an effect with its probability, as printed."""
     place = "" if effect.test is None else f" in {effect.test}"
     return f"{effect.id}{place} ({100.0 * effect.probability:.0f} %)"
+
+
+def _or_none(found: Missing) -> str:
+    """Return what is said of heat that no effect explains, such as a power meter's wander."""
+    if found.probability_of_none < NAMED:
+        return ""
+    share = 100.0 * found.probability_of_none
+    return f"; heat without a name, or errors of the power ({share:.0f} %)"
 
 
 def _moves(fit: Fit, first: Alternative) -> dict[str, tuple[float, float]]:
