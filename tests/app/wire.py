@@ -36,15 +36,20 @@ def token_of(page: bytes) -> str:
 
 
 class Tab:
-    """A page as a browser has it open: its session, its websocket."""
+    """A page as a browser has it open: its session, its websocket.
 
-    def __init__(self, url: str, query: str = "", **headers: str) -> None:
+    The browser tells that it has built the page; not so where `is_built` is False.
+    """
+
+    def __init__(self, url: str, query: str = "", *, is_built: bool = True, **headers: str) -> None:
         self.url = url
         status, _, page = ask(url, "/" + query, headers)
         assert status == 200, (status, page[:200])
         self.socket, self.handshake = upgrade(url, token_of(page), headers)
         assert " 101 " in self.handshake.split("\r\n")[0], self.handshake
         assert self.message()["header"]["msgtype"] == "ACK"
+        if is_built:
+            self.tell_built()
 
     def send(self, kind: str, content: dict[str, Any], **header: Any) -> None:
         """Send a message of Bokeh's protocol."""
@@ -104,7 +109,14 @@ class Tab:
             ["model", {"id": dropper}],
             ["data", {"type": "map", "entries": [[key, piece[key]] for key in piece]}],
         ]}  # fmt: skip
-        told = {"type": "event", "name": "upload_event", "values": values}
+        self._tell("upload_event", values)
+
+    def tell_built(self) -> None:
+        """Tell that the page has been built, as the browser does."""
+        self._tell("document_ready", {"type": "map", "entries": []})
+
+    def _tell(self, name: str, values: dict[str, Any]) -> None:
+        told = {"type": "event", "name": name, "values": values}
         event = {"kind": "MessageSent", "msg_type": "bokeh_event", "msg_data": told}
         self.send("PATCH-DOC", {"events": [event]})
 

@@ -29,6 +29,9 @@ def in_turn(work: Callable[[], None]) -> None:
 def in_background(work: Callable[[], T], show: Callable[[T], None]) -> None:
     """Do work in a thread of its own and show what came of it in the page's turn.
 
+    What changes while the browser still builds the page is lost to it: it gets references to
+    models that it does not know, and stays empty. So what is found sooner waits until then.
+
     Args:
         work: Raises nothing; touches nothing of the page.
         show: Gets what the work has returned. Without a page, at once.
@@ -38,8 +41,17 @@ def in_background(work: Callable[[], T], show: Callable[[T], None]) -> None:
         show(work())
         return
 
+    def in_time(act: Callable[[], None]) -> None:
+        document.add_next_tick_callback(act)
+
+    def when_built(act: Callable[[], None]) -> None:
+        if pn.state.loaded:
+            act()
+        else:
+            pn.state.onload(lambda: in_time(act))
+
     def run() -> None:
         found = work()
-        document.add_next_tick_callback(lambda: show(found))
+        in_time(lambda: when_built(lambda: show(found)))
 
     threading.Thread(target=run, daemon=True, name="heatrun reader").start()

@@ -112,7 +112,7 @@ class Page:
             widget.param.watch(_without_event(act), "value")
         left.refresh.on_click(lambda _: self._look_again())
         if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
-            pn.state.add_periodic_callback(self._watch, period=WATCH_MS)
+            pn.state.add_periodic_callback(self._watch_in_time, period=WATCH_MS)
             pn.state.on_session_destroyed(lambda _: self._sending.close())
 
     @property
@@ -291,6 +291,10 @@ class Page:
         self._write_address()
         self._watch()
         self._say_following()
+
+    def _watch_in_time(self) -> None:
+        if pn.state.loaded:
+            self._watch()
 
     def _watch(self) -> None:
         self.editing.look()

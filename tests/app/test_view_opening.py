@@ -1,0 +1,24 @@
+"""A page that the browser still builds: what is found meanwhile waits until it can be shown."""
+
+from __future__ import annotations
+
+import time
+
+QUICK_S = 3.0
+"""Many times what the reading of a short test takes."""
+PATIENCE_S = 60.0
+
+
+def test_a_reading_waits_until_the_browser_has_built_the_page(served, wire):
+    tab = wire.Tab(served.url, "?test=step_30min.csv.gz&type=general", is_built=False)
+    try:
+        assert "Figure" not in tab.document()
+        time.sleep(QUICK_S)
+        assert "Figure" not in tab.document()
+        tab.tell_built()
+        end = time.monotonic() + PATIENCE_S
+        while "Figure" not in tab.document():
+            assert time.monotonic() < end
+            time.sleep(0.2)
+    finally:
+        tab.close()
