@@ -229,18 +229,19 @@ def by_hand(processes: int) -> Row:
                math.nan, note)  # fmt: skip
 
 
-def text(rows: list[Row], arguments: str) -> str:
+def text(rows: list[Row]) -> str:
     """Return the page."""
     own = [row for row in rows if row.what.startswith("fits of")]
     about = about_machine()
     lines = [
         "# Throughput of a fleet",
         "",
-        f"`python tests/benchmarks/fleet.py {arguments}` (`make bench-fleet`). Machines with two "
-        f"tests of {DURATION_S / 3600:.0f} h, sampled each {SAMPLE_S:g} s. "
-        + f"{about['processor']}, {about['cores']} cores, Python "
-        + f"{about['python']}, heatrun {about['versions']['heatrun']}, jax "
-        + f"{about['versions']['jax']}.",
+        "`python tests/benchmarks/fleet.py --machines NUM ... --files NUM` (`make bench-fleet`); "
+        "each row is of the last run that measured it. Machines with two tests of "
+        f"{DURATION_S / 3600:.0f} h, sampled each {SAMPLE_S:g} s. "
+        f"{about['processor']}, {about['cores']} cores, Python "
+        f"{about['python']}, heatrun {about['versions']['heatrun']}, jax "
+        f"{about['versions']['jax']}.",
         "",
         "| what | machines | wall | processor | a machine | machines per second | | measured |",
         "|---|---|---|---|---|---|---|---|",
@@ -313,13 +314,12 @@ def main() -> None:
         if chosen.files:
             done(*by_commands(chosen.files, chosen.seed, Path(folder)))
     done(by_hand(chosen.processes))
-    said = f"--machines {' '.join(map(str, chosen.machines))} --files {chosen.files}"
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
     stored = chosen.out.with_suffix(".json")
     new = {row.key for row in rows}
     rows = sorted([*rows, *(row for row in rows_before(stored) if row.key not in new)],
                   key=lambda row: row.key)  # fmt: skip
-    chosen.out.write_text(text(rows, said))
+    chosen.out.write_text(text(rows))
     stored.write_text(
         json.dumps([vars(row) | {"memory_MB": None if math.isnan(row.memory_MB) else row.memory_MB}
                     for row in rows], indent=1) + "\n"
