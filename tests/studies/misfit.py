@@ -218,11 +218,12 @@ def thresholds(rows: Sequence[dict[str, Any]]) -> list[str]:
             (clean, lambda row, ids: bool(ids)),
             (hidden, lambda row, ids: _far(row) and not ids),
         ):
+            told = [row for row in chosen if name in row["measures"]]
             counted = [
-                sum(counts(row, findings_at(row, name, factor)) for row in chosen)
+                sum(counts(row, findings_at(row, name, factor)) for row in told)
                 for factor in (0.5, 1.0, 2.0)
             ]
-            cells.append(f"{', '.join(map(str, counted))} of {len(chosen)}")
+            cells.append(f"{', '.join(map(str, counted))} of {len(told)}" if told else "–")
         lines.append(f"| {words} | {value:g} | {' | '.join(cells)} |")
     return lines
 
@@ -231,14 +232,14 @@ def thresholds(rows: Sequence[dict[str, Any]]) -> list[str]:
 def limits() -> dict[str, tuple[float, str]]:
     """Return each threshold of a finding with its words; an earlier release has others."""
     from heatrun.discovery.missing import CHANCE
+    from heatrun.inference.fitting import prior_checks
     from heatrun.inference.fitting.fit import LONGEST_NOISE_S, MUCH_HEAT
-    from heatrun.inference.fitting.fit_checks import BEYOND
 
     return {
         "missing_effect_p": (CHANCE, "family-wise p of `missing_effect`"),
         "unmodelled_heat": (MUCH_HEAT, "unmodelled heat of `misfit` [prior sds]"),
         "noise_time_s": (LONGEST_NOISE_S, "correlation time of `misfit` [s]"),
-        "instrument_sds": (BEYOND, "`instrument_beyond_prior` [prior sds]"),
+        "instruments_p": (prior_checks.CHANCE, "family-wise p of `instrument_beyond_prior`"),
     }
 
 
@@ -247,12 +248,10 @@ def findings_at(row: dict[str, Any], name: str, factor: float) -> set[str]:
     seen = set(_said(row, NOW))
     limit = factor * limits()[name][0]
     found = row["measures"][name]
-    if name == "missing_effect_p":
-        seen -= {"missing_effect"}
-        return seen | ({"missing_effect"} if found is not None and found < limit else set())
-    if name == "instrument_sds":
-        seen -= {"instrument_beyond_prior"}
-        return seen | ({"instrument_beyond_prior"} if found > limit else set())
+    of_chance = {"missing_effect_p": "missing_effect", "instruments_p": "instrument_beyond_prior"}
+    if name in of_chance:
+        raised = {of_chance[name]}
+        return seen - raised | (raised if found is not None and found < limit else set())
     message = next((text for id, text in row["findings"] if id == "misfit"), "")
     others = [sign for sign, of in SIGNS.items() if of != name and sign in message]
     seen -= {"misfit"}

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import tempfile
 import time
 import traceback
@@ -19,6 +20,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from bench_package import hidden_bench, write_motor
+from scipy.stats import norm
 
 PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 
@@ -183,16 +185,17 @@ def command(arguments: list[str]) -> tuple[int | None, str]:
 
 def measures(model: Any) -> dict[str, float]:
     """Return what the findings rest on, whether they were raised or not."""
-    scores = {}
+    scores, spread = [0.0], []
     for name, entry in model.nuisances.items():
         if name.split("[")[0] in INSTRUMENTS:
             low, high = entry.prior_95
-            scores[name] = 3.92 * abs(entry.value - 0.5 * (low + high)) / (high - low)
+            scores.append(3.92 * abs(entry.value - 0.5 * (low + high)) / (high - low))
+            spread.append(math.sqrt(max(1.0 - (3.92 * entry.sd / (high - low)) ** 2, 1e-6)))
     return {
         "missing_effect_p": model.stats.get("missing_effect_p"),
         "unmodelled_heat": getattr(model.noise, "unmodelled_heat", None),
         "noise_time_s": model.noise.time_s,
-        "instrument_sds": max(scores.values(), default=0.0),
+        "instruments_p": sum(2.0 * norm.sf(max(scores) / each) for each in spread),
     }
 
 

@@ -24,7 +24,7 @@ def row(kind: str, seed: int, *, off: float = 0.0, findings=(), p: float = 0.5, 
         "holdout_coverage_95": 0.95,
         "findings": [[id, text] for id, text in findings],
         "measures": {"missing_effect_p": p, "unmodelled_heat": 0.0015, "noise_time_s": 40.0,
-                     "instrument_sds": 0.5} | measures,
+                     "instruments_p": 0.5} | measures,
     }  # fmt: skip
 
 
@@ -52,7 +52,7 @@ def test_thresholds_are_counted_at_half_and_at_twice_their_value(rows):
     assert findings_at(rows[4], "noise_time_s", 1.0) == {"misfit"}
     assert findings_at(rows[4], "noise_time_s", 2.0) == set()
     assert findings_at(rows[4], "unmodelled_heat", 2.0) == {"misfit"}, "another reason stays"
-    (line,) = [line for line in thresholds(rows) if "family-wise" in line]
+    (line,) = [line for line in thresholds(rows) if "missing_effect" in line]
     assert "| 0, 0, 1 of 2 | 2, 2, 1 of 4 |" in line
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from ...bench.record import Finding
 from ...motor import HEAT_LIMITS
 from ..bodies import BodyCourse
-from ..parameters import Slot
 from ..posterior import Posterior
 from ..predict import Prediction
 from .held_heat import distance, is_overruled
+from .prior_checks import prior_findings
 
 LEAST_COVERAGE = 0.85
 """Share of held-out readings inside the 95 % band below which the model counts as off [1]."""
@@ -21,12 +21,9 @@ BODY_K, BODY_SHARE = 2.0, 0.1
 """Root mean square error of a measured body [K], and as a share of its span [1], up to which it
 counts as one with its node: a point is no mean of a body."""
 
-BEYOND = 2.0
-"""Standard deviations of its prior that an instrument's error may be from the centre [1]."""
-
 
 def fit_findings(posterior: Posterior, predictions: Sequence[Prediction]) -> list[Finding]:
-    """Return findings on held-out tests and on the errors that the fit gives the instruments.
+    """Return findings on the tests, held out or not, and on estimates that priors do not expect.
 
     Args:
         posterior: Draws of a calibrated network.
@@ -35,7 +32,7 @@ def fit_findings(posterior: Posterior, predictions: Sequence[Prediction]) -> lis
     tests = [_held_out(p) if p.is_held_out else _fitted(p) for p in predictions]
     bodies = [_body(p, body) for p in predictions for body in p.bodies]
     found = [each for each in (_overruled(posterior), *tests, *bodies) if each is not None]
-    return [*found, *_instruments(posterior)]
+    return [*found, *prior_findings(posterior)]
 
 
 def _overruled(posterior: Posterior) -> Finding | None:
@@ -120,55 +117,3 @@ def _fitted(prediction: Prediction) -> Finding | None:
         test=name,
         values={"coverage_95": coverage, "rmse_K": prediction.rmse_K},
     )
-
-
-def _conflict(posterior: Posterior, slot: Slot, median: float, score: float) -> Finding:
-    """Return the finding that the tests and a prior of the network contradict each other."""
-    parameter = slot.parameter
-    low, high = parameter.prior_interval_95()
-    unit = parameter.unit
-    return Finding(
-        id="prior_conflict",
-        severity="warning",
-        message=f"the tests put {slot.name} ({parameter.meaning}) at {median:.3g} {unit}, its "
-        f"prior at {low:.3g} to {high:.3g} {unit} ({parameter.basis}): {abs(score):.1f} standard "
-        "deviations apart. The interval is drawn towards the prior.",
-        where=posterior.fit.problem.label,
-        remedy="Check the units of current, losses and temperatures. If the machine is such, state "
-        f"a wider prior with [parameters.{parameter.name}] in the motor file; if it is not, the "
-        "network does not suit it.",
-        values={slot.name: median, "prior_sd": score},
-    )
-
-
-def _instruments(posterior: Posterior) -> list[Finding]:
-    values = posterior.values()
-    found = []
-    for slot in posterior.fit.slots:
-        parameter = slot.parameter
-        if parameter.role not in ("instrument", "network", "resistance"):
-            continue
-        median = float(np.median(values[slot.name]))
-        score = float(parameter.score(median))
-        if abs(score) <= BEYOND:
-            continue
-        low, high = parameter.prior_interval_95()
-        if parameter.role != "instrument":
-            found.append(_conflict(posterior, slot, median, score))
-            continue
-        found.append(
-            Finding(
-                id="instrument_beyond_prior",
-                severity="warning",
-                message=f"the fit puts {slot.name} ({parameter.meaning}) at {median:.3g} "
-                f"{parameter.unit}, {abs(score):.1f} prior standard deviations from what is "
-                f"expected ({low:.3g} to {high:.3g} {parameter.unit}): it may stand for an effect "
-                "that the network misses, and the other parameters are then off too.",
-                where=posterior.fit.problem.label,
-                remedy=f"Check the instrument. If such an error is possible, widen its prior with "
-                f"[parameters.{parameter.name}] in the motor file; if not, search with `heatrun "
-                "discover`.",
-                values={slot.name: median, "prior_sd": score},
-            )
-        )
-    return found
