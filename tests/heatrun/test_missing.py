@@ -49,19 +49,43 @@ def of_kind(run, name):
     return [finding for finding in run.result.findings if finding.id == name]
 
 
+def of_friction(fitted, probability, shift=0.0):
+    """Return the finding that bearing friction may be missing, which moves the first parameter."""
+    kind = next(kind for kind in all_effects() if kind.card.id == "bearing_friction")
+    moved = fitted.z.copy()
+    moved[0] += shift * np.sqrt(fitted.covariance[0, 0])
+    first = SimpleNamespace(
+        effect=PlausibleEffect(kind, None, probability, {}, {}), mean=lambda: moved
+    )
+    finding = missing_finding(
+        fitted,
+        Missing(0.004, 3.0, (first,)),  # pyright: ignore[reportArgumentType]
+    )
+    assert finding is not None
+    assert f"bearing_friction ({100 * probability:.0f} %)" in finding.message
+    assert finding.values["probability_of_none"] == pytest.approx(1.0 - probability)
+    return finding
+
+
 @pytest.mark.parametrize(("probability", "told"), [(0.6, True), (0.95, False)])
 def test_what_no_effect_explains_is_told_with_its_probability(fitted, probability, told):
     """A power meter that wanders heats no machine: an effect that resembles it is a guess."""
-    kind = next(kind for kind in all_effects() if kind.card.id == "bearing_friction")
-    first = SimpleNamespace(
-        effect=PlausibleEffect(kind, None, probability, {}, {}), mean=lambda: fitted.z
-    )
-    found = Missing(0.004, 3.0, (first,))  # pyright: ignore[reportArgumentType]
-    finding = missing_finding(fitted, found)
-    assert finding is not None
-    assert f"bearing_friction ({100 * probability:.0f} %)" in finding.message
+    finding = of_friction(fitted, probability)
+    assert finding.severity == "warning"
+    assert "is incomplete" in finding.message
     assert ("heat without a name, or errors of the power (40 %)" in finding.message) == told
-    assert finding.values["probability_of_none"] == pytest.approx(1.0 - probability)
+
+
+def test_a_guess_that_moves_nothing_is_a_note(fitted):
+    finding = of_friction(fitted, 0.12)
+    assert finding.severity == "note"
+    assert "incomplete" not in finding.message
+    assert "most likely heat without a name, or errors of the power (88 %)" in finding.message
+    assert "no parameter of the network would move" in finding.message
+
+
+def test_a_guess_that_would_move_a_parameter_is_a_warning(fitted):
+    assert of_friction(fitted, 0.12, shift=-1.5).severity == "warning"
 
 
 @pytest.mark.slow

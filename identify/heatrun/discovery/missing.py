@@ -29,6 +29,10 @@ CHANCE = 0.01
 NAMED = 0.1
 """Effects of less than this probability are not named [1]."""
 
+LIKELY = 0.5
+"""Probability that some effect is missing from which on it is a warning [1]; below, it is a note,
+if no effect that is named would move a parameter."""
+
 MOVED = 1.0
 """A parameter is told to move if it does by more than this many of its standard deviations [1]."""
 
@@ -89,19 +93,32 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
         return None
     first = found.alternatives[0]
     named = [a for a in found.alternatives if a.effect.probability >= NAMED] or [first]
-    moves = _moves(fit, first)
-    message = (
-        f"the {fit.problem.model.words} is incomplete: its residuals show an effect that it lacks "
-        f"(p = {found.p:.2g}, the share of clean records that would look so). Most likely: "
-        f"{', '.join(_words(each.effect) for each in named)}{_or_none(found)}. "
-        f"{_moved(first, moves)}"
-    )
+    moves = {each.effect.id: _moves(fit, each) for each in named}
+    has_moved = any(abs(sds) > MOVED for of in moves.values() for _, sds in of.values())
+    is_doubt = has_moved or 1.0 - found.probability_of_none >= LIKELY
+    words = fit.problem.model.words
+    p = f"(p = {found.p:.2g}, the share of clean records that would look so)"
+    listed = ", ".join(_words(each.effect) for each in named)
+    nameless = 100.0 * found.probability_of_none
+    if is_doubt:
+        message = (
+            f"the {words} is incomplete: its residuals show an effect that it lacks {p}. Most "
+            f"likely: {listed}"
+        )
+        if found.probability_of_none >= NAMED:
+            message += f"; heat without a name, or errors of the power ({nameless:.0f} %)"
+    else:
+        message = (
+            f"the residuals of the {words} hold more than noise {p}: most likely heat without a "
+            f"name, or errors of the power ({nameless:.0f} %), for which the 95 % intervals "
+            f"allow; possible: {listed}"
+        )
     with_effects = ",".join([kind.card.id for kind in fit.problem.model.effects]
                             + [first.effect.id])  # fmt: skip
     return Finding(
         id="missing_effect",
-        severity="warning",
-        message=message,
+        severity="warning" if is_doubt else "note",
+        message=f"{message}. {_moved(first, moves[first.effect.id])}",
         where=fit.problem.label,
         remedy="Search with `heatrun discover`, which tests each effect and keeps what it can "
         f"show; or, where the cause is known, calibrate --with {with_effects}.",
@@ -109,7 +126,7 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
             "familywise_p": found.p,
             "log_bayes_factor": found.log_bayes,
             "probability_of_none": found.probability_of_none,
-            **{f"change_of_{name}": change for name, (change, _) in moves.items()},
+            **{f"change_of_{n}": change for n, (change, _) in moves[first.effect.id].items()},
         },
     )
 
@@ -118,14 +135,6 @@ def _words(effect: PlausibleEffect) -> str:
     """Return an effect with its probability, as printed."""
     place = "" if effect.test is None else f" in {effect.test}"
     return f"{effect.id}{place} ({100.0 * effect.probability:.0f} %)"
-
-
-def _or_none(found: Missing) -> str:
-    """Return what is said of heat that no effect explains, such as a power meter's wander."""
-    if found.probability_of_none < NAMED:
-        return ""
-    share = 100.0 * found.probability_of_none
-    return f"; heat without a name, or errors of the power ({share:.0f} %)"
 
 
 def _moves(fit: Fit, first: Alternative) -> dict[str, tuple[float, float]]:
