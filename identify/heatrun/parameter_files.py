@@ -14,7 +14,7 @@ from .bench.readers.open_file import read_start
 from .errors import InputError
 from .inference.catalogue import known_effects
 from .inference.effect_parameters import effect_names
-from .inference.model import override_names
+from .inference.model_parameters import override_names
 from .inference.networks import NetworkForm, network_named
 from .io.toml_text import LARGEST_BYTES, parse_toml
 from .motor import Motor

@@ -14,7 +14,8 @@ from .bench import Record, require
 from .bench.joined import read_test
 from .inference.catalogue import known_effects
 from .inference.draws import NUM_NOISE, Draws
-from .inference.model import Model, parameters
+from .inference.model import Model
+from .inference.model_parameters import parameters
 from .inference.networks import NetworkForm
 from .inference.predict import Prediction, predict
 from .inference.virtual import reduce_driven, refuse_coarse_steps, refuse_runaway, virtual_record

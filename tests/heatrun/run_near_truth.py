@@ -12,7 +12,8 @@ import xarray
 
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.inference.model import Model, parameters
+from heatrun.inference.model import Model
+from heatrun.inference.model_parameters import parameters
 from heatrun.motor import Motor, ParameterOverride
 from heatrun.runs.model_text import ModelOfRun, model_text
 from heatrun.runs.motor_text import motor_text

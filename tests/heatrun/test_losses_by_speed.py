@@ -15,7 +15,8 @@ from heatrun import cli
 from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
 from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model, override_names
+from heatrun.inference.model import Model
+from heatrun.inference.model_parameters import override_names
 from heatrun.inference.networks.masses import Masses
 from heatrun.inference.networks.scale import scale_of_tests, scaled
 from heatrun.inference.networks.text import network_of, network_text, read_network

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from heatrun.errors import InputError
-from heatrun.inference.model import Model, parameters
+from heatrun.inference.model import Model
+from heatrun.inference.model_parameters import parameters
 from heatrun.inference.networks import BUILT_IN, network_named, networks_of
 from heatrun.inference.networks.text import network_of, network_text, read_network
 from heatrun.inference.problem import Problem, predictions

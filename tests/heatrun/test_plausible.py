@@ -10,7 +10,8 @@ import pytest
 from heatrun.cli import main
 from heatrun.commands.words import LARGEST_SEED, seed
 from heatrun.errors import InputError
-from heatrun.inference.model import Model, override_names, parameters
+from heatrun.inference.model import Model
+from heatrun.inference.model_parameters import override_names, parameters
 from heatrun.motor import ParameterOverride
 from heatrun.motorfile import load_motor
 from heatrun.plausible import RANGES, UNITS

@@ -10,7 +10,8 @@ import pytest
 from machine_of_two_sensors import machine
 
 from heatrun.inference.draws import Draws
-from heatrun.inference.model import Model, parameters
+from heatrun.inference.model import Model
+from heatrun.inference.model_parameters import parameters
 from heatrun.inference.plausible_effects import PlausibleEffect, PlausibleEffects
 from heatrun.inference.predict import predict
 from heatrun.inference.virtual import virtual_record

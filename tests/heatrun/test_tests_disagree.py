@@ -11,7 +11,8 @@ from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
 from heatrun.inference.fitting import test_to_test as changes
 from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model, parameters
+from heatrun.inference.model import Model
+from heatrun.inference.model_parameters import parameters
 from heatrun.inference.posterior import weighted_draws
 from heatrun.inference.predict import predict
 from heatrun.inference.problem import Problem

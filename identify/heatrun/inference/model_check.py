@@ -10,7 +10,8 @@ from ..errors import InputError
 from ..motor import Motor
 from .catalogue import known_effects
 from .effect_needs import refuse_lacking
-from .model import Model, parameters
+from .model import Model
+from .model_parameters import parameters
 from .networks import networks_of
 
 

@@ -21,7 +21,8 @@ from ..bench.blocks import Blocks
 from ..motor import Motor
 from .courses import Courses, courses
 from .effect_needs import lacking
-from .model import Model, parameters
+from .model import Model
+from .model_parameters import parameters
 
 Link = tuple[str, str]
 

@@ -21,7 +21,8 @@ from .draws import Draws
 from .effect_parameters import null_values
 from .instruments import BODY_PARTS
 from .loggers import scales_of
-from .model import Model, parameters
+from .model import Model
+from .model_parameters import parameters
 from .noise import Noise
 from .plausible_effects import PlausibleEffects
 from .posterior import Posterior

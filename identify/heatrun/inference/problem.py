@@ -23,7 +23,8 @@ from ..bench.blocks import Blocks, Observation
 from ..motor import Motor
 from . import noise as noise_module
 from .loggers import Loggers, scales_of
-from .model import Model, parameters
+from .model import Model
+from .model_parameters import parameters
 from .noise import Noise
 from .parameters import Form, ParameterSet, Priors
 

@@ -17,7 +17,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..bench.blocks import Blocks, Observation
-from .model import COLD_START_K, Model
+from .model import Model
+from .model_parameters import COLD_START_K
 from .noise import Noise, whiten
 from .parameters import Parameter
 from .steps import refuse_unstable

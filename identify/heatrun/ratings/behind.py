@@ -20,7 +20,8 @@ from lptn.effects import AbstractEffect
 
 from ..inference.effect_needs import lacking
 from ..inference.effect_parameters import amplitudes, qualified
-from ..inference.model import Model, parameters
+from ..inference.model import Model
+from ..inference.model_parameters import parameters
 from ..inference.parameters import Parameter
 from ..inference.plausible_effects import PlausibleEffect
 from ..inference.posterior import Posterior

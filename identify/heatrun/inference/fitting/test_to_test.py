@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ...bench.record import Finding
-from ..model import changing
+from ..model_parameters import changing
 from ..posterior import Posterior
 from ..problem import Problem
 from .fit import fit
