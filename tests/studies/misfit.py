@@ -38,7 +38,7 @@ from misfit_cases import (
     jobs,
     run,
 )
-from study_runs import rows_as_they_come, said_of, write_rows
+from study_runs import rows_as_they_come, rows_done, said_of, write_rows
 
 REPORTING_SEED = 230_000
 
@@ -69,15 +69,21 @@ def main() -> None:
                         help="no case is begun after this; their order is by chance")  # fmt: skip
     parser.add_argument("--as-before", action="store_true",
                         help="the rows are of an earlier release, to stand beside")  # fmt: skip
+    parser.add_argument("--resume", action="store_true", help="go on behind the rows in --out")
     parser.add_argument("--out", type=Path, default=Path("results") / "misfit")
     options = parser.parse_args()
     listed = jobs(options.seed, options.repeats, options.clean)
     if options.as_before:
         listed = [{**job, "with_truth": False} for job in listed]
     options.out.mkdir(parents=True, exist_ok=True)
-    rows: list[dict[str, Any]] = []
+    stored = options.out / _name(options)
+    rows = rows_done(stored, options.seed) if options.resume else []
+    done = {row["seed"] for row in rows}
     for finished in rows_as_they_come(
-        listed, run, processes=options.processes, minutes=options.minutes
+        [job for job in listed if job["seed"] not in done],
+        run,
+        processes=options.processes,
+        minutes=options.minutes,
     ):
         for row in finished:
             rows.append(row)
@@ -90,11 +96,14 @@ def write(rows: list[dict[str, Any]], options: argparse.Namespace, planned: int)
     """Write rows and table."""
     out, seed, command = options.out, options.seed, " ".join(sys.argv)
     rows = sorted(rows, key=lambda row: row["seed"])
-    name = "before.json" if options.as_before else "study.json"
-    write_rows(out / name, rows, seed=seed, planned=planned)
+    write_rows(out / _name(options), rows, seed=seed, planned=planned)
     if not options.as_before:
         written = table(rows, command, seed, planned, rows_before(out, rows))
         (out / "table.md").write_text(written, encoding="utf-8")
+
+
+def _name(options: argparse.Namespace) -> str:
+    return "before.json" if options.as_before else "study.json"
 
 
 def rows_before(out: Path, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
