@@ -34,12 +34,12 @@ def told(estimates, sds):
     return prior_findings(posterior)  # pyright: ignore[reportArgumentType]
 
 
-def test_many_instruments_as_declared_are_hardly_ever_told_of():
+def test_many_instruments_as_declared_are_told_of_no_more_often_than_one():
     """Two of their standard deviations are passed by one of ten in a third of all calibrations."""
     rng = np.random.default_rng(4)
     estimates = np.sqrt(0.99) * rng.standard_normal((2000, NUM_TESTS))
     raised = np.mean([bool(told(each, np.full(NUM_TESTS, 0.1))) for each in estimates])
-    assert 0.4 * CHANCE < raised < 1.8 * CHANCE
+    assert 0.6 * CHANCE < raised < 1.3 * CHANCE
     assert np.mean(np.any(np.abs(estimates) > 2.0, axis=1)) > 0.3
 
 
@@ -53,12 +53,13 @@ def test_an_error_that_no_chance_explains_is_told_alone():
     assert finding.values["familywise_p"] == pytest.approx(0.0032, rel=0.1)
 
 
-def test_an_instrument_alone_may_be_two_and_a_half_sds_off():
-    assert not told([2.5], [0.05])
-    assert told([2.6], [0.05])
+def test_an_instrument_alone_may_be_two_sds_off():
+    assert not told([1.95], [0.05])
+    assert told([2.05], [0.05])
 
 
-def test_what_the_tests_hardly_inform_is_told_sooner():
+def test_what_the_tests_hardly_inform_counts_little():
     """An estimate that the prior holds at its centre is not there by chance when it is not."""
-    assert told([2.3], [np.sqrt(0.5)])
-    assert not told([2.3], [0.1])
+    estimates, known, hardly = [2.3, *np.zeros(9)], 0.1, np.sqrt(0.98)
+    assert told(estimates, [known, *np.full(9, hardly)])
+    assert not told(estimates, np.full(10, known))
