@@ -88,6 +88,22 @@ def test_a_guess_that_would_move_a_parameter_is_a_warning(fitted):
     assert of_friction(fitted, 0.12, shift=-1.5).severity == "warning"
 
 
+def test_of_one_effect_in_two_tests_the_likelier_is_told(fitted):
+    kind = next(kind for kind in all_effects() if kind.card.id == "cooling_step")
+    moved = fitted.z.copy()
+    moved[0] += 3.0 * np.sqrt(fitted.covariance[0, 0])
+    likelier, other = (
+        SimpleNamespace(effect=PlausibleEffect(kind, test, share, {}, {}), mean=lambda z=z: z)
+        for test, share, z in (("first", 0.5, moved), ("second", 0.3, fitted.z))
+    )
+    found = Missing(0.004, 3.0, (likelier, other))  # pyright: ignore[reportArgumentType]
+    finding = missing_finding(fitted, found)
+    assert finding is not None
+    name = fitted.slots[0].name
+    assert f"against the network alone: {name}" in finding.message
+    assert finding.values[f"change_of_{name}"] != 0.0
+
+
 @pytest.mark.slow
 def test_an_effect_too_small_to_see_is_told_and_the_intervals_allow_for_it(calibrated):
     run, case = calibrated(("external_loss",), 7)

@@ -93,8 +93,8 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
         return None
     first = found.alternatives[0]
     named = [a for a in found.alternatives if a.effect.probability >= NAMED] or [first]
-    moves = {each.effect.id: _moves(fit, each) for each in named}
-    has_moved = any(abs(sds) > MOVED for of in moves.values() for _, sds in of.values())
+    moves = [_moves(fit, each) for each in named]  # of the first effect first
+    has_moved = any(abs(sds) > MOVED for of in moves for _, sds in of.values())
     is_doubt = has_moved or 1.0 - found.probability_of_none >= LIKELY
     words = fit.problem.model.words
     p = f"(p = {found.p:.2g}, the share of clean records that would look so)"
@@ -118,7 +118,7 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
     return Finding(
         id="missing_effect",
         severity="warning" if is_doubt else "note",
-        message=f"{message}. {_moved(first, moves[first.effect.id])}",
+        message=f"{message}. {_moved(first, moves[0])}",
         where=fit.problem.label,
         remedy="Search with `heatrun discover`, which tests each effect and keeps what it can "
         f"show; or, where the cause is known, calibrate --with {with_effects}.",
@@ -126,7 +126,7 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
             "familywise_p": found.p,
             "log_bayes_factor": found.log_bayes,
             "probability_of_none": found.probability_of_none,
-            **{f"change_of_{n}": change for n, (change, _) in moves[first.effect.id].items()},
+            **{f"change_of_{n}": change for n, (change, _) in moves[0].items()},
         },
     )
 
