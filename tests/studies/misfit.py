@@ -260,7 +260,9 @@ def findings_at(row: dict[str, Any], name: str, factor: float) -> set[str]:
     of_chance = {"missing_effect_p": "missing_effect", "instruments_p": "instrument_beyond_prior"}
     if name in of_chance:
         raised = {of_chance[name]}
-        return seen - raised | (raised if found is not None and found < limit else set())
+        is_note = found is not None and found < limits()[name][0] and not raised & seen
+        is_raised = found is not None and found < limit and not is_note
+        return seen - raised | (raised if is_raised else set())
     message = next((text for id, text in row["findings"] if id == "misfit"), "")
     others = [sign for sign, of in SIGNS.items() if of != name and sign in message]
     seen -= {"misfit"}
