@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import TypeVar
+from contextlib import AbstractContextManager
+from typing import Any, TypeVar
 
 import panel as pn
 
 T = TypeVar("T")
 
 
-def in_turn(work: Callable[[], None]) -> None:
-    """Do at the page's next turn what changes models of Bokeh; without a page, at once.
+def in_order() -> AbstractContextManager[Any]:
+    """Change models of Bokeh so that the browser hears of it behind what it was to hear before.
 
-    Panel calls the watchers of its widgets without the lock that such changes take.
-
-    Args:
-        work: Changes the models.
+    Panel sends what changes in its panes by itself, and keeps it back while the connection is busy.
+    What changes in a model besides would go past that, also to models that the browser is yet to
+    get, and is lost there. Within this context it goes the same way. It takes no lock: Panel calls
+    the watchers of its widgets without the one that Bokeh asks for.
     """
-    document = pn.state.curdoc
-    if document is None:
-        work()
-    else:
-        document.add_next_tick_callback(work)
+    return pn.io.unlocked()
 
 
 def in_background(work: Callable[[], T], show: Callable[[T], None]) -> None:

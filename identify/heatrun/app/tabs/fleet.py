@@ -22,7 +22,7 @@ from bokeh.models import (
 
 from ...errors import InputError
 from ...io.quantities import printed_unit
-from ..background import in_turn
+from ..background import in_order
 from ..fleet_table import STRIP, columns, details, files, headline, parameters
 from ..fleets import Fleet, Row, fleets_under
 from ..pane import text_pane
@@ -178,13 +178,10 @@ class FleetTab:
             if kind in (EVERY, row["type"]) and is_asked(i)
             and text in f"{row['machine']} {data['covariates'][i]}".lower()
         ]  # fmt: skip
-
-        def show() -> None:
+        with in_order():
             self._source.selected.indices = []
             self._filter.indices = places
             self._choose()
-
-        in_turn(show)
 
     def _table(self) -> DataTable:
         self._source, self._filter = ColumnDataSource(data=self._columns), IndexFilter(indices=[])

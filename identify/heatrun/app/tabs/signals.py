@@ -13,6 +13,7 @@ import panel as pn
 
 from ...bench.channels.schema import CHANNELS
 from ...errors import InputError
+from ..background import in_order
 from ..frame import Screen
 from ..look import NARROW_PX
 from ..pane import text_pane
@@ -76,8 +77,9 @@ class Signals:
         """Show everything as the browser has room and colours."""
         self._screen = screen
         if self._plots is not None:
-            self._plots.paint(screen.look)
-            self._plots.resize(self._height)
+            with in_order():
+                self._plots.paint(screen.look)
+                self._plots.resize(self._height)
         self._arrange()
 
     def show(
@@ -129,7 +131,8 @@ class Signals:
             return False
         self._traces = traces
         self._cutting.offer(tests, self._aligning.shifts_s)
-        self._plots.grow(traces)
+        with in_order():
+            self._plots.grow(traces)
         self._say_cursors()
         return True
 
@@ -185,19 +188,22 @@ class Signals:
 
         def settle() -> None:
             self._is_scheduled = False
-            update()
+            with in_order():
+                update()
 
         pn.state.curdoc.add_timeout_callback(settle, SETTLE_MS)
 
     def _tapped(self, time_s: float, is_second: bool) -> None:
         if self._plots is not None and np.isfinite(time_s):
-            self._plots.cursors.set(1 if is_second else 0, float(time_s))
+            with in_order():
+                self._plots.cursors.set(1 if is_second else 0, float(time_s))
             self._say_cursors()
 
     def _clear_cursors(self) -> None:
         if self._plots is not None:
-            self._plots.cursors.set(0, None)
-            self._plots.cursors.set(1, None)
+            with in_order():
+                self._plots.cursors.set(0, None)
+                self._plots.cursors.set(1, None)
             self._say_cursors()
 
     def _say_cursors(self) -> None:
