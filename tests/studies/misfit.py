@@ -242,7 +242,7 @@ def limits() -> dict[str, tuple[float, str]]:
     """Return each threshold of a finding with its words; an earlier release has others."""
     from heatrun.discovery.missing import CHANCE
     from heatrun.inference.fitting import prior_checks
-    from heatrun.inference.fitting.fit import LONGEST_NOISE_S, MUCH_HEAT
+    from heatrun.inference.fitting.optimum_findings import LONGEST_NOISE_S, MUCH_HEAT
 
     return {
         "missing_effect_p": (CHANCE, "family-wise p of `missing_effect`"),

@@ -25,11 +25,11 @@ from ...inference.fitting.fit import (
     SAME_OPTIMUM,
     SETTLED,
     implied_level,
-    misfit_findings,
     start_scores,
 )
 from ...inference.fitting.fit_result import RESULT, Fit
 from ...inference.fitting.laplace import laplace
+from ...inference.fitting.optimum_findings import misfit_findings
 from ...inference.noise import Noise, from_scores
 from ...inference.problem import Problem
 from ...inference.steps import STABLE
