@@ -17,6 +17,7 @@ from .bench.blocks import Blocks
 from .bench.checks import check_record, current_scale_unchecked
 from .bench.checks.holdout import as_holdout
 from .bench.joined import read_tests
+from .bench.load_moments import with_load_moments
 from .bench.reduction import reduce
 from .discovery.averaging import averaged
 from .discovery.missing import Missing, missing, missing_finding
@@ -114,7 +115,10 @@ def load_tests(
     findings = [finding for _, _, found in checked for finding in found]
     if any(finding.severity == "error" for finding in findings):
         raise Refused(findings)
-    return tuple(BenchTest(r, reduce(r, motor), role, found) for r, role, found in checked)
+    return tuple(
+        BenchTest(r, with_load_moments(reduce(r, motor), r, motor), role, found)
+        for r, role, found in checked
+    )
 
 
 def calibrate(

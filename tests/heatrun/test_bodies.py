@@ -84,7 +84,7 @@ def test_density_of_two_sensors_with_one_heat_is_that_of_the_dense_covariance(te
     of_body = type(alone[1])(**{
         **vars(alone[1]),
         "count": np.asarray(body.count),
-        "rounding_variance": body.rounding_K**2 / 12.0 / body.count,
+        "known_variance": body.rounding_K**2 / 12.0 / body.count,
     })  # fmt: skip
     dense[size:, size:] = covariance(of_body, NOISE.scaled(2.5))
     dense += (float(NOISE.heat) * heat) @ (float(NOISE.heat) * heat).T

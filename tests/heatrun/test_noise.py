@@ -30,7 +30,7 @@ def covariance(observation, noise):
     lag = np.abs(np.subtract.outer(times, times))
     of_readings = float(noise.sd) ** 2 * np.exp(-lag / float(noise.time))
     slow = averaging @ of_readings @ averaging.T
-    white = float(noise.white) ** 2 * 20.0 / length + np.asarray(observation.rounding_variance)
+    white = float(noise.white) ** 2 * 20.0 / length + np.asarray(observation.known_variance)
     heat = np.asarray(observation.heat) * float(noise.heat)
     return (slow + np.diag(white) + heat @ heat.T)[np.ix_(seen, seen)]
 
@@ -47,7 +47,7 @@ def sampled(observation, counts, **changes):
     num = 30
     cut = {
         name: getattr(observation, name)[:num]
-        for name in ("measured", "is_observed", "weight", "position", "rounding_variance", "heat")
+        for name in ("measured", "is_observed", "weight", "position", "known_variance", "heat")
     }
     count = jnp.asarray(np.resize(counts, num), dtype=float)
     return type(observation)(**{**vars(observation), **cut, "count": count, **changes})
@@ -82,7 +82,7 @@ def test_density_with_heat_is_that_of_the_dense_covariance(observation, num):
 
 @pytest.mark.parametrize("num", [1, 3, 30])
 def test_variance_of_a_mean_is_that_of_the_dense_covariance(observation, num):
-    many = sampled(observation, [50], rounding_variance=jnp.zeros(30))
+    many = sampled(observation, [50], known_variance=jnp.zeros(30))
     exact = covariance(many, NOISE)[:num, :num].mean()
     found = variance_of_mean(NOISE, float(observation.block_s), num)
     assert found == pytest.approx(exact, rel=2e-4)

@@ -184,6 +184,20 @@ def test_the_gates_count_what_they_say(written):
     assert "seed 8: ValueError: b" in written
 
 
+def test_a_small_coil_logged_once_a_second_is_within_its_range():
+    """A winding of 16 s, the load's steps anywhere between two samples.
+
+    Before the moment of each step counted as unknown, `sensor_contact` was named with 96 %, and
+    Ceq_w was 22 % too low, outside its interval.
+    """
+    found = run({"kind": "heat or copper only", "variant": "coil with power", "seed": 310_253})
+    assert found["exit_code"] == 0, found.get("failure")
+    for name, (low, high) in found["interval_95"].items():
+        assert low < found["truth"][name] < high, name
+    assert found["value"]["Ceq_w"] == pytest.approx(found["truth"]["Ceq_w"], rel=0.05)
+    assert "missing_effect" not in {id for id, _ in found["findings"]}
+
+
 @pytest.mark.slow
 def test_a_case_goes_through_the_command():
     found = run({"kind": "heat or copper only", "variant": "heater", "seed": 200_000})

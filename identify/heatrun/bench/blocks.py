@@ -101,6 +101,8 @@ class Blocks:
         fitted: Channels of those whose rows follow the winding's.
         sensor: Column of the file that holds the readings; empty where it is not known.
         first_s: Time on the record's own axis at which the grid begins [s].
+        load_variance: Variance of each block's mean of the winding, from load steps at unknown
+            moments between two samples [K^2], shape (block,); None for none.
         notes: Sentences on what was interpolated or held.
     """
 
@@ -120,6 +122,7 @@ class Blocks:
     fitted: tuple[str, ...] = ()
     sensor: str = ""
     first_s: float = 0.0
+    load_variance: Float[np.ndarray, " block"] | None = None
     notes: tuple[str, ...] = ()
     _winding: Blocks | None = None
 
@@ -181,6 +184,21 @@ class Blocks:
             for p in parts
         )
 
+    @property
+    def known_variance(self) -> Float[np.ndarray, " row"]:
+        """Variance of each row's mean that is known beforehand [K^2].
+
+        A reading rounded to a step q errs by q^2/12; what does not average out of a block, because
+        the temperature moves slowly, is left to the slow part of the noise. A load step between two
+        samples shows in the winding (`load_variance`), too late and too little in other bodies.
+        """
+        steps = [self.rounding_K, *(self.body(channel).rounding_K for channel in self.fitted)]
+        rounding_K = np.repeat(steps, self.num_blocks)
+        variance = rounding_K**2 / 12.0 / np.maximum(self.count, 1.0)
+        if self.load_variance is not None:
+            variance[: self.num_blocks] += self.load_variance
+        return variance
+
     def observation(
         self,
         heat: Float[np.ndarray, "row column"] | None = None,
@@ -188,17 +206,12 @@ class Blocks:
     ) -> Observation:
         """Return the arrays that the numerics need.
 
-        A reading rounded to a step q errs by q^2/12; what does not average out of a block,
-        because the temperature moves slowly, is left to the slow part of the noise.
-
         Args:
             heat: As `Observation.heat`; no columns by default.
             noise_scale: As `Observation.noise_scale`; 1 by default.
         """
         heat = np.zeros((self.measured.size, 0)) if heat is None else heat
         scale = np.ones(1 + len(self.fitted)) if noise_scale is None else np.array(noise_scale)
-        steps = [self.rounding_K, *(self.body(channel).rounding_K for channel in self.fitted)]
-        rounding_K = np.repeat(steps, self.num_blocks)
         return Observation(
             inputs=self.inputs,
             measured=jnp.asarray(np.nan_to_num(self.measured)),
@@ -206,7 +219,7 @@ class Blocks:
             weight=jnp.asarray(self.weight),
             position=jnp.asarray(self.position),
             count=jnp.asarray(self.count, dtype=float),
-            rounding_variance=jnp.asarray(rounding_K**2 / 12.0 / np.maximum(self.count, 1.0)),
+            known_variance=jnp.asarray(self.known_variance),
             block_s=jnp.asarray(self.block_s, dtype=float),
             heat=jnp.asarray(heat),
             noise_scale=jnp.asarray(scale, dtype=float),
@@ -224,7 +237,7 @@ class Observation(eqx.Module):
         weight: As `Blocks.weight`.
         position: As `Blocks.position`.
         count: As `Blocks.count`.
-        rounding_variance: Variance of each block's mean from rounding [K^2], shape (row,).
+        known_variance: As `Blocks.known_variance`.
         block_s: Length of a block [s].
         heat: What unmodelled heat with the standard deviation of the mean loss does to the block
             means [K], as columns whose outer product is its covariance, shape (row, column).
@@ -239,7 +252,7 @@ class Observation(eqx.Module):
     weight: Float[Array, "row step"]
     position: Float[Array, "row step"]
     count: Float[Array, " row"]
-    rounding_variance: Float[Array, " row"]
+    known_variance: Float[Array, " row"]
     block_s: Float[Array, ""]
     heat: Float[Array, "row column"]
     noise_scale: Float[Array, " sensor"]

@@ -168,7 +168,7 @@ class SensorRows(eqx.Module):
 
     is_observed: Bool[Array, "..."]
     count: Float[Array, "..."]
-    rounding_variance: Float[Array, "..."]
+    known_variance: Float[Array, "..."]
     block_s: Float[Array, "..."]
     noise_scale: Float[Array, "..."]
 
@@ -183,7 +183,7 @@ def _by_sensor(blocks: Observation) -> SensorRows:
     return SensorRows(
         split(blocks.is_observed),
         split(blocks.count),
-        split(blocks.rounding_variance),
+        split(blocks.known_variance),
         jnp.broadcast_to(blocks.block_s, (size,)),
         blocks.noise_scale,
     )
@@ -220,7 +220,7 @@ def filter_rows(
     phi, gains, own = _of_blocks(noise, blocks)
     shared = slow * gains * -jnp.expm1(-decay)
     fresh = slow * -jnp.expm1(-2.0 * decay)
-    apart = own + noise.white**2 * (BLOCK_S / blocks.block_s) + blocks.rounding_variance
+    apart = own + noise.white**2 * (BLOCK_S / blocks.block_s) + blocks.known_variance
 
     def advance(state, x):
         mean, variance = state
@@ -349,7 +349,7 @@ def _draw_one(
     # given both edges of its block, a mean depends on nothing else
     share = gain / (1.0 + phi)
     between = own - (noise.sd * gain) ** 2 * (1.0 - phi) / (1.0 + phi)
-    apart = between + noise.white**2 * (BLOCK_S / blocks.block_s) + blocks.rounding_variance
+    apart = between + noise.white**2 * (BLOCK_S / blocks.block_s) + blocks.known_variance
     rest = jax.random.normal(second, (num, math.prod(shape)))
     return share[:, None] * (edges[1:] + edges[:-1]) + jnp.sqrt(apart)[:, None] * rest
 

@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 from ...motor import Motor
 from ..record import Record
 from .course import EQUILIBRIUM_K, lead_in
-from .samples import samples, sink_channel
+from .samples import samples, sink_channel, with_all_heat
 
 MAX_BLOCKS = 400
 """A block of a 90-minute test is then 13 s long, an eighth of a winding's time constant."""
@@ -53,6 +53,9 @@ class CrudeFit:
         rms_K: Root mean square residual over the blocks that were fitted [K].
         tau_s: Slow time constant [s].
         log_sd: Standard deviation of its logarithm [1].
+        rates_per_s: Rates at which the two modes decay, negative [1/s], shape (2,).
+        response_K_per_J: What a joule in the winding, and one in the stator, adds to the winding's
+            temperature in each mode at once [K/J], shape (2, 2).
     """
 
     time_s: np.ndarray
@@ -61,10 +64,16 @@ class CrudeFit:
     rms_K: float
     tau_s: float
     log_sd: float
+    rates_per_s: np.ndarray
+    response_K_per_J: np.ndarray
 
 
 def crude_fit(
-    record: Record, motor: Motor, *, left_out_s: Sequence[tuple[float, float]] = ()
+    record: Record,
+    motor: Motor,
+    *,
+    left_out_s: Sequence[tuple[float, float]] = (),
+    most_blocks: int = MAX_BLOCKS,
 ) -> CrudeFit | None:
     """Fit the two-node network to a record.
 
@@ -73,24 +82,26 @@ def crude_fit(
         motor: Says what the losses are, and the phase resistance; without that the share of copper
             in the losses is fitted too.
         left_out_s: Time spans whose temperatures do not count [s].
+        most_blocks: Block means of the record, at most.
 
     Returns:
         The fit, or None where the record has too little, or the network does not describe it.
     """
     channels = ("winding_degC", sink_channel(motor), "losses_W", "phase_current_A")
     time_s, *columns = samples(record, *channels)
+    heat_W = samples(with_all_heat(record, motor), *channels)[3]
     if time_s.size < 2 * MIN_BLOCKS or np.ptp(columns[0]) == 0.0:
         return None
     if motor.losses == "map" and motor.phase_resistance_ohm is None:
         return None
-    lead = lead_in(time_s, columns[2])
+    lead = lead_in(time_s, heat_W)
     excess = float(np.median((columns[0] - columns[1])[:lead]))
-    edges = np.linspace(time_s[0], time_s[-1], min(MAX_BLOCKS, time_s.size // 2) + 1)
+    edges = np.linspace(time_s[0], time_s[-1], min(most_blocks, time_s.size // 2) + 1)
     winding, sink, losses, current_squared = _on_grid(time_s, edges, *columns[:3], columns[3] ** 2)
     counted = np.ones(winding.size, dtype=bool)
     for from_s, to_s in left_out_s:
         counted &= (edges[1:] < from_s) | (edges[:-1] > to_s)
-    if counted.sum() < MIN_BLOCKS or not np.max(losses) > 0.0:
+    if counted.sum() < MIN_BLOCKS or not np.max(heat_W) > 0.0:
         return None
     problem = _Problem(
         step_s=float(edges[1] - edges[0]),
@@ -218,7 +229,13 @@ class _Problem:
             rms,
             float(np.exp(self._log_tau(found.x))),
             float(np.sqrt(max(slope @ covariance @ slope, 0.0))),
+            *self.response(found.x),
         )
+
+    def response(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return `CrudeFit.rates_per_s` and `CrudeFit.response_K_per_J`."""
+        rates, modes = (np.real(part) for part in np.linalg.eig(self.matrix(x)))
+        return rates, (modes[0][:, None] * np.linalg.inv(modes) / np.exp(x[:2])).T
 
     def _log_tau(self, x: np.ndarray) -> float:
         return -float(np.log(-np.max(np.real(np.linalg.eigvals(self.matrix(x))))))

@@ -345,7 +345,7 @@ def _extended(test: Observation, more: int, per_block: int) -> Observation:
         is_observed=pad(test.is_observed, False),
         weight=pad(test.weight, 0.0),
         position=pad(test.position, 0.5),
-        rounding_variance=pad(test.rounding_variance, 0.0),
+        known_variance=pad(test.known_variance, 0.0),
     )
 
 

@@ -174,9 +174,7 @@ def _pack_group(
         measured=lanes([np.nan_to_num(test.measured) for test in tests]),
         is_observed=lanes([test.is_observed for test in tests]),
         count=lanes([np.asarray(test.count, dtype=float) for test in tests]),
-        rounding_variance=lanes([
-            test.rounding_K**2 / 12.0 / np.maximum(test.count, 1.0) for test in tests
-        ]),
+        known_variance=lanes([test.known_variance for test in tests]),
         block_s=numbers([test.block_s for test in tests]),
         num_blocks=numbers([test.num_blocks for test in tests]),
         num_knots=numbers([num_knots(test.duration_s) for test in tests]),

@@ -31,7 +31,7 @@ class Group(eqx.Module):
         measured: Mean reading of each block [degC], shape (block, lane).
         is_observed: Which blocks hold a reading, shape (block, lane).
         count: Readings of each block [1], shape (block, lane).
-        rounding_variance: As `Observation.rounding_variance`, shape (block, lane).
+        known_variance: As `Observation.known_variance`, shape (block, lane).
         block_s: Length of a block [s], shape (lane,).
         num_blocks: Blocks without the padding [1], shape (lane,).
         num_knots: Knots of the unmodelled heat [1], shape (lane,).
@@ -54,7 +54,7 @@ class Group(eqx.Module):
     measured: Float[Array, "block lane"]
     is_observed: Bool[Array, "block lane"]
     count: Float[Array, "block lane"]
-    rounding_variance: Float[Array, "block lane"]
+    known_variance: Float[Array, "block lane"]
     block_s: Lane
     num_blocks: Lane
     num_knots: Lane

@@ -25,7 +25,7 @@ def filtered(
     sensor = SensorRows(
         is_observed=group.is_observed,
         count=group.count,
-        rounding_variance=group.rounding_variance,
+        known_variance=group.known_variance,
         block_s=group.block_s,
         noise_scale=jnp.ones_like(group.block_s),
     )
@@ -36,7 +36,7 @@ def weighted(
     columns: Float[Array, "block column lane"], noise: Noise, group: Group
 ) -> Float[Array, "lane block column"]:
     """Return columns whitened by the white part of the noise alone; arguments as `filtered`."""
-    variance = noise.white**2 * (BLOCK_S / group.block_s) + group.rounding_variance
+    variance = noise.white**2 * (BLOCK_S / group.block_s) + group.known_variance
     white = jnp.where(group.is_observed[:, None], columns, 0.0) / jnp.sqrt(variance)[:, None]
     return jnp.moveaxis(white, -1, 0)
 

@@ -150,7 +150,9 @@ def extended(test: Blocks, duration_s: float) -> Blocks:
         }
 
     bodies = tuple(replace(body, **readings(body)) for body in test.bodies)
-    return replace(test, inputs=inputs, **readings(test), bodies=bodies)
+    known = test.load_variance
+    known = None if known is None else np.pad(known, (0, num_more))
+    return replace(test, inputs=inputs, **readings(test), bodies=bodies, load_variance=known)
 
 
 def _last_load(test: Blocks) -> np.ndarray:

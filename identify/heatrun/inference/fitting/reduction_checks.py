@@ -147,8 +147,8 @@ def _lost(record: Record, blocks: Blocks, error: float) -> Finding:
         id="between_samples",
         severity="warning",
         message=f"the load changes faster than it is sampled, every {period:.3g} s (aliasing): the "
-        f"simulated winding temperature may be wrong by {error:.2g} K (limit {BETWEEN_K} K), which "
-        "the 95 % intervals and bands do not include.",
+        f"simulated winding temperature may be wrong by {error:.2g} K (limit {BETWEEN_K} K). What "
+        "a single load step does is in the 95 % intervals and bands, what many add up to is not.",
         where=blocks.name,
         remedy="Record the load at a shorter interval, or as means over the logger's period; if "
         "the values are such means, nothing is lost.",

@@ -1,0 +1,114 @@
+"""A load step between two samples: the blocks behind it count for what is not known of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+
+from heatrun.bench.load_moments import with_load_moments
+from heatrun.bench.record import Record
+from heatrun.bench.reduction import reduce
+from heatrun.calibration import load_tests
+from heatrun.motorfile import parse_motor
+
+C_W, C_SR, R_W, R_SR = 20.0, 400.0, 0.6, 1.5
+"""A coil with a time constant of 12 s [J/K, K/W]."""
+OHM = 0.01
+SECONDS = 3600.0
+MOTOR = f"""[motor]
+name = "coil"
+phases = 1
+[winding]
+phase_resistance_ohm = {OHM}
+"""
+
+
+def motor():
+    return parse_motor(MOTOR.encode(), "motor.toml")
+
+
+def truth(edges_s, amperes):
+    """Return once a second current, losses and winding [A, W, degC], by SciPy, step by step."""
+    time = np.arange(0.0, SECONDS + 0.5)
+    T, now = np.empty(time.size), np.array([25.0, 25.0])
+    bounds = [0.0, *edges_s, SECONDS]
+
+    def slope(_, x, A):
+        heat = OHM * A**2 * (234.5 + x[0]) / 259.5
+        into = (x[0] - x[1]) / R_W
+        return [(heat - into) / C_W, (into - (x[1] - 25.0) / R_SR) / C_SR]
+
+    T[0] = 25.0
+    for begin, end, A in zip(bounds[:-1], bounds[1:], amperes, strict=True):
+        inside = np.flatnonzero((time > begin) & (time <= end))
+        found = solve_ivp(slope, (begin, end), now, "LSODA", np.unique([*time[inside], end]),
+                          args=(A,), rtol=1e-9, atol=1e-8)  # fmt: skip
+        T[inside], now = found.y[0, : inside.size], found.y[:, -1]
+    current = np.asarray(amperes)[np.searchsorted(edges_s, time, side="right")]
+    return time, current, OHM * current**2 * (234.5 + T) / 259.5, T
+
+
+def record(edges_s, amperes=(0.0, 60.0, 0.0, 40.0, 0.0)):
+    time, current, losses, T = truth(edges_s, amperes)
+    return Record("coil", {
+        "time_s": time, "phase_current_A": current, "losses_W": losses,
+        "ambient_degC": np.full(time.size, 25.0), "winding_degC": T,
+    })  # fmt: skip
+
+
+EDGES = np.array([60.0, 1500.0, 2000.0, 3000.0])
+
+
+def with_moments(test):
+    return with_load_moments(reduce(test, motor()), test, motor())
+
+
+def test_the_variance_is_that_of_steps_at_any_moment_between_their_samples():
+    """Against many simulations whose steps fall elsewhere between the same two samples."""
+    rng = np.random.default_rng(3)
+    at_samples = [
+        with_moments(record(EDGES + rng.uniform(1e-3, 1.0 - 1e-3, EDGES.size))) for _ in range(60)
+    ]
+    stated = np.mean([blocks.load_variance for blocks in at_samples], axis=0)
+    # the load reads the same in all of them, so that a model says the same
+    spread = np.var([blocks.measured for blocks in at_samples], axis=0)
+    behind = spread > 0.05 * spread.max()
+    assert 4 <= behind.sum() <= 12
+    # 60 draws know a variance to a fifth; the crude fit knows the winding to a tenth
+    np.testing.assert_allclose(stated[behind], spread[behind], rtol=0.6)
+    assert np.sum(stated) == pytest.approx(np.sum(spread), rel=0.3)
+    assert np.all(stated[~behind] < 0.1 * spread.max())
+
+
+def test_a_fast_logger_and_a_steady_load_leave_nothing_open():
+    test = record(EDGES + 0.3)
+    channels = {name: np.repeat(v, 2)[:-1] for name, v in test.channels.items()}
+    channels["time_s"] = 0.5 * np.arange(channels["time_s"].size)
+    assert with_moments(replace(test, channels=channels)).load_variance is None
+    steady = record(np.array([60.0]), (0.0, 50.0))
+    late = with_moments(steady).load_variance[10:]
+    assert np.all(late < 1e-3)
+
+
+def test_bodies_and_longer_tests_keep_the_rows_of_the_winding():
+    test = record(EDGES + 0.3)
+    body = {**test.channels, "stator_degC": 25.0 + 0.3 * (test["winding_degC"] - 25.0)}
+    blocks = with_moments(replace(test, channels=body))
+    both = blocks.with_bodies(["stator_degC"])
+    num = blocks.num_blocks
+    np.testing.assert_array_equal(both.known_variance[:num], blocks.known_variance)
+    assert np.all(both.known_variance[num:] < 1e-6)
+    np.testing.assert_array_equal(
+        np.asarray(both.observation().known_variance), both.known_variance
+    )
+
+
+def test_the_commands_reduce_their_tests_so(tmp_path):
+    test = record(EDGES + 0.3)
+    pd.DataFrame(dict(test.channels)).to_csv(tmp_path / "coil.csv", index=False)
+    (read,) = load_tests(motor(), [tmp_path / "coil.csv"])
+    assert np.max(read.blocks.load_variance) > 0.1
