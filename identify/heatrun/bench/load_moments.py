@@ -4,9 +4,11 @@ Samples of the load are joined by straight lines. A step of $\Delta P$ between t
 $\delta$ apart, then brings the right heat only if it falls half-way; at an unknown moment, the heat
 errs by an energy of standard deviation $\Delta P\,\delta / \sqrt{12}$. At 1 Hz, a winding of a
 hundred seconds hardly shows it; a small coil of ten is off by a kelvin behind each step, far beyond
-its noise. So the blocks behind a step count for less: what such energies add to the variance of
-their means, by the response of a crude two-node fit of the same record, joins that of rounding. The
-moment that all steps have in common is a parameter besides (`load_timing`).
+its noise. So the blocks behind a step count for less: what such an energy adds to the variance of
+their means joins that of rounding. It is taken from the fast mode of a crude two-node fit of the
+same record. The slow mode remembers all steps: what they add up to there is no independent error of
+blocks, and is left to the unmodelled heat and to the finding `between_samples`. The moment that all
+steps have in common is a parameter besides (`load_timing`).
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from scipy.signal import fftconvolve
 
 from ..motor import Motor
 from .blocks import SLOW_LOGGER_S, Blocks
-from .checks.crude_fit import CrudeFit, crude_fit
+from .checks.crude_fit import crude_fit
 from .checks.samples import samples
 from .record import Record
 
@@ -56,39 +58,38 @@ def with_load_moments(blocks: Blocks, record: Record, motor: Motor) -> Blocks:
     if fit is None:
         return blocks
     between_s = np.diff(time_s)
-    energy = np.diff(np.stack([copper, rest])) * between_s / np.sqrt(12.0)
+    fast = int(np.argmin(fit.rates_per_s))
+    steps_W = np.diff(np.stack([copper, rest]), axis=1)
+    sd_K = np.abs(fit.response_K_per_J[:, fast] @ steps_W) * between_s / np.sqrt(12.0)
     middle_s = time_s[:-1] + 0.5 * between_s - blocks.first_s
-    return replace(blocks, load_variance=_variance(blocks, fit, middle_s, energy))
+    variance = _variance(blocks, float(fit.rates_per_s[fast]), middle_s, sd_K)
+    return replace(blocks, load_variance=variance)
 
 
 def _variance(
     blocks: Blocks,
-    fit: CrudeFit,
+    rate_per_s: float,
     time_s: Float[np.ndarray, " step"],
-    energy_J: Float[np.ndarray, "node step"],
+    sd_K: Float[np.ndarray, " step"],
 ) -> Float[np.ndarray, " block"]:
-    """Return the variance of block means that energies of unknown sign at some times give [K^2].
+    """Return the variance of block means that shocks of unknown sign at some times give [K^2].
 
     Args:
         blocks: The grid.
-        fit: How the winding answers.
+        rate_per_s: Rate at which a shock decays, negative [1/s].
         time_s: When they come, from the begin of the grid [s].
-        energy_J: Their standard deviations in winding and stator, of one sign each [J].
+        sd_K: Their standard deviations at once [K].
     """
     step_s, per_block = float(blocks.inputs.step), blocks.weight.shape[1]
     num = blocks.num_blocks * per_block
     place = np.floor(time_s / step_s).astype(int)
     kept = (place >= 0) & (place < num)
-    # the winding's answer to a joule in each node, as means over the steps behind it
+    # what is left of a shock, as means over the steps behind it
     edges_s = step_s * np.arange(num + 1)
-    decay = np.exp(np.minimum(fit.rates_per_s[:, None] * edges_s, 0.0))
-    answer = fit.response_K_per_J @ (np.diff(decay) / (fit.rates_per_s[:, None] * step_s))
-    # and as means over blocks, the first of which ends with the step that it begins in
-    sums = np.cumsum(np.pad(answer, ((0, 0), (per_block, 0))), axis=1)
-    means = (sums[:, per_block:] - sums[:, :num]) / per_block
-    variance = np.zeros(blocks.num_blocks)
-    for i, j in ((0, 0), (0, 1), (1, 1)):
-        at = np.bincount(place[kept], (energy_J[i] * energy_J[j])[kept], num)
-        spread = fftconvolve(at, means[i] * means[j])[per_block - 1 : per_block - 1 + num]
-        variance += (1.0 if i == j else 2.0) * spread[::per_block]
-    return np.maximum(variance, 0.0)
+    left = np.diff(np.exp(rate_per_s * edges_s)) / (rate_per_s * step_s)
+    # and as means over blocks, the first of which ends with the step that it comes in
+    sums = np.cumsum(np.pad(left, (per_block, 0)))
+    means = (sums[per_block:] - sums[:num]) / per_block
+    at = np.bincount(place[kept], sd_K[kept] ** 2, num)
+    spread = fftconvolve(at, means**2)[per_block - 1 : per_block - 1 + num]
+    return np.maximum(spread[::per_block], 0.0)
