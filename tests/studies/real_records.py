@@ -40,6 +40,8 @@ yoke_degC = "yoke"
 magnet_degC = "rotor"
 """
 """The network `four` with friction and windage that follow the speed, as a user's file."""
+FILES = {"turning": TURNING}
+"""Networks that do not come with heatrun."""
 SPLITS = {"first half": 3752.5, "heating, 20 min of cooling": 5595.0}
 """Until when profile 24 is calibrated [s]; the load is taken off at 4395 s, the record ends at
 7505 s. What is later is held out."""
@@ -199,9 +201,9 @@ def calibrated(job: Job, folder: Path) -> Row:
     motor = folder / "motor.toml"
     motor.write_text(job.motor, encoding="utf-8")
     network = job.network
-    if network == "turning":
-        network = str(folder / "turning.toml")
-        Path(network).write_text(TURNING, encoding="utf-8")
+    if network in FILES:
+        network = str(folder / f"{network}.toml")
+        Path(network).write_text(FILES[job.network], encoding="utf-8")
     tests = job.tests
     if isinstance(tests, pd.DataFrame):
         tests.to_csv(folder / "test.csv", index=False)
