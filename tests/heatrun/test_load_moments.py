@@ -107,8 +107,11 @@ def test_bodies_and_longer_tests_keep_the_rows_of_the_winding():
     )
 
 
-def test_the_commands_reduce_their_tests_so(tmp_path):
+def test_tests_that_are_fitted_know_it_and_tests_that_are_predicted_do_not(tmp_path):
+    """From its own readings: a held-out test would tell of itself."""
     test = record(EDGES + 0.3)
-    pd.DataFrame(dict(test.channels)).to_csv(tmp_path / "coil.csv", index=False)
-    (read,) = load_tests(motor(), [tmp_path / "coil.csv"])
-    assert np.max(read.blocks.load_variance) > 0.1
+    for name in ("coil.csv", "later.csv"):
+        pd.DataFrame(dict(test.channels)).to_csv(tmp_path / name, index=False)
+    fitted, held_out = load_tests(motor(), [tmp_path / "coil.csv"], [tmp_path / "later.csv"])
+    assert np.max(fitted.blocks.load_variance) > 0.1
+    assert held_out.blocks.load_variance is None

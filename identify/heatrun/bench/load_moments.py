@@ -32,6 +32,8 @@ FINE_BLOCKS = 1800
 def with_load_moments(blocks: Blocks, record: Record, motor: Motor) -> Blocks:
     """Return a reduced record that knows what its logger leaves open about the load.
 
+    For records that are fitted: it looks at all readings of the winding.
+
     Args:
         blocks: The record, reduced.
         record: The record.

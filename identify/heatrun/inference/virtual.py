@@ -13,7 +13,6 @@ import pandas as pd
 from lptn import growth_rate, longest_step
 
 from ..bench.blocks import Blocks
-from ..bench.load_moments import with_load_moments
 from ..bench.record import Record
 from ..bench.reduction import reduce
 from ..errors import InputError
@@ -39,7 +38,7 @@ def reduce_driven(record: Record, motor: Motor) -> Blocks:
         InputError: If a channel is missing.
     """
     if "winding_degC" in record and np.any(np.isfinite(record["winding_degC"])):
-        return with_load_moments(reduce(record, motor), record, motor)
+        return reduce(record, motor)
     sink = record[f"{motor.sink}_degC"]
     blocks = reduce(replace(record, channels={**record.channels, "winding_degC": sink}), motor)
     nothing = np.zeros_like(blocks.count)

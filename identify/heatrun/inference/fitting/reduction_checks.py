@@ -147,8 +147,9 @@ def _lost(record: Record, blocks: Blocks, error: float) -> Finding:
         id="between_samples",
         severity="warning",
         message=f"the load changes faster than it is sampled, every {period:.3g} s (aliasing): the "
-        f"simulated winding temperature may be wrong by {error:.2g} K (limit {BETWEEN_K} K). What "
-        "a single load step does is in the 95 % intervals and bands, what many add up to is not.",
+        f"simulated winding temperature may be wrong by {error:.2g} K (limit {BETWEEN_K} K). The "
+        "95 % intervals allow for single load steps, not for what many add up to; bands of "
+        "predicted tests for neither.",
         where=blocks.name,
         remedy="Record the load at a shorter interval, or as means over the logger's period; if "
         "the values are such means, nothing is lost.",
