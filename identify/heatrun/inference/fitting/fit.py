@@ -17,16 +17,16 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from ...bench.record import Finding
 from ...errors import InputError
 from ..batches import at_once
 from ..discrepancy import NUM_COLUMNS, with_heat
-from ..noise import Noise, from_scores, noise_parameters
+from ..noise import Noise, from_scores
 from ..problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
 from .adequacy import low_frequency_excess
 from .corner import SIDE, is_corner, near_corner
 from .fit_result import RESULT, Fit, failed
 from .laplace import Spread, spread, whiten_fit
+from .optimum_findings import misfit_findings, not_converged, several_optima
 from .restricted import estimate_loggers, estimate_noise, polished_noise
 
 NUM_STARTS = 16
@@ -53,12 +53,6 @@ NUM_ROUNDS = 6
 ROUGH_K = 1.0
 """White level of the first search [K]. Block means of a misfit are not independent; taken as such
 they would outweigh every prior and drive the start temperatures to the impossible."""
-
-LONGEST_NOISE_S = 150.0
-"""Residuals correlated over more than this are a misfit, not noise [s]."""
-
-MUCH_HEAT = 2.0
-"""Prior standard deviations from which on the unmodelled heat is a finding [1]."""
 
 RIVAL = 8.0
 """Optima within this of the best (half the sum of squares) hold a visible share of the posterior
@@ -117,9 +111,9 @@ def fit(
     rmse = problem.rmse_K(state.residual)
     findings = misfit_findings(problem, state.noise_z, rmse, excess, is_flagged)
     if not state.is_converged:
-        findings.append(_not_converged(problem))
+        findings.append(not_converged(problem))
     if len(modes) > 1:
-        findings.append(_ambiguous(problem, len(modes)))
+        findings.append(several_optima(problem, len(modes)))
 
     final = _spread(problem, state)
     return Fit(
@@ -334,71 +328,3 @@ def _innovations(problem: Problem, state: _State) -> list[np.ndarray]:
 
 def _spread(problem: Problem, state: _State) -> Spread:
     return spread(problem, state.z, state.noise_z, state.residual, state.jacobian)
-
-
-def misfit_findings(
-    problem: Problem, noise_z: np.ndarray, rmse: float, excess: float, is_flagged: bool
-) -> list[Finding]:
-    """Return what the noise and the unmodelled heat say of the network.
-
-    Args:
-        problem: Model and tests.
-        noise_z: Scores of the noise.
-        rmse: Of the residuals [K].
-        excess: Low-frequency excess of the innovations [1].
-        is_flagged: Whether that is above its limit.
-    """
-    noise = from_scores(noise_z)
-    of_heat = noise_parameters(problem.model.adequacy)[-1]
-    heat, usual = float(of_heat.value(noise_z[3])), of_heat.prior_interval_95()[1]
-    reasons = []
-    if noise_z[3] > MUCH_HEAT:
-        reasons.append(
-            f"it leaves heat of {100.0 * heat:.2g} % of the loss unexplained (up to "
-            f"{100.0 * usual:.2g} % is usual)"
-        )
-    if float(noise.time) > LONGEST_NOISE_S:
-        reasons.append(f"its residuals are correlated over more than {LONGEST_NOISE_S:.0f} s")
-    if is_flagged:
-        reasons.append(f"its slow residuals have {excess:.1f} times the variance of noise")
-    if not reasons:
-        return []
-    return [
-        Finding(
-            id="misfit",
-            severity="warning",
-            message=f"the {problem.model.words} is incomplete: {'; '.join(reasons)}. The 95 % "
-            "intervals allow for slow heat of this size, not for every cause.",
-            where=problem.label,
-            remedy="Search for the missing effect with `heatrun discover`.",
-            values={
-                "rmse_K": rmse,  # of the most probable parameters; that of the run is its median's
-                "low_frequency_excess": excess,
-                "unmodelled_heat": heat,
-                "noise_time_s": float(noise.time),
-            },
-        )
-    ]
-
-
-def _ambiguous(problem: Problem, num_modes: int) -> Finding:
-    return Finding(
-        id="several_optima",
-        severity="warning",
-        message=f"the posterior of the {problem.model.words} is "
-        f"{'bimodal' if num_modes == 2 else 'multimodal'}: {num_modes} parameter sets fit the "
-        "tests about equally well. The 95 % intervals cover all modes.",
-        where=problem.label,
-        remedy="Add a test in which current and speed change independently, or fix a parameter in "
-        "the motor file.",
-        values={"num_modes": num_modes},
-    )
-
-
-def _not_converged(problem: Problem) -> Finding:
-    return Finding(
-        id="not_converged",
-        severity="warning",
-        message=f"{problem.model.title}: {RESULT.not_converged.value}",
-        where=problem.label,
-    )
