@@ -10,6 +10,7 @@ from ..channels.units import require_unit
 from ..record import ColumnReading, Finding, Record
 from .losses import BLOCK_S
 from .samples import block_means, place, samples, sink_channel
+from .suspicion.one_node import MIN_RISE_K, one_node, unsettled
 
 LARGEST_W, SMALLEST_W = 2e6, 1e-3
 """Losses of a generator of 100 MW, overloaded, and of a watch."""
@@ -35,8 +36,13 @@ def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
     time_s, losses, rise = block_means(time_s, BLOCK_S, losses, winding - sink)
     largest = float(np.max(np.abs(losses)))
     top = int(np.argmax(rise))
-    # the highest rise comes late in a load: then the heat flows out, and is not only stored
-    per_K = float(np.mean(np.abs(losses))) / float(rise[top]) if rise[top] > 1.0 else 0.0
+    # the highest rise comes late in a load: then the heat flows out, unless the test is so short
+    # that it is stored
+    is_warm = rise[top] > MIN_RISE_K
+    per_K = float(np.mean(np.abs(losses))) / float(rise[top]) if is_warm else 0.0
+    seen = one_node(record, motor) or unsettled(record, motor)
+    if seen is not None and seen.conductance_W_per_K < per_K:  # no comparison is true of a NaN
+        per_K = seen.conductance_W_per_K
     is_large = largest > LARGEST_W or per_K > LARGEST_W_PER_K
     is_small = 0.0 < largest < SMALLEST_W and rise[top] > 1.0
     if not is_large and not is_small:

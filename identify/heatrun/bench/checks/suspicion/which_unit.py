@@ -3,7 +3,8 @@
 Each column is tried in each other unit of its quantity, and every relation asked again. What mends
 all of them is named; it is never applied. It is asked by an error, also of a unit that the file
 states, since headings are copied; by a warning where the motor file decided the unit, or where a
-single relation is broken that another kind of cooling explains and something gave the unit.
+single relation is broken that another kind of cooling explains and something gave the unit, or
+where a machine of unusual size is as slow as its size says.
 """
 
 from __future__ import annotations
@@ -94,7 +95,10 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
         return (_unexplained(record, broken),) if broken and not symptoms else ()
     # two that one unit explains are no matter of cooling, nor of a machine without load
     is_alone = len({_family(id) for id in ids}) < 2
-    is_mild = is_alone and all(conflict.is_odd or conflict.is_mild for conflict in broken)
+    is_mild = is_alone and (
+        all(conflict.is_odd or conflict.is_mild for conflict in broken)
+        or (ids == {"too_large"} and _is_as_usual(record, motor, mending))
+    )
     is_odd = is_odd and is_alone
     asked = any(one.is_assumed if is_mild else not one.is_decided for one in mending)
     explained = [*symptoms, *(c.id for c in broken if c.id == "losses_below_copper")]
@@ -105,7 +109,8 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
             "error" if asked and not is_odd else "warning",
             f"{_told(broken, is_alone)} {_list(sentences)}",
             place(record, broken[0].channels[0], float(samples(record)[0][0])),
-            _remedy(mending, record) + (OTHER_COOLING if is_mild and not is_odd else ""),
+            _remedy(mending, record, is_mild=is_mild and not asked)
+            + (OTHER_COOLING if is_mild and not is_odd and motor.sink == "ambient" else ""),
             values={
                 **_figures(broken),
                 **{f"explains_{id}": 1.0 for id in explained},
@@ -197,7 +202,7 @@ def _mends(one: OtherReading, left: set[str], is_shown: bool) -> bool:
 
 def _ranked(mending: Sequence[OtherReading]) -> list[OtherReading]:
     """Those that bring the machine nearest to the usual ones, single columns for groups."""
-    distance = [_from_usual(one) for one in mending]
+    distance = [_from_usual(one.record, one.motor) for one in mending]
     least = min(distance, default=0.0)
     # Of what is equally usual the smaller mistake comes first.
     near = sorted(
@@ -216,12 +221,18 @@ def _ranked(mending: Sequence[OtherReading]) -> list[OtherReading]:
     return chosen[:MAX_NAMED]
 
 
-def _from_usual(one: OtherReading) -> float:
+def _is_as_usual(record: Record, motor: Motor, mending: Sequence[OtherReading]) -> bool:
+    """Whether a record's time constant fits its size about as well as that of any other reading."""
+    least = min(_from_usual(one.record, one.motor) for one in mending)
+    return _from_usual(record, motor) < least + math.log(MUCH_BETTER)
+
+
+def _from_usual(record: Record, motor: Motor) -> float:
     """Logarithm of the time constant over the usual one of that size, without its sign."""
-    seen = one_node(one.record, one.motor) or unsettled(one.record, one.motor)
+    seen = one_node(record, motor) or unsettled(record, motor)
     if seen is None or not math.isfinite(seen.conductance_W_per_K):
         return 0.0
-    usual = USUAL_BY_SIZE_S[one.motor.sink] * math.sqrt(seen.conductance_W_per_K)
+    usual = USUAL_BY_SIZE_S[motor.sink] * math.sqrt(seen.conductance_W_per_K)
     return abs(math.log(seen.tau_s / usual))
 
 
@@ -260,7 +271,7 @@ def _list(sentences: Sequence[str]) -> str:
     return f"The channels are consistent if {', or if '.join(sentences)}."
 
 
-def _remedy(mending: Sequence[OtherReading], record: Record) -> str:
+def _remedy(mending: Sequence[OtherReading], record: Record, *, is_mild: bool) -> str:
     words = []
     for one in mending:
         columns = {r.channel: r for r in one.readings}
@@ -283,6 +294,8 @@ def _remedy(mending: Sequence[OtherReading], record: Record) -> str:
     stays = next((one for one in readings if one.channel not in record.decided), None)
     if stays is None:
         return f"If so, {told}."
+    if is_mild:
+        return f"If so, {told}; if {stays.unit} is right, nothing is to be done."
     kept = f'{stays.channel} = "{stays.column} [{stays.unit}]"'
     return f"If so, {told}. If {stays.unit} is right, write {kept}: then this is only a warning."
 
@@ -309,7 +322,7 @@ def _unexplained(record: Record, broken: Sequence[Conflict]) -> Finding:
         "unit_suspected",
         "warning",
         f"{_told(broken)} No other unit of a single column resolves the contradiction; fitted "
-        "parameters would be wrong.",
+        "parameters may be wrong.",
         place(record, broken[0].channels[0], float(samples(record)[0][0])),
         "Check the columns and their units, and sink and losses in the motor file.",
         values=_figures(broken),

@@ -1,0 +1,98 @@
+"""Bodies and coils larger than those of a bench: what their own time constants bear out is taken.
+
+One mass each, by the exponential: nothing of the packages under test.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heatrun.bench.checks import check_record
+from heatrun.bench.record import ColumnReading, Record
+from heatrun.motor import Motor
+
+ROOM = 21.0
+RISES = {2.0: 400.0, 9.0: 100.0}
+"""Rise that a short test is on its way to, by its minutes [K]."""
+UNITS = {"time_s": "s", "losses_W": "W", "phase_current_A": "A_rms"}
+
+
+def record_of(columns, unit_from="name"):
+    mapping = tuple(
+        ColumnReading(name, name, UNITS.get(name, "degC"), unit_from, "t", "a.csv")
+        for name in columns
+    )
+    return Record("run", columns, mapping=mapping)
+
+
+def block(watts, tau_s, *, rise_K=60.0, minutes=120.0):
+    """A block under a heater that is on for two thirds of the time."""
+    t = np.arange(0.0, 60.0 * minutes)
+    until = 40.0 * minutes
+    up = -np.expm1(-np.minimum(t, until) / tau_s)
+    T = ROOM + rise_K * up * np.exp(-np.maximum(t - until, 0.0) / tau_s)
+    T = np.round(T + 0.05 * np.random.default_rng(1).standard_normal(t.size), 1)
+    nothing = np.zeros(t.size)
+    return {
+        "time_s": t,
+        "losses_W": np.where(t < until, watts, nothing),
+        "phase_current_A": nothing,
+        "ambient_degC": nothing + ROOM,
+        "winding_degC": T,
+    }
+
+
+def found(columns, id, unit_from="name", motor=None):
+    motor = motor or Motor("block", losses="balance")
+    return [f for f in check_record(record_of(columns, unit_from), motor) if f.id == id]
+
+
+def test_a_block_of_half_a_megawatt_is_warned_of_and_not_refused():
+    (finding,) = found(block(5e5, 7200.0), "unit_suspected")
+    assert finding.severity == "warning"
+    assert "2000 W/K" in finding.message
+    assert "if W is right, nothing is to be done" in finding.remedy
+
+
+def test_its_unit_must_be_given():
+    (finding,) = found(block(5e5, 7200.0), "unit_suspected", "assumed")
+    assert finding.severity == "error"
+
+
+def test_a_block_of_half_a_kilowatt_whose_milliwatts_are_called_watts_is_refused():
+    (finding,) = found(block(5e5, 800.0), "unit_suspected")
+    assert finding.severity == "error"
+    assert "mW" in finding.message
+
+
+@pytest.mark.parametrize("minutes", [2.0, 9.0])
+def test_heat_that_a_short_test_only_stores_is_no_absurd_conductance(minutes):
+    columns = block(1e6, 7200.0, rise_K=RISES[minutes], minutes=minutes)
+    assert 1e6 / float(np.ptp(columns["winding_degC"])) > 5e4
+    assert not found(columns, "losses_absurd")
+    # the same rise of a machine a thousand times smaller, its losses in mW
+    assert found(columns | {"losses_W": 1e3 * columns["losses_W"]}, "losses_absurd")
+
+
+def coil(below):
+    """A coil under direct current, the wattmeter short of the copper loss by a share of it."""
+    columns = block(2000.0, 3000.0)
+    on = columns["losses_W"] > 0.0
+    current = np.where(on, 20.0, 0.0)
+    warm = (234.5 + columns["winding_degC"]) / 259.5
+    copper = 3.0 * current**2 * warm
+    return columns | {
+        "phase_current_A": current, "losses_W": copper / below, "speed_rpm": np.zeros(on.size)
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("below", "severity"), [(1.02, None), (1.04, "warning"), (1.08, "error"), (2.0, "error")]
+)
+def test_losses_of_a_coil_are_refused_below_what_instruments_explain(below, severity):
+    motor = Motor("coil", phase_resistance_ohm=3.0, phases=1)
+    severities = [f.severity for f in found(coil(below), "losses_below_copper", motor=motor)]
+    assert severities == ([] if severity is None else [severity])
+    amplitudes = found(coil(below), "current_amplitude", motor=motor)
+    assert bool(amplitudes) == (below > 1.06)
