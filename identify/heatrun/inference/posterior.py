@@ -146,7 +146,7 @@ def sample(
     Args:
         fit: The fit.
         method: `"emcee"`: MCMC; `"quick"`: importance sampling if it is sound, else MCMC of half
-            the effective sample size, given up after half the steps.
+            the effective sample size.
         seed: Random seed.
         folder: Where checkpoints are written and taken up again; None for none.
         progress: Called with a sentence and the share done.
@@ -157,7 +157,6 @@ def sample(
     if is_quick and weighted.is_sound:
         return _of_weighted(fit, weighted, seed)
     wanted = QUICK if is_quick else FULL
-    most_steps = most_steps // 2 if is_quick else most_steps
     instead = "importance sampling is not reliable here, MCMC instead: " if is_quick else ""
 
     from .sampling.ensemble import (
