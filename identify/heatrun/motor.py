@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+from jaxtyping import Float
+
 if TYPE_CHECKING:
     from .bench.stretch import Stretch
 
@@ -124,3 +127,25 @@ class Motor:
     decimal: Literal[".", ","] | None = None
     sha256: str = ""
     path: str = ""
+
+    def resistance_ratio(self, winding_degC: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        """Return R(T)/Rs0 = (B + T)/(B + Tref) at winding temperatures [1]."""
+        B = self.resistance_coefficient_degC
+        return (B + winding_degC) / (B + self.reference_temperature_degC)
+
+    def copper_loss_W(
+        self, current_A: Float[np.ndarray, "..."], winding_degC: Float[np.ndarray, "..."]
+    ) -> Float[np.ndarray, "..."]:
+        """Return the copper loss of all phases [W].
+
+        Args:
+            current_A: Phase current, rms [A].
+            winding_degC: Temperature of the winding [degC].
+
+        Raises:
+            ValueError: If the phase resistance is not known.
+        """
+        if self.phase_resistance_ohm is None:
+            raise ValueError("copper_loss_W needs phase_resistance_ohm")
+        ohm = self.phase_resistance_ohm * self.resistance_ratio(winding_degC)
+        return self.phases * ohm * current_A**2

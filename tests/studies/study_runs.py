@@ -46,12 +46,14 @@ def rows_as_they_come(
 
 
 def rows_done(path: Path, seed: int) -> list[Row]:
-    """Return the rows of an unfinished study.
+    """Return the rows of an unfinished study; none where there is no such study yet.
 
     Args:
         path: What `write_rows` wrote.
         seed: The first of the study that goes on.
     """
+    if not path.exists():
+        return []
     content = json.loads(path.read_text(encoding="utf-8"))
     if content["seed"] != seed:
         raise SystemExit(f"{path} is of seed {content['seed']}, not {seed}: give another --out.")

@@ -24,6 +24,7 @@ from bodies_machines import (
     two_nodes,
     with_housing,
 )
+from study_runs import rows_done, write_rows
 
 ROOM = 22.0
 
@@ -124,6 +125,21 @@ def test_every_kind_has_enough_records_and_seeds_are_used_once():
         own = [job for job in listed if job["kind"] == kind]
         assert len(own) >= 100
         assert {job["variant"] for job in own} == set(variants)
+
+
+def test_a_study_goes_on_from_its_rows_or_from_nothing(tmp_path):
+    path = tmp_path / "study.json"
+    assert rows_done(path, 7) == []
+    write_rows(path, [{"seed": 7}], seed=7, planned=2)
+    assert rows_done(path, 7) == [{"seed": 7}]
+    with pytest.raises(SystemExit, match="seed 7, not 8"):
+        rows_done(path, 8)
+
+
+def test_a_drive_as_advised_is_the_same_drive():
+    plain, advised = (make("torque gain", v, 200_124) for v in ("5 %", "5 %, as advised"))
+    np.testing.assert_array_equal(plain.tests[0]["torque_Nm"], advised.tests[0]["torque_Nm"])
+    assert advised.motor.removeprefix(plain.motor) == "[parameters.shaft_power_gain]\nsd = 0.05\n"
 
 
 def row(kind, variant, seed, *, off=0.0, findings=(), said="identified", **more):

@@ -52,9 +52,7 @@ def with_load_moments(blocks: Blocks, record: Record, motor: Motor) -> Blocks:
     if np.any(current != 0.0):
         if motor.phase_resistance_ohm is None:
             return blocks
-        B = motor.resistance_coefficient_degC
-        warm = (B + winding) / (B + motor.reference_temperature_degC)
-        copper = motor.phases * motor.phase_resistance_ohm * warm * current**2
+        copper = motor.copper_loss_W(current, winding)
     rest = losses - copper if motor.losses == "balance" else losses
     fit = crude_fit(record, motor, most_blocks=FINE_BLOCKS)
     if fit is None:

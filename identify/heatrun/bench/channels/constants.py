@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from ...motor import Motor
 from ..record import Finding
 
@@ -52,8 +54,7 @@ def resistance_conflict(
     if "Rrif" not in constants or "Trif" not in constants:
         return ()
     in_file = constants["Rrif"] / 3.0
-    B = motor.resistance_coefficient_degC
-    ratio = (B + constants["Trif"]) / (B + motor.reference_temperature_degC)
+    ratio = float(motor.resistance_ratio(np.asarray(constants["Trif"])))
     expected = motor.phase_resistance_ohm * ratio
     if abs(in_file - expected) <= TOLERANCE * expected:
         return ()

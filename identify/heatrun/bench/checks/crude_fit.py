@@ -122,8 +122,7 @@ def _copper(
     motor: Motor, winding: np.ndarray, losses: np.ndarray, current_squared: np.ndarray
 ) -> np.ndarray:
     """Copper loss; without a known resistance the largest that the losses leave room for."""
-    B = motor.resistance_coefficient_degC
-    shape = motor.phases * current_squared * (B + winding) / (B + motor.reference_temperature_degC)
+    shape = motor.phases * current_squared * motor.resistance_ratio(winding)
     if motor.phase_resistance_ohm is not None:
         return motor.phase_resistance_ohm * shape
     flows = shape > 0.1 * np.max(shape)

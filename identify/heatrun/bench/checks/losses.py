@@ -62,9 +62,7 @@ def _copper_and_total(record: Record, motor: Motor) -> tuple[np.ndarray, ...]:
     )
     if time_s.size == 0:
         return nothing
-    B = motor.resistance_coefficient_degC
-    R = motor.phase_resistance_ohm * (B + winding) / (B + motor.reference_temperature_degC)
-    return block_means(time_s, BLOCK_S, motor.phases * R * current**2, losses)
+    return block_means(time_s, BLOCK_S, motor.copper_loss_W(current, winding), losses)
 
 
 def copper_shares(record: Record, motor: Motor) -> tuple[np.ndarray, np.ndarray]:

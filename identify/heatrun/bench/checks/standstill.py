@@ -130,7 +130,7 @@ def _of_losses(record: Record, motor: Motor) -> Agreement | None:
         return None
     columns = samples(record, "speed_rpm", "phase_current_A", "losses_W", "winding_degC")
     time_s, speed, current, losses, winding = columns
-    expected = motor.phases * _resistance(motor, winding) * current**2
+    expected = motor.copper_loss_W(current, winding)
     return _agreement(
         record, motor, time_s, speed, losses, expected, current, winding,
         np.hypot(POWER_SD, 2.0 * CURRENT_SD),
@@ -147,7 +147,7 @@ def _of_voltage(record: Record, motor: Motor) -> Agreement | None:
         return None
     channels: dict[str, np.ndarray] = dict(zip(names[2:], axes, strict=True))
     current = np.hypot(channels["i_d_A"], channels["i_q_A"]) / np.sqrt(2.0)
-    expected = motor.phases * _resistance(motor, winding) * current**2
+    expected = motor.copper_loss_W(current, winding)
     power = dq_power(channels, motor.phases)
     # one current stands in both powers: its error enters once
     return _agreement(
@@ -160,12 +160,6 @@ def _formula(record: Record) -> str:
     """Return how the losses were derived, empty if they were measured."""
     read = [one.channel for one in record.mapping if one.unit_from != "derived"]
     return formulas(record.channels, read).get("losses_W", "")
-
-
-def _resistance(motor: Motor, winding_degC: np.ndarray) -> np.ndarray:
-    B = motor.resistance_coefficient_degC
-    assert motor.phase_resistance_ohm is not None
-    return motor.phase_resistance_ohm * (B + winding_degC) / (B + motor.reference_temperature_degC)
 
 
 def _agreement(

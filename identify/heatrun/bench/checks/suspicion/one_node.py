@@ -144,10 +144,7 @@ def _courses(
         return None
     winding, sink, heat = columns[:3]
     if is_map:
-        B = motor.resistance_coefficient_degC
-        R = (motor.phase_resistance_ohm or 0.0) * (B + winding)
-        R = R / (B + motor.reference_temperature_degC)
-        heat = heat + motor.phases * R * columns[3] ** 2
+        heat = heat + motor.copper_loss_W(columns[3], winding)
     edges = np.linspace(time_s[0], time_s[-1], min(BLOCKS, time_s.size // 2) + 1)
     step_s = edges[1] - edges[0]
     winding, sink, heat = (_means(time_s, edges, values) for values in (winding, sink, heat))

@@ -57,8 +57,7 @@ def split_losses(record: Record, motor: Motor) -> LossSplit:
             remedy="Give [winding] phase_resistance_ohm.",
         )
     B, T_ref = motor.resistance_coefficient_degC, motor.reference_temperature_degC
-    R = motor.phase_resistance_ohm * (B + record["winding_degC"]) / (B + T_ref)
-    joule = motor.phases * record["phase_current_A"] ** 2 * R
+    joule = motor.copper_loss_W(record["phase_current_A"], record["winding_degC"])
     formula = (
         f"P_Js = {motor.phases}·Is²·{motor.phase_resistance_ohm:g} Ω·({B:g} + Tw)/"
         f"({B:g} + {T_ref:g}), "
