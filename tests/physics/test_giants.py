@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from heatrun.bench.checks import check_record
+from heatrun.bench.checks.doubts import doubts
 from heatrun.bench.record import ColumnReading, Record
 from heatrun.motor import Motor
 
@@ -18,12 +19,12 @@ RISES = {2.0: 400.0, 9.0: 100.0}
 UNITS = {"time_s": "s", "losses_W": "W", "phase_current_A": "A_rms"}
 
 
-def record_of(columns, unit_from="name"):
+def record_of(columns, unit_from="name", decided=()):
     mapping = tuple(
         ColumnReading(name, name, UNITS.get(name, "degC"), unit_from, "t", "a.csv")
         for name in columns
     )
-    return Record("run", columns, mapping=mapping)
+    return Record("run", columns, mapping=mapping, decided=frozenset(decided))
 
 
 def block(watts, tau_s, *, rise_K=60.0, minutes=120.0):
@@ -43,16 +44,22 @@ def block(watts, tau_s, *, rise_K=60.0, minutes=120.0):
     }
 
 
-def found(columns, id, unit_from="name", motor=None):
+def found(columns, id, unit_from="name", motor=None, decided=()):
     motor = motor or Motor("block", losses="balance")
-    return [f for f in check_record(record_of(columns, unit_from), motor) if f.id == id]
+    return [f for f in check_record(record_of(columns, unit_from, decided), motor) if f.id == id]
 
 
 def test_a_block_of_half_a_megawatt_is_warned_of_and_not_refused():
     (finding,) = found(block(5e5, 7200.0), "unit_suspected")
     assert finding.severity == "warning"
     assert "2000 W/K" in finding.message
-    assert "if W is right, nothing is to be done" in finding.remedy
+    assert 'write losses_W = "losses_W [W]": then this is only a note' in finding.remedy
+
+
+def test_where_the_motor_file_decides_its_unit_it_is_a_note_and_no_doubt():
+    (finding,) = found(block(5e5, 7200.0), "unit_suspected", decided={"losses_W"})
+    assert finding.severity == "note"
+    assert not doubts([finding])
 
 
 def test_its_unit_must_be_given():

@@ -67,8 +67,9 @@ SPOKEN = {"time_s": "the time", "speed_rpm": "the speed", "losses_W": "the losse
 def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report relations between channels that the record breaks, and the units that would mend it.
 
-    An error where a unit explains it that the motor file has not decided, else a warning; nothing
-    for what is only odd and explained by no unit.
+    An error where a unit explains it that the motor file has not decided, else a warning; a note of
+    a machine that is only larger than others, where it has decided; nothing for what is only odd
+    and explained by no unit.
     """
     record = _thinned(record)
     broken = conflicts(record, motor)
@@ -95,21 +96,23 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
         return (_unexplained(record, broken),) if broken and not symptoms else ()
     # two that one unit explains are no matter of cooling, nor of a machine without load
     is_alone = len({_family(id) for id in ids}) < 2
-    is_mild = is_alone and (
-        all(conflict.is_odd or conflict.is_mild for conflict in broken)
-        or (ids == {"too_large"} and _is_as_usual(record, motor, mending))
+    is_giant = ids == {"too_large"} and _is_as_usual(record, motor, mending)
+    is_mild = is_giant or (
+        is_alone and all(conflict.is_odd or conflict.is_mild for conflict in broken)
     )
     is_odd = is_odd and is_alone
-    asked = any(one.is_assumed if is_mild else not one.is_decided for one in mending)
+    is_decided = all(one.is_decided for one in mending)
+    asked = any(one.is_assumed for one in mending) if is_mild else not is_decided
+    otherwise = "note" if is_giant and is_decided else "warning"
     explained = [*symptoms, *(c.id for c in broken if c.id == "losses_below_copper")]
     sentences = [_supposed(one) for one in mending]
     return (
         Finding(
             "unit_suspected",
-            "error" if asked and not is_odd else "warning",
+            "error" if asked and not is_odd else otherwise,
             f"{_told(broken, is_alone)} {_list(sentences)}",
             place(record, broken[0].channels[0], float(samples(record)[0][0])),
-            _remedy(mending, record, is_mild=is_mild and not asked)
+            _remedy(mending, record, left="note" if is_giant else "warning")
             + (OTHER_COOLING if is_mild and not is_odd and motor.sink == "ambient" else ""),
             values={
                 **_figures(broken),
@@ -271,7 +274,8 @@ def _list(sentences: Sequence[str]) -> str:
     return f"The channels are consistent if {', or if '.join(sentences)}."
 
 
-def _remedy(mending: Sequence[OtherReading], record: Record, *, is_mild: bool) -> str:
+def _remedy(mending: Sequence[OtherReading], record: Record, *, left: str) -> str:
+    """What to write if the unit is another one, and if it is right: `left` is then left of it."""
     words = []
     for one in mending:
         columns = {r.channel: r for r in one.readings}
@@ -294,10 +298,8 @@ def _remedy(mending: Sequence[OtherReading], record: Record, *, is_mild: bool) -
     stays = next((one for one in readings if one.channel not in record.decided), None)
     if stays is None:
         return f"If so, {told}."
-    if is_mild:
-        return f"If so, {told}; if {stays.unit} is right, nothing is to be done."
     kept = f'{stays.channel} = "{stays.column} [{stays.unit}]"'
-    return f"If so, {told}. If {stays.unit} is right, write {kept}: then this is only a warning."
+    return f"If so, {told}. If {stays.unit} is right, write {kept}: then this is only a {left}."
 
 
 def _counts_samples(record: Record) -> bool:
