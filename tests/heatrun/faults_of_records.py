@@ -341,6 +341,17 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "torque 5 % off": (
         "losses_below_copper", motor_and_generator(-0.05, brakes=False), MOTOR, "error"
     ),
+    "torque 12 % off, losses below zero": (
+        "losses_negative", motor_and_generator(-0.12, brakes=False), MOTOR, "error"
+    ),
+    "torque 12 % off, losses below zero, and allowed to be": (
+        "losses_negative", motor_and_generator(-0.12, brakes=False),
+        replace(MOTOR, parameters={"shaft_power_gain": ParameterOverride(sd=0.05)}), "warning"
+    ),
+    "no unit in doubt where the torque is allowed to be off": (
+        "unit_suspected", motor_and_generator(-0.05, brakes=False),
+        replace(MOTOR, parameters={"shaft_power_gain": ParameterOverride(sd=0.05)}), None
+    ),
     "torque 5 % off, and allowed to be": (
         "losses_below_copper", motor_and_generator(-0.05, brakes=False),
         replace(MOTOR, parameters={"shaft_power_gain": ParameterOverride(sd=0.04)}), "warning"

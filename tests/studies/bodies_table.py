@@ -25,6 +25,7 @@ TROUBLE = {
     ("second body", "housing named stator"): "the channel is another body's",
     ("torque gain", "2 %"): "twice the declared class",
     ("torque gain", "5 %"): "five times the declared class",
+    ("torque gain", "5 %, as advised"): "a torque transducer of no class, known to the motor file",
     ("heat or copper only", "coil with leads"): "the meter sees 35 % more than the coil",
 }
 """Variants that hide what was not declared; in all others the bench is as it says."""

@@ -103,7 +103,7 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
     typical = float(np.median(share[below]))
     is_far = float(np.mean(share > FAR_ABOVE)) > OFTEN
     is_firm = float(np.mean(share > 1.0 + FIRM_TOLERANCE)) > MOST
-    is_error = (is_firm or is_far) and not _shaft_explains(record, motor)
+    is_error = (is_firm or is_far) and not shaft_explains(record, motor)
     return (
         Finding(
             "losses_below_copper",
@@ -126,28 +126,43 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
     )
 
 
-def _shaft_explains(record: Record, motor: Motor) -> bool:
+def shaft_explains(record: Record, motor: Motor) -> bool:
     """Return whether the error allowed for the mechanical power explains losses below copper's."""
-    shaft = recorded_shaft_power(record.channels)
     _, copper, total = _copper_and_total(record, motor)
-    if shaft is None or total.size == 0:
+    allowed = _shaft_error_W(record, motor, "phase_current_A", "losses_W", "winding_degC")
+    if allowed.size != total.size:  # the mechanical power is missing where the losses are not
         return False
+    gap = copper - total
+    is_below = gap > COPPER_TOLERANCE * total
+    return _holds(gap[is_below] <= allowed[is_below])
+
+
+def _shaft_error_W(record: Record, motor: Motor, *beside: str) -> np.ndarray:
+    """Return the error of the mechanical power that a fit allows for [W], empty without a shaft.
+
+    Args:
+        record: Any record.
+        motor: Says how far torque and power may differ.
+        beside: Channels whose blocks these are to be.
+    """
+    shaft = recorded_shaft_power(record.channels)
+    if shaft is None:
+        return np.empty(0)
     channels = {**record.channels, "mechanical_power_W": np.abs(shaft)}
-    time_s, power, *_ = samples(
-        replace(record, channels=channels),
-        "mechanical_power_W", "phase_current_A", "losses_W", "winding_degC",
-    )  # fmt: skip
-    _, power = block_means(time_s, BLOCK_S, power)
-    if power.size != total.size:  # the mechanical power is missing where the losses are not
-        return False
+    time_s, power, *_ = samples(replace(record, channels=channels), "mechanical_power_W", *beside)
+    if time_s.size == 0:
+        return np.empty(0)
     said = motor.parameters.get("shaft_power_gain", ParameterOverride())
     if said.fixed is not None:
         gain = abs(said.fixed)
     else:
         gain = abs(said.value or 0.0) + 2.0 * (SHAFT_GAIN_SD if said.sd is None else said.sd)
-    gap = copper - total
-    is_below = gap > COPPER_TOLERANCE * total
-    return bool(np.mean(gap[is_below] <= gain * power[is_below]) > EXPLAINED)
+    return gain * block_means(time_s, BLOCK_S, power)[1]
+
+
+def _holds(explained: np.ndarray) -> bool:
+    """Return whether an explanation holds in nearly all blocks that ask for one."""
+    return explained.size > 0 and float(np.mean(explained)) > EXPLAINED
 
 
 def current_amplitude(record: Record, motor: Motor) -> tuple[Finding, ...]:
@@ -187,6 +202,9 @@ def current_amplitude(record: Record, motor: Motor) -> tuple[Finding, ...]:
 def losses_negative(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report losses below zero: an error if sustained for 30 s, a warning if isolated.
 
+    A warning too where the error that is allowed for the mechanical power (`shaft_power_gain`)
+    explains what is sustained: a fit estimates that.
+
     Noise about zero at rest is no finding: samples count below minus six standard deviations, means
     over 10 s below minus 3 % of the peak.
     """
@@ -204,7 +222,11 @@ def losses_negative(record: Record, motor: Motor) -> tuple[Finding, ...]:
     isolated = losses < min(floor, -NOISE_SIGMAS * noise)
     if first.size and lasts_s.max() >= SUSTAINED_S:
         longest = int(np.argmax(lasts_s))
-        severity, from_s, to_s = "error", means_s[first[longest]], means_s[past[longest] - 1]
+        from_s, to_s = means_s[first[longest]], means_s[past[longest] - 1]
+        allowed = _shaft_error_W(record, motor, "losses_W")
+        is_allowed = allowed.size == means.size and motor.losses == "balance"
+        is_explained = is_allowed and _holds(-means[is_negative] <= allowed[is_negative])
+        severity = "warning" if is_explained else "error"
     elif isolated.any() or first.size:
         at = time_s[isolated] if isolated.any() else means_s[is_negative]
         severity, from_s, to_s = "warning", at[0], at[-1]
@@ -218,7 +240,8 @@ def losses_negative(record: Record, motor: Motor) -> tuple[Finding, ...]:
             f"Expected losses of at least 0 W; {int(np.sum(losses < floor))} samples are "
             f"negative, down to {lowest:.3g} W. Negative losses would cool the model.",
             place(record, "losses_W", float(from_s), float(to_s)),
-            "Check the signs of electrical and mechanical power, braking, and the torque offset.",
+            "Check the signs of electrical and mechanical power, braking, and zero and gain of the "
+            "torque ([parameters.shaft_power_gain] sd says how far it may be off).",
             values={
                 "lowest_W": lowest,
                 "num_samples": float(np.sum(losses < floor)),

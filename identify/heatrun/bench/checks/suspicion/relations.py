@@ -16,7 +16,7 @@ from ....io.quantities import rounded
 from ....motor import Motor
 from ...record import Record
 from ..crude_fit import crude_fit
-from ..losses import FIRM_TOLERANCE, copper_shares
+from ..losses import FIRM_TOLERANCE, copper_shares, shaft_explains
 from ..samples import samples
 from .conflict import Conflict
 from .one_node import one_node, unsettled
@@ -194,7 +194,8 @@ def _copper(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
     typical = float(np.median(share))
     channels = ("phase_current_A", "losses_W")
     values = {"copper_share": typical}
-    if float(np.mean(share > 1.0 + FIRM_TOLERANCE)) > 0.5:
+    is_below = float(np.mean(share > 1.0 + FIRM_TOLERANCE)) > 0.5
+    if is_below and not shaft_explains(record, motor):
         sentence = (
             f"Expected losses above the copper loss; they are {rounded(1.0 / typical, 2)} of it."
         )
