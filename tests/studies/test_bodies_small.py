@@ -200,6 +200,7 @@ def test_the_gates_count_what_they_say(written):
     assert "seed 8: ValueError: b" in written
 
 
+@pytest.mark.slow
 def test_a_small_coil_logged_once_a_second_is_within_its_range():
     """A winding of 16 s, the load's steps anywhere between two samples.
 
