@@ -146,7 +146,7 @@ def sample(
     Args:
         fit: The fit.
         method: `"emcee"`: MCMC; `"quick"`: importance sampling if it is sound, else MCMC of half
-            the effective sample size.
+            the effective sample size, given up half-way where its length would not do.
         seed: Random seed.
         folder: Where checkpoints are written and taken up again; None for none.
         progress: Called with a sentence and the share done.
@@ -182,6 +182,9 @@ def sample(
                 min(1.0, max(convergence.effective_size / wanted.size, num_steps / most_steps)),
             )
         if (convergence.is_enough and num_steps >= 2 * CHUNK) or num_steps >= most_steps:
+            break
+        least_steps = wanted.times * convergence.autocorrelation / (1.0 - BURN_IN)
+        if is_quick and num_steps >= most_steps // 2 and least_steps > most_steps:
             break
     density = np.stack([ensemble.density()[drop:] for ensemble in ensembles])
     return Posterior(fit, keep(chains), keep(density), "emcee", weighted, convergence, is_quick)
