@@ -54,6 +54,9 @@ def test_a_block_of_half_a_megawatt_is_warned_of_and_not_refused():
     assert finding.severity == "warning"
     assert "2000 W/K" in finding.message
     assert 'write losses_W = "losses_W [W]": then this is only a note' in finding.remedy
+    assert 'sink = "coolant"' in finding.remedy
+    (finding,) = found(block(9e5, 7200.0), "unit_suspected")
+    assert "coolant" not in finding.remedy  # no liquid cools so well either
 
 
 def test_where_the_motor_file_decides_its_unit_it_is_a_note_and_no_doubt():

@@ -24,7 +24,7 @@ from ..units import ambient_implausible, units_temperature
 from .conflict import Conflict
 from .one_node import one_node, unsettled
 from .other_readings import OtherReading, other_readings, scaled_readings
-from .relations import USUAL_BY_SIZE_S, conflicts
+from .relations import LARGEST_W_PER_K, USUAL_BY_SIZE_S, conflicts
 
 PLAIN = "A_rms"
 """What the unit A of a phase current is read as."""
@@ -113,7 +113,7 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
             f"{_told(broken, is_alone)} {_list(sentences)}",
             place(record, broken[0].channels[0], float(samples(record)[0][0])),
             _remedy(mending, record, left="note" if is_giant else "warning")
-            + (OTHER_COOLING if is_mild and not is_odd and motor.sink == "ambient" else ""),
+            + (OTHER_COOLING if is_mild and not is_odd and _is_of_air(broken, motor) else ""),
             values={
                 **_figures(broken),
                 **{f"explains_{id}": 1.0 for id in explained},
@@ -228,6 +228,12 @@ def _is_as_usual(record: Record, motor: Motor, mending: Sequence[OtherReading]) 
     """Whether a record's time constant fits its size about as well as that of any other reading."""
     least = min(_from_usual(one.record, one.motor) for one in mending)
     return _from_usual(record, motor) < least + math.log(MUCH_BETTER)
+
+
+def _is_of_air(broken: Sequence[Conflict], motor: Motor) -> bool:
+    """Whether air is said to cool the machine, and a liquid could."""
+    seen = (conflict.values.get("conductance_W_per_K", 0.0) for conflict in broken)
+    return motor.sink == "ambient" and max(seen) <= LARGEST_W_PER_K["coolant"]
 
 
 def _from_usual(record: Record, motor: Motor) -> float:
