@@ -54,7 +54,8 @@ def write(rows: list[dict[str, Any]], options: argparse.Namespace, planned: int)
     """Write rows and table."""
     rows = sorted(rows, key=lambda row: row["seed"])
     write_rows(options.out / "study.json", rows, seed=options.seed, planned=planned)
-    written = table(rows, " ".join(sys.argv), options.seed, planned)
+    command = " ".join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    written = table(rows, command, options.seed, planned)
     (options.out / "table.md").write_text(written, encoding="utf-8")
 
 

@@ -48,7 +48,7 @@ def table(rows: Sequence[dict[str, Any]], command: str, seed: int, planned: int)
     lines = [
         "# Measured bodies, shaft power, heat or copper only, and short tests",
         "",
-        f"`make study-bodies` ({command.split('/')[-1]}), seeds from {seed} on; {len(rows)} of "
+        f"`make study-bodies` ({command}), seeds from {seed} on; {len(rows)} of "
         f"{planned} cases were run, in an order by chance; {len(refused)} were refused, "
         f"{len(broken)} ended in a traceback. Machines "
         "and bodies at random from 1 W to 1 MW of losses, simulated by SciPy, instruments with "
