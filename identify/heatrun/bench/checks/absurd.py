@@ -40,11 +40,13 @@ def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
     # that it is stored
     is_warm = rise[top] > MIN_RISE_K
     per_K = float(np.mean(np.abs(losses))) / float(rise[top]) if is_warm else 0.0
+    is_small = 0.0 < largest < SMALLEST_W and rise[top] > 1.0
+    if not (is_small or largest > LARGEST_W or per_K > LARGEST_W_PER_K):
+        return ()  # as nearly every record: no fit is needed
     seen = one_node(record, motor) or unsettled(record, motor)
     if seen is not None and seen.conductance_W_per_K < per_K:  # no comparison is true of a NaN
         per_K = seen.conductance_W_per_K
     is_large = largest > LARGEST_W or per_K > LARGEST_W_PER_K
-    is_small = 0.0 < largest < SMALLEST_W and rise[top] > 1.0
     if not is_large and not is_small:
         return ()
     reading = next((one for one in record.mapping if one.channel == "losses_W"), None)
