@@ -37,7 +37,7 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     path = options.out / "population_rows.json"
-    rows = rows_done(path, options.seed) if path.exists() else []
+    rows = rows_done(path, options.seed)
     if any(row["machines"] != options.machines for row in rows):
         raise SystemExit(f"{path} is of fleets of another size: give another --out.")
     done = {row["seed"] for row in rows}

@@ -239,7 +239,7 @@ def main() -> None:
     options = parser.parse_args()
     configure()
     path = OUT / "discovery.json"
-    rows = rows_done(path, FIRST_SEED) if path.is_file() else []
+    rows = rows_done(path, FIRST_SEED)
     done = {row["seed"] for row in rows}
     listed = list(cases(options.clean, options.hidden, options.large, options.off,
                         options.unknown))  # fmt: skip
