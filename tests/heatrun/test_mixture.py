@@ -88,7 +88,7 @@ def test_weights_hold_where_a_network_is_too_small(one_node, seed):
 @pytest.mark.slow
 def test_weights_and_ensembles_agree_where_a_network_is_too_small(one_node):
     weighted = importance_sample(one_node, num_draws=8192, seed=5)
-    ensemble = sample(one_node, seed=5, most_steps=6000)
+    ensemble = sample(one_node, seed=5, most_steps=12_000)
     mean = weighted.weights @ weighted.vectors
     shift = weighted.vectors - mean
     sd = np.sqrt(weighted.weights @ shift**2)

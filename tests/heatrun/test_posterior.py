@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from heatrun.bench.reduction import reduce
+from heatrun.inference import posterior as posterior_module
 from heatrun.inference.fitting.adequacy import ljung_box
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.identifiability import forecast
@@ -15,6 +16,7 @@ from heatrun.inference.posterior import sample
 from heatrun.inference.predict import predict
 from heatrun.inference.problem import Problem
 from heatrun.inference.sampling import ensemble as ensemble_run
+from heatrun.inference.sampling.convergence import FULL, judge
 from heatrun.inference.sampling.importance import importance_sample
 from heatrun.inference.sampling.proposal import Branches
 from heatrun.runs import netcdf as archive
@@ -22,7 +24,7 @@ from heatrun.runs import netcdf as archive
 
 @pytest.fixture(scope="module")
 def posterior(fitted):
-    return sample(fitted, seed=3, most_steps=2000)
+    return sample(fitted, seed=3, most_steps=4000)
 
 
 def test_the_ensemble_agrees_with_the_covariance(posterior, fitted):
@@ -48,7 +50,7 @@ def test_weighted_draws_agree_with_the_ensemble(blocks, motor):
     first = fit(Problem.of(Model.of("first", motor), motor, [blocks]))
     weighted = importance_sample(first, num_draws=8192, seed=5)
     assert weighted.is_sound
-    ensemble = sample(first, seed=5, most_steps=3000)
+    ensemble = sample(first, seed=5, most_steps=6000)
     mean = weighted.weights @ weighted.vectors
     shift = weighted.vectors - mean
     sd = np.sqrt(weighted.weights @ shift**2)
@@ -71,14 +73,41 @@ def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble(
     assert sample(fitted, method="quick", seed=1, most_steps=100).method == "emcee"
 
 
+@pytest.fixture
+def looks(monkeypatch):
+    """Steps at which the convergence was looked at, with a verdict of its own each time."""
+    seen, verdict = [], judge(np.random.default_rng(0).standard_normal((2, 40, 8, 3)))
+
+    def look(chains, wanted):
+        seen.append(chains.shape[1])
+        return replace(verdict, agreement=0.0, autocorrelation=1.0)
+
+    monkeypatch.setattr("heatrun.inference.posterior.CHUNK", 5)
+    monkeypatch.setattr("heatrun.inference.posterior.judge", look)
+    return seen
+
+
+def test_looks_at_the_convergence_become_rarer(fitted, looks):
+    sample(fitted, seed=7, most_steps=400)
+    assert looks[:3] == [4, 8, 12]  # four fifths of 5, 10 and 15 steps
+    assert looks[-1] >= 320
+    assert len(looks) < 40  # of 80 chunks
+
+
+def test_half_of_the_steps_is_enough_to_see_that_all_would_not_do(fitted, looks, monkeypatch):
+    monkeypatch.setattr(posterior_module, "FULL", FULL._replace(times=1000.0))
+    sample(fitted, seed=7, most_steps=100)
+    assert looks[-1] == 40  # four fifths of 50 steps
+
+
 def test_a_killed_sampling_goes_on_to_the_same_posterior(fitted, tmp_path, short_chunks):
-    whole = sample(fitted, seed=7, folder=tmp_path / "whole", most_steps=200)
+    whole = sample(fitted, seed=7, folder=tmp_path / "whole", most_steps=400)
     shutil.copytree(tmp_path / "whole", tmp_path / "cut")
     killed = sorted((tmp_path / "cut").glob("ensemble_*/chunk_00001.npz"))
     assert killed
     for chunk in killed:
         chunk.unlink()  # as if killed after the first chunk
-    again = sample(fitted, seed=7, folder=tmp_path / "cut", most_steps=200)
+    again = sample(fitted, seed=7, folder=tmp_path / "cut", most_steps=400)
     np.testing.assert_array_equal(again.vectors, whole.vectors)
 
 

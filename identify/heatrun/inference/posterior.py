@@ -22,13 +22,17 @@ NUM_ENSEMBLES = 2
 """Ensembles that run apart, so that they can be held against each other."""
 
 CHUNK = 250
-"""Steps between two looks at the convergence, and between two checkpoints."""
+"""Steps between two checkpoints, and between two looks at the convergence at first."""
+
+LOOK_AGAIN = 0.1
+"""Growth of the ensembles between two looks [1]: a look takes the longer the more steps it sees."""
 
 BURN_IN = 0.2
 """Share of the steps that is dropped: the walkers start from importance samples."""
 
-MOST_STEPS = 12_000
-"""Steps of an ensemble after which it is given up, with a verdict that says so."""
+MOST_STEPS = 24_000
+"""Steps of an ensemble after which it is given up, with a verdict that says so. After half of them
+it is, where the autocorrelation time says that the other half would not do."""
 
 NUM_KEPT = 4000
 """Draws kept of the posterior."""
@@ -146,11 +150,12 @@ def sample(
     Args:
         fit: The fit.
         method: `"emcee"`: MCMC; `"quick"`: importance sampling if it is sound, else MCMC of half
-            the effective sample size, given up half-way where its length would not do.
+            the effective sample size.
         seed: Random seed.
         folder: Where checkpoints are written and taken up again; None for none.
         progress: Called with a sentence and the share done.
-        most_steps: Steps of an ensemble after which it is given up.
+        most_steps: Steps of an ensemble after which it is given up; after half of them where all
+            would not do.
     """
     weighted = importance_sample(fit, seed=seed)
     is_quick = method == "quick"
@@ -169,8 +174,10 @@ def sample(
         Ensemble.begin(fit, weighted, num_walkers, index, seed, folder)
         for index in range(NUM_ENSEMBLES)
     ]
+    num_steps = 0
     while True:
-        at_once(lambda ensemble: ensemble.advance(CHUNK), ensembles)
+        chunks = max(1, int(LOOK_AGAIN * num_steps / CHUNK))
+        at_once(lambda ensemble, num=chunks: ensemble.advance(CHUNK, num), ensembles)
         num_steps = ensembles[0].num_steps
         drop = int(BURN_IN * num_steps)
         chains = np.stack([ensemble.chain()[drop:] for ensemble in ensembles])
@@ -184,7 +191,7 @@ def sample(
         if (convergence.is_enough and num_steps >= 2 * CHUNK) or num_steps >= most_steps:
             break
         least_steps = wanted.times * convergence.autocorrelation / (1.0 - BURN_IN)
-        if is_quick and num_steps >= most_steps // 2 and least_steps > most_steps:
+        if num_steps >= most_steps // 2 and least_steps > most_steps:
             break
     density = np.stack([ensemble.density()[drop:] for ensemble in ensembles])
     return Posterior(fit, keep(chains), keep(density), "emcee", weighted, convergence, is_quick)

@@ -14,10 +14,9 @@ from ..posterior import Posterior
 BEYOND = 2.0
 """Standard deviations of its prior that an estimate may be from the centre [1]."""
 
-CHANCE = 0.0455
-"""Share of calibrations in which instruments as good as declared may raise the finding [1]: as if
-there were one, of which two standard deviations are told. Among the errors of ten, one passes two
-in a third of all calibrations."""
+CHANCE = 0.02
+"""Share of calibrations in which instruments as good as declared may raise the finding [1]. All
+findings together may do so in 0.05, of which `missing_effect` takes 0.01."""
 
 
 def prior_findings(posterior: Posterior) -> list[Finding]:

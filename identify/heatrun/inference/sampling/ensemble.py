@@ -77,19 +77,20 @@ class Ensemble:
         """Steps so far."""
         return sum(chunk["chain"].shape[0] for chunk in self._done)
 
-    def advance(self, num_steps: int) -> None:
-        """Go on by one chunk, or take the next one from the checkpoint."""
-        if self._waiting:
-            chunk = self._waiting.pop(0)
-            self._state = state_of(chunk)
-            self._done.append(chunk)
-            return
-        self._sampler.reset()
-        self._state = self._sampler.run_mcmc(self._state, num_steps)
-        chain, density = self._sampler.get_chain(), self._sampler.get_log_prob()
-        if self._checkpoint is not None:
-            self._checkpoint.save(len(self._done), chain, density, self._state)
-        self._done.append({"chain": chain, "log_density": density})
+    def advance(self, num_steps: int, num_chunks: int = 1) -> None:
+        """Go on by chunks of so many steps, or take them from the checkpoint."""
+        for _ in range(num_chunks):
+            if self._waiting:
+                chunk = self._waiting.pop(0)
+                self._state = state_of(chunk)
+                self._done.append(chunk)
+                continue
+            self._sampler.reset()
+            self._state = self._sampler.run_mcmc(self._state, num_steps)
+            chain, density = self._sampler.get_chain(), self._sampler.get_log_prob()
+            if self._checkpoint is not None:
+                self._checkpoint.save(len(self._done), chain, density, self._state)
+            self._done.append({"chain": chain, "log_density": density})
 
     def chain(self) -> np.ndarray:
         """Return positions, shape (step, walker, all)."""
