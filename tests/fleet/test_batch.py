@@ -155,6 +155,22 @@ def test_machines_with_slow_loggers_fit_as_one_does(slow):
 
 
 @pytest.mark.slow
+def test_load_steps_at_unknown_moments_are_those_of_one_machine(slow):
+    """In one of two tests of one machine, two columns; the other has none, and knows of none."""
+    first, second = slow
+    duty, stairs = first.tests
+    blocks = np.arange(duty.num_blocks)
+    columns = np.stack([0.4 * np.exp(-0.2 * (blocks - at)) * (blocks >= at) for at in (12, 40)], 1)
+    known = replace(duty, load_columns=columns, measured=duty.measured + columns @ [1.5, -0.8])
+    uneasy = replace(first, tests=(known, stairs))
+    found = fit_batch([uneasy, second], width=4)
+    for of_batch, problem in zip(found, (uneasy, second), strict=True):
+        assert_same(of_batch, fit(problem))
+    plain = fit(replace(first, tests=(replace(known, load_columns=None), stairs)))
+    assert found[0].log_evidence > plain.log_evidence + 2.0
+
+
+@pytest.mark.slow
 def test_a_batch_fits_as_one_does(short):
     found = fit_batch(short, width=4)
     for of_batch, problem in zip(found, short, strict=True):

@@ -31,11 +31,11 @@ def motor():
     return parse_motor(MOTOR.encode(), "motor.toml")
 
 
-def truth(edges_s, amperes):
+def truth(edges_s, amperes, seconds=SECONDS):
     """Return once a second current, losses and winding [A, W, degC], by SciPy, step by step."""
-    time = np.arange(0.0, SECONDS + 0.5)
+    time = np.arange(0.0, seconds + 0.5)
     T, now = np.empty(time.size), np.array([25.0, 25.0])
-    bounds = [0.0, *edges_s, SECONDS]
+    bounds = [0.0, *edges_s, seconds]
 
     def slope(_, x, A):
         heat = OHM * A**2 * (234.5 + x[0]) / 259.5
@@ -52,8 +52,8 @@ def truth(edges_s, amperes):
     return time, current, OHM * current**2 * (234.5 + T) / 259.5, T
 
 
-def record(edges_s, amperes=(0.0, 60.0, 0.0, 40.0, 0.0)):
-    time, current, losses, T = truth(edges_s, amperes)
+def record(edges_s, amperes=(0.0, 60.0, 0.0, 40.0, 0.0), seconds=SECONDS):
+    time, current, losses, T = truth(edges_s, amperes, seconds)
     return Record("coil", {
         "time_s": time, "phase_current_A": current, "losses_W": losses,
         "ambient_degC": np.full(time.size, 25.0), "winding_degC": T,
@@ -67,13 +67,18 @@ def with_moments(test):
     return with_load_moments(reduce(test, motor()), test, motor())
 
 
+def total(blocks):
+    """Return the variance of the blocks' means from the moments of load steps [K^2]."""
+    return blocks.load_variance + np.sum(blocks.moments[: blocks.num_blocks] ** 2, axis=1)
+
+
 def test_the_variance_is_that_of_steps_at_any_moment_between_their_samples():
     """Against many simulations whose steps fall elsewhere between the same two samples."""
     rng = np.random.default_rng(3)
     at_samples = [
         with_moments(record(EDGES + rng.uniform(1e-3, 1.0 - 1e-3, EDGES.size))) for _ in range(60)
     ]
-    stated = np.mean([blocks.load_variance for blocks in at_samples], axis=0)
+    stated = np.mean([total(blocks) for blocks in at_samples], axis=0)
     # the load reads the same in all of them, so that a model says the same
     spread = np.var([blocks.measured for blocks in at_samples], axis=0)
     behind = spread > 0.1 * spread.max()
@@ -84,13 +89,34 @@ def test_the_variance_is_that_of_steps_at_any_moment_between_their_samples():
     assert np.all(stated[~behind] < 0.1 * spread.max())
 
 
+def test_blocks_behind_one_step_err_together():
+    """In a test of two minutes a block lasts a second, and a step is felt in dozens of them."""
+    rng = np.random.default_rng(5)
+    edges, amperes = np.array([6.0, 70.0]), (0.0, 60.0, 0.0)
+    at_samples = [
+        with_moments(record(edges + rng.uniform(1e-3, 1.0 - 1e-3, 2), amperes, 120.0))
+        for _ in range(60)
+    ]
+    behind = slice(8, 20)  # a time constant of the winding
+    means = [np.mean(blocks.measured[behind]) for blocks in at_samples]
+    (num,) = {blocks.measured[behind].size for blocks in at_samples}
+    stated = [
+        np.sum(np.sum(blocks.moments[behind], axis=0) ** 2) + np.sum(blocks.load_variance[behind])
+        for blocks in at_samples
+    ]
+    ratio = np.mean(stated) / num**2 / np.var(means)
+    assert 0.5 < ratio < 2.0  # 60 draws know a variance to a fifth
+    alone = np.mean([np.sum(total(blocks)[behind]) for blocks in at_samples]) / num**2
+    assert alone < 0.2 * np.var(means)
+
+
 def test_a_fast_logger_and_a_steady_load_leave_nothing_open():
     test = record(EDGES + 0.3)
     channels = {name: np.repeat(v, 2)[:-1] for name, v in test.channels.items()}
     channels["time_s"] = 0.5 * np.arange(channels["time_s"].size)
     assert with_moments(replace(test, channels=channels)).load_variance is None
     steady = record(np.array([60.0]), (0.0, 50.0))
-    late = with_moments(steady).load_variance[10:]
+    late = total(with_moments(steady))[10:]
     assert np.all(late < 1e-3)
 
 
@@ -101,6 +127,9 @@ def test_bodies_and_longer_tests_keep_the_rows_of_the_winding():
     both = blocks.with_bodies(["stator_degC"])
     num = blocks.num_blocks
     np.testing.assert_array_equal(both.known_variance[:num], blocks.known_variance)
+    np.testing.assert_array_equal(both.moments[:num], blocks.moments)
+    assert np.max(np.abs(blocks.moments)) > 0.1
+    assert not np.any(both.moments[num:])
     assert np.all(both.known_variance[num:] < 1e-6)
     np.testing.assert_array_equal(
         np.asarray(both.observation().known_variance), both.known_variance
@@ -113,5 +142,6 @@ def test_tests_that_are_fitted_know_it_and_tests_that_are_predicted_do_not(tmp_p
     for name in ("coil.csv", "later.csv"):
         pd.DataFrame(dict(test.channels)).to_csv(tmp_path / name, index=False)
     fitted, held_out = load_tests(motor(), [tmp_path / "coil.csv"], [tmp_path / "later.csv"])
-    assert np.max(fitted.blocks.load_variance) > 0.1
+    assert np.max(total(fitted.blocks)) > 0.1
     assert held_out.blocks.load_variance is None
+    assert held_out.blocks.load_columns is None

@@ -32,7 +32,8 @@ def covariance(observation, noise):
     slow = averaging @ of_readings @ averaging.T
     white = float(noise.white) ** 2 * 20.0 / length + np.asarray(observation.known_variance)
     heat = np.asarray(observation.heat) * float(noise.heat)
-    return (slow + np.diag(white) + heat @ heat.T)[np.ix_(seen, seen)]
+    moments = np.asarray(observation.moments)
+    return (slow + np.diag(white) + heat @ heat.T + moments @ moments.T)[np.ix_(seen, seen)]
 
 
 def log_normal(values, covariance):
@@ -47,8 +48,10 @@ def sampled(observation, counts, **changes):
     num = 30
     cut = {
         name: getattr(observation, name)[:num]
-        for name in ("measured", "is_observed", "weight", "position", "known_variance", "heat")
-    }
+        for name in (
+            "measured", "is_observed", "weight", "position", "known_variance", "heat", "moments",
+        )
+    }  # fmt: skip
     count = jnp.asarray(np.resize(counts, num), dtype=float)
     return type(observation)(**{**vars(observation), **cut, "count": count, **changes})
 
@@ -64,12 +67,13 @@ def test_density_is_that_of_the_dense_covariance(observation, counts, time):
     assert float(log_density(residual, noise, gapped)) == pytest.approx(exact, rel=1e-10)
 
 
-@pytest.mark.parametrize("num", [1, 3, 16])
-def test_density_with_heat_is_that_of_the_dense_covariance(observation, num):
+@pytest.mark.parametrize(("num", "num_moments"), [(1, 0), (3, 8), (16, 2), (0, 4)])
+def test_density_with_heat_is_that_of_the_dense_covariance(observation, num, num_moments):
     rng = np.random.default_rng(num)
     seen = jnp.asarray(rng.uniform(size=30) < 0.9)
     heat = jnp.asarray(100.0 * rng.standard_normal((30, num)))
-    heated = sampled(observation, [5], is_observed=seen, heat=heat)
+    moments = jnp.asarray(rng.standard_normal((30, num_moments)))
+    heated = sampled(observation, [5], is_observed=seen, heat=heat, moments=moments)
     residual = jnp.asarray(rng.normal(size=30))
     dense = covariance(heated, NOISE)
     exact = log_normal(np.asarray(residual)[np.asarray(seen)], dense)
@@ -99,7 +103,8 @@ def test_columns_are_whitened_alike(observation):
 @pytest.mark.parametrize("counts", [[1], [3], [40]])
 def test_drawn_noise_has_the_stated_covariance(observation, counts):
     heat = jnp.asarray(50.0 * np.random.default_rng(3).standard_normal((30, 4)))
-    observation = sampled(observation, counts, heat=heat)
+    moments = jnp.asarray(0.2 * np.random.default_rng(4).standard_normal((30, 2)))
+    observation = sampled(observation, counts, heat=heat, moments=moments)
     errors = np.asarray(draw(jax.random.key(0), NOISE, observation, (4000,)))
     exact = covariance(observation, NOISE)
     sample = np.cov(errors.T)

@@ -102,7 +102,10 @@ class Blocks:
         sensor: Column of the file that holds the readings; empty where it is not known.
         first_s: Time on the record's own axis at which the grid begins [s].
         load_variance: Variance of each block's mean of the winding, from load steps at unknown
-            moments between two samples [K^2], shape (block,); None for none.
+            moments between two samples [K^2], shape (block,); None for none. What `load_columns`
+            holds is not in it.
+        load_columns: What the largest of those steps do to the means of the winding [K], as columns
+            whose outer product is its covariance, shape (block, column); None for none.
         notes: Sentences on what was interpolated or held.
     """
 
@@ -123,6 +126,7 @@ class Blocks:
     sensor: str = ""
     first_s: float = 0.0
     load_variance: Float[np.ndarray, " block"] | None = None
+    load_columns: Float[np.ndarray, "block column"] | None = None
     notes: tuple[str, ...] = ()
     _winding: Blocks | None = None
 
@@ -199,6 +203,12 @@ class Blocks:
             variance[: self.num_blocks] += self.load_variance
         return variance
 
+    @property
+    def moments(self) -> Float[np.ndarray, "row column"]:
+        """`load_columns` of all rows [K]: no column for none, 0 for other bodies."""
+        columns = np.zeros((0, 0)) if self.load_columns is None else self.load_columns
+        return np.pad(columns, ((0, self.measured.size - columns.shape[0]), (0, 0)))
+
     def observation(
         self,
         heat: Float[np.ndarray, "row column"] | None = None,
@@ -222,6 +232,7 @@ class Blocks:
             known_variance=jnp.asarray(self.known_variance),
             block_s=jnp.asarray(self.block_s, dtype=float),
             heat=jnp.asarray(heat),
+            moments=jnp.asarray(self.moments),
             noise_scale=jnp.asarray(scale, dtype=float),
             fitted=self.fitted,
         )
@@ -241,6 +252,7 @@ class Observation(eqx.Module):
         block_s: Length of a block [s].
         heat: What unmodelled heat with the standard deviation of the mean loss does to the block
             means [K], as columns whose outer product is its covariance, shape (row, column).
+        moments: As `Blocks.moments`.
         noise_scale: Noise of the logger of each sensor over that of the first one [1], shape
             (sensor,).
         fitted: As `Blocks.fitted`.
@@ -255,6 +267,7 @@ class Observation(eqx.Module):
     known_variance: Float[Array, " row"]
     block_s: Float[Array, ""]
     heat: Float[Array, "row column"]
+    moments: Float[Array, "row moment"]
     noise_scale: Float[Array, " sensor"]
     fitted: tuple[str, ...] = eqx.field(static=True, default=())
 

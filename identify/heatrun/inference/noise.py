@@ -147,20 +147,19 @@ def whiten(
     Reference: J. Durbin, S. J. Koopman, Time Series Analysis by State Space Methods, 2nd ed.,
         section 4.3 (innovations).
     """
-    num_heat = blocks.heat.shape[1]
-    if not num_heat:
+    columns = _columns(noise, blocks)
+    num = columns.shape[1]
+    if not num:
         return _filter(residual, noise, blocks)
-    rows, half_log_det = _filter(_beside_heat(residual, noise, blocks), noise, blocks)
-    freed, more = free_of_columns(rows, num_heat)
+    beside = jnp.concatenate([columns, residual.reshape(residual.shape[0], -1)], axis=1)
+    rows, half_log_det = _filter(beside, noise, blocks)
+    freed, more = free_of_columns(rows, num)
     return freed.reshape(residual.shape), half_log_det + more
 
 
-def _beside_heat(
-    residual: Float[Array, "block ..."], noise: Noise, blocks: Observation
-) -> Float[Array, "block column"]:
-    """Return the responses to heat, and the residuals behind them."""
-    rows = residual.reshape(residual.shape[0], -1)
-    return jnp.concatenate([noise.heat * blocks.heat, rows], axis=1)
+def _columns(noise: Noise, blocks: Observation) -> Float[Array, "block column"]:
+    """Return the responses to heat, and to load steps at unknown moments [K]."""
+    return jnp.concatenate([noise.heat * blocks.heat, blocks.moments], axis=1)
 
 
 class SensorRows(eqx.Module):
@@ -272,8 +271,9 @@ def gram(
 
     As those of `whiten`, at less cost. Arguments as there.
     """
-    rows, half_log_det = _filter(_beside_heat(columns, noise, blocks), noise, blocks)
-    rest, more = _eliminated(rows.T @ rows, blocks.heat.shape[1])
+    own = _columns(noise, blocks)
+    rows, half_log_det = _filter(jnp.concatenate([own, columns], axis=1), noise, blocks)
+    rest, more = _eliminated(rows.T @ rows, own.shape[1])
     return rest, half_log_det + more
 
 
@@ -325,8 +325,9 @@ def draw(
         _draw_one(each, noise, jax.tree.map(lambda values, i=i: values[i], sensors), shape)
         for i, each in enumerate(jax.random.split(of_sensors, blocks.num_sensors))
     ]
-    normal = jax.random.normal(of_heat, (blocks.heat.shape[1], math.prod(shape)))
-    total = jnp.concatenate(parts) + noise.heat * (blocks.heat @ normal)
+    columns = _columns(noise, blocks)
+    normal = jax.random.normal(of_heat, (columns.shape[1], math.prod(shape)))
+    total = jnp.concatenate(parts) + columns @ normal
     return jnp.moveaxis(total.reshape(-1, *shape), 0, -1)
 
 

@@ -113,10 +113,11 @@ def _first_blocks(test: Observation, num: int) -> Observation:
     )
     return eqx.tree_at(
         lambda t: (t.inputs, t.measured, t.is_observed, t.weight, t.position, t.count,
-                   t.known_variance, t.heat),
+                   t.known_variance, t.heat, t.moments),
         test,
         (inputs, test.measured[:num], test.is_observed[:num], test.weight[:num],
-         test.position[:num], test.count[:num], test.known_variance[:num], test.heat[:num]),
+         test.position[:num], test.count[:num], test.known_variance[:num], test.heat[:num],
+         test.moments[:num]),
     )  # fmt: skip
 
 

@@ -175,6 +175,7 @@ def _pack_group(
         is_observed=lanes([test.is_observed for test in tests]),
         count=lanes([np.asarray(test.count, dtype=float) for test in tests]),
         known_variance=lanes([test.known_variance for test in tests]),
+        moments=lanes(_moments(tests)),
         block_s=numbers([test.block_s for test in tests]),
         num_blocks=numbers([test.num_blocks for test in tests]),
         num_knots=numbers([num_knots(test.duration_s) for test in tests]),
@@ -185,6 +186,12 @@ def _pack_group(
         fixed=fixed,
         **channels,
     )  # fmt: skip
+
+
+def _moments(tests: Sequence[Blocks]) -> list[np.ndarray]:
+    """Return `Blocks.moments` of tests, with as many columns for each; 0 where there is none."""
+    most = max(test.moments.shape[1] for test in tests)
+    return [np.pad(m, ((0, 0), (0, most - m.shape[1]))) for m in (t.moments for t in tests)]
 
 
 @jax.jit

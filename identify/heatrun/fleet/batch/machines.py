@@ -32,6 +32,7 @@ class Group(eqx.Module):
         is_observed: Which blocks hold a reading, shape (block, lane).
         count: Readings of each block [1], shape (block, lane).
         known_variance: As `Observation.known_variance`, shape (block, lane).
+        moments: As `Observation.moments`, shape (block, moment, lane).
         block_s: Length of a block [s], shape (lane,).
         num_blocks: Blocks without the padding [1], shape (lane,).
         num_knots: Knots of the unmodelled heat [1], shape (lane,).
@@ -55,6 +56,7 @@ class Group(eqx.Module):
     is_observed: Bool[Array, "block lane"]
     count: Float[Array, "block lane"]
     known_variance: Float[Array, "block lane"]
+    moments: Float[Array, "block moment lane"]
     block_s: Lane
     num_blocks: Lane
     num_knots: Lane

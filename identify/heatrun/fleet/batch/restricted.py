@@ -20,7 +20,7 @@ from .machines import Machines
 from .matrices import identity, solve, sweep
 from .residuals import Means
 from .search import Heat
-from .whitening import filtered, products, scaled_heat, without_heat
+from .whitening import filtered, products, scaled_heat, without_columns
 
 TOLERANCE = 1e-8
 """Largest slope of a search that has ended [nat per prior standard deviation]."""
@@ -74,8 +74,10 @@ def restricted(
     total, half_log_det = jnp.zeros((1 + size, 1 + size, num_lanes)), jnp.zeros(num_lanes)
     parts = []
     for means, heat, group in zip(linear.means, linear.heat, machines.groups, strict=True):
-        num_heat = heat.shape[1]
-        columns = jnp.concatenate([heat, means.residual[:, None], means.jacobian], axis=1)
+        num_heat, num = heat.shape[1], heat.shape[1] + group.moments.shape[1]
+        columns = jnp.concatenate(
+            [heat, group.moments, means.residual[:, None], means.jacobian], axis=1
+        )
         own = group.by_lane(noise_z)
 
         def whitened(noise_z, columns=columns, group=group):
@@ -89,10 +91,10 @@ def restricted(
         )
         factor = from_scores(own).heat
         gram = scaled_heat(products(white), num_heat, factor)
-        swept, of_heat = without_heat(gram, num_heat)
-        total = total + sum(group.by_test(swept[num_heat:, num_heat:]))
+        swept, of_heat = without_columns(gram, num)
+        total = total + sum(group.by_test(swept[num:, num:]))
         half_log_det = half_log_det + sum(group.by_test(log_sd + of_heat))
-        parts.append((group, factor, white, white_slope, log_sd_slope, gram, swept))
+        parts.append((group, num_heat, factor, white, white_slope, log_sd_slope, gram, swept))
 
     # of the parameters, whose prior pulls from z to zero; they come before the residual
     order = jnp.roll(jnp.arange(1 + size), -1)
@@ -113,9 +115,8 @@ def restricted(
         jnp.concatenate([jnp.ones((1, 1, num_lanes)), -best[None]], axis=1),
         jnp.concatenate([-best[:, None], spread], axis=1),
     ])  # fmt: skip
-    for group, factor, white, white_slope, log_sd_slope, gram, swept in parts:
-        num_heat = gram.shape[0] - 1 - size
-        weight = _contraction(swept, group.by_lane(outer), num_heat)
+    for group, num_heat, factor, white, white_slope, log_sd_slope, gram, swept in parts:
+        weight = _contraction(swept, group.by_lane(outer), gram.shape[0] - 1 - size)
         scaled = jnp.moveaxis(scaled_heat(weight, num_heat, factor), -1, 0)
         pulled = jnp.einsum("wbi,wij->wbj", white, scaled)
         of_filter = jnp.einsum("wbj,nwbj->nw", pulled, white_slope) + log_sd_slope
@@ -131,16 +132,17 @@ HEAT_SD = NOISE[NUM_FILTER].sd
 def _contraction(
     swept: Float[Array, "column column lane"],
     outer: Float[Array, "rest rest lane"],
-    num_heat: int,
+    num: int,
 ) -> Float[Array, "column column lane"]:
-    """Return C of a test: heat first, then the residual and the parameters, as its columns are.
+    """Return C of a test: heat and moments of load steps first, then the residual and the
+    parameters, as its columns are.
 
     Args:
-        swept: Inner products, heat swept out.
+        swept: Inner products, heat and moments swept out.
         outer: C of the residual and the parameters.
-        num_heat: Number of columns of the heat.
+        num: Number of columns of the heat and of the moments.
     """
-    own, beside = -swept[:num_heat, :num_heat], swept[:num_heat, num_heat:]
+    own, beside = -swept[:num, :num], swept[:num, num:]
     crossed = -jnp.einsum("hiw,ijw->hjw", beside, outer)
     of_heat = own - jnp.einsum("hjw,gjw->hgw", crossed, beside)
     top = jnp.concatenate([of_heat, crossed], axis=1)

@@ -18,7 +18,7 @@ from ...inference.problem import WORST_RESIDUAL, Structure
 from .machines import Machines
 from .matrices import identity, solve
 from .residuals import Means, residuals_of_group
-from .whitening import filtered, products, scaled_heat, weighted, without_heat
+from .whitening import filtered, products, scaled_heat, weighted, without_columns
 
 TOLERANCE = 1e-9
 """Largest step of a search that has ended, in prior standard deviations."""
@@ -113,17 +113,16 @@ def normal_equations(
     for index, (means, group) in enumerate(
         zip(linearised(structure, machines, z), machines.groups, strict=True)
     ):
-        columns = jnp.concatenate([means.residual[:, None], means.jacobian], axis=1)
+        columns = [group.moments, means.residual[:, None], means.jacobian]
         own, num_heat = jax.tree.map(group.by_lane, noise), 0
         if heat:
             num_heat = heat[index].shape[1]
-            columns = jnp.concatenate([heat[index], columns], axis=1)
-        if heat:
-            gram = products(filtered(columns, own, group)[0])
-            swept, _ = without_heat(scaled_heat(gram, num_heat, own.heat), num_heat)
-            gram = swept[num_heat:, num_heat:]
+            white, _ = filtered(jnp.concatenate([heat[index], *columns], axis=1), own, group)
         else:
-            gram = products(weighted(columns, own, group))
+            white = weighted(jnp.concatenate(columns, axis=1), own, group)
+        num = num_heat + group.moments.shape[1]
+        swept, _ = without_columns(scaled_heat(products(white), num_heat, own.heat), num)
+        gram = swept[num:, num:]
         total = total + sum(group.by_test(gram))
     return Normal(
         cost=0.5 * (total[0, 0] + jnp.sum(z**2, axis=0)),

@@ -276,7 +276,7 @@ def _final(structure: Structure, machines: Machines, linear: Linear, noise_z: Ar
 
 
 def _innovations(means: Means, heat: Array, noise: Noise, group: Group) -> Array:
-    columns = jnp.concatenate([noise.heat * heat, means.residual[:, None]], axis=1)
-    white, _ = filtered(columns, noise, group)
-    freed, _ = jax.vmap(partial(free_of_columns, num=heat.shape[1]))(white)
+    own = jnp.concatenate([noise.heat * heat, group.moments], axis=1)
+    white, _ = filtered(jnp.concatenate([own, means.residual[:, None]], axis=1), noise, group)
+    freed, _ = jax.vmap(partial(free_of_columns, num=own.shape[1]))(white)
     return jnp.moveaxis(freed[:, :, 0], 0, -1)

@@ -54,13 +54,13 @@ def scaled_heat(
     return gram * factor[:, None] * factor[None]
 
 
-def without_heat(
-    gram: Float[Array, "column column lane"], num_heat: int
+def without_columns(
+    gram: Float[Array, "column column lane"], num: int
 ) -> tuple[Float[Array, "column column lane"], Float[Array, " lane"]]:
-    """Sweep the heat, a standard normal for each of its columns, out of inner products.
+    """Sweep the first columns, a standard normal for each of them, out of inner products.
 
     Returns:
         All that `sweep` leaves, and half the log determinant.
     """
-    ones = (jnp.arange(gram.shape[0]) < num_heat).astype(float)
-    return sweep(gram + jnp.diag(ones)[:, :, None], num_heat)
+    ones = (jnp.arange(gram.shape[0]) < num).astype(float)
+    return sweep(gram + jnp.diag(ones)[:, :, None], num)

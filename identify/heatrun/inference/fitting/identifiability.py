@@ -150,9 +150,15 @@ def extended(test: Blocks, duration_s: float) -> Blocks:
         }
 
     bodies = tuple(replace(body, **readings(body)) for body in test.bodies)
-    known = test.load_variance
-    known = None if known is None else np.pad(known, (0, num_more))
-    return replace(test, inputs=inputs, **readings(test), bodies=bodies, load_variance=known)
+    known, columns = test.load_variance, test.load_columns
+    return replace(
+        test,
+        inputs=inputs,
+        **readings(test),
+        bodies=bodies,
+        load_variance=None if known is None else np.pad(known, (0, num_more)),
+        load_columns=None if columns is None else np.pad(columns, ((0, num_more), (0, 0))),
+    )
 
 
 def _last_load(test: Blocks) -> np.ndarray:
