@@ -17,7 +17,7 @@ from ..bench.record import Finding
 from ..inference.catalogue import all_effects
 from ..inference.fitting.fit_result import Fit
 from ..inference.plausible_effects import PlausibleEffect
-from .alternatives import Alternative, alternatives
+from .alternatives import PROBABILITY_OF_NONE, Alternative, alternatives
 from .extended import placed
 from .grow import look
 from .screening.bootstrap import familywise_p
@@ -30,8 +30,10 @@ NAMED = 0.1
 """Effects of less than this probability are not named [1]."""
 
 LIKELY = 0.5
-"""Probability that some effect is missing from which on it is a warning [1]; below, it is a note,
-if no effect that is named would move a parameter."""
+"""Probability that some effect is missing from which on it is a warning [1], by what the tests say
+alone: at even odds before them, while the posterior is averaged with those of `alternatives`, where
+most machines have one. Below, it is a note, if no effect as probable as `NAMED`, again at even
+odds, would move a parameter."""
 
 MOVED = 1.0
 """A parameter is told to move if it does by more than this many of its standard deviations [1]."""
@@ -61,6 +63,11 @@ class Missing:
     def probability_of_none(self) -> float:
         """Probability that the network with its unmodelled heat lacks no effect of these [1]."""
         return max(0.0, 1.0 - sum(each.effect.probability for each in self.alternatives))
+
+    def at_even_odds(self, probability: float) -> float:
+        """Return a probability of effects, had none been as probable as some before the tests."""
+        of_none = (1.0 - PROBABILITY_OF_NONE) / PROBABILITY_OF_NONE * self.probability_of_none
+        return probability / (of_none + 1.0 - self.probability_of_none)
 
 
 def missing(fit: Fit, *, seed: int = 0) -> Missing | None:
@@ -94,8 +101,13 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
     first = found.alternatives[0]
     named = [a for a in found.alternatives if a.effect.probability >= NAMED] or [first]
     moves = [_moves(fit, each) for each in named]  # of the first effect first
-    has_moved = any(abs(sds) > MOVED for of in moves for _, sds in of.values())
-    is_doubt = has_moved or 1.0 - found.probability_of_none >= LIKELY
+    has_moved = any(
+        abs(sds) > MOVED
+        for each, of in zip(named, moves, strict=True)
+        if found.at_even_odds(each.effect.probability) >= NAMED
+        for _, sds in of.values()
+    )
+    is_doubt = has_moved or found.at_even_odds(1.0 - found.probability_of_none) >= LIKELY
     words = fit.problem.model.words
     p = f"(p = {found.p:.2g}, the share of clean records that would look so)"
     listed = ", ".join(_words(each.effect) for each in named)
@@ -108,11 +120,13 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
         if found.probability_of_none >= NAMED:
             message += f"; heat without a name, or errors of the power ({nameless:.0f} %)"
     else:
-        message = (
-            f"the residuals of the {words} hold more than noise {p}: most likely heat without a "
-            f"name, or errors of the power ({nameless:.0f} %), for which the 95 % intervals "
-            f"allow; possible: {listed}"
+        heat = f"heat without a name, or errors of the power ({nameless:.0f} %)"
+        of_what = (
+            f"most likely {heat}, for which the 95 % intervals allow; possible: {listed}"
+            if found.probability_of_none >= LIKELY
+            else f"the tests do not tell of what. The 95 % intervals allow for {heat}, and {listed}"
         )
+        message = f"the residuals of the {words} hold more than noise {p}: {of_what}"
     with_effects = ",".join([kind.card.id for kind in fit.problem.model.effects]
                             + [first.effect.id])  # fmt: skip
     return Finding(
