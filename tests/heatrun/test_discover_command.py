@@ -21,7 +21,7 @@ def test_the_command_names_what_is_hidden_and_writes_its_folder(tmp_path, capsys
     run = tmp_path / "run"
     code = main([
         "discover", str(DATA / "motor.toml"), str(DATA / "staircase.csv.gz"),
-        str(DATA / "drive_cycle.csv.gz"), "--holdout", str(DATA / "other_staircase.csv.gz"),
+        "--holdout", str(DATA / "other_staircase.csv.gz"),
         "--effects", str(MINE), "--quick", "--json", "--out", str(run),
     ])  # fmt: skip
     said = json.loads(capsys.readouterr().out)
