@@ -4,13 +4,13 @@ Samples of the load are joined by straight lines. A step of $\Delta P$ between t
 $\delta$ apart, then brings the right heat only if it falls half-way; at an unknown moment, the heat
 errs by an energy of standard deviation $\Delta P\,\delta / \sqrt{12}$. At 1 Hz, a winding of a
 hundred seconds hardly shows it; a small coil of ten is off by a kelvin behind each step, far beyond
-its noise. What such an energy does to the blocks behind its step is one
-column of their covariance. The columns of the largest steps are kept, eight at most; of the others
-the blocks know the variance. Taken for independent errors of the blocks, forty of them behind one
-step would seem to know it six times better than they do. The energy's response is taken from the
-fast mode of a crude two-node fit of the same record. The slow mode remembers all steps: what they
-add up to there is left to the unmodelled heat and to the finding `between_samples`. The moment that
-all steps have in common is a parameter besides (`load_timing`).
+its noise. What such an energy does to the blocks behind its step is one column of their covariance:
+taken for independent errors of the blocks, forty of them behind one step would seem to know it six
+times better than they do. The strongest directions are kept, eight at most; of what is left the
+blocks know the variance. The energy's response is taken from the fast mode of a crude two-node fit
+of the same record. The slow mode remembers all steps: what they add up to there is left to the
+unmodelled heat and to the finding `between_samples`. The moment that all steps have in common is a
+parameter besides (`load_timing`).
 """
 
 from __future__ import annotations
@@ -95,14 +95,14 @@ def _known(
     step_s, per_block = float(blocks.inputs.step), blocks.weight.shape[1]
     num = blocks.num_blocks * per_block
     place = np.floor(time_s / step_s).astype(int)
-    kept = (place >= 0) & (place < num)
+    inside = (place >= 0) & (place < num)
     # what is left of a shock, as means over the steps behind it
     edges_s = step_s * np.arange(num + 1)
     left = np.diff(np.exp(rate_per_s * edges_s)) / (rate_per_s * step_s)
     # and as means over blocks, the first of which ends with the step that it comes in
     sums = np.cumsum(np.pad(left, (per_block, 0)))
     means = (sums[per_block:] - sums[:num]) / per_block
-    at = np.bincount(place[kept], sd_K[kept] ** 2, num)
+    at = np.bincount(place[inside], sd_K[inside] ** 2, num)
     spread = fftconvolve(at, means**2)[per_block - 1 : per_block - 1 + num]
     variance = np.maximum(spread[::per_block], 0.0)
 
@@ -110,11 +110,11 @@ def _known(
     behind = per_block * np.arange(1, blocks.num_blocks + 1)[:, None] - 1 - largest
     shocks = np.where(behind >= 0, means[np.maximum(behind, 0)], 0.0) * np.sqrt(at[largest])
     turned, length, _ = np.linalg.svd(shocks, full_matrices=False)
-    if length[0] < NEGLIGIBLE_K:
-        return replace(blocks, load_variance=variance)
     matter = np.count_nonzero(length >= NEGLIGIBLE_K)
-    num = next((few for few in NUM_COLUMNS if few >= matter), NUM_COLUMNS[-1])
-    columns = np.zeros((blocks.num_blocks, num))
-    columns[:, : length.size] = turned[:, :num] * length[:num]
+    if not matter:
+        return replace(blocks, load_variance=variance)
+    kept = next((few for few in NUM_COLUMNS if few >= matter), NUM_COLUMNS[-1])
+    columns = np.zeros((blocks.num_blocks, kept))
+    columns[:, : length.size] = turned[:, :kept] * length[:kept]
     rest = np.maximum(variance - np.sum(columns**2, axis=1), 0.0)
     return replace(blocks, load_variance=rest, load_columns=columns)
