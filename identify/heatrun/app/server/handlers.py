@@ -17,6 +17,7 @@ import panel as pn
 from bokeh.protocol.exceptions import ProtocolError
 from bokeh.settings import settings
 from panel.io.server import DocHandler, WSHandler
+from tornado.ioloop import PeriodicCallback
 from tornado.web import HTTPError, RequestHandler, StaticFileHandler
 
 from .messages import MAX_MESSAGE_BYTES, unpacked_bytes
@@ -45,6 +46,11 @@ STATIC = (
 )
 """Scripts and styles of the page, and the package that each lies in."""
 
+LOOK_S = 20.0
+"""How often the server looks whether a browser is still there [s]."""
+
+MAX_SILENT_LOOKS = 3
+"""Looks in a row at which a browser has neither said nor taken anything: then it is let go."""
 
 SIDEBAR = 'document.getElementById("sidebar-button").onclick = closeNav;'
 
@@ -141,9 +147,51 @@ class PageHandler(Guarded, DocHandler):
 
 
 class SocketHandler(Guarded, WSHandler):
-    """The websocket of the page, whose messages are of limited size however they are packed."""
+    """The websocket of the page, whose messages are of limited size however they are packed.
+
+    A browser behind a slow line answers a ping only when it has read all that was sent before:
+    what it takes meanwhile counts as a sign of life too.
+    """
 
     _num_pending = 0
+    _is_heard = True
+    _num_silent = 0
+    _looks: PeriodicCallback | None = None
+
+    def open(self, *positional: Any, **keywords: Any) -> Any:
+        """Begin to look whether the browser is still there."""
+        self._looks = PeriodicCallback(self._look, 1e3 * LOOK_S)
+        self._looks.start()
+        return super().open(*positional, **keywords)
+
+    def on_close(self) -> None:
+        """Look no longer."""
+        if self._looks is not None:
+            self._looks.stop()
+        super().on_close()
+
+    def on_pong(self, data: bytes) -> None:
+        """Take a sign of life."""
+        self._is_heard = True
+        super().on_pong(data)
+
+    async def on_message(self, fragment: str | bytes) -> Any:
+        """Take a sign of life and the message."""
+        self._is_heard = True
+        return await super().on_message(fragment)
+
+    async def write_message(self, *positional: Any, **keywords: Any) -> None:
+        """Send; that there was room for all of it is a sign of life."""
+        await super().write_message(*positional, **keywords)
+        self._is_heard = True
+
+    def _look(self) -> None:
+        self._num_silent = 0 if self._is_heard else self._num_silent + 1
+        self._is_heard = False
+        if self._num_silent < MAX_SILENT_LOOKS:
+            self.ping(b"0")
+        else:
+            self.close(reason="nothing was heard of the browser")
 
     def check_origin(self, origin: str) -> bool:
         """Return True: the gate has let the request in, which knows the names better."""

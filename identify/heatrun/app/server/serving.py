@@ -39,9 +39,6 @@ HEADER_S = 15.0
 BODY_S = 10.0
 """Wait for the body of a request [s]; the page sends none."""
 
-PING_S = 20.0
-"""How often a websocket must show that it is still there [s]."""
-
 MAX_BODY_BYTES = 10_000
 
 
@@ -63,8 +60,8 @@ class ViewApplication(BokehTornado):
             check_unused_sessions_milliseconds=5_000,
             unused_session_lifetime_milliseconds=15_000,
             websocket_max_message_size_bytes=MAX_MESSAGE_BYTES,
-            websocket_ping_interval=PING_S,
-            websocket_ping_timeout=PING_S,
+            # the websocket looks by itself whether its browser is there
+            keep_alive_milliseconds=0,
         )
 
     def find_handler(self, request: Any, **keywords: Any) -> Any:

@@ -1,0 +1,54 @@
+"""A browser behind a slow line is waited for as long as it takes what it is sent; none for ever."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+
+import pytest
+
+LOOK_S = 2.0
+WITH_FREQUENT_LOOKS = """
+import sys
+from heatrun.app.server import handlers
+handlers.LOOK_S = %g
+from heatrun.cli import main
+sys.exit(main())
+"""
+NUM_PULLS = 40
+BUFFER_BYTES = 1 << 16
+PAUSE_S = 0.25
+"""Between two copies of the page: all of them take several looks."""
+
+
+@pytest.fixture
+def open_tab(serve, wire):
+    """Open a tab of a server that looks after its browsers this often [s]."""
+    with contextlib.ExitStack() as opened:
+
+        def tab(look_s):
+            url = serve(program=("-c", WITH_FREQUENT_LOOKS % look_s)).url
+            return opened.enter_context(contextlib.closing(wire.Tab(url)))
+
+        yield tab
+
+
+def test_a_browser_that_reads_slowly_keeps_its_page(open_tab):
+    tab = open_tab(LOOK_S)
+    tab.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+    for _ in range(NUM_PULLS):
+        tab.send("PULL-DOC-REQ", {})
+    started, num_copies = time.monotonic(), 0
+    while num_copies < NUM_PULLS:
+        num_copies += tab.message()["header"]["msgtype"] == "PULL-DOC-REPLY"
+        time.sleep(PAUSE_S)
+    assert time.monotonic() - started > 4 * LOOK_S
+    assert "duty_30min.csv.gz" in tab.document()
+
+
+def test_a_browser_that_answers_nothing_is_let_go(open_tab):
+    tab = open_tab(LOOK_S / 10)
+    tab.socket.settimeout(60)
+    while tab.socket.recv(1 << 16):
+        pass
