@@ -17,7 +17,7 @@ from rows import Row, duration, median, seconds
 import lptn
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem, log_posterior_batch
-from heatrun.inference.sampling.importance import BATCH
+from heatrun.inference.sampling.weighted import BATCH
 from heatrun.motor import Motor
 from lptn.effects import EFFECTS, AbstractEffect, build
 

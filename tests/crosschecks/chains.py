@@ -24,7 +24,7 @@ from heatrun.inference.fitting.fit_result import Fit
 from heatrun.inference.model import Model
 from heatrun.inference.noise import LARGEST_SCORES, NOISE
 from heatrun.inference.problem import Problem, log_posterior
-from heatrun.inference.sampling.importance import Weighted
+from heatrun.inference.sampling.weighted import Weighted
 from heatrun.motorfile import load_motor
 from heatrun.runs import netcdf as archive
 

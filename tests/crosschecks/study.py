@@ -27,7 +27,7 @@ import report
 import simulation
 
 from heatrun.inference.posterior import sample
-from heatrun.inference.sampling.importance import importance_sample
+from heatrun.inference.sampling.importance import linear_sample
 
 SEED = 20
 OUT = Path(__file__).parents[2] / "results" / "crosschecks"
@@ -64,7 +64,7 @@ def posteriors(found) -> dict:
         return chains.statistics(found, draws), {"said": f"{diverging} divergences"}
 
     def by_weights(num_draws):
-        weighted = importance_sample(found, num_draws=num_draws, seed=SEED)
+        weighted = linear_sample(found, num_draws=num_draws, seed=SEED)
         said = f"Pareto k {weighted.pareto_k:.2f}, {weighted.effective_size:.0f} effective draws"
         return chains.weighted_statistics(found, weighted), {"said": said}
 

@@ -96,7 +96,7 @@ def test_weighted_draws_find_a_long_tail_or_say_that_they_did_not(found, seed, m
         return -0.5 * np.sum(np.delete(x, WHITE, axis=1) ** 2, axis=1) - 0.5 * skewed**2
 
     monkeypatch.setattr(proposal, "evaluate", evaluate)
-    weighted = proposal.importance_sample(found, seed=seed)
+    weighted = proposal.linear_sample(found, seed=seed)
     if not weighted.is_sound:
         return
     x = (weighted.vectors - found.vector) @ np.linalg.inv(np.linalg.cholesky(found.covariance)).T

@@ -8,7 +8,7 @@ from scipy.special import logsumexp
 from scipy.stats import genpareto, norm
 
 from heatrun.inference.sampling.diagnostics import pareto_smoothed
-from heatrun.inference.sampling.importance import importance_sample
+from heatrun.inference.sampling.importance import linear_sample
 
 
 def pareto_shape(log_weight: np.ndarray) -> float:
@@ -80,7 +80,7 @@ def test_smoothed_weights_err_less_than_raw_ones():
 
 
 def test_importance_samples_carry_smoothed_weights_and_evidence_of_raw_ones(fitted):
-    found = importance_sample(fitted, num_draws=1024, seed=2)
+    found = linear_sample(fitted, num_draws=1024, seed=2)
     log_weight = found.log_density - found.proposal.log_density(found.vectors)
     smoothed = pareto_smoothed(log_weight)
     assert found.pareto_k == pytest.approx(smoothed.pareto_k, abs=1e-6)

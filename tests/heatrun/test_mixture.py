@@ -14,8 +14,9 @@ from heatrun.inference.kernels import Kernels
 from heatrun.inference.model import Model
 from heatrun.inference.posterior import sample
 from heatrun.inference.problem import Problem
-from heatrun.inference.sampling.importance import importance_sample, truncated
+from heatrun.inference.sampling.importance import linear_sample
 from heatrun.inference.sampling.proposal import Proposal
+from heatrun.inference.sampling.weighted import truncated
 from heatrun.motorfile import load_motor
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
@@ -81,13 +82,13 @@ def test_the_proposal_draws_from_its_density(fitted, rng):
 @pytest.mark.parametrize("seed", [0, 1])
 def test_weights_hold_where_a_network_is_too_small(one_node, seed):
     """One node for a winding and its stator: the noise grows to what its prior allows."""
-    weighted = importance_sample(one_node, seed=seed)
+    weighted = linear_sample(one_node, seed=seed)
     assert weighted.is_sound, (weighted.pareto_k, weighted.effective_size)
 
 
 @pytest.mark.slow
 def test_weights_and_ensembles_agree_where_a_network_is_too_small(one_node):
-    weighted = importance_sample(one_node, num_draws=8192, seed=5)
+    weighted = linear_sample(one_node, num_draws=8192, seed=5)
     ensemble = sample(one_node, seed=5, most_steps=12_000)
     mean = weighted.weights @ weighted.vectors
     shift = weighted.vectors - mean

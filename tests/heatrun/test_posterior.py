@@ -17,7 +17,7 @@ from heatrun.inference.predict import predict
 from heatrun.inference.problem import Problem
 from heatrun.inference.sampling import ensemble as ensemble_run
 from heatrun.inference.sampling.convergence import FULL, judge
-from heatrun.inference.sampling.importance import importance_sample
+from heatrun.inference.sampling.importance import linear_sample
 from heatrun.inference.sampling.proposal import Branches
 from heatrun.runs import netcdf as archive
 
@@ -48,7 +48,7 @@ def test_known_parameters_are_inside_the_intervals(posterior, truth):
 def test_weighted_draws_agree_with_the_ensemble(blocks, motor):
     """On the first order, whose posterior is wide and round enough for the guard to hold."""
     first = fit(Problem.of(Model.of("first", motor), motor, [blocks]))
-    weighted = importance_sample(first, num_draws=8192, seed=5)
+    weighted = linear_sample(first, num_draws=8192, seed=5)
     assert weighted.is_sound
     ensemble = sample(first, seed=5, most_steps=6000)
     mean = weighted.weights @ weighted.vectors
@@ -62,14 +62,15 @@ def test_weighted_draws_agree_with_the_ensemble(blocks, motor):
 
 @pytest.fixture
 def short_chunks(monkeypatch):
-    """A checkpoint every 50 steps instead of 250: what is kept and read back is the same."""
+    """A checkpoint every 50 steps instead of 250, one round of draws: what follows is the same."""
     monkeypatch.setattr("heatrun.inference.posterior.CHUNK", 50)
+    monkeypatch.setattr("heatrun.inference.sampling.rto.MOST_ROUNDS", 1)
 
 
 def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble(
     fitted, monkeypatch, short_chunks
 ):
-    monkeypatch.setattr("heatrun.inference.sampling.importance.PARETO_LIMIT", -1.0)
+    monkeypatch.setattr("heatrun.inference.sampling.weighted.PARETO_LIMIT", -1.0)
     assert sample(fitted, method="quick", seed=1, most_steps=100).method == "emcee"
 
 
@@ -200,7 +201,7 @@ def test_draws_from_a_proposal_that_is_off_are_accepted_as_the_posterior_wants(
 
 
 def test_a_quick_posterior_that_cannot_be_had_says_why(fitted, monkeypatch, short_chunks):
-    monkeypatch.setattr("heatrun.inference.sampling.importance.PARETO_LIMIT", -1.0)
+    monkeypatch.setattr("heatrun.inference.sampling.weighted.PARETO_LIMIT", -1.0)
     told = []
     asked = sample(
         fitted,

@@ -74,14 +74,18 @@ def log_prior(noise_z: Float[Any, "*draw noise"]) -> Float[Any, "*draw"]:
     return -0.5 * (noise_z**2).sum(axis=-1) - 0.5 * NUM_NOISE * np.log(2.0 * np.pi)
 
 
-def student(num: int, size: int, rng: np.random.Generator) -> np.ndarray:
+def student(
+    num: int, size: int, rng: np.random.Generator, freedom: float = DEGREES_OF_FREEDOM
+) -> np.ndarray:
     """Return draws of a standard Student t distribution, shape (num, size)."""
-    scale = np.sqrt(DEGREES_OF_FREEDOM / rng.chisquare(DEGREES_OF_FREEDOM, num))
+    scale = np.sqrt(freedom / rng.chisquare(freedom, num))
     return rng.standard_normal((num, size)) * scale[:, None]
 
 
-def log_student(square: Float[Array, "*draw"], size: int) -> Float[Array, "*draw"]:
+def log_student(
+    square: Float[Any, "*draw"], size: int, freedom: float = DEGREES_OF_FREEDOM
+) -> Float[Array, "*draw"]:
     """Return their log density [nat] for squared distances from the centre."""
-    nu = DEGREES_OF_FREEDOM
+    nu = freedom
     constant = gammaln((nu + size) / 2) - gammaln(nu / 2) - 0.5 * size * np.log(nu * np.pi)
     return constant - 0.5 * (nu + size) * jnp.log1p(square / nu)

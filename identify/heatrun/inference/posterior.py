@@ -15,8 +15,9 @@ from .draws import Draws
 from .fitting.fit_result import Fit
 from .plausible_effects import PlausibleEffects
 from .sampling.convergence import FULL, QUICK, Convergence, judge
-from .sampling.importance import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted, importance_sample
+from .sampling.importance import importance_sample, starting_sample
 from .sampling.spread import spread
+from .sampling.weighted import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted
 
 NUM_ENSEMBLES = 2
 """Ensembles that run apart, so that they can be held against each other."""
@@ -157,8 +158,8 @@ def sample(
         most_steps: Steps of an ensemble after which it is given up; after half of them where all
             would not do.
     """
-    weighted = importance_sample(fit, seed=seed)
     is_quick = method == "quick"
+    weighted = (importance_sample if is_quick else starting_sample)(fit, seed=seed)
     if is_quick and weighted.is_sound:
         return _of_weighted(fit, weighted, seed)
     wanted = QUICK if is_quick else FULL

@@ -20,7 +20,7 @@ from ..inference.noise import noise_parameters
 from ..inference.parameters import Parameter, Slot
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
-from ..inference.sampling.importance import evaluate
+from ..inference.sampling.weighted import evaluate
 from ..inference.score_error import score_difference
 from ..motor import Motor
 from ..ratings.figures import derive

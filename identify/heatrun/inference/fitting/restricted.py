@@ -80,6 +80,31 @@ class Conditional(NamedTuple):
     factor: Float[Array, "parameter parameter"]
 
 
+def inner_products(
+    data: Data,
+    noise_z: Float[Array, " noise"],
+    residual: Float[Array, " block"],
+    columns: Float[Array, "block column"],
+) -> tuple[Float[Array, "product product"], Float[Array, ""]]:
+    """Return the inner products of a residual and columns, whitened, the residual first, and half
+    the log determinant of the noise.
+
+    Args:
+        data: The tests, for the layout of their blocks.
+        noise_z: Scores of the noise.
+        residual: Of all tests in a row [K].
+        columns: Such as derivatives, likewise [K].
+    """
+    noise = noise_module.from_scores(noise_z)
+    joined = jnp.concatenate([residual[:, None], columns], axis=1)
+    ends = np.cumsum([test.measured.size for test in data.tests])[:-1]
+    products, log_sd = jnp.zeros((joined.shape[1],) * 2), jnp.zeros(())
+    for part, test in zip(jnp.split(joined, ends), data.tests, strict=True):
+        of_test, half_log_det = noise_module.gram(part, noise, test)
+        products, log_sd = products + of_test, log_sd + half_log_det
+    return products, log_sd
+
+
 def conditional(
     data: Data,
     noise_z: Float[Array, " noise"],
@@ -88,13 +113,7 @@ def conditional(
     jacobian: Float[Array, "block parameter"],
 ) -> Conditional:
     """Return what the linear model says; arguments as `restricted_log_likelihood`."""
-    noise = noise_module.from_scores(noise_z)
-    joined = jnp.concatenate([residual[:, None], jacobian], axis=1)
-    ends = np.cumsum([test.measured.size for test in data.tests])[:-1]
-    products, log_sd = jnp.zeros((joined.shape[1],) * 2), jnp.zeros(())
-    for part, test in zip(jnp.split(joined, ends), data.tests, strict=True):
-        of_test, half_log_det = noise_module.gram(part, noise, test)
-        products, log_sd = products + of_test, log_sd + half_log_det
+    products, log_sd = inner_products(data, noise_z, residual, jacobian)
     precision = products[1:, 1:] + jnp.eye(jacobian.shape[1])
     gradient = products[1:, 0] + z  # of half the sum of squares, prior included
     factor = jnp.linalg.cholesky(precision)

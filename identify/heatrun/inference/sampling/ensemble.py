@@ -12,10 +12,15 @@ import numpy as np
 from ..draws import NUM_NOISE
 from ..fitting.fit_result import Fit
 from .checkpoint import Checkpoint, state_of
-from .importance import Weighted, evaluate
+from .rto import Rto
+from .weighted import Weighted, evaluate
 
 SHARE_OF_NOISE, SHARE_ANEW = 0.5, 0.2
 """Shares of the moves that take one score of the noise anew, and of those that take all [1]."""
+
+SHARE_FOLLOWED = 0.05
+"""Share of the latter where the proposal follows the model: half of its draws are taken, at a
+hundred times the cost of a step of evolution [1]."""
 
 SHARE_WITH_EVOLUTION = 0.25
 """Share of the former where evolution alone moves the parameters [1]."""
@@ -148,6 +153,7 @@ def _moves(weighted: Weighted) -> list[tuple[emcee.moves.Move, float]]:
         drawn = proposal.draw(coordinates.shape[0], rng)
         return drawn.vectors, proposal.log_density(coordinates) - drawn.log_density
 
-    rest = 1.0 - SHARE_OF_NOISE - SHARE_ANEW
+    share_anew = SHARE_FOLLOWED if isinstance(proposal, Rto) else SHARE_ANEW
+    rest = 1.0 - SHARE_OF_NOISE - share_anew
     usual = [(move, rest * share) for move, share in evolution()]
-    return [*usual, (noise, SHARE_OF_NOISE), (emcee.moves.MHMove(anew), SHARE_ANEW)]
+    return [*usual, (noise, SHARE_OF_NOISE), (emcee.moves.MHMove(anew), share_anew)]

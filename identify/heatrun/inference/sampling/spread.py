@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..fitting.fit_result import Fit
-from .importance import Weighted, evaluate
+from .weighted import Weighted, evaluate
 
 ROUNDS = 5
 """Steps of each draw."""

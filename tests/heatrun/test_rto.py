@@ -1,0 +1,187 @@
+"""Draws that follow a posterior where it bends: of the density that is stated, and of all of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import multivariate_normal
+
+from heatrun.calibration import load_tests
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.kernels import Kernels
+from heatrun.inference.model import Model
+from heatrun.inference.posterior import sample
+from heatrun.inference.problem import Problem
+from heatrun.inference.sampling import rto as rto_module
+from heatrun.inference.sampling.importance import importance_sample
+from heatrun.inference.sampling.proposal import Proposal
+from heatrun.inference.sampling.rto import Rto, covers, sample_rto
+from heatrun.inference.sampling.weighted import Weighted, evaluate
+from heatrun.motorfile import load_motor
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+SHORT_S = 120.0
+ERRORS = 5.0
+"""Standard errors that chance leaves in one case of two million."""
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(8)
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory):
+    """The second order's fit of the first two minutes of a step."""
+    motor = load_motor(DATA / "motor.toml")
+    path = tmp_path_factory.mktemp("short") / "short.csv"
+    rows = pd.read_csv(DATA / "step_30min.csv.gz")
+    rows[rows["t"] < SHORT_S].to_csv(path, index=False)
+    tests = load_tests(motor, [path], [])
+    return fit(Problem.of(Model.of("second", motor), motor, [test.blocks for test in tests]))
+
+
+@pytest.fixture
+def kernels(short, rng):
+    return Proposal.around(short, rng).kernels
+
+
+@pytest.fixture
+def rto(short, kernels):
+    return Rto.around(short, short.z, kernels)
+
+
+def test_draws_have_the_density_that_their_vectors_have(rto, rng):
+    drawn = rto.draw(200, rng)
+    is_found = np.isfinite(drawn.log_density)
+    assert np.mean(is_found) > 0.8
+    seen = rto.log_density(drawn.vectors[is_found])
+    assert seen == pytest.approx(drawn.log_density[is_found], abs=1e-3)
+
+
+def test_the_proposal_is_a_normalised_density(rto, short, rng):
+    """Against a normal within it, whose mean ratio over draws is 1."""
+    drawn = rto.draw(2048, rng)
+    narrow = multivariate_normal(short.vector, 0.3 * short.covariance)
+    ratio = np.exp(narrow.logpdf(drawn.vectors) - drawn.log_density)
+    assert abs(ratio.mean() - 1.0) < ERRORS * ratio.std() / np.sqrt(ratio.size)
+
+
+def test_a_linear_model_is_drawn_as_it_is(fitted, rng):
+    """Half an hour's step hardly bends: the weights given the noise are nearly equal."""
+    noise_z = np.tile(fitted.noise_z, (300, 1))
+    still = Kernels.over(
+        noise_z + 1e-6 * rng.standard_normal(noise_z.shape), np.full(300, 1 / 300), rng
+    )
+    rto = Rto.around(fitted, fitted.z, still)
+    white = rng.standard_normal((200, fitted.z.size))
+    value, factor = rto._linear(noise_z[:200])
+    start = (
+        fitted.z
+        + np.linalg.solve(
+            np.swapaxes(factor, 1, 2),
+            (white - np.linalg.solve(factor, value[..., None])[..., 0])[..., None],
+        )[..., 0]
+    )
+    wanted = (factor @ white[..., None])[..., 0]
+    z, seen = rto._solved(start, noise_z[:200], wanted, factor)
+    assert np.all(np.isfinite(seen.value))
+    sd = np.sqrt(np.diag(fitted.covariance)[: fitted.z.size])
+    assert np.median(np.abs(z - start) / sd) < 0.1
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_short_test_is_sampled_without_mcmc(short, seed):
+    weighted = importance_sample(short, seed=seed)
+    assert weighted.is_sound, (weighted.pareto_k, weighted.effective_size)
+    assert sample(short, method="quick", seed=seed).method == "importance"
+
+
+def test_two_centres_give_one_law(short, kernels, rng):
+    """What is drawn does not depend on where the model was linearised."""
+    first = sample_rto(short, kernels, rng)
+    sd = np.sqrt(first.weights @ (first.vectors - first.weights @ first.vectors) ** 2)
+    aside = Rto.around(short, short.z + 0.5 * sd[: short.z.size], kernels)
+    drawn = aside.draw(2048, rng)
+    second = Weighted.of(drawn.vectors, evaluate(short, drawn.vectors), drawn.log_density, aside)
+    means = [each.weights @ each.vectors for each in (first, second)]
+    errors = [
+        np.sqrt(each.weights**2 @ (each.vectors - mean) ** 2)
+        for each, mean in zip((first, second), means, strict=True)
+    ]
+    assert np.all(np.abs(means[0] - means[1]) < ERRORS * np.hypot(*errors))
+    error = np.sqrt(sum(1.0 / each.effective_size for each in (first, second)))
+    assert abs(first.log_evidence - second.log_evidence) < ERRORS * error
+
+
+@pytest.mark.slow
+def test_draws_agree_with_the_ensemble(short, kernels, rng):
+    weighted = sample_rto(short, kernels, rng)
+    start = replace(weighted, pareto_k=1.0)  # so that no walker draws from the proposal
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("heatrun.inference.posterior.starting_sample", lambda *_, **__: start)
+        ensemble = sample(short, seed=5, most_steps=24_000)
+    mean = weighted.weights @ weighted.vectors
+    shift = weighted.vectors - mean
+    sd = np.sqrt(weighted.weights @ shift**2)
+    by_weights = np.sqrt(weighted.weights**2 @ shift**2)
+    by_steps = sd / np.sqrt(ensemble.convergence.effective_size)
+    gap = (mean - ensemble.flat.mean(axis=0)) / np.hypot(by_weights, by_steps)
+    assert np.all(np.abs(gap) < ERRORS), gap
+    assert np.max(np.abs(np.log(sd / ensemble.flat.std(axis=0)))) < 0.15
+
+
+def test_draws_without_an_answer_weigh_nothing(rto, short, rng, monkeypatch):
+    whole = Rto._seen
+
+    def with_gaps(self, z, noise_z):
+        seen = whole(self, z, noise_z)
+        seen.value[::3] = np.nan
+        return seen
+
+    monkeypatch.setattr(Rto, "_seen", with_gaps)
+    drawn = rto.draw(30, rng)
+    assert np.all(np.isfinite(drawn.vectors))
+    assert np.all(drawn.log_density[::3] == np.inf)
+    weighted = Weighted.of(drawn.vectors, evaluate(short, drawn.vectors), drawn.log_density, rto)
+    assert np.all(weighted.weights[::3] == 0.0)
+    assert weighted.weights.sum() == pytest.approx(1.0)
+
+
+def test_an_optimum_that_no_draw_came_near_is_noticed(rto, short, rng):
+    drawn = rto.draw(512, rng)
+    found = Weighted.of(drawn.vectors, evaluate(short, drawn.vectors), drawn.log_density, rto)
+    assert covers(short, found)
+    far = short.noise_z + 1.5 + 0.05 * rng.standard_normal((50, short.noise_z.size))
+    aside = replace(rto, kernels=(Kernels.over(far, np.full(50, 0.02), rng),))
+    drawn = aside.draw(512, rng)
+    found = Weighted.of(drawn.vectors, evaluate(short, drawn.vectors), drawn.log_density, aside)
+    away = replace(short, modes=short.z[None])
+    assert not covers(away, found)
+
+
+def test_where_the_guard_is_never_satisfied_there_are_draws_all_the_same(short, monkeypatch):
+    monkeypatch.setattr("heatrun.inference.sampling.weighted.PARETO_LIMIT", -1.0)
+    monkeypatch.setattr(rto_module, "NUM_DRAWS", 64)
+    monkeypatch.setattr(rto_module, "MOST_ROUNDS", 2)
+    weighted = importance_sample(short)
+    assert not weighted.is_sound
+    assert np.isfinite(weighted.effective_size)
+
+
+def test_a_matrix_without_a_factor_is_set_aside():
+    matrices = np.stack([np.eye(3), -np.eye(3), np.full((3, 3), np.nan), 4.0 * np.eye(3)])
+    factors = rto_module._factors(matrices)
+    assert np.all(np.isfinite(factors[[0, 3]]))
+    assert np.all(np.isnan(factors[[1, 2], 0, 0]))
+    assert factors[3] == pytest.approx(2.0 * np.eye(3))
+    vectors = np.ones((4, 3))
+    solved = rto_module._solve(
+        np.stack([np.eye(3), np.zeros((3, 3)), np.eye(3), np.eye(3)]), vectors
+    )
+    assert np.all(np.isnan(solved[1]))
+    assert solved[[0, 2, 3]] == pytest.approx(vectors[:3])
