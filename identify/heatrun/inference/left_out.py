@@ -31,8 +31,8 @@ NUM_WINDOWS = 24
 them, and long against the time in which the noise of a bench is forgotten."""
 
 BATCH = 2
-"""Draws that are worked out at once, each with all its windows: more of them fall out of the cache
-and take three times as long."""
+"""Draws that are worked out at once, each with all its windows: more of them fall out of the
+cache."""
 
 
 @dataclass(frozen=True)

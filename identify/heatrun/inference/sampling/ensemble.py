@@ -19,8 +19,8 @@ SHARE_OF_NOISE, SHARE_ANEW = 0.5, 0.2
 """Shares of the moves that take one score of the noise anew, and of those that take all [1]."""
 
 SHARE_FOLLOWED = 0.05
-"""Share of the latter where the proposal follows the model: half of its draws are taken, at a
-hundred times the cost of a step of evolution [1]."""
+"""Share of the latter where the proposal follows the model: many of its draws are taken, and each
+costs as much as dozens of steps of evolution [1]."""
 
 SHARE_WITH_EVOLUTION = 0.25
 """Share of the former where evolution alone moves the parameters [1]."""

@@ -1,4 +1,4 @@
-"""The proposal of the importance sampling: first the noise, then the parameters given that noise.
+"""Draws of the linear models around the optima: first the noise, then the parameters given it.
 
 Whether an error is slow or white a short test hardly tells, so the posterior of the noise is
 skewed, and the width of the parameters depends on it: no normal or Student t distribution over
@@ -51,8 +51,7 @@ PARTS = ((0.8, 1.0), (0.2, 2.0))
 part a narrow from a wide side."""
 
 BATCH = 16
-"""Draws that are worked out at once; more of them fall out of the cache: with four nodes, 64 at a
-time take three times as long."""
+"""Draws that are worked out at once; with many parameters, more of them fall out of the cache."""
 
 AS_GIVEN = -1
 """Stands for a branch where a vector is given and not drawn."""
