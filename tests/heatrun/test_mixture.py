@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
+from weighted_moments import gap_in_errors
 
 from heatrun.calibration import load_tests
 from heatrun.inference.fitting.fit import fit
@@ -90,12 +91,7 @@ def test_weights_hold_where_a_network_is_too_small(one_node, seed):
 def test_weights_and_ensembles_agree_where_a_network_is_too_small(one_node):
     weighted = linear_sample(one_node, num_draws=8192, seed=5)
     ensemble = sample(one_node, seed=5, most_steps=12_000)
-    mean = weighted.weights @ weighted.vectors
-    shift = weighted.vectors - mean
-    sd = np.sqrt(weighted.weights @ shift**2)
-    by_weights = np.sqrt(weighted.weights**2 @ shift**2)
-    by_steps = sd / np.sqrt(ensemble.convergence.effective_size)
-    gap = (mean - ensemble.flat.mean(axis=0)) / np.hypot(by_weights, by_steps)
+    gap = gap_in_errors(weighted, ensemble)
     assert np.all(np.abs(gap) < ERRORS), gap
 
 

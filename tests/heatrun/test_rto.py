@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import multivariate_normal
+from weighted_moments import gap_in_errors, moments
 
 from heatrun.calibration import load_tests
 from heatrun.inference.fitting.fit import fit
@@ -80,13 +81,8 @@ def test_a_linear_model_is_drawn_as_it_is(fitted, rng):
     rto = Rto.around(fitted, fitted.z, still)
     white = rng.standard_normal((200, fitted.z.size))
     value, factor = rto._linear(noise_z[:200])
-    start = (
-        fitted.z
-        + np.linalg.solve(
-            np.swapaxes(factor, 1, 2),
-            (white - np.linalg.solve(factor, value[..., None])[..., 0])[..., None],
-        )[..., 0]
-    )
+    behind = rto_module._solve(factor, value)
+    start = fitted.z + rto_module._solve(np.swapaxes(factor, 1, 2), white - behind)
     wanted = (factor @ white[..., None])[..., 0]
     z, seen = rto._solved(start, noise_z[:200], wanted, factor)
     assert np.all(np.isfinite(seen.value))
@@ -104,16 +100,12 @@ def test_a_short_test_is_sampled_without_mcmc(short, seed):
 def test_two_centres_give_one_law(short, kernels, rng):
     """What is drawn does not depend on where the model was linearised."""
     first = sample_rto(short, kernels, rng)
-    sd = np.sqrt(first.weights @ (first.vectors - first.weights @ first.vectors) ** 2)
+    sd = moments(first).sd
     aside = Rto.around(short, short.z + 0.5 * sd[: short.z.size], kernels)
     drawn = aside.draw(2048, rng)
     second = Weighted.of(drawn.vectors, evaluate(short, drawn.vectors), drawn.log_density, aside)
-    means = [each.weights @ each.vectors for each in (first, second)]
-    errors = [
-        np.sqrt(each.weights**2 @ (each.vectors - mean) ** 2)
-        for each, mean in zip((first, second), means, strict=True)
-    ]
-    assert np.all(np.abs(means[0] - means[1]) < ERRORS * np.hypot(*errors))
+    one, other = moments(first), moments(second)
+    assert np.all(np.abs(one.mean - other.mean) < ERRORS * np.hypot(one.error, other.error))
     error = np.sqrt(sum(1.0 / each.effective_size for each in (first, second)))
     assert abs(first.log_evidence - second.log_evidence) < ERRORS * error
 
@@ -125,14 +117,9 @@ def test_draws_agree_with_the_ensemble(short, kernels, rng):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("heatrun.inference.posterior.starting_sample", lambda *_, **__: start)
         ensemble = sample(short, seed=5, most_steps=24_000)
-    mean = weighted.weights @ weighted.vectors
-    shift = weighted.vectors - mean
-    sd = np.sqrt(weighted.weights @ shift**2)
-    by_weights = np.sqrt(weighted.weights**2 @ shift**2)
-    by_steps = sd / np.sqrt(ensemble.convergence.effective_size)
-    gap = (mean - ensemble.flat.mean(axis=0)) / np.hypot(by_weights, by_steps)
+    gap = gap_in_errors(weighted, ensemble)
     assert np.all(np.abs(gap) < ERRORS), gap
-    assert np.max(np.abs(np.log(sd / ensemble.flat.std(axis=0)))) < 0.15
+    assert np.max(np.abs(np.log(moments(weighted).sd / ensemble.flat.std(axis=0)))) < 0.15
 
 
 def test_draws_without_an_answer_weigh_nothing(rto, short, rng, monkeypatch):

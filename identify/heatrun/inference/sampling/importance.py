@@ -35,8 +35,7 @@ def importance_sample(fit: Fit, *, seed: int = 0) -> Weighted:
     Reference: A. Vehtari, D. Simpson, A. Gelman, Y. Yao, J. Gabry, Pareto Smoothed Importance
         Sampling, Journal of Machine Learning Research 25 (2024) 72.
     """
-    rng = np.random.default_rng(seed)
-    found = sample_rto(fit, Proposal.around(fit, rng).kernels, rng)
+    found = _followed(fit, np.random.default_rng(seed))
     return linear_sample(fit, seed=seed) if found is None else found
 
 
@@ -45,8 +44,7 @@ def starting_sample(fit: Fit, *, seed: int = 0) -> Weighted:
     cheap = linear_sample(fit, seed=seed)
     if cheap.is_sound:
         return cheap
-    rng = np.random.default_rng([seed, 3])
-    found = sample_rto(fit, Proposal.around(fit, rng).kernels, rng)
+    found = _followed(fit, np.random.default_rng([seed, 3]))
     return cheap if found is None else found
 
 
@@ -74,6 +72,10 @@ def linear_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weighted
         if weighted.effective_size > best.effective_size:
             best = weighted
     return best
+
+
+def _followed(fit: Fit, rng: np.random.Generator) -> Weighted | None:
+    return sample_rto(fit, Proposal.around(fit, rng).kernels, rng)
 
 
 def _weigh(fit: Fit, proposal: Proposal, drawn: Drawn) -> Weighted:

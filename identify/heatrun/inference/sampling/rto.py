@@ -126,7 +126,7 @@ class Rto:
         white = student(num, self.centre.size, rng, FREEDOM)
         value, factor = self._linear(noise_z)
         wanted = _times(factor, white)
-        start = self.centre + _back(factor, white - _into(factor, value))
+        start = self.centre + _solve(np.swapaxes(factor, 1, 2), white - _solve(factor, value))
         z, seen = self._solved(start, noise_z, wanted, factor)
         given = _log_density(seen, factor)
         vectors = np.concatenate([z, noise_z], axis=1)
@@ -159,7 +159,7 @@ class Rto:
         """
         z, share = z.copy(), np.ones(len(z))
         value, slope = map(np.array, self._seen(z, noise_z))
-        away = np.linalg.norm(_into(factor, value - wanted), axis=1)
+        away = np.linalg.norm(_solve(factor, value - wanted), axis=1)
         is_allowed = np.all(noise_z <= LARGEST_SCORES, axis=1)
         for _ in range(MOST_STEPS):
             left = np.flatnonzero(is_allowed & (away > CLOSE))
@@ -168,7 +168,7 @@ class Rto:
             step = _solve(slope[left], value[left] - wanted[left])
             tried = z[left] - share[left, None] * step
             there = self._seen(tried, noise_z[left])
-            now = np.linalg.norm(_into(factor[left], there.value - wanted[left]), axis=1)
+            now = np.linalg.norm(_solve(factor[left], there.value - wanted[left]), axis=1)
             is_nearer = now < away[left]
             rows = left[is_nearer]
             z[rows], value[rows], slope[rows] = (
@@ -315,7 +315,7 @@ def _log_density(
     """Return the log density of places from what is seen there [nat]; -inf beyond a fold, where s
     goes back, and not a number where nothing is seen.
     """
-    squares = np.sum(_into(factor, seen.value) ** 2, axis=1)
+    squares = np.sum(_solve(factor, seen.value) ** 2, axis=1)
     with np.errstate(invalid="ignore"):  # of places without an answer
         sign, log_det = np.linalg.slogdet(seen.slope)
     log_sd = np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
@@ -347,20 +347,6 @@ def _of_each(function, stacked: np.ndarray) -> np.ndarray:
             return np.full_like(function(np.eye(*stacked.shape[1:])[None]), np.nan)
         halves = np.array_split(stacked, 2)
         return np.concatenate([_of_each(function, half) for half in halves])
-
-
-def _into(
-    factor: Float[np.ndarray, "draw row row"], vectors: Float[np.ndarray, "draw row"]
-) -> Float[np.ndarray, "draw row"]:
-    """Return solutions of the lower factor."""
-    return np.linalg.solve(factor, vectors[..., None])[..., 0]
-
-
-def _back(
-    factor: Float[np.ndarray, "draw row row"], vectors: Float[np.ndarray, "draw row"]
-) -> Float[np.ndarray, "draw row"]:
-    """Return solutions of the upper factor."""
-    return np.linalg.solve(np.swapaxes(factor, 1, 2), vectors[..., None])[..., 0]
 
 
 def _times(

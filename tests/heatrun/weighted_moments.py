@@ -1,0 +1,39 @@
+"""Mean and standard deviation of weighted draws, and how far they lie from those of walkers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from heatrun.inference.posterior import Posterior
+from heatrun.inference.sampling.weighted import Weighted
+
+
+class Moments(NamedTuple):
+    """Of weighted draws, by score.
+
+    Attributes:
+        mean: Mean.
+        sd: Standard deviation.
+        error: Standard error of the self-normalised mean.
+    """
+
+    mean: np.ndarray
+    sd: np.ndarray
+    error: np.ndarray
+
+
+def moments(weighted: Weighted) -> Moments:
+    """Return the moments of weighted draws."""
+    mean = weighted.weights @ weighted.vectors
+    shift = weighted.vectors - mean
+    sd = np.sqrt(weighted.weights @ shift**2)
+    return Moments(mean, sd, np.sqrt(weighted.weights**2 @ shift**2))
+
+
+def gap_in_errors(weighted: Weighted, ensemble: Posterior) -> np.ndarray:
+    """Return the difference of the means over the standard error of both."""
+    mean, sd, by_weights = moments(weighted)
+    by_steps = sd / np.sqrt(ensemble.convergence.effective_size)
+    return (mean - ensemble.flat.mean(axis=0)) / np.hypot(by_weights, by_steps)
