@@ -11,11 +11,12 @@ from weighted_moments import gap_in_errors
 
 from heatrun.calibration import load_tests
 from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.held_heat import holding_heat
 from heatrun.inference.kernels import Kernels
 from heatrun.inference.model import Model
 from heatrun.inference.posterior import sample
 from heatrun.inference.problem import Problem
-from heatrun.inference.sampling.importance import linear_sample
+from heatrun.inference.sampling.importance import importance_sample, linear_sample
 from heatrun.inference.sampling.proposal import Proposal
 from heatrun.inference.sampling.weighted import truncated
 from heatrun.motorfile import load_motor
@@ -84,6 +85,16 @@ def test_the_proposal_draws_from_its_density(fitted, rng):
 def test_weights_hold_where_a_network_is_too_small(one_node, seed):
     """One node for a winding and its stator: the noise grows to what its prior allows."""
     weighted = linear_sample(one_node, seed=seed)
+    assert weighted.is_sound, (weighted.pareto_k, weighted.effective_size)
+
+
+def test_a_quick_posterior_of_a_network_that_is_too_small_takes_no_mcmc():
+    """What the first rounds of the linear models miss, the later ones find."""
+    motor = load_motor(DATA / "motor.toml")
+    blocks = [each.blocks for each in load_tests(motor, [DATA / "step_30min.csv.gz"], [])]
+    model = Model.of("first", motor).scaled(motor, blocks)
+    found = holding_heat(fit(Problem.of(model, motor, blocks), seed=0), seed=0)
+    weighted = importance_sample(found, seed=0)
     assert weighted.is_sound, (weighted.pareto_k, weighted.effective_size)
 
 

@@ -18,9 +18,6 @@ from .weighted import Weighted, evaluate, truncated
 NUM_ADAPTATIONS = 5
 """Most rounds in which the proposal is moved to the importance samples of the round before."""
 
-TRIED = 2
-"""Rounds after which it shows whether the linear models will do."""
-
 ENOUGH = 0.15
 """Effective sample size over draws at which no further round is worth its time [1]."""
 
@@ -35,8 +32,11 @@ def importance_sample(fit: Fit, *, seed: int = 0) -> Weighted:
     Reference: A. Vehtari, D. Simpson, A. Gelman, Y. Yao, J. Gabry, Pareto Smoothed Importance
         Sampling, Journal of Machine Learning Research 25 (2024) 72.
     """
-    found = _followed(fit, np.random.default_rng(seed))
-    return linear_sample(fit, seed=seed) if found is None else found
+    followed = _followed(fit, np.random.default_rng(seed))
+    if followed is not None and followed.is_sound:
+        return followed
+    linear = linear_sample(fit, seed=seed)
+    return linear if followed is None or linear.is_sound else followed
 
 
 def starting_sample(fit: Fit, *, seed: int = 0) -> Weighted:
@@ -61,10 +61,8 @@ def linear_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weighted
     drawn = proposal.draw(num_draws, rng)
     best = _weigh(fit, proposal, drawn)
     proposal = proposal.adapted(drawn, truncated(best.weights), rng)
-    for number in range(NUM_ADAPTATIONS):
+    for _ in range(NUM_ADAPTATIONS):
         if best.is_sound and best.effective_size > ENOUGH * num_draws:
-            break
-        if number >= TRIED and not best.is_sound:
             break
         drawn = proposal.draw(num_draws, rng)
         weighted = _weigh(fit, proposal, drawn)
