@@ -85,6 +85,22 @@ def test_heat_that_a_short_test_only_stores_is_no_absurd_conductance(minutes):
     assert found(columns | {"losses_W": 1e3 * columns["losses_W"]}, "losses_absurd")
 
 
+@pytest.mark.parametrize(
+    ("minutes", "unit_from", "severity"),
+    [(2.0, "name", "warning"), (2.0, "assumed", "error"), (60.0, "name", "error")],
+)
+def test_a_test_too_short_for_more_than_the_winding_is_no_misread_clock(
+    minutes, unit_from, severity
+):
+    columns = block(78e3, 25.0, rise_K=40.0, minutes=minutes)
+    (finding,) = found(columns, "unit_suspected", unit_from)
+    assert "Expected a time constant above 1100 s" in finding.message
+    assert finding.severity == severity
+    assert ("so short a test" in finding.remedy) == (minutes == 2.0)
+    assert ("only a warning" in finding.remedy) == (severity == "error")
+    assert "coolant" not in finding.remedy
+
+
 def coil(below):
     """A coil under direct current, the wattmeter short of the copper loss by a share of it."""
     columns = block(2000.0, 3000.0)

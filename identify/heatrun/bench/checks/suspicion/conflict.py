@@ -15,8 +15,9 @@ class Conflict:
         sentence: What was expected and what came.
         channels: The channels between which it holds.
         is_odd: It may be so in a rare machine or test; it counts only where one reading repairs it.
-        is_mild: Another kind of cooling than the motor file names would explain it too.
+        is_mild: Something else than a unit would explain it too, such as another kind of cooling.
         values: Figures behind it by name with unit suffix.
+        otherwise: What to do if no unit is wrong, a sentence.
     """
 
     id: str
@@ -25,3 +26,4 @@ class Conflict:
     is_odd: bool
     values: Mapping[str, float]
     is_mild: bool = False
+    otherwise: str = ""

@@ -41,6 +41,13 @@ SETTLES = 4.0
 """Time constants [1] that a test must last to call a machine too fast: a shorter one may have shown
 its winding alone."""
 
+BRIEF = 0.5
+"""Shortest time constants of a machine of its size [1] that a test must last to be sure of it: in a
+shorter one a large machine may show its winding alone, as a body that settles."""
+
+LEAST_TEST_S = 60.0
+"""No heat run is shorter [s]: what seems to be has another clock."""
+
 LONGEST_BY_SIZE_S = 18e3
 """Machines in still air have 600 to 2000 s times the root of the conductance in W/K, from 3 g
 (0.01 W/K, 60 s) over 10 kg (3 W/K, 2000 s) to 1 MW (700 W/K, 5 h); nine times as slow is none, even
@@ -73,6 +80,9 @@ LEAST_COPPER = 0.005
 
 USUAL_COPPER = 0.1
 """And what a reading that is to repair it must reach."""
+
+OTHER_COOLING = 'Or set sink = "coolant" in [motor] if a liquid cools the machine.'
+LONGER = "Or the machine is large and so short a test shows its winding alone: a longer one tells."
 
 
 def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple[Conflict, ...]:
@@ -126,15 +136,20 @@ def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]
     has_settled = seen.duration_s > SETTLES * tau
     if tau < shortest and (is_strict or (has_settled and _stays_short(record, motor, shortest))):
         sentence = f"Expected a time constant above {rounded(shortest, 2)} s{size}; {came}."
-        is_mild = tau > _shortest(G, "coolant")
-        found.append(Conflict("too_fast", sentence, channels, False, values, is_mild))
+        is_of_air = tau > _shortest(G, "coolant")
+        is_mild = is_of_air or LEAST_TEST_S <= seen.duration_s < BRIEF * shortest
+        otherwise = OTHER_COOLING if is_of_air else LONGER
+        found.append(Conflict("too_fast", sentence, channels, False, values, is_mild, otherwise))
     if math.isfinite(G) and LARGEST_W_PER_K[motor.sink] < G:
         cooled = "air" if motor.sink == "ambient" else "a liquid"
         sentence = (
             f"Expected at most {LARGEST_W_PER_K[motor.sink]:g} W/K where {cooled} cools the "
             f'machine (sink = "{motor.sink}"); the record shows {rounded(G)} W/K.'
         )
-        found.append(Conflict("too_large", sentence, channels[1:], False, values))
+        otherwise = OTHER_COOLING if cooled == "air" and LARGEST_W_PER_K["coolant"] >= G else ""
+        found.append(
+            Conflict("too_large", sentence, channels[1:], False, values, otherwise=otherwise)
+        )
     if tau > longest:
         sentence = f"Expected a time constant below {rounded(longest, 2)} s{size}; {came}."
         found.append(Conflict("too_slow", sentence, channels, False, values))

@@ -24,7 +24,7 @@ from ..units import ambient_implausible, units_temperature
 from .conflict import Conflict
 from .one_node import one_node, unsettled
 from .other_readings import OtherReading, other_readings, scaled_readings
-from .relations import LARGEST_W_PER_K, USUAL_BY_SIZE_S, conflicts
+from .relations import USUAL_BY_SIZE_S, conflicts
 
 PLAIN = "A_rms"
 """What the unit A of a phase current is read as."""
@@ -58,8 +58,6 @@ FAMILIES = (
     frozenset({"too_quick", "wheel_disagrees"}),
 )
 """Relations that say the same of a unit: where one is broken, its family must become usual."""
-
-OTHER_COOLING = ' Or set sink = "coolant" in [motor] if a liquid cools the machine.'
 
 SPOKEN = {"time_s": "the time", "speed_rpm": "the speed", "losses_W": "the losses"}
 
@@ -105,15 +103,21 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
     asked = any(one.is_assumed for one in mending) if is_mild else not is_decided
     otherwise = "note" if is_giant and is_decided else "warning"
     explained = [*symptoms, *(c.id for c in broken if c.id == "losses_below_copper")]
+    severity = "error" if asked and not is_odd else otherwise
+    left = "note" if is_giant else "warning"
     sentences = [_supposed(one) for one in mending]
     return (
         Finding(
             "unit_suspected",
-            "error" if asked and not is_odd else otherwise,
+            severity,
             f"{_told(broken, is_alone)} {_list(sentences)}",
             place(record, broken[0].channels[0], float(samples(record)[0][0])),
-            _remedy(mending, record, left="note" if is_giant else "warning")
-            + (OTHER_COOLING if is_mild and not is_odd and _is_of_air(broken, motor) else ""),
+            " ".join(
+                [
+                    _remedy(mending, record, severity, left=left),
+                    *(c.otherwise for c in broken if c.otherwise and is_mild and not is_odd),
+                ]
+            ),
             values={
                 **_figures(broken),
                 **{f"explains_{id}": 1.0 for id in explained},
@@ -230,12 +234,6 @@ def _is_as_usual(record: Record, motor: Motor, mending: Sequence[OtherReading]) 
     return _from_usual(record, motor) < least + math.log(MUCH_BETTER)
 
 
-def _is_of_air(broken: Sequence[Conflict], motor: Motor) -> bool:
-    """Whether air is said to cool the machine, and a liquid could."""
-    seen = (conflict.values.get("conductance_W_per_K", 0.0) for conflict in broken)
-    return motor.sink == "ambient" and max(seen) <= LARGEST_W_PER_K["coolant"]
-
-
 def _from_usual(record: Record, motor: Motor) -> float:
     """Logarithm of the time constant over the usual one of that size, without its sign."""
     seen = one_node(record, motor) or unsettled(record, motor)
@@ -280,7 +278,7 @@ def _list(sentences: Sequence[str]) -> str:
     return f"The channels are consistent if {', or if '.join(sentences)}."
 
 
-def _remedy(mending: Sequence[OtherReading], record: Record, *, left: str) -> str:
+def _remedy(mending: Sequence[OtherReading], record: Record, severity: str, *, left: str) -> str:
     """What to write if the unit is another one, and if it is right: `left` is then left of it."""
     words = []
     for one in mending:
@@ -302,7 +300,7 @@ def _remedy(mending: Sequence[OtherReading], record: Record, *, left: str) -> st
     told = "; or ".join(words)
     readings = (reading for one in mending for reading in one.readings)
     stays = next((one for one in readings if one.channel not in record.decided), None)
-    if stays is None:
+    if stays is None or left == severity:
         return f"If so, {told}."
     kept = f'{stays.channel} = "{stays.column} [{stays.unit}]"'
     return f"If so, {told}. If {stays.unit} is right, write {kept}: then this is only a {left}."
