@@ -8,6 +8,7 @@ ends, in coordinates without an end.
 
 from __future__ import annotations
 
+import tempfile
 import warnings
 from collections.abc import Callable
 from functools import partial
@@ -16,9 +17,9 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 
-from heatrun.bench.joined import read_test
-from heatrun.bench.reduction import reduce
+from heatrun.calibration import load_tests
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.fit_result import Fit
 from heatrun.inference.model import Model
@@ -44,11 +45,17 @@ EDGE = 0.1
 """Distance [1] from the end of a score at least, at which the samplers of others start."""
 
 
-def fitted(test: str, order: str) -> Fit:
-    """Return the fit of a bundled record."""
+def fitted(test: str, order: str, *, until_s: float | None = None) -> Fit:
+    """Return the fit of a bundled record, or of what it holds before a time."""
     motor = load_motor(SYNTHETIC / "motor.toml")
-    blocks = reduce(read_test(SYNTHETIC / f"{test}.csv.gz", motor), motor)
-    return fit(Problem.of(Model.of(order, motor), motor, [blocks]))
+    path = SYNTHETIC / f"{test}.csv.gz"
+    with tempfile.TemporaryDirectory() as folder:
+        if until_s is not None:
+            rows = pd.read_csv(path)
+            path = Path(folder) / f"{test}.csv"
+            rows[rows["t"] < until_s].to_csv(path, index=False)
+        tests = load_tests(motor, [path], [])
+    return fit(Problem.of(Model.of(order, motor), motor, [each.blocks for each in tests]))
 
 
 def names(found: Fit) -> list[str]:

@@ -27,9 +27,12 @@ import report
 import simulation
 
 from heatrun.inference.posterior import sample
-from heatrun.inference.sampling.importance import linear_sample
+from heatrun.inference.sampling.importance import importance_sample, linear_sample
 
 SEED = 20
+SHORT_S = 120.0
+"""A test so short that the posterior bends and has tails."""
+
 OUT = Path(__file__).parents[2] / "results" / "crosschecks"
 PACKAGES = ("jax", "numpy", "scipy", "diffrax", "numba", "numpyro", "blackjax", "emcee", "arviz")
 
@@ -47,7 +50,7 @@ def simulations() -> list[dict]:
 
 def posteriors(found) -> dict:
     """Draw by all samplers; return statistics, z values of all pairs, and what each took."""
-    long = {"num_warmup": 500, "num_draws": 2000, "num_chains": 4}
+    long = {"num_warmup": 1000, "num_draws": 2000, "num_chains": 4}
     statistics, about = {}, {}
 
     def take(name, draw):
@@ -63,16 +66,18 @@ def posteriors(found) -> dict:
         draws, diverging = sampler(found, **long, seed=SEED)
         return chains.statistics(found, draws), {"said": f"{diverging} divergences"}
 
-    def by_weights(num_draws):
-        weighted = linear_sample(found, num_draws=num_draws, seed=SEED)
-        said = f"Pareto k {weighted.pareto_k:.2f}, {weighted.effective_size:.0f} effective draws"
+    def by_weights(weighted):
+        said = (
+            f"Pareto k {weighted.pareto_k:.2f}, {weighted.effective_size:.0f} effective draws"
+            f" of {weighted.weights.size}"
+        )
         return chains.weighted_statistics(found, weighted), {"said": said}
 
     take("emcee", by_emcee)
     take("numpyro NUTS", lambda: by(chains.by_numpyro))
     take("blackjax NUTS", lambda: by(chains.by_blackjax))
-    take("4 x 4096 weighted draws", lambda: by_weights(4096))
-    take("4 x 32768 weighted draws", lambda: by_weights(32_768))
+    take("randomize-then-optimize", lambda: by_weights(importance_sample(found, seed=SEED)))
+    take("linear models", lambda: by_weights(linear_sample(found, num_draws=32_768, seed=SEED)))
     pairs = {}
     labels = list(statistics)
     for i, one in enumerate(labels):
@@ -90,6 +95,7 @@ def posteriors(found) -> dict:
 def main() -> None:
     """Run everything and write the tables."""
     fitted = {test: chains.fitted(test, "second") for test in ("duty_30min", "duty_90min")}
+    short = chains.fitted("step_30min", "second", until_s=SHORT_S)
     result = {
         "about": {
             "command": "make study-crosschecks",
@@ -100,7 +106,10 @@ def main() -> None:
         },
         "simulation": simulations(),
         "fit": {test: fits.agreement(found) for test, found in fitted.items()},
-        "posterior": {test: posteriors(found) for test, found in fitted.items()},
+        "posterior": {
+            test: posteriors(found)
+            for test, found in (*fitted.items(), ("step_30min, two minutes", short))
+        },
     }
     OUT.mkdir(parents=True, exist_ok=True)
     (OUT / "table.json").write_text(json.dumps(result, indent=1) + "\n")

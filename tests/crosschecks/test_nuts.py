@@ -83,6 +83,25 @@ def test_weighted_draws_agree_with_the_ensemble(found, ensemble):
     assert np.all(np.abs(np.log(sd / spread)) < 0.1)
 
 
+def test_quick_draws_find_the_tail_of_a_noise_that_does_not_show():
+    """The white part of the noise may be as small as its prior allows: many cheap draws tell."""
+    import chains
+
+    from heatrun.inference.sampling.importance import importance_sample, linear_sample
+
+    found = chains.fitted("duty_90min", "second")
+
+    def sd(weighted):
+        mean = weighted.weights @ weighted.vectors
+        return np.sqrt(weighted.weights @ (weighted.vectors - mean) ** 2)
+
+    many = sd(linear_sample(found, num_draws=16_384))
+    gaps = np.log([sd(importance_sample(found, seed=seed)) / many for seed in (2, 3)])
+    assert np.all(gaps[:, WHITE] > np.log(0.7))
+    others = np.delete(gaps, len(many) + WHITE, axis=1)
+    assert np.all(np.abs(others) < np.log(1.25))
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_weighted_draws_find_a_long_tail_or_say_that_they_did_not(found, seed, monkeypatch):
     """One coordinate falls off four times as slowly to one side, as white noise near zero does."""
