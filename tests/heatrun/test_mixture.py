@@ -68,6 +68,17 @@ def test_kernels_reach_the_tails_of_the_prior(kernels):
     assert norm.logpdf(far).sum() - kernels.log_density(far)[0] < np.log(10.0) + 1e-9
 
 
+@pytest.mark.parametrize("score", range(4))
+def test_kernels_reach_the_tail_of_one_score_with_the_others_in_place(rng, score):
+    """The tests leave one score to its prior and tell the others well."""
+    noise_z = 0.05 * rng.standard_normal((500, 4))
+    kernels = Kernels.over(noise_z, np.full(500, 1.0 / 500), rng)
+    far = np.zeros(4)
+    far[score] = -3.0
+    target = norm.logpdf(np.delete(far, score), scale=0.05).sum() + norm.logpdf(far[score])
+    assert target - kernels.log_density(far[None])[0] < np.log(100.0)
+
+
 def test_the_proposal_draws_from_its_density(fitted, rng):
     """Narrow and wide parts, shifted and reshaped by a round, against the normal of the fit."""
     proposal = Proposal.around(fitted, rng)

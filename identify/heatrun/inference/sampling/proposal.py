@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -21,16 +20,13 @@ import numpy as np
 from jax.scipy.linalg import solve_triangular
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float, Int
-from scipy.stats import multivariate_t
 
 from ..batches import in_batches
 from ..fitting.fit_result import Fit
 from ..fitting.restricted import conditional
 from ..kernels import (
-    DEGREES_OF_FREEDOM,
     NUM_KERNELS,
     Kernels,
-    log_prior,
     log_student,
     student,
 )
@@ -42,9 +38,6 @@ NUM_FIRST = 2048
 
 WIDER = 1.5
 """The first draws of the noise are this much wider than the curvature says [1]."""
-
-FROM_PRIOR = 0.2
-"""Share of the first draws of the noise that come from the prior [1]: they find other maxima."""
 
 PARTS = ((0.8, 1.0), (0.2, 2.0))
 """Shares and widths of the draws around one optimum [1]: where the posterior is skewed, the rounds
@@ -149,22 +142,14 @@ class Proposal:
         )
         factor = WIDER * np.linalg.cholesky(fit.covariance[size:, size:] + 1e-9 * np.eye(NUM_NOISE))
         one_place = Kernels.at(np.tile(fit.noise_z, (NUM_KERNELS, 1)), factor)
-        return cls(problem, one_place, optima, branches)._with_kernels(fit.noise_z, factor, rng)
+        return cls(problem, one_place, optima, branches)._with_kernels(rng)
 
-    def _with_kernels(
-        self, centre: np.ndarray, factor: np.ndarray, rng: np.random.Generator
-    ) -> Proposal:
+    def _with_kernels(self, rng: np.random.Generator) -> Proposal:
         """Return it with kernels over the restricted density, from draws around its maximum and
         the prior.
         """
-        noise_z = centre + student(NUM_FIRST, NUM_NOISE, rng) @ factor.T
-        is_prior = rng.uniform(size=NUM_FIRST) < FROM_PRIOR
-        noise_z[is_prior] = rng.standard_normal((int(np.sum(is_prior)), NUM_NOISE))
-        density: Any = multivariate_t.logpdf  # whose stubs take its shape for a number
-        near = density(noise_z, centre, factor @ factor.T, DEGREES_OF_FREEDOM)
-        drawn_from = np.logaddexp(
-            np.log(1.0 - FROM_PRIOR) + near, np.log(FROM_PRIOR) + log_prior(noise_z)
-        )
+        noise_z = self.kernels.draw(NUM_FIRST, rng)
+        drawn_from = np.asarray(self.kernels.log_density(jnp.asarray(noise_z)))
         z = np.zeros((NUM_FIRST, self.problem.num_parameters))
         log_weight = self._seen(np.concatenate([z, noise_z], axis=1)).restricted - drawn_from
         is_allowed = np.all(noise_z <= LARGEST_SCORES, axis=1) & np.isfinite(log_weight)
