@@ -9,6 +9,7 @@ import pytest
 
 from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
+from heatrun.inference.fitting import fit as fit_module
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.laplace import whiten_fit
 from heatrun.inference.model import Model
@@ -153,3 +154,31 @@ def test_type_a_is_the_scatter_of_fits_to_drawn_readings(fitted):
     scatter = np.var(fits, axis=1)
     expected = np.diag(fitted.covariance_type_a)
     assert scatter == pytest.approx(expected, rel=0.12)
+
+
+def test_an_optimum_counts_where_a_visible_share_of_the_posterior_lies(fitted, monkeypatch):
+    masses = iter([0.0, -3.0, -6.0])  # 95 %, 4.7 % and 0.2 % of it
+    monkeypatch.setattr(fit_module, "_log_mass", lambda *_: next(masses))
+    optima = [fitted.z, fitted.z + 1.0, fitted.z + 2.0]
+    kept = fit_module._sharing(fitted.problem, fitted.noise_z, optima)
+    assert np.array_equal(kept, np.stack(optima[:2]))
+
+
+def test_the_mass_around_an_optimum_is_that_of_the_linear_model(fitted):
+    """Squares and spread by NumPy from the residuals that the noise has whitened."""
+    problem, noise_z = fitted.problem, fitted.noise_z
+
+    def mass(z, by):
+        residual, jacobian = linearise(problem.structure, problem.data, jnp.asarray(z))
+        if by == "heatrun":
+            return float(fit_module._log_mass(problem.data, noise_z, z, residual, jacobian))
+        white = whiten_fit(problem, noise_z, np.asarray(residual), np.asarray(jacobian))
+        value, slope = np.concatenate(white.residuals), white.jacobian
+        precision = slope.T @ slope + np.eye(z.size)
+        gradient = slope.T @ value + z
+        squares = value @ value + z @ z - gradient @ np.linalg.solve(precision, gradient)
+        return -0.5 * squares - 0.5 * np.linalg.slogdet(precision)[1]
+
+    aside = fitted.z + 0.2
+    expected = mass(aside, "numpy") - mass(fitted.z, "numpy")
+    assert mass(aside, "heatrun") - mass(fitted.z, "heatrun") == pytest.approx(expected, abs=1e-6)

@@ -17,10 +17,12 @@ from heatrun.inference.kernels import Kernels
 from heatrun.inference.model import Model
 from heatrun.inference.posterior import sample
 from heatrun.inference.problem import Problem
+from heatrun.inference.sampling import rounds as rounds_module
 from heatrun.inference.sampling import rto as rto_module
 from heatrun.inference.sampling.importance import importance_sample
 from heatrun.inference.sampling.proposal import Proposal
-from heatrun.inference.sampling.rto import Rto, covers, sample_rto
+from heatrun.inference.sampling.rounds import Several, covered, sample_rto
+from heatrun.inference.sampling.rto import Rto
 from heatrun.inference.sampling.weighted import Weighted, evaluate
 from heatrun.motorfile import load_motor
 
@@ -142,19 +144,48 @@ def test_draws_without_an_answer_weigh_nothing(rto, short, rng, monkeypatch):
 def test_an_optimum_that_no_draw_came_near_is_noticed(rto, short, rng):
     drawn = rto.draw(512, rng)
     found = Weighted.of(drawn.vectors, evaluate(short, drawn.vectors), drawn.log_density, rto)
-    assert covers(short, found)
+    assert np.all(covered(short, found))
     far = short.noise_z + 1.5 + 0.05 * rng.standard_normal((50, short.noise_z.size))
     aside = replace(rto, kernels=(Kernels.over(far, np.full(50, 0.02), rng),))
     drawn = aside.draw(512, rng)
     found = Weighted.of(drawn.vectors, evaluate(short, drawn.vectors), drawn.log_density, aside)
     away = replace(short, modes=short.z[None])
-    assert not covers(away, found)
+    assert not np.any(covered(away, found))
+
+
+def test_draws_around_two_optima_give_the_law_that_those_around_one_give(
+    short, kernels, rng, monkeypatch
+):
+    one = sample_rto(short, kernels, rng)
+    aside = short.z + 0.7 * moments(one).sd[: short.z.size]
+    both = replace(short, modes=np.stack([short.z, aside]))
+    seen = iter([[True, False], [True, False], [True, True]])
+    monkeypatch.setattr(rounds_module, "covered", lambda *_: np.array(next(seen)))
+    two = sample_rto(both, kernels, rng)
+    assert isinstance(two.proposal, Several)
+    assert two.is_sound
+    first, second = moments(one), moments(two)
+    assert np.all(np.abs(first.mean - second.mean) < ERRORS * np.hypot(first.error, second.error))
+    error = np.sqrt(sum(1.0 / each.effective_size for each in (one, two)))
+    assert abs(one.log_evidence - two.log_evidence) < ERRORS * error
+
+
+def test_a_proposal_around_two_optima_is_a_normalised_density(rto, short, kernels, rng):
+    aside = Rto.around(short, short.z + 0.1, kernels)
+    several = Several((rto, aside), np.array([0.3, 0.7]))
+    drawn = several.draw(2048, rng)
+    is_found = np.isfinite(drawn.log_density)
+    seen = several.log_density(drawn.vectors[is_found])
+    assert seen == pytest.approx(drawn.log_density[is_found], abs=1e-3)
+    narrow = multivariate_normal(short.vector, 0.3 * short.covariance)
+    ratio = np.exp(narrow.logpdf(drawn.vectors) - drawn.log_density)
+    assert abs(ratio.mean() - 1.0) < ERRORS * ratio.std() / np.sqrt(ratio.size)
 
 
 def test_where_the_guard_is_never_satisfied_there_are_draws_all_the_same(short, monkeypatch):
     monkeypatch.setattr("heatrun.inference.sampling.weighted.PARETO_LIMIT", -1.0)
-    monkeypatch.setattr(rto_module, "NUM_DRAWS", 64)
-    monkeypatch.setattr(rto_module, "MOST_ROUNDS", 2)
+    monkeypatch.setattr(rounds_module, "NUM_DRAWS", 64)
+    monkeypatch.setattr(rounds_module, "MOST_ROUNDS", 2)
     weighted = importance_sample(short)
     assert not weighted.is_sound
     assert np.isfinite(weighted.effective_size)

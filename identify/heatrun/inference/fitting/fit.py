@@ -27,7 +27,12 @@ from .corner import SIDE, is_corner, near_corner
 from .fit_result import RESULT, Fit, failed
 from .laplace import Spread, spread, whiten_fit
 from .optimum_findings import misfit_findings, not_converged, several_optima
-from .restricted import estimate_loggers, estimate_noise, polished_noise
+from .restricted import (
+    estimate_loggers,
+    estimate_noise,
+    polished_noise,
+    restricted_log_likelihood,
+)
 
 NUM_STARTS = 16
 """Starts of the search: the centre of the prior and draws from it."""
@@ -55,8 +60,10 @@ ROUGH_K = 1.0
 they would outweigh every prior and drive the start temperatures to the impossible."""
 
 RIVAL = 8.0
-"""Optima within this of the best (half the sum of squares) hold a visible share of the posterior
-[nat]."""
+"""Optima within this of the best (half the sum of squares) may share the posterior [nat]."""
+
+VISIBLE = 0.01
+"""Share of the posterior from which on an optimum is one of several [1]."""
 
 DISTINCT = 0.5
 """Optima that differ by more than this in some score are two [prior standard deviations]."""
@@ -302,7 +309,7 @@ def _explore(
 ) -> tuple[Problem, _State, np.ndarray]:
     """Search again from the optima under the final noise; return what is best and all optima.
 
-    Optima that are within `RIVAL` of the best share the posterior and must be sampled too.
+    Those that hold a visible share of the posterior must be sampled too.
     """
     starts = _distinct([state.z, *optima[np.all(np.isfinite(optima), axis=1)]])
     z, cost, _ = _search(problem, from_scores(state.noise_z), np.stack(starts))
@@ -310,7 +317,25 @@ def _explore(
     if cost[best] < cost[0] - SAME_OPTIMUM:
         problem, state = _settle(problem, z[best])
     rivals = [z[index] for index in np.argsort(cost) if cost[index] < cost[best] + RIVAL]
-    return problem, state, np.stack(_distinct([state.z, *rivals]))
+    return problem, state, _sharing(problem, state.noise_z, _distinct([state.z, *rivals]))
+
+
+def _sharing(
+    problem: Problem, noise_z: np.ndarray, optima: list[np.ndarray]
+) -> Float[np.ndarray, "mode parameter"]:
+    """Return the first optimum, and those that hold a visible share of the posterior beside it, by
+    the linear model around each.
+    """
+    if len(optima) > 1:
+        mass = np.array(
+            [float(_log_mass(problem.data, noise_z, z, *_linearise(problem, z))) for z in optima]
+        )
+        is_kept = mass > np.logaddexp.reduce(mass) + np.log(VISIBLE)
+        optima = optima[:1] + [z for z, kept in zip(optima[1:], is_kept[1:], strict=True) if kept]
+    return np.stack(optima)
+
+
+_log_mass = jax.jit(restricted_log_likelihood)
 
 
 def _distinct(optima: list[np.ndarray]) -> list[np.ndarray]:

@@ -12,7 +12,7 @@ import numpy as np
 from ..draws import NUM_NOISE
 from ..fitting.fit_result import Fit
 from .checkpoint import Checkpoint, state_of
-from .rto import Rto
+from .proposal import Proposal
 from .weighted import Weighted, evaluate
 
 SHARE_OF_NOISE, SHARE_ANEW = 0.5, 0.2
@@ -153,7 +153,7 @@ def _moves(weighted: Weighted) -> list[tuple[emcee.moves.Move, float]]:
         drawn = proposal.draw(coordinates.shape[0], rng)
         return drawn.vectors, proposal.log_density(coordinates) - drawn.log_density
 
-    share_anew = SHARE_FOLLOWED if isinstance(proposal, Rto) else SHARE_ANEW
+    share_anew = SHARE_ANEW if isinstance(proposal, Proposal) else SHARE_FOLLOWED
     rest = 1.0 - SHARE_OF_NOISE - share_anew
     usual = [(move, rest * share) for move, share in evolution()]
     return [*usual, (noise, SHARE_OF_NOISE), (emcee.moves.MHMove(anew), share_anew)]

@@ -20,8 +20,7 @@ Reference: J. M. Bardsley, A. Solonen, H. Haario, M. Laine, Randomize-then-optim
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -37,19 +36,6 @@ from ..fitting.restricted import inner_products
 from ..kernels import Kernels, log_student, student
 from ..noise import LARGEST_SCORES
 from ..problem import NUM_NOISE, Data, linearise
-from .weighted import Weighted, evaluate, truncated
-
-NUM_DRAWS = 1024
-"""Draws of a round."""
-
-LEARNING = 4
-"""Rounds, at most, after each of which the model is linearised anew at the mean of the draws."""
-
-GOOD = 0.1
-"""Effective sample size over draws with which no other place is looked for [1]."""
-
-MOST_ROUNDS = 8
-"""Rounds whose draws count, at most."""
 
 FREEDOM = 30.0
 """Degrees of freedom of the draws: hardly more than normal tails, for a linear model's are those of
@@ -84,12 +70,10 @@ class Drawn:
     Attributes:
         vectors: Scores of parameters and noise; where no place has the drawn s, the optimum with an
             infinite density, so that it weighs nothing.
-        log_given_noise: Log density of the parameters given the noise [nat].
-        log_density: Of both [nat].
+        log_density: Of the proposal [nat].
     """
 
     vectors: Float[np.ndarray, "draw all"]
-    log_given_noise: Float[np.ndarray, " draw"]
     log_density: Float[np.ndarray, " draw"]
 
 
@@ -133,7 +117,7 @@ class Rto:
         is_found = np.isfinite(given) & np.all(np.isfinite(vectors), axis=1)
         vectors = np.where(is_found[:, None], vectors, self.fit.vector)
         given = np.where(is_found, given, np.inf)
-        return Drawn(vectors, given, given + self.log_noise(noise_z))
+        return Drawn(vectors, given + self.log_noise(noise_z))
 
     def log_density(self, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
         """Return the log density of vectors from elsewhere [nat]."""
@@ -205,83 +189,6 @@ class Rto:
 
         products = np.concatenate(at_once(some, range(0, len(z), AT_A_TIME)))
         return _Seen(products[:, :, 0] + z, products[:, :, 1:] + np.eye(size))
-
-
-def sample_rto(fit: Fit, kernels: Kernels, rng: np.random.Generator) -> Weighted | None:
-    """Return importance samples that follow the posterior, as many as make them sound.
-
-    Args:
-        fit: The optimum.
-        kernels: Density of the noise.
-        rng: Of the draws.
-
-    Returns:
-        The draws, or None where they leave out an optimum of the fit.
-    """
-    rounds = [_Round.of(Rto.around(fit, fit.z, kernels), rng)]
-    while len(rounds) < LEARNING and rounds[-1].weighted.effective_size < GOOD * NUM_DRAWS:
-        weights = truncated(rounds[-1].weighted.weights)
-        if not np.any(weights):
-            break
-        vectors = rounds[-1].drawn.vectors
-        noise_z = Kernels.over(vectors[:, -NUM_NOISE:], weights, rng)
-        mean = weights @ vectors[:, :-NUM_NOISE]
-        rounds.append(_Round.of(Rto.around(fit, mean, noise_z), rng))
-    kept = [max(rounds, key=lambda each: each.weighted.effective_size)]
-    found = kept[0].weighted
-    while np.any(found.weights) and not found.is_sound and len(kept) < MOST_ROUNDS:
-        noise_z = Kernels.over(found.vectors[:, -NUM_NOISE:], truncated(found.weights), rng)
-        latest = replace(kept[0].proposal, kernels=(noise_z,))
-        kept.append(_Round.of(latest, rng))
-        found = _pooled(kept)
-    return found if np.any(found.weights) and covers(fit, found) else None
-
-
-@dataclass(frozen=True)
-class _Round:
-    """Draws from one proposal.
-
-    Attributes:
-        proposal: The proposal.
-        drawn: The draws.
-        weighted: The same with their weights.
-    """
-
-    proposal: Rto
-    drawn: Drawn
-    weighted: Weighted
-
-    @classmethod
-    def of(cls, proposal: Rto, rng: np.random.Generator) -> _Round:
-        """Draw."""
-        drawn = proposal.draw(NUM_DRAWS, rng)
-        log_posterior = evaluate(proposal.fit, drawn.vectors)
-        return cls(
-            proposal,
-            drawn,
-            Weighted.of(drawn.vectors, log_posterior, drawn.log_density, proposal),
-        )
-
-
-def _pooled(rounds: Sequence[_Round]) -> Weighted:
-    """Return the draws of rounds of one centre, each with the mean density of all proposals."""
-    kernels = tuple(kernel for each in rounds for kernel in each.proposal.kernels)
-    proposal = replace(rounds[0].proposal, kernels=kernels)
-    vectors = np.concatenate([each.drawn.vectors for each in rounds])
-    given = np.concatenate([each.drawn.log_given_noise for each in rounds])
-    log_posterior = np.concatenate([each.weighted.log_density for each in rounds])
-    proposed = given + proposal.log_noise(vectors[:, -NUM_NOISE:])
-    return Weighted.of(vectors, log_posterior, proposed, proposal)
-
-
-def covers(fit: Fit, weighted: Weighted) -> bool:
-    """Return whether draws were made around every optimum of a fit.
-
-    Where hardly any are made, one would weigh more than any that was.
-    """
-    optima = np.concatenate([fit.modes, np.tile(fit.noise_z, (len(fit.modes), 1))], axis=1)
-    weight = evaluate(fit, optima) - weighted.proposal.log_density(optima) - weighted.log_evidence
-    return bool(np.all(weight < np.log(weighted.weights.size * np.max(weighted.weights))))
 
 
 @jax.jit
