@@ -60,7 +60,7 @@ def test_weighted_draws_agree_with_the_ensemble(blocks, motor):
 def short_chunks(monkeypatch):
     """A checkpoint every 50 steps instead of 250, one round of draws: what follows is the same."""
     monkeypatch.setattr("heatrun.inference.posterior.CHUNK", 50)
-    monkeypatch.setattr("heatrun.inference.sampling.rto.MOST_ROUNDS", 1)
+    monkeypatch.setattr("heatrun.inference.sampling.rounds.MOST_ROUNDS", 1)
 
 
 def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble(
