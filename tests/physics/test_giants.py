@@ -85,6 +85,16 @@ def test_heat_that_a_short_test_only_stores_is_no_absurd_conductance(minutes):
     assert found(columns | {"losses_W": 1e3 * columns["losses_W"]}, "losses_absurd")
 
 
+def test_the_winding_of_a_giant_is_no_absurd_conductance_either():
+    """670 kW that a test of two minutes has hardly left: 57 kW/K, of one time constant of 118 s."""
+    columns = block(670e3, 118.0, rise_K=11.7, minutes=2.0)
+    assert not found(columns, "losses_absurd")
+    (finding,) = found(columns, "unit_suspected")
+    assert finding.severity == "warning"
+    # two hours show all of it
+    assert found(block(1e6, 1500.0, rise_K=11.7), "losses_absurd")
+
+
 @pytest.mark.parametrize(
     ("minutes", "unit_from", "severity"),
     [(2.0, "name", "warning"), (2.0, "assumed", "error"), (60.0, "name", "error")],

@@ -11,6 +11,7 @@ from ..record import ColumnReading, Finding, Record
 from .losses import BLOCK_S
 from .samples import block_means, place, samples, sink_channel
 from .suspicion.one_node import MIN_RISE_K, one_node, unsettled
+from .suspicion.relations import is_brief
 
 LARGEST_W, SMALLEST_W = 2e6, 1e-3
 """Losses of a generator of 100 MW, overloaded, and of a watch."""
@@ -46,6 +47,8 @@ def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
     seen = one_node(record, motor) or unsettled(record, motor)
     if seen is not None and seen.conductance_W_per_K < per_K:  # no comparison is true of a NaN
         per_K = seen.conductance_W_per_K
+    if is_brief(float(time_s[-1] - time_s[0]) + BLOCK_S, per_K, motor.sink):
+        per_K = 0.0  # what has warmed is a winding, and the heat is in it
     is_large = largest > LARGEST_W or per_K > LARGEST_W_PER_K
     if not is_large and not is_small:
         return ()

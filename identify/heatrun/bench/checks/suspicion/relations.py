@@ -137,7 +137,7 @@ def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]
     if tau < shortest and (is_strict or (has_settled and _stays_short(record, motor, shortest))):
         sentence = f"Expected a time constant above {rounded(shortest, 2)} s{size}; {came}."
         is_of_air = tau > _shortest(G, "coolant")
-        is_mild = is_of_air or LEAST_TEST_S <= seen.duration_s < BRIEF * shortest
+        is_mild = is_of_air or is_brief(seen.duration_s, G, motor.sink)
         otherwise = OTHER_COOLING if is_of_air else LONGER
         found.append(Conflict("too_fast", sentence, channels, False, values, is_mild, otherwise))
     if math.isfinite(G) and LARGEST_W_PER_K[motor.sink] < G:
@@ -185,6 +185,11 @@ def _slow_start(record: Record, motor: Motor) -> list[Conflict]:
         "conductance_W_per_K": G,
     }
     return [Conflict("too_slow", sentence, ("time_s", "winding_degC", "losses_W"), False, values)]
+
+
+def is_brief(duration_s: float, conductance_W_per_K: float, sink: str) -> bool:
+    """Return whether a test may show the winding alone of a machine of such a size."""
+    return LEAST_TEST_S <= duration_s < BRIEF * _shortest(conductance_W_per_K, sink)
 
 
 def _shortest(conductance_W_per_K: float, sink: str) -> float:
