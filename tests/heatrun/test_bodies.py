@@ -17,6 +17,8 @@ from heatrun.errors import InputError
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
 from heatrun.inference.noise import log_density, whiten
+from heatrun.inference.posterior import sample
+from heatrun.inference.predict import of_test
 from heatrun.inference.problem import Problem
 from heatrun.motorfile import load_motor
 
@@ -55,6 +57,20 @@ def test_parameters_and_the_sensor_are_found(found, truth):
         assert abs(in_sds(found, name, truth[name])) < 3.0, name
     assert abs(in_sds(found, "stator_lag", 15.0)) < 3.0
     assert sd(found, "stator_lag") < 0.3  # of the logarithm, prior 1
+
+
+@pytest.mark.parametrize("warm_K", [0.0, 12.0])
+def test_the_first_readings_of_a_body_tell_where_it_starts_in_a_test_that_is_held_out(
+    found, record, motor, warm_K
+):
+    """The sensor's offset is known to some tenths of a kelvin from the test that was fitted."""
+    channels = dict(record.channels)
+    channels["ambient_degC"] = record["ambient_degC"] - warm_K
+    other = reduce(replace(record, name="other", channels=channels), motor)
+    drawn = of_test(sample(found, method="quick").draws, other, fitted_as=None)
+    start = drawn.values["Tsr_start"]
+    assert start.std() < 0.6
+    assert start.mean() == pytest.approx(record["stator_degC"][:20].mean(), abs=3.0 * start.std())
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from ..bench.blocks import Blocks
 from ..bench.channels.schema import body_name
+from .instruments import BODY_PARTS
 from .networks.form import NetworkForm
 
 STANDS_FOR = {
@@ -59,6 +60,11 @@ class BodyCourse:
         seen = np.isfinite(self.measured)
         low, high = self.limits_95
         return float(np.mean(((self.measured >= low) & (self.measured <= high))[seen]))
+
+
+def told_bodies(values: Mapping[str, object], test: Blocks) -> list[str]:
+    """Return the channels of a test's bodies for whose sensors there are values of parameters."""
+    return [b.channel for b in test.bodies if f"{body_name(b.channel)}_{BODY_PARTS[0]}" in values]
 
 
 def node_of(form: NetworkForm, channel: str) -> str | None:

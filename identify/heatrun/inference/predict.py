@@ -12,14 +12,12 @@ from jaxtyping import Array, Float
 from scipy.stats import norm
 
 from ..bench.blocks import Blocks, Observation
-from ..bench.channels.schema import body_name
 from . import noise as noise_module
-from .bodies import BodyCourse, body_courses
+from .bodies import BodyCourse, body_courses, told_bodies
 from .courses import courses
 from .discrepancy import heat_columns
 from .draws import Draws
 from .effect_parameters import null_values
-from .instruments import BODY_PARTS
 from .loggers import scales_of
 from .model import Model
 from .model_parameters import parameters
@@ -157,8 +155,7 @@ def predict(
         source = source.draws
     drawn = of_test(source, test, fitted_as=fitted_as, num_draws=num_draws, seed=seed)
     middle = {name: float(np.median(draws)) for name, draws in drawn.values.items()}
-    names = [f"{body_name(body.channel)}_{BODY_PARTS[0]}" for body in test.bodies]
-    known = [b.channel for b, name in zip(test.bodies, names, strict=True) if name in middle]
+    known = told_bodies(middle, test)
     rows = test.with_bodies(known)
     heat = heat_columns(source.model, middle, rows)
     observation = rows.observation(heat, scales_of(source.loggers, rows))
@@ -248,8 +245,7 @@ def of_test(
             values[name] = parameter.value(z)
     noise = picked.noise()
     if fitted_as is None:
-        of_winding = noise.scaled(scales_of(draws.loggers, test)[0])
-        values |= start_draws(draws.model, test, dict(known), values, of_winding, rng)
+        values |= start_draws(draws.model, test, dict(known), values, noise, draws.loggers, rng)
     return OfTest(values, noise, picked.plausible)
 
 

@@ -1,9 +1,10 @@
 """Where a test starts that was not fitted: from the state of the bench and its first readings.
 
 The first readings alone mislead where the sensor lags or the clocks are apart. So the start
-temperatures have the prior that a fit would give them, and the readings of the first blocks are
-held against the model with everything in it: sensor, clock, effects, noise. The readings are
-nearly linear in the starts, and the answer is that of linear Gaussian regression for each draw.
+temperatures have the prior that a fit would give them, and the readings of the first blocks, of the
+winding and of bodies whose sensors were fitted, are held against the model with everything in it:
+sensor, clock, effects, noise. The readings are nearly linear in the starts, and the answer is that
+of linear Gaussian regression for each draw.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..bench.blocks import Blocks, Observation
+from .bodies import told_bodies
+from .loggers import Loggers, scales_of
 from .model import Model
 from .model_parameters import COLD_START_K
 from .noise import Noise, whiten
@@ -43,6 +46,7 @@ def start_draws(
     known: dict[str, Parameter],
     values: dict[str, np.ndarray],
     noise: Noise,
+    loggers: Loggers,
     rng: np.random.Generator | None,
 ) -> dict[str, np.ndarray]:
     """Return draws of the start temperatures by parameter name [degC], shape (draw,).
@@ -52,7 +56,8 @@ def start_draws(
         test: The test; the readings of its first blocks are used where it has any.
         known: The parameters of the model for this test, whose priors state the bench's state.
         values: Draws of all other parameters by name.
-        noise: Of each draw.
+        noise: Of the first logger, of each draw.
+        loggers: Noise of the other loggers over that of the first one.
         rng: Source of the draws; None for the most probable start.
     """
     names = [name for _, name in model.form.starts]
@@ -62,14 +67,15 @@ def start_draws(
     if not free:
         return fixed
     mean, covariance = _prior(model, test, known, free)
-    first = _first_blocks(test.observation(), NUM_BLOCKS)
+    rows = test.winding.with_bodies(told_bodies(values, test))
+    first = _first_blocks(rows.observation(noise_scale=scales_of(loggers, rows)), NUM_BLOCKS)
     normal = np.zeros((num_draws, len(free)))
     if rng is not None:
         normal = rng.standard_normal(normal.shape)
     known_values = {name: jnp.asarray(draws) for name, draws in {**values, **fixed}.items()}
-    rows = np.asarray(_whitened(model, tuple(free), known_values, noise, first, jnp.asarray(mean)))
-    refuse_unstable(model, values, rows, test)
-    drawn = mean + _regress(rows, covariance, normal)
+    white = np.asarray(_whitened(model, tuple(free), known_values, noise, first, jnp.asarray(mean)))
+    refuse_unstable(model, values, white, test)
+    drawn = mean + _regress(white, covariance, normal)
     return {**fixed, **{name: drawn[:, i] for i, name in enumerate(free)}}
 
 
@@ -78,46 +84,47 @@ def _prior(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return mean [degC] and covariance [K^2] of the starts.
 
-    A machine whose first reading is that of the sink has soaked there; else the reading says where
-    it is, roughly, since the readings themselves come later. A node without a sensor starts as far
-    from the measured one as the prior of a fit has it; a measured stator is known for itself.
+    A machine whose first readings are that of the sink has soaked there; else they say where it is,
+    roughly, since the readings themselves come later. A node without a sensor starts as far from
+    the measured one as the prior of a fit has it; in a machine that has not soaked, a measured
+    stator is known for itself.
     """
     node_of = {name: node for node, name in model.form.starts}
     mean = np.array([known[name].centre for name in free])
     own = np.array([known[name].sd for name in free])
-    measured = {model.form.measured_node}
-    measured |= {node for body in test.bodies if (node := model.form.sensed(body.channel))}
+    first = {node: b.start_degC for b in test.bodies if (node := model.form.sensed(b.channel))}
     leads = np.array([node_of[name] == model.form.measured_node for name in free])
-    is_unmeasured = np.array([node_of[name] not in measured for name in free])
     sink = float(test.inputs.ambient[0])
-    rise = test.start_degC - sink
-    is_soaked = abs(rise) < COLD_START_K
+    rises = [reading - sink for reading in (test.start_degC, *first.values())]
+    is_soaked = max(map(abs, rises)) < COLD_START_K
+    follows = ~leads & np.array([is_soaked or node_of[name] not in first for name in free])
     own[leads] = SOAKED_K if is_soaked else UNSOAKED_K
     if is_soaked:
-        mean = np.where(leads | is_unmeasured, mean - rise, mean)
-        own[is_unmeasured] = max(APART_K, APART * abs(rise))
+        mean[:] = sink
+        own[follows] = max(APART_K, APART * abs(rises[0]))
     mix = np.diag(own)
     if leads.any():
         column = int(np.argmax(leads))
-        mix[is_unmeasured, column] = own[column]
+        mix[follows, column] = own[column]
     return mean, mix @ mix.T
 
 
 def _first_blocks(test: Observation, num: int) -> Observation:
-    """Return the first blocks of a test."""
-    num = min(num, test.weight.shape[0])
+    """Return the first blocks of each sensor of a test."""
+    of_each = test.weight.shape[0] // test.num_sensors
+    num = min(num, of_each)
     steps = num * test.weight.shape[1]
     size = test.inputs.num_time
     inputs = jax.tree.map(
         lambda v: v[:steps] if jnp.ndim(v) == 1 and v.shape[0] == size else v, test.inputs
     )
+    rows = (of_each * np.arange(test.num_sensors)[:, None] + np.arange(num)).ravel()
     return eqx.tree_at(
         lambda t: (t.inputs, t.measured, t.is_observed, t.weight, t.position, t.count,
                    t.known_variance, t.heat, t.moments),
         test,
-        (inputs, test.measured[:num], test.is_observed[:num], test.weight[:num],
-         test.position[:num], test.count[:num], test.known_variance[:num], test.heat[:num],
-         test.moments[:num]),
+        (inputs, *(each[rows] for each in (test.measured, test.is_observed, test.weight,
+         test.position, test.count, test.known_variance, test.heat, test.moments))),
     )  # fmt: skip
 
 

@@ -14,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...bench.blocks import Blocks
-from ...inference.loggers import scale_of
 from ...inference.problem import Problem
 from ...inference.starts import start_draws
 from ..screening.engine import Engine, Refit
@@ -91,9 +90,9 @@ class HeldOut:
         values, _ = trial.values(z, index)
         names = {name for _, name in trial.problem.model.form.starts}
         others = {n: np.full(1, value) for n, value in values.items() if n not in names}
-        scale = scale_of(self._fitted.problem.loggers, test.loggers[0])
-        noise = jax.tree.map(lambda value: jnp.reshape(value, (1,)), fit.noise.scaled(scale))
-        starts = start_draws(trial.problem.model, test, known, others, noise, None)
+        noise = jax.tree.map(lambda value: jnp.reshape(value, (1,)), fit.noise)
+        loggers = self._fitted.problem.loggers
+        starts = start_draws(trial.problem.model, test, known, others, noise, loggers, None)
         started = z.copy()
         for position, slot in enumerate(trial.slots):
             if slot.test == index and slot.parameter.name in starts:
