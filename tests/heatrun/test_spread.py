@@ -23,7 +23,8 @@ def test_no_draw_of_the_quick_posterior_stands_for_many(blocks, motor):
     assert quick.method == "importance"
     _, count = np.unique(quick.flat, axis=0, return_counts=True)
     assert count.size > 0.9 * quick.flat.shape[0]
-    assert count.max() <= 5
+    # a hundred draws lie beyond an end of a 95 % interval: no tenth of them may be one
+    assert count.max() < 0.1 * 0.025 * quick.flat.shape[0]
     again = sample(first, method="quick", seed=2)
     np.testing.assert_array_equal(again.flat, quick.flat)
 
