@@ -71,15 +71,13 @@ NOTES = """
 **The Paderborn machine** has what a fit needs: losses by a balance of powers, a coolant, and
 winding, tooth and yoke. Whether a network predicts what it has not seen is the column *held out*.
 A first half that knows one load only cannot tell how the machine behaves at another; its bands
-should say so. Those of three nodes do not: their network misses what the rotor stores (four nodes
-have it), and `holdout_outside_band` tells. Before load steps between two samples were known to
-have moments of their own, the first half seemed to show `end_winding_node`, whose band was so wide
-that it held everything.
+should say so. Those of three and four nodes do: they hold every reading. Those of the other
+networks hold a fifth of them at most, and `holdout_outside_band` tells.
 
 The machine runs at 5500 rpm throughout, with and without a load. Friction that follows the speed
 (*turning*) is therefore a constant heat in the rotor, told from the losses of the load only once
-that has been taken off: with heating and 20 min of cooling the winding is held out to less than
-half of the error of four nodes; from the first half alone the network does not converge and fails.
+that has been taken off: with heating and 20 min of cooling the winding is held out better than by
+four nodes; from the first half alone it is held out worse, and `holdout_outside_band` tells.
 
 **The small motor**: no fit of these runs gives parameters of the machine.
 
