@@ -92,8 +92,9 @@ def test_quick_draws_find_the_tail_of_a_noise_that_does_not_show():
     found = chains.fitted("duty_90min", "second")
 
     def sd(weighted):
-        mean = weighted.weights @ weighted.vectors
-        return np.sqrt(weighted.weights @ (weighted.vectors - mean) ** 2)
+        return np.array(
+            [row["sd"][0] for row in chains.weighted_statistics(found, weighted).values()]
+        )
 
     many = sd(linear_sample(found, num_draws=16_384))
     gaps = np.log([sd(importance_sample(found, seed=seed)) / many for seed in (2, 3)])

@@ -47,13 +47,17 @@ def sample_rto(fit: Fit, kernels: Kernels, rng: np.random.Generator) -> Weighted
     Returns:
         The draws, or None where they leave out an optimum of the fit.
     """
-    around = [_rounds(fit, fit.z, kernels, rng)]
-    found = _pooled(around)
+    rounds, found = _rounds(fit, fit.z, kernels, rng)
+    if not np.any(found.weights):
+        return None
+    around = [rounds]
+    is_covered = covered(fit, found)
     for number, mode in enumerate(fit.modes):
-        if not covered(fit, found)[number]:
-            around.append(_rounds(fit, mode, kernels, rng))
+        if not is_covered[number]:
+            around.append(_rounds(fit, mode, kernels, rng)[0])
             found = _pooled(around)
-    return found if np.any(found.weights) and np.all(covered(fit, found)) else None
+            is_covered = covered(fit, found)
+    return found if np.all(is_covered) else None
 
 
 def covered(fit: Fit, weighted: Weighted) -> Bool[np.ndarray, " mode"]:
@@ -125,8 +129,8 @@ class _Round:
 
 def _rounds(
     fit: Fit, optimum: Float[np.ndarray, " parameter"], kernels: Kernels, rng: np.random.Generator
-) -> list[_Round]:
-    """Return the rounds around one optimum that count: all of them have one centre."""
+) -> tuple[list[_Round], Weighted]:
+    """Return the rounds around one optimum that count, all of one centre, and their draws."""
     rounds = [_Round.of(Rto.around(fit, optimum, kernels), rng)]
     while len(rounds) < LEARNING and rounds[-1].weighted.effective_size < GOOD * NUM_DRAWS:
         weights = truncated(rounds[-1].weighted.weights)
@@ -143,7 +147,7 @@ def _rounds(
         latest = replace(kept[0].proposal, kernels=(noise_z,))
         kept.append(_Round.of(latest, rng))
         found = _pooled([kept])
-    return kept
+    return kept, found
 
 
 def _pooled(around: Sequence[Sequence[_Round]]) -> Weighted:
