@@ -132,20 +132,34 @@ class Screen:
         self.library = list(library)
         noise = present.noise
         base = engine.whiten(noise, present.jacobian)
-        self._base = base
-        self._factor = np.linalg.cholesky(base.T @ base + np.eye(base.shape[1]))
-        self.residual = engine.whiten(noise, present.residual)
+        num_free = base.shape[1]
         stacked = np.concatenate([s.columns for s in library], axis=1)
-        self._whitened = engine.whiten(noise, stacked)
+        # a signature that is not finite has left the model: no amplitude of it can be estimated
+        self._is_finite = np.all(np.isfinite(stacked), axis=0)
+        self._raw = np.where(self._is_finite, stacked, 0.0)
         self._ends = np.cumsum([0, *(s.columns.shape[1] for s in library)])
-        self._raw = stacked
-        self._half = np.linalg.solve(self._factor, base.T @ self._whitened)
-        self._raw_half = np.linalg.solve(self._factor.T, self._half)
         self._scores = np.array([typical(engine, slot) for s in library for slot in s.slots])
+        # the priors are rows below the readings; by QR, since the difference of two products loses
+        # the prior of a large signature that the parameters mimic
+        self._basis, upper = np.linalg.qr(np.concatenate([base, np.eye(num_free)]))
+        below = np.zeros((num_free, stacked.shape[1]))
+        rows = np.concatenate([engine.whiten(noise, self._raw), below])
+        in_base = self._basis.T @ rows
+        self._mimicked = np.linalg.solve(upper, in_base)
+        self._left = rows - self._basis @ in_base
+        self._rows = np.concatenate([
+            engine.whiten(noise, present.residual), present.z[list(present.free)]
+        ])  # fmt: skip
+        self._num_blocks = base.shape[0]
+
+    @property
+    def residual(self) -> Float[np.ndarray, " block"]:
+        """Whitened residuals of the present model [1]."""
+        return self._rows[: self._num_blocks]
 
     def scores(self) -> list[Score]:
         """Return each candidate's score at its best setting, the most promising first."""
-        gradient = self._whitened.T @ self.residual
+        gradient = self._left.T @ self._rows
         tried: dict[Candidate, list[Score]] = {}
         for number in range(len(self.library)):
             score = self._score(number, gradient)
@@ -155,54 +169,60 @@ class Screen:
 
     def largest_gain(self, noise_rows: Float[np.ndarray, "block draw"]) -> np.ndarray:
         """Return the largest log Bayes factor of all candidates for whitened noise draws."""
-        gradient = self._whitened.T @ noise_rows - self._half.T @ np.linalg.solve(
-            self._factor, self._base.T @ noise_rows
-        )
+        gradient = self._projected.T @ noise_rows
         largest = np.full(noise_rows.shape[1], -np.inf)
         for number in range(len(self.library)):
             span = slice(self._ends[number], self._ends[number + 1])
-            information, log_det = self._information(span)
-            half = np.linalg.solve(np.linalg.cholesky(information), gradient[span])
+            if not np.all(self._is_finite[span]):
+                continue
+            upper, log_det = self._precision_root(span)
+            half = np.linalg.solve(upper.T, gradient[span])
             largest = np.maximum(largest, 0.5 * np.sum(half**2, axis=0) - 0.5 * log_det)
         return largest
 
     def projected(self) -> Float[np.ndarray, "block column"]:
         """Return all whitened signatures at typical amplitude less what the model can mimic."""
-        return (self._whitened - self._base @ self._raw_half) * self._scores
+        return self._projected * self._scores
 
     def raw_typical(self) -> Float[np.ndarray, "block column"]:
         """Return all signatures at typical amplitude [K]."""
         return self._raw * self._scores
 
-    def _information(self, span: slice) -> tuple[np.ndarray, float]:
-        columns, half = self._whitened[:, span], self._half[:, span]
-        information = columns.T @ columns - half.T @ half + np.eye(columns.shape[1])
-        return information, float(np.linalg.slogdet(information)[1])
+    @property
+    def _projected(self) -> Float[np.ndarray, "block column"]:
+        """All whitened signatures less what the model can mimic, at a score of one."""
+        return self._left[: self._num_blocks]
+
+    def _precision_root(self, span: slice) -> tuple[np.ndarray, float]:
+        """Return the upper root of the precision of amplitudes, and the log determinant of that."""
+        columns = self._left[:, span]
+        rows = np.concatenate([columns, np.eye(columns.shape[1])])
+        upper = np.linalg.qr(rows).R
+        return upper, 2.0 * float(np.sum(np.log(np.abs(np.diag(upper)))))
 
     def _score(self, number: int, gradient: np.ndarray) -> Score:
         signature = self.library[number]
         span = slice(self._ends[number], self._ends[number + 1])
-        information, log_det = self._information(span)
+        upper, log_det = self._precision_root(span)
         # the residual r(z) falls along minus the gradient of half its square
-        estimate = -np.linalg.solve(information, gradient[span])
+        estimate = -np.linalg.solve(upper, np.linalg.solve(upper.T, gradient[span]))
         estimate = self._inside(signature, estimate)
-        gain = float(-2 * estimate @ gradient[span] - estimate @ information @ estimate)
-        direction = (self._whitened[:, span] - self._base @ self._raw_half[:, span]) @ (
-            estimate if np.any(estimate) else self._scores[span]
-        )
+        gain = float(-2 * estimate @ gradient[span] - np.sum((upper @ estimate) ** 2))
         size = self._scores[span]
-        at_typical = (self._whitened[:, span] - self._base @ self._raw_half[:, span]) @ size
-        raw = (self._raw[:, span] - self.present.jacobian @ self._raw_half[:, span]) @ size
+        projected, mimicked = self._projected[:, span], self._mimicked[:, span]
+        direction = projected @ (estimate if np.any(estimate) else size)
+        at_typical = projected @ size
+        raw = (self._raw[:, span] - self.present.jacobian @ mimicked) @ size
         length = float(np.linalg.norm(direction))
         return Score(
             candidate=signature.candidate,
             gain=gain,
-            log_bayes=0.5 * gain - 0.5 * log_det,
+            log_bayes=0.5 * gain - 0.5 * log_det if np.all(self._is_finite[span]) else -np.inf,
             start=dict(zip(signature.slots, estimate, strict=True)) | signature.shape,
             visibility=float(np.linalg.norm(at_typical)),
             visible_K=self.engine.rms_K(raw),
             direction=direction / max(length, 1e-300),
-            shift=-self._raw_half[:, span] @ estimate,
+            shift=-mimicked @ estimate,
         )
 
     def _inside(self, signature: Signature, estimate: np.ndarray) -> np.ndarray:
