@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float
 from scipy.special import gammaln
 
+from .batches import in_batches
 from .problem import NUM_NOISE
+
+AT_A_TIME = 256
+"""Noises whose density is worked out at once."""
 
 DEGREES_OF_FREEDOM = 5.0
 """Tails of the draws: heavier than those of the posterior, so that weights stay bounded."""
@@ -83,6 +89,10 @@ class Kernels(eqx.Module):
         parts.append(np.log(GUARDING) + log_prior(noise_z))
         return logsumexp(jnp.stack(parts), axis=0)
 
+    def log_densities(self, noise_z: Float[np.ndarray, "draw noise"]) -> np.ndarray:
+        """Return the log density of many noises [nat], compiled once for any number of them."""
+        return in_batches(partial(_log_density, self), noise_z, AT_A_TIME)
+
     @staticmethod
     def _near(
         scores: Float[Array, "*draw score"],
@@ -94,6 +104,11 @@ class Kernels(eqx.Module):
         parts = log_student(jnp.sum(gap**2, axis=-1), scores.shape[-1])
         log_det = jnp.sum(jnp.log(jnp.diag(whiten)))
         return logsumexp(parts, axis=-1) - np.log(centres.shape[0]) + log_det
+
+
+@jax.jit
+def _log_density(kernels: Kernels, noise_z: Float[Array, "draw noise"]) -> Float[Array, " draw"]:
+    return kernels.log_density(noise_z)
 
 
 def log_prior(noise_z: Float[Any, "*draw noise"]) -> Float[Any, "*draw"]:
@@ -115,4 +130,6 @@ def log_student(
     """Return their log density [nat] for squared distances from the centre."""
     nu = freedom
     constant = gammaln((nu + size) / 2) - gammaln(nu / 2) - 0.5 * size * np.log(nu * np.pi)
-    return constant - 0.5 * (nu + size) * jnp.log1p(square / nu)
+    # eager JAX would compile a function for each operation
+    log1p = np.log1p if isinstance(square, np.ndarray) else jnp.log1p
+    return constant - 0.5 * (nu + size) * log1p(square / nu)

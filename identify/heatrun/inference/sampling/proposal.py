@@ -149,7 +149,7 @@ class Proposal:
         the prior.
         """
         noise_z = self.kernels.draw(NUM_FIRST, rng)
-        drawn_from = np.asarray(self.kernels.log_density(jnp.asarray(noise_z)))
+        drawn_from = self.kernels.log_densities(noise_z)
         z = np.zeros((NUM_FIRST, self.problem.num_parameters))
         log_weight = self._seen(np.concatenate([z, noise_z], axis=1)).restricted - drawn_from
         is_allowed = np.all(noise_z <= LARGEST_SCORES, axis=1) & np.isfinite(log_weight)

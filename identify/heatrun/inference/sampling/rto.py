@@ -127,7 +127,7 @@ class Rto:
 
     def log_noise(self, noise_z: Float[np.ndarray, "draw noise"]) -> Float[np.ndarray, " draw"]:
         """Return the log density of the noise [nat]."""
-        parts = [np.asarray(each.log_density(jnp.asarray(noise_z))) for each in self.kernels]
+        parts = [each.log_densities(noise_z) for each in self.kernels]
         return np.asarray(logsumexp(parts, axis=0)) - np.log(len(parts))
 
     def _solved(
