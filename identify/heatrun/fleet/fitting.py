@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from ..arithmetic import refuse_wrong_sums
 from ..inference.fitting.fit import fit
 from ..inference.fitting.fit_result import Fit
 from ..inference.fitting.held_heat import holding_heat
@@ -44,7 +45,11 @@ def fit_machines(problems: Sequence[Problem], seed: int, num_planned: int) -> Fi
             it: a machine's fit does not depend on its place in the fleet.
         num_planned: Machines that the batch was planned with. One of them that is worked out
             alone, after workers died on the batch, is fitted as it would have been there.
+
+    Raises:
+        InputError: If compiled sums are wrong here, which is no fault of a machine's.
     """
+    refuse_wrong_sums()
     alone = _alone(problems, num_planned)
     together = [place for place in range(len(problems)) if place not in alone]
     found: dict[int, Fit] = {}

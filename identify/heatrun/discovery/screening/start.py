@@ -5,6 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 
+from ...arithmetic import refuse_wrong_sums
 from ...inference.noise import Noise
 from .engine import Engine, Refit
 
@@ -24,7 +25,11 @@ def base_start(engine: Engine, *, seed: int = 0) -> Refit:
     Args:
         engine: The extended model; all effects stay at their null.
         seed: Of the starts.
+
+    Raises:
+        InputError: If compiled sums are wrong here.
     """
+    refuse_wrong_sums()
     rng = np.random.default_rng([seed, 29])
     rough = white(ROUGH_K)
     best: Refit | None = None

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...arithmetic import refuse_wrong_sums
 from ...inference.fitting.adequacy import low_frequency_excess
 from ...inference.fitting.fit import (
     DISTINCT,
@@ -105,6 +106,7 @@ def fits(
     Problems are taken one at a time, and none is held beyond its batch; what is held is at most a
     batch that is not yet full for each kind of problem.
     """
+    refuse_wrong_sums()
     waiting: dict[tuple[Key, bool], list[_Job]] = {}
 
     def done(kind: tuple[Key, bool]) -> Iterator[tuple[int, Found]]:

@@ -17,6 +17,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from ...arithmetic import refuse_wrong_sums
 from ...errors import InputError
 from ..batches import at_once
 from ..discrepancy import NUM_COLUMNS, with_heat
@@ -95,8 +96,9 @@ def fit(
         throw: Raise on failure instead of returning it as a value.
 
     Raises:
-        InputError: If no start leads anywhere, with `throw`.
+        InputError: If no start leads anywhere, with `throw`; if compiled sums are wrong here.
     """
+    refuse_wrong_sums()
     problem = replace(problem, heat=_no_heat(problem))
     starts = start_scores(problem, num_starts, seed)
     z, cost, steps = _search(problem, _white(ROUGH_K), starts)
