@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from lptn.effects import AbstractEffect
 
+from .attempts import Attempts
 from .bench import Finding, Record
 from .bench.blocks import Blocks
 from .bench.checks import check_record, current_scale_unchecked
@@ -31,8 +32,8 @@ from .inference.fitting.reduction_checks import check_reduction
 from .inference.fitting.test_to_test import changes_finding, fit_with_changes
 from .inference.model import Model
 from .inference.networks import NetworkForm
-from .inference.posterior import HARDLY, Posterior, sample, weighted_draws
-from .inference.predict import Prediction, predict
+from .inference.posterior import HARDLY, Posterior, normal_draws, sample, weighted_draws
+from .inference.predict import Prediction, predict, unpredicted
 from .inference.problem import Problem
 from .io.moment import moment
 from .motor import Motor
@@ -173,6 +174,7 @@ def calibrate(
 
     def one(model: Model) -> _Outcome:
         name = model.name
+        attempts = Attempts()
         say(f"{model.title}: least squares from many starts")
         work.at((name, "fit"), f"{model.title}: least squares from many starts")
         rows = [model.with_bodies(test) for test in fitted]
@@ -181,15 +183,7 @@ def calibrate(
         is_last = name == names[-1]  # a network that another one extends is known to miss it
         screened = None
         if is_last:
-            say(f"{model.title}: looking for effects that it misses")
-            screened = missing(found, seed=seed)
-            if len(rows) > 1:
-                say(f"{model.title}: comparing the tests with each other")
-                others = () if screened is None else screened.alternatives
-                best = max((each.log_evidence for each in others), default=-math.inf)
-                together, found = found, fit_with_changes(found, beyond=best, seed=seed)
-                if found is not together:
-                    screened = missing(found, seed=seed)
+            found, screened = _searched(found, seed, say, attempts)
         say(f"{model.title}: sampling the posterior")
         work.done((name, "missing"), f"{model.title}: sampling the posterior")
 
@@ -197,21 +191,32 @@ def calibrate(
             work.at((name, "sample"), f"{model.title}: {sentence}", share)
 
         begun = time.monotonic()
-        posterior = _sampled(found, screened, method, seed, folder, report)
+        posterior = _sampled(found, screened, method, seed, folder, report, attempts)
         sampling_s = time.monotonic() - begun
         work.done((name, "sample"), f"{model.title}: predicting the tests")
-        seen = [*found.findings, *_sampling_findings(posterior)]
-        finding = None if screened is None else missing_finding(found, screened)
-        seen += [each for each in (finding, changes_finding(posterior)) if each is not None]
-        predicted = [predict(posterior, test.blocks, seed=seed) for test in tests]
-        described = describe_model(posterior, predicted, roles, duties)
+        predicted = [
+            attempts.of(
+                "the prediction",
+                lambda test=test: predict(posterior, test.blocks, seed=seed),
+                unpredicted(posterior, test.blocks),
+                where=f"{model.title}, {test.record.name}",
+                test=test.record.name,
+            )
+            for test in tests
+        ]
+        described = describe_model(posterior, predicted, roles, duties, attempts)
         work.done((name, "predict"), f"{model.title}: done")
+        seen = [*found.findings, *_sampling_findings(posterior)]
         if screened is not None:
             stats = {**described.stats, "missing_effect_p": screened.p}
             described = replace(described, stats=stats)
-        if is_last:
-            seen += fit_findings(posterior, predicted)
-        return _Outcome(posterior, predicted, described, seen, sampling_s)
+        seen += attempts.of(
+            "the check of the fit",
+            lambda: _fit_findings(posterior, screened, predicted, is_last=is_last),
+            [],
+            where=model.title,
+        )
+        return _Outcome(posterior, predicted, described, seen + attempts.findings, sampling_s)
 
     outcomes = dict(zip(names, at_once(one, models), strict=True))
     posteriors = {name: outcome.posterior for name, outcome in outcomes.items()}
@@ -219,14 +224,22 @@ def calibrate(
     findings += [finding for outcome in outcomes.values() for finding in outcome.findings]
     last = posteriors[names[-1]].fit
     rows = []
+    attempts = Attempts()
     for number, test in enumerate(tests):
         doing = f"checking the reduction of test {number + 1} of {len(tests)}"
         work.at("reduction", doing, number / len(tests))
-        error, found = check_reduction(last, test.record, test.blocks, motor)
+        error, found = attempts.of(
+            "the check of the reduction",
+            lambda test=test: check_reduction(last, test.record, test.blocks, motor),
+            (math.nan, []),
+            where=test.record.name,
+            test=test.record.name,
+        )
         rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
         findings += found
     work.done("reduction")
     described = {name: outcome.described for name, outcome in outcomes.items()}
+    findings += attempts.findings
     result = assemble(motor, rows, findings, described, predictions, command=command, seed=seed)
     sampling_s = max(outcome.sampling_s for outcome in outcomes.values())
     return Calibration(motor, tuple(tests), posteriors, predictions, result, sampling_s)
@@ -243,6 +256,45 @@ class _Outcome:
     sampling_s: float
 
 
+def _searched(found: Fit, seed: int, say: Say, attempts: Attempts) -> tuple[Fit, Missing | None]:
+    """Return the fit and what it misses; with several tests, the fit may change between them."""
+    title = found.problem.model.title
+
+    def search(fit: Fit) -> Missing | None:
+        return attempts.of(
+            "the search for missing effects", lambda: missing(fit, seed=seed), None, where=title
+        )
+
+    say(f"{title}: looking for effects that it misses")
+    screened = search(found)
+    if len(found.problem.tests) > 1:
+        say(f"{title}: comparing the tests with each other")
+        others = () if screened is None else screened.alternatives
+        best = max((each.log_evidence for each in others), default=-math.inf)
+        changed = attempts.of(
+            "the comparison of the tests",
+            lambda: fit_with_changes(found, beyond=best, seed=seed),
+            found,
+            where=title,
+        )
+        if changed is not found:
+            return changed, search(changed)
+    return found, screened
+
+
+def _fit_findings(
+    posterior: Posterior,
+    screened: Missing | None,
+    predicted: Sequence[Prediction],
+    *,
+    is_last: bool,
+) -> list[Finding]:
+    """Return what a posterior, its missing effects and its predictions show of a network."""
+    lacks = None if screened is None else missing_finding(posterior.fit, screened)
+    seen = [each for each in (lacks, changes_finding(posterior)) if each is not None]
+    return seen + (fit_findings(posterior, predicted) if is_last else [])
+
+
 def _sampled(
     found: Fit,
     screened: Missing | None,
@@ -250,14 +302,29 @@ def _sampled(
     seed: int,
     folder: RunFolder | None,
     progress: Callable[[str, float], None],
+    attempts: Attempts,
 ) -> Posterior:
     """Return the posterior of a fit, averaged over the effects that its network may miss."""
     others = () if screened is None else screened.alternatives
-    if 1.0 - sum(each.effect.probability for each in others) < HARDLY:
-        return averaged(weighted_draws(found, seed=seed), others, seed=seed)
-    checkpoints = None if folder is None else folder.checkpoints / found.problem.model.name
-    posterior = sample(found, method=method, seed=seed, folder=checkpoints, progress=progress)
-    return averaged(posterior, others, seed=seed) if others else posterior
+    name, title = found.problem.model.name, found.problem.model.title
+    checkpoints = None if folder is None else folder.checkpoints / name
+
+    def alone() -> Posterior:
+        if 1.0 - sum(each.effect.probability for each in others) < HARDLY:
+            return weighted_draws(found, seed=seed)
+        return sample(found, method=method, seed=seed, folder=checkpoints, progress=progress)
+
+    posterior = attempts.of("the sampling of the posterior", alone, None, where=title)
+    if posterior is None:
+        posterior = normal_draws(found, seed=seed)
+    if not others:
+        return posterior
+    return attempts.of(
+        "the average over effects that may be missing",
+        lambda: averaged(posterior, others, seed=seed),
+        posterior,
+        where=title,
+    )
 
 
 def identity(motor: Motor, tests: Sequence[BenchTest], **settings: Any) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -15,7 +16,7 @@ from .discovery.job import Job, run_job
 from .inference.networks import NetworkForm
 from .inference.networks.text import network_text
 from .motor import Motor
-from .reports.sheet.of_run import write_sheet
+from .reports.sheet.of_run import with_sheet
 from .runs.places import refuse_unwritable
 from .runs.run_folder import RunFolder, free_place
 from .runs.write import write_run
@@ -98,7 +99,7 @@ def calibrate_into(
     work.at("writing", "writing the run")
     run = write_run(folder, motor, found.result, found.posteriors, found.predictions)
     work.at("writing", "writing the sheet", 0.2)
-    write_sheet(run, folder.partial)
+    found = replace(found, result=with_sheet(run, folder))
     written = folder.finish(manifest(found, command, seed))
     work.finish()
     return found, written

@@ -62,7 +62,17 @@ def predicted(error: np.ndarray, sd: float) -> Any:
     seen[5] = False
     residual = np.where(seen, error, np.nan)
     test = SimpleNamespace(is_observed=seen)
-    return SimpleNamespace(test=test, residual=residual, sd=np.full(error.size, sd))
+    sds = np.full(error.size, sd)
+    return SimpleNamespace(test=test, residual=residual, sd=sds, is_there=True)
+
+
+def test_a_test_that_one_network_could_not_predict_does_not_count():
+    error = np.random.default_rng(4).standard_normal(60)
+    there, lost = predicted(error, 1.0), predicted(error, 1.0)
+    lost.is_there = False
+    known = score_difference([there], [there], ["holdout"])
+    assert score_difference([there, lost], [there, there], ["holdout", "holdout"]) == known
+    assert score_difference([lost], [there], ["holdout"]) is None
 
 
 def test_the_difference_is_taken_block_by_block():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +10,8 @@ from typing import Literal
 
 from lptn.effects import AbstractEffect
 
+from ..attempts import OUTPUT_FAILED, Attempts
+from ..bench import Finding
 from ..bench.checks import current_scale_unchecked
 from ..calibration import BenchTest, Calibration, manifest
 from ..inference.fitting.reduction_checks import check_reduction
@@ -16,7 +19,7 @@ from ..inference.networks import NetworkForm
 from ..motor import Motor
 from ..reports.discovery.figures import draw_all
 from ..reports.discovery.report import write_report
-from ..reports.sheet.of_run import write_sheet
+from ..reports.sheet.of_run import with_sheet
 from ..results.discovery import DiscoveryResult
 from ..results.values import Role
 from ..runs.result import assemble as assemble_fit
@@ -90,16 +93,25 @@ def run_job(
     say("writing report and sheet")
     work.at("writing", "writing report and sheet")
     folder.write_json("discovery.json", result)
-    figures = draw_all(
-        shown.predictions, roles, fitted, found.where_before, found.where_after,
-        folder.partial / "discovery",
+    attempts = Attempts(OUTPUT_FAILED)
+    figures = attempts.of(
+        "the figures of the discovery",
+        lambda: draw_all(
+            shown.predictions, roles, fitted, found.where_before, found.where_after,
+            folder.partial / "discovery",
+        ),
+        [],
     )  # fmt: skip
-    write_report(result, figures, folder.partial / "discovery.pdf")
+    attempts.of(
+        "the report of the discovery",
+        lambda: write_report(result, figures, folder.partial / "discovery.pdf"),
+        None,
+    )
     name = found.fits[1].problem.model.name
-    final = _as_calibration(motor, tests, found, shown, name, command, seed)
+    final = _as_calibration(motor, tests, found, shown, name, command, seed, attempts.findings)
     run = write_run(folder, motor, final.result, final.posteriors, final.predictions)
     work.at("writing", "writing the sheet", 0.6)
-    write_sheet(run, folder.partial)
+    with_sheet(run, folder)
     return Job(found, shown, result, folder.finish(manifest(final, command, seed)))
 
 
@@ -111,6 +123,7 @@ def _as_calibration(
     network: str,
     command: str,
     seed: int,
+    further: Sequence[Finding],
 ) -> Calibration:
     """Return the final model as a calibration, for its parameter sheet."""
     posterior = shown.posteriors[1]
@@ -120,11 +133,19 @@ def _as_calibration(
     findings = [finding for test in tests for finding in test.findings]
     findings += current_scale_unchecked(motor, [test.record for test in tests])
     findings += posterior.fit.findings
+    attempts = Attempts()
     for test in tests:
-        error, more = check_reduction(posterior.fit, test.record, test.blocks, motor)
+        error, more = attempts.of(
+            "the check of the reduction",
+            lambda test=test: check_reduction(posterior.fit, test.record, test.blocks, motor),
+            (math.nan, []),
+            where=test.record.name,
+            test=test.record.name,
+        )
         rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
         findings += more
-    models = {network: describe_model(posterior, predictions, roles)}
+    models = {network: describe_model(posterior, predictions, roles, attempts=attempts)}
+    findings += [*attempts.findings, *further]
     result = assemble_fit(
         motor, rows, findings, models, {network: predictions}, command=command, seed=seed
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -75,6 +76,8 @@ def compare(
     """
     words, thresholds, peaks = [], [], []
     for one, two, role in zip(first, second, roles, strict=True):
+        if not (one.is_there and two.is_there):
+            continue
         name = one.test.name
         ends = []
         for limit in LIMITS_K:
@@ -140,6 +143,12 @@ def verdict(
     fitted = [_fitted_bodies(models[name]) for name in names]
     if fitted[0] != fitted[1]:
         return _by_held_out(models, fitted, scores, held)
+    if math.isnan(factor):
+        return NetworkVerdict(
+            order="undecided",
+            sentence=f"The networks cannot be compared: the evidence of one is not known.{held}",
+            log_bayes_factor=None,
+        )
     if factor > DECISIVE:
         name, text = large, f"The data favour the {titles[large]}"
     elif factor < -DECISIVE:

@@ -16,8 +16,8 @@ from scipy.special import gammaln
 from .batches import in_batches
 from .problem import NUM_NOISE
 
-AT_A_TIME = 256
-"""Noises whose density is worked out at once."""
+AT_A_TIME = 32
+"""Noises whose density is worked out at once: times the kernels, some thousand rows."""
 
 DEGREES_OF_FREEDOM = 5.0
 """Tails of the draws: heavier than those of the posterior, so that weights stay bounded."""

@@ -41,7 +41,7 @@ NUM_KEPT = 4000
 HARDLY = 1e-3
 """Probability of the network alone below which its draws do not count [1]."""
 
-Method = Literal["emcee", "importance"]
+Method = Literal["emcee", "importance", "normal"]
 Progress = Callable[[str, float], None]
 
 
@@ -55,7 +55,7 @@ class Posterior:
             ensembles, thinned, one walker after the other.
         log_density: Unnormalised log posterior, shape (chain, draw).
         method: How they were drawn.
-        weighted: The importance samples that came first.
+        weighted: The importance samples that came first; None for draws of a normal law.
         convergence: Verdict on the ensembles; None for importance sampling.
         was_to_be_quick: Whether the ensembles stand in for importance samples that could not be
             trusted.
@@ -68,7 +68,7 @@ class Posterior:
     vectors: Float[np.ndarray, "chain draw all"]
     log_density: Float[np.ndarray, "chain draw"]
     method: Method
-    weighted: Weighted
+    weighted: Weighted | None
     convergence: Convergence | None
     was_to_be_quick: bool = False
     plausible: PlausibleEffects | None = None
@@ -89,7 +89,9 @@ class Posterior:
         """Whether the draws can be trusted."""
         if self.is_of_effects:
             return True
-        return self.weighted.is_sound if self.convergence is None else self.convergence.is_enough
+        if self.convergence is not None:
+            return self.convergence.is_enough
+        return self.weighted is not None and self.weighted.is_sound
 
     def sentence(self) -> str:
         """Return the verdict in words."""
@@ -97,6 +99,11 @@ class Posterior:
             return (
                 "Drawn from normal laws around the fits with one effect each: without one, the "
                 "network does not explain the tests."
+            )
+        if self.weighted is None:
+            return (
+                "Drawn from the normal law around the fit, for sampling failed: the intervals are "
+                "indicative."
             )
         figures = (
             f"Pareto k {self.weighted.pareto_k:.2f}, limit {PARETO_LIMIT:g}; effective sample size "
@@ -208,6 +215,18 @@ def keep(draws: Float[np.ndarray, "ensemble step walker ..."]) -> np.ndarray:
     every = max(1, draws.shape[0] * draws.shape[1] * draws.shape[2] // NUM_KEPT)
     by_walker = np.swapaxes(draws[:, ::every], 1, 2)
     return by_walker.reshape(draws.shape[0], -1, *draws.shape[3:])
+
+
+def normal_draws(fit: Fit, *, seed: int = 0) -> Posterior:
+    """Return draws of the normal law around a fit, for where nothing better could be had.
+
+    They are not held against the posterior: `Posterior.is_sound` is false.
+    """
+    rng = np.random.default_rng([seed, 2])
+    values, axes = np.linalg.eigh(0.5 * (fit.covariance + fit.covariance.T))
+    spread = axes * np.sqrt(np.maximum(values, 0.0))
+    vectors = fit.vector + rng.standard_normal((NUM_KEPT, fit.vector.size)) @ spread.T
+    return Posterior(fit, vectors[None], np.full((1, NUM_KEPT), np.nan), "normal", None, None)
 
 
 def weighted_draws(fit: Fit, *, seed: int = 0) -> Posterior:

@@ -75,6 +75,11 @@ class Prediction:
     bodies: tuple[BodyCourse, ...] = ()
 
     @property
+    def is_there(self) -> bool:
+        """Whether the test could be predicted at all; else all of it is NaN."""
+        return bool(np.any(np.isfinite(self.median)))
+
+    @property
     def residual(self) -> np.ndarray:
         """Measured minus median [K], shape (block,); NaN where nothing was read."""
         return self.test.measured - self.median
@@ -192,6 +197,33 @@ def predict(
         noise=drawn.noise.scaled(scales_of(source.loggers, test)[0]),
         heat=heat[: test.measured.size],
         bodies=body_courses(source.model.form, test, fitted, medians, limits),
+    )
+
+
+def unpredicted(posterior: Posterior, test: Blocks) -> Prediction:
+    """Return what stands in for the prediction of a test that failed: NaN throughout."""
+    problem = posterior.fit.problem
+    size = test.num_blocks
+    nothing = np.full(size, np.nan)
+    limits = {level: (nothing, nothing) for level in LEVELS}
+    nodes = problem.model.form.nodes
+    noise = posterior.draws.thin(1, 0).noise()
+    return Prediction(
+        model=problem.model,
+        test=test,
+        is_held_out=all(each.winding is not test for each in problem.tests),
+        median=nothing,
+        parameters=limits,
+        total=limits,
+        sd=nothing,
+        nodes=dict.fromkeys(nodes, nothing),
+        nodes_95=dict.fromkeys(nodes, (nothing, nothing)),
+        flows={},
+        flows_95={},
+        draws=np.zeros((0, size)),
+        values={},
+        noise=noise,
+        heat=np.zeros((size, 0)),
     )
 
 

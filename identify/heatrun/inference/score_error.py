@@ -96,7 +96,7 @@ def score_difference(
     """
     means, errors = [], []
     for one, two, role in zip(small, large, roles, strict=True):
-        if role != "holdout":
+        if role != "holdout" or not (one.is_there and two.is_there):
             continue
         series = block_scores(two) - block_scores(one)
         error = standard_error(series)

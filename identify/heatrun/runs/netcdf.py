@@ -21,7 +21,7 @@ from ..inference.sampling.diagnostics import load_arviz
 from ..io.moment import stated_moment
 from ..io.whole_files import write_whole
 from ..motor import Adequacy
-from .densities import DEPENDENCE, LEFT_OUT, PRIOR, densities
+from .densities import DEPENDENCE, LEFT_OUT, PRIOR, Densities
 
 ABSENT = -12.0
 """Score of unmodelled heat in a run that was made before there was any: nothing of the loss."""
@@ -30,7 +30,7 @@ EFFECT, SIZE = "maybe_missing", "maybe_missing_size"
 """Names of the effect behind each draw and of its size."""
 
 
-def groups(posterior: Posterior, *, with_densities: bool = True) -> Any:
+def groups(posterior: Posterior, found: Densities | None = None) -> Any:
     """Return the draws as ArviZ groups: an `InferenceData` on 0.23, a `DataTree` on 1.x.
 
     Group `posterior` holds every free parameter and those of the noise in their units (attribute
@@ -42,7 +42,7 @@ def groups(posterior: Posterior, *, with_densities: bool = True) -> Any:
 
     Args:
         posterior: The draws.
-        with_densities: Whether to work out `log_prior` and `log_likelihood`, which takes seconds.
+        found: From `densities`, which takes seconds; None for no `log_prior` and `log_likelihood`.
     """
     arviz = load_arviz()
     tests = posterior.fit.problem.tests
@@ -67,8 +67,7 @@ def groups(posterior: Posterior, *, with_densities: bool = True) -> Any:
         "sample_stats": {"lp": posterior.log_density, **_plausible(posterior)},
         "observed_data": observed,
     }
-    if with_densities:
-        found = densities(posterior)
+    if found is not None:
         of_priors = list(np.moveaxis(found.prior.astype(np.float32), -1, 0))
         content["log_prior"] = _variables(posterior, of_priors, names)[0]
         content["log_likelihood"] = {"winding": found.winding, "dependence": found.dependence}
@@ -89,13 +88,13 @@ def groups(posterior: Posterior, *, with_densities: bool = True) -> Any:
     return data
 
 
-def write(posterior: Posterior, path: Path, *, with_densities: bool = True) -> None:
+def write(posterior: Posterior, path: Path, found: Densities | None = None) -> None:
     """Write the groups as NetCDF, whole or not at all; arguments as `groups`.
 
     Raises:
         OSError: If the file cannot be written.
     """
-    write_whole(path, _netcdf(groups(posterior, with_densities=with_densities)))
+    write_whole(path, _netcdf(groups(posterior, found)))
 
 
 def read(path: Path) -> Any:
@@ -177,7 +176,7 @@ def _noise_scores(group: Any, parameter: Parameter) -> np.ndarray:
 
 def summary(posterior: Posterior) -> Any:
     """Return ArviZ's table of means, intervals and diagnostics."""
-    return load_arviz().summary(groups(posterior, with_densities=False))
+    return load_arviz().summary(groups(posterior))
 
 
 def monte_carlo(

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from msgspec import UNSET, UnsetType
 
 from lptn.effects import AbstractEffect
 
+from ..attempts import Attempts
 from ..bench.blocks import Blocks
 from ..bench.channels.column_mapping import describe_mapping
 from ..bench.record import Finding, Record
@@ -40,6 +43,8 @@ from ..results.residuals import BodyRow
 from ..results.tested import DescribedTest
 from ..results.values import Interval, Role
 from ..version import __version__
+
+T = TypeVar("T")
 
 IN_MAIN_TABLE = ("network", "resistance", "effect", "known")
 """Roles of the parameters that a user asks for; the others are nuisances."""
@@ -94,11 +99,25 @@ def describe_model(
     predictions: Sequence[Prediction],
     roles: Sequence[Role],
     duties: Sequence[str] = (),
+    attempts: Attempts | None = None,
 ) -> FittedModel:
-    """Return the entry of one network."""
+    """Return the entry of one network.
+
+    Args:
+        posterior: Its draws.
+        predictions: One per test.
+        roles: Likewise.
+        duties: As `heatrun.ratings.figures.derive`.
+        attempts: Told which part failed and is left out; None to let the error through.
+    """
     fit = posterior.fit
     model = fit.problem.model
-    main, nuisances = _parameters(posterior)
+
+    def part(step: str, do: Callable[[], T], otherwise: T) -> T:
+        return do() if attempts is None else attempts.of(step, do, otherwise, where=model.title)
+
+    longer = part("the forecast of a longer test", lambda: forecast(fit), {})
+    main, nuisances = _parameters(posterior, longer)
     of_noise = noise_parameters(model.adequacy)
     return FittedModel(
         title=model.title,
@@ -123,11 +142,12 @@ def describe_model(
         residuals=tuple(
             residual_row(prediction, role)
             for prediction, role in zip(predictions, roles, strict=True)
+            if prediction.is_there
         ),
         bodies=_bodies(predictions, roles),
         posterior=_quality(posterior),
-        derived=derive(posterior, duties),
-        evidence=_evidence(posterior),
+        derived=part("the ratings", lambda: derive(posterior, duties), {}),
+        evidence=part("the evidence", lambda: _evidence(posterior), _no_evidence(fit)),
         maybe_missing=_maybe_missing(posterior),
     )
 
@@ -166,6 +186,16 @@ def assemble(
     """Return the whole of `fit.json`."""
     roles: list[Role] = [test.role for test in tests]
     pair = tuple(models) if len(models) == 2 else None
+    attempts = Attempts()
+    scores = comparison = None
+    if pair is not None:
+        one, other = (predictions[name] for name in pair)
+        scores = attempts.of(
+            "the difference of the scores", lambda: score_difference(one, other, roles), None
+        )
+        comparison = attempts.of(
+            "the comparison of the networks", lambda: compare(one, other, roles), None
+        )
     return FitResult(
         format=FIT_FORMAT,
         heatrun_version=__version__,
@@ -185,26 +215,18 @@ def assemble(
             sha256=motor.sha256,
         ),
         tests=tuple(tests),
-        findings=tuple(findings),
-        verdict=verdict(
-            models,
-            None
-            if pair is None
-            else score_difference(predictions[pair[0]], predictions[pair[1]], roles),
-        ),
+        findings=(*findings, *attempts.findings),
+        verdict=verdict(models, scores),
         models=models,
-        comparison=None
-        if pair is None
-        else compare(predictions[pair[0]], predictions[pair[1]], roles),
+        comparison=comparison,
     )
 
 
 def _parameters(
-    posterior: Posterior,
+    posterior: Posterior, longer: dict[str, float]
 ) -> tuple[dict[str, FittedParameter], dict[str, FittedParameter]]:
     """Return the parameters that a user asks for and the nuisances, free ones first."""
     fit = posterior.fit
-    longer = forecast(fit)
     draws = posterior.values()
     main: dict[str, FittedParameter] = {}
     nuisances: dict[str, FittedParameter] = {}
@@ -227,13 +249,14 @@ def _correlation(posterior: Posterior) -> Correlation:
 
 def _quality(posterior: Posterior) -> PosteriorQuality:
     ensembles, weighted = posterior.convergence, posterior.weighted
+    drawn = weighted if ensembles is None else ensembles
     return PosteriorQuality(
         method=posterior.method,
         draws=int(posterior.flat.shape[0]),
-        ess_min=weighted.effective_size if ensembles is None else ensembles.effective_size,
+        ess_min=None if drawn is None else drawn.effective_size,
         autocorrelation_max=None if ensembles is None else ensembles.autocorrelation,
         rhat_max=None if ensembles is None else ensembles.rhat,
-        pareto_k=weighted.pareto_k,
+        pareto_k=None if weighted is None else weighted.pareto_k,
         verdict=posterior.sentence(),
         is_sound=posterior.is_sound,
         ess_tail_min=UNSET if ensembles is None else ensembles.tail_size,
@@ -267,6 +290,17 @@ def _evidence(posterior: Posterior) -> Evidence:
         bic=size * float(np.log(num_blocks)) - 2.0 * log_likelihood,
         num_parameters=size,
         num_blocks=num_blocks,
+    )
+
+
+def _no_evidence(fit: Fit) -> Evidence:
+    """Return what stands where the evidence could not be worked out."""
+    return Evidence(
+        log_evidence=math.nan,
+        aic=math.nan,
+        bic=math.nan,
+        num_parameters=fit.vector.size,
+        num_blocks=int(np.sum(fit.problem.is_observed)),
     )
 
 

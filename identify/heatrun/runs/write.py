@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 
+from ..attempts import OUTPUT_FAILED, Attempts
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
 from ..io.whole_files import write_whole
@@ -11,6 +14,7 @@ from ..motor import Motor
 from ..results import FitResult, from_json, to_json
 from . import netcdf
 from .courses import band_table
+from .densities import densities as densities_of
 from .model_text import ModelOfRun, model_text
 from .motor_text import motor_text
 from .run import MOTOR, Run, course_name, draws_name, model_name
@@ -39,7 +43,7 @@ def write_run(
     Raises:
         OSError: If a file cannot be written.
     """
-    folder.write_json("fit.json", result)
+    attempts = Attempts(OUTPUT_FAILED)
     write_whole(folder.partial / MOTOR, motor_text(motor))
     for name, posterior in posteriors.items():
         problem = posterior.fit.problem
@@ -47,11 +51,18 @@ def write_run(
         write_whole(folder.partial / model_name(name), model_text(found))
         path = folder.partial / draws_name(name)
         # a quick run is for a look
-        netcdf.write(posterior, path, with_densities=posterior.method == "emcee")
+        densities = None
+        if posterior.method == "emcee":
+            densities = attempts.of(
+                "the pointwise log likelihood", partial(densities_of, posterior), None, where=name
+            )
+        netcdf.write(posterior, path, densities)
     for index in range(len(result.tests)):
         table = band_table({name: rows[index] for name, rows in predictions.items()})
         text = table.to_csv(index=False)  # to all digits
         write_whole(folder.partial / course_name(index + 1), text.encode())
+    result = replace(result, findings=(*result.findings, *attempts.findings))
+    folder.write_json("fit.json", result)
     # as it will be read, so that a sheet made now and one made later are the same
     read_back = from_json(to_json(result).encode(), FitResult, "fit.json", str(folder.path))
     return Run(folder.partial, read_back, is_finished=False)

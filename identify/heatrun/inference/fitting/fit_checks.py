@@ -29,8 +29,9 @@ def fit_findings(posterior: Posterior, predictions: Sequence[Prediction]) -> lis
         posterior: Draws of a calibrated network.
         predictions: Of all tests.
     """
-    tests = [_held_out(p) if p.is_held_out else _fitted(p) for p in predictions]
-    bodies = [_body(p, body) for p in predictions for body in p.bodies]
+    there = [p for p in predictions if p.is_there]
+    tests = [_held_out(p) if p.is_held_out else _fitted(p) for p in there]
+    bodies = [_body(p, body) for p in there for body in p.bodies]
     found = [each for each in (_overruled(posterior), *tests, *bodies) if each is not None]
     return [*found, *prior_findings(posterior)]
 

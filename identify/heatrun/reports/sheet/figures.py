@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from ...attempts import Attempts
 from ...io.quantities import printed_unit
 from ...io.whole_files import whole
 
@@ -35,8 +37,9 @@ def draw(
     units: Mapping[str, str],
     titles: Mapping[str, str],
     folder: Path,
+    attempts: Attempts,
 ) -> list[Path]:
-    """Draw all figures of a run as PNG.
+    """Draw all figures of a run as PNG, but for those that fail.
 
     Args:
         tables: Name, role and courses (`band_table`) of each test.
@@ -44,17 +47,24 @@ def draw(
         units: Unit of each parameter.
         titles: Titles of the networks by name, the one with most nodes last.
         folder: Where the files go.
+        attempts: Told which figure failed.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for number, (name, role, table) in enumerate(tables, start=1):
-        written.append(save(course(name, role, table, titles), folder / f"course_{number}.png"))
+    wanted: dict[str, Callable[[], Figure]] = {
+        f"course_{number}.png": partial(course, *table, titles)
+        for number, table in enumerate(tables, start=1)
+    }
     if len(titles) == 2:
-        name = "_against_".join(titles)
-        written.append(save(errors(tables, titles), folder / f"{name}.png"))
+        wanted[f"{'_against_'.join(titles)}.png"] = partial(errors, tables, titles)
     if draws:
-        written.append(save(pairs(draws, units), folder / "posterior.png"))
-    return written
+        wanted["posterior.png"] = partial(pairs, draws, units)
+    written = [drawn(figure, folder / name, attempts) for name, figure in wanted.items()]
+    return [path for path in written if path is not None]
+
+
+def drawn(figure: Callable[[], Figure], path: Path, attempts: Attempts) -> Path | None:
+    """Draw and save a figure; None if that failed."""
+    return attempts.of("the figure", lambda: save(figure(), path), None, where=path.name)
 
 
 def course(name: str, role: str, table: pd.DataFrame, titles: Mapping[str, str]) -> Figure:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from ...attempts import FAILED
 from ...bench.checks.doubts import SIMULATED, doubts
 from ...bench.record import Finding
 from ...io.printable import clean
@@ -110,7 +111,9 @@ def headline(result: FitResult) -> Headline:
             f"{_uses(weak)}.",
             reasons,
         )
-    is_restricted = not model.posterior.is_sound or bool(_inputs(result))
+    is_restricted = (
+        not model.posterior.is_sound or bool(_inputs(result)) or _unjudged(result, model)
+    )
     if is_restricted or _fails_held_out(model) or _lacks(result, model):
         return Headline(
             "restricted",
@@ -202,6 +205,11 @@ def _lacks(result: FitResult, model: FittedModel) -> bool:
     )
 
 
+def _unjudged(result: FitResult, model: FittedModel) -> bool:
+    """Return whether a step that judges the result failed."""
+    return any(f.id == FAILED and _concerns(f, result, model) for f in result.findings)
+
+
 def _doubts(result: FitResult, model: FittedModel) -> list[str]:
     """Return what restricts the use, in sentences."""
     words = []
@@ -217,6 +225,8 @@ def _doubts(result: FitResult, model: FittedModel) -> list[str]:
             "The network lacks something that the tests show: its intervals are wider for it, and "
             "`heatrun discover` searches for what it is."
         )
+    if _unjudged(result, model):
+        words.append("A step that judges the result failed: it may be worse than it looks.")
     words += _against_others(result)
     warnings = [f for f in result.findings if f.severity != "note" and _concerns(f, result, model)]
     if warnings:
@@ -241,7 +251,7 @@ def _against_others(result: FitResult) -> list[str]:
 
 def _concerns(finding: Finding, result: FitResult, model: FittedModel) -> bool:
     """Return whether a finding is not about another network than this one alone."""
-    text = finding.message.replace("-", " ").casefold()
+    text = f"{finding.where} {finding.message}".replace("-", " ").casefold()
     others = [each.title for each in result.models.values() if each.title != model.title]
     return model.title in text or not any(title in text for title in others)
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple
+from dataclasses import astuple, dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import tomli_w
+from matplotlib.figure import Figure
 
+from ...attempts import OUTPUT_FAILED, Attempts, new_findings
 from ...certificate import Certificate, Instrument
 from ...certificate_file import load_meta
 from ...errors import InputError
@@ -16,15 +20,15 @@ from ...io.file_set import together
 from ...io.free_names import is_other, refuse_replacing
 from ...io.whole_files import writable, write_whole
 from ...ratings.at_limit import LIMIT_DEGC
-from ...results import to_json
+from ...results import FitResult, to_json
 from ...runs.run import Run, open_run
-from ...runs.run_folder import MANIFEST, listed_anew
+from ...runs.run_folder import MANIFEST, RunFolder, listed_anew
 from ...runs.stated import CERTIFICATE, certificate_of
 from .certificate_figure import certificate_figure
 from .content import sheet_content
 from .dcc.document import dcc_text
 from .dcc.schema import validate
-from .figures import draw, save
+from .figures import draw, drawn
 from .headline import favoured
 from .pdf import write_pdf
 from .xlsx import write_xlsx
@@ -33,8 +37,21 @@ DCC = "dcc.xml"
 """Name of the Digital Calibration Certificate."""
 
 
-def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) -> list[Path]:
-    """Write sheet and figures of a run.
+@dataclass(frozen=True)
+class Sheet:
+    """What was written.
+
+    Attributes:
+        result: What it says: that of the run, with a finding for each part that failed.
+        files: The files, figures last.
+    """
+
+    result: FitResult
+    files: list[Path]
+
+
+def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) -> Sheet:
+    """Write sheet and figures of a run; a part that fails is left out, with a finding.
 
     They are made of the files of the run and of nothing else, so that `heatrun sheet` makes the
     same bytes of them at any later time.
@@ -45,6 +62,7 @@ def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) 
         certificate: What the laboratory states; None for what the run holds.
     """
     result = run.result
+    attempts = Attempts(OUTPUT_FAILED)
     names = [(test.name, test.role) for test in result.tests]
     tables = [(*each, table) for each, table in zip(names, run.courses(), strict=True)]
     main = run.choose()
@@ -57,28 +75,45 @@ def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) 
         for name, entry in model.parameters.items()
     }
     titles = {name: model.title for name, model in result.models.items()}
-    figures = draw(tables, draws, units, titles, folder / "figures")
-    figures.insert(0, _first_figure(run, tables, folder / "figures"))
-    content = sheet_content(result, certificate_of(run) if certificate is None else certificate)
-    write_whole(folder / "sheet.json", (to_json(content) + "\n").encode())
-    return [
-        write_pdf(content, figures, folder / "sheet.pdf"),
-        write_xlsx(result, content, tables, folder / "sheet.xlsx"),
-        folder / "sheet.json",
-        *figures,
-    ]
+    figures = draw(tables, draws, units, titles, folder / "figures", attempts)
+    first = folder / "figures" / "certificate.png"
+    if drawn(lambda: _first_figure(run, tables), first, attempts):
+        figures.insert(0, first)
+    stated = certificate_of(run) if certificate is None else certificate
+
+    def content() -> dict[str, Any]:
+        found = new_findings(attempts.findings, result.findings)
+        return sheet_content(replace(result, findings=(*result.findings, *found)), stated)
+
+    parts: dict[str, Callable[[Path], Any]] = {
+        "sheet.pdf": lambda path: write_pdf(content(), figures, path),
+        "sheet.xlsx": lambda path: write_xlsx(result, content(), tables, path),
+        "sheet.json": lambda path: write_whole(path, (to_json(content()) + "\n").encode()),
+    }
+    for name, write in parts.items():
+        attempts.of("the sheet", partial(write, folder / name), None, where=name)
+    found = new_findings(attempts.findings, result.findings)
+    whole = replace(result, findings=(*result.findings, *found))
+    written = [folder / name for name in parts if (folder / name).exists()]
+    return Sheet(whole, [*written, *figures])
 
 
-def _first_figure(run: Run, tables: Sequence[tuple[str, str, pd.DataFrame]], folder: Path) -> Path:
-    """Draw the figure of page 1: the first test that was fitted."""
+def with_sheet(run: Run, folder: RunFolder) -> FitResult:
+    """Write sheet and figures into an unfinished run; return its result, which says what failed."""
+    result = write_sheet(run, folder.partial).result
+    if result != run.result:
+        folder.write_json("fit.json", result)
+    return result
+
+
+def _first_figure(run: Run, tables: Sequence[tuple[str, str, pd.DataFrame]]) -> Figure:
+    """Return the figure of page 1: the first test that was fitted."""
     result = run.result
     network = favoured(result)
     letter = result.motor.insulation_class
     name, _, table = next((each for each in tables if each[1] == "calibration"), tables[0])
     limit = None if letter is None else (letter, LIMIT_DEGC[letter])
-    title = result.models[network].title
-    figure = certificate_figure(name, table, network, title, limit)
-    return save(figure, folder / "certificate.png")
+    return certificate_figure(name, table, network, result.models[network].title, limit)
 
 
 def rewrite_sheet(
@@ -127,7 +162,10 @@ def rewrite_sheet(
     opened.courses()
     try:
         with writable("the sheet", folder), together(folder, "sheet") as files:
-            written = write_sheet(opened, files.aside, certificate)
+            sheet = write_sheet(opened, files.aside, certificate)
+            written = sheet.files
+            for finding in new_findings(sheet.result.findings, opened.result.findings):
+                tell(finding.sentence())
             if document is not None:
                 write_whole(files.aside / DCC, document)
                 written.append(files.aside / DCC)
@@ -160,7 +198,7 @@ def rewrite_sheet(
 def _refuse_loss(made: Path, folder: Path) -> None:
     """Refuse to replace the sheet of another run."""
     for name in ("sheet.json", "sheet.pdf", "sheet.xlsx"):
-        if is_other(folder / name, (made / name).read_bytes()):
+        if (made / name).exists() and is_other(folder / name, (made / name).read_bytes()):
             refuse_replacing(folder / name, "the sheet of another run")
 
 
