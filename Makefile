@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # A second Python for `make test-latest`: the newest there is above 3.11.
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
-.PHONY: demo demo-results test test-slow test-latest lint types check bench bench-fleet bench-before study-coverage study-crosschecks \
+.PHONY: demo demo-results test quick test-slow profile test-latest lint types check bench bench-fleet bench-before study-coverage study-crosschecks \
   study-bodies study-discovery study-exam study-faults study-first-hour study-fleet study-fleet-discovery study-fleet-kills study-fuzz study-misfit study-paderborn \
   study-readings study-real study-thresholds study-view audit docs notebooks notebooks-rendered schemas lock clean
 
@@ -13,10 +13,14 @@ demo: $(VENV)/ready
 	$(BIN)/heatrun demo
 
 # One thread for the linear algebra of NumPy, as the commands have it, before pytest loads it.
-test test-slow: export OPENBLAS_NUM_THREADS = 1
+test quick test-slow: export OPENBLAS_NUM_THREADS = 1
 
 test: $(VENV)/ready
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not notebook"
+
+# What needs no fit, no browser and no other program: for the inner loop.
+quick: $(VENV)/ready
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not notebook" --quick
 
 test-slow: $(VENV)/ready
 	$(BIN)/pytest -m "slow or notebook"
@@ -36,6 +40,10 @@ check: lint types test
 
 bench: $(VENV)/ready
 	$(BIN)/python tests/benchmarks/run.py
+
+# What a calibration costs, by phase; WORDS="motor.toml test.csv --quick" for one of your own.
+profile: $(VENV)/ready
+	$(BIN)/python tests/benchmarks/profile_calibrate.py $(WORDS)
 
 # Machines per second of a fleet, and the tree before unmodelled heat beside this one.
 bench-fleet: $(VENV)/ready

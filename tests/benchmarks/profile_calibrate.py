@@ -1,0 +1,217 @@
+"""What a calibration costs: wall and processor time by phase, compiled programs and cache hits.
+
+`python tests/benchmarks/profile_calibrate.py [WORDS OF calibrate …]` runs the command twice, each
+time in a process of its own: with an empty cache of compilations, then with what the first left.
+Without words it calibrates the bundled 90 minutes and predicts the bundled step, which is the demo.
+
+Networks, which the command calibrates beside each other, are calibrated in turn, so that each
+second belongs to one phase. A phase counts without the phases inside it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from functools import wraps
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+DEMO = ["motor.toml", "duty_90min.csv.gz", "--holdout", "step_90min.csv.gz"]
+
+REST = "everything else"
+IMPORTS = "imports"
+
+PHASES = {
+    "reading and checks": "heatrun.commands.calibrate.load",
+    "fit": "heatrun.calibration.fit",
+    "unmodelled heat": "heatrun.calibration.holding_heat",
+    "missing effects": "heatrun.calibration.missing",
+    "comparison of the tests": "heatrun.calibration.fit_with_changes",
+    "sampling": "heatrun.calibration.sample",
+    "importance draws alone": "heatrun.calibration.weighted_draws",
+    "average over effects": "heatrun.calibration.averaged",
+    "prediction": "heatrun.calibration.predict",
+    "ratings": "heatrun.runs.result.derive",
+    "description": "heatrun.calibration.describe_model",
+    "checks of the fit": "heatrun.calibration.fit_findings",
+    "reduction": "heatrun.calibration.check_reduction",
+    "comparison of the networks": "heatrun.calibration.assemble",
+    "writing the run": "heatrun.jobs.write_run",
+    "figures": "heatrun.reports.sheet.figures.drawn",
+    "figure of page 1": "heatrun.reports.sheet.of_run.drawn",
+    "typesetting": "heatrun.reports.sheet.of_run.write_pdf",
+    "workbook": "heatrun.reports.sheet.of_run.write_xlsx",
+}
+"""Functions of the command by what they do, at the place that they are called from."""
+
+MODULES = ("heatrun.commands.calibrate", "heatrun.jobs", "heatrun.api")
+"""What the command loads sooner or later."""
+
+
+@dataclass
+class Cost:
+    """What a phase costs.
+
+    Attributes:
+        wall_s: Wall time without the phases inside it [s].
+        cpu_s: Processor time of all threads, likewise [s].
+        trace_s: Of it, tracing and lowering [s].
+        compile_s: Compiling, or loading from the cache [s of wall time].
+        programs: Programs that were compiled or loaded [1].
+        hits: Of these, loaded from the cache [1].
+        calls: Calls [1].
+    """
+
+    wall_s: float = 0.0
+    cpu_s: float = 0.0
+    trace_s: float = 0.0
+    compile_s: float = 0.0
+    programs: int = 0
+    hits: int = 0
+    calls: int = 0
+
+
+@dataclass
+class Profile:
+    """Costs by phase, and the compilations by name of their program."""
+
+    phases: dict[str, Cost] = field(default_factory=dict)
+    compiled: Counter[str] = field(default_factory=Counter)
+    _inside: list[str] = field(default_factory=list)
+    _since: tuple[float, float] = (0.0, 0.0)
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Book what passes to a phase."""
+        self._book()
+        self._inside.append(name)
+        self.phases.setdefault(name, Cost()).calls += 1
+        try:
+            yield
+        finally:
+            self._book()
+            self._inside.pop()
+
+    @property
+    def present(self) -> Cost:
+        """The phase that runs now."""
+        return self.phases.setdefault(self._inside[-1] if self._inside else REST, Cost())
+
+    def _book(self) -> None:
+        now = time.perf_counter(), time.process_time()
+        if self._since != (0.0, 0.0):
+            self.present.wall_s += now[0] - self._since[0]
+            self.present.cpu_s += now[1] - self._since[1]
+        self._since = now
+
+    def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a function whose calls are booked to a phase."""
+
+        @wraps(function)
+        def booked(*given: Any, **named: Any) -> Any:
+            with self.phase(name):
+                return function(*given, **named)
+
+        return booked
+
+    def took(self, event: str, seconds: float, **told: Any) -> None:
+        """Book a duration that JAX tells."""
+        if event.endswith("backend_compile_duration"):
+            self.present.programs += 1
+            self.present.compile_s += seconds
+            phase = self._inside[-1] if self._inside else REST
+            self.compiled[f"{phase}: {told.get('fun_name', 'unnamed')}"] += 1
+        elif "jaxpr" in event:
+            self.present.trace_s += seconds
+
+    def happened(self, event: str, **_: Any) -> None:
+        """Count an event that JAX tells."""
+        if event.endswith("cache_hits"):
+            self.present.hits += 1
+
+
+def run(words: Sequence[str], told: Path) -> int:
+    """Run the command in this process and write its profile.
+
+    Args:
+        words: After `heatrun`.
+        told: JSON file that the profile goes to.
+    """
+    profile = Profile()
+    with profile.phase(IMPORTS):
+        from heatrun.io.caches import use_caches
+
+        use_caches(lambda sentence: None)
+        for name in MODULES:
+            import_module(name)
+        from jax import monitoring
+
+        import heatrun.calibration
+
+        monitoring.register_event_duration_secs_listener(profile.took)
+        monitoring.register_event_listener(profile.happened)
+        heatrun.calibration.at_once = lambda function, items: [function(each) for each in items]
+        for phase, place in PHASES.items():
+            module, name = place.rsplit(".", 1)
+            holder = import_module(module)
+            setattr(holder, name, profile.timed(phase, getattr(holder, name)))
+        from heatrun.cli import main
+    with profile.phase(REST):
+        code = main(words)
+    costs = {name: asdict(cost) for name, cost in profile.phases.items()}
+    told.write_text(json.dumps({"phases": costs, "compiled": profile.compiled}), encoding="utf-8")
+    return code
+
+
+def table(told: dict[str, Any]) -> str:
+    """Return a profile as text."""
+    rows = sorted(told["phases"].items(), key=lambda row: -row[1]["cpu_s"])
+    total = {key: sum(cost[key] for _, cost in rows) for key in asdict(Cost())}
+    head = ("phase", "wall s", "processor s", "tracing s", "compiling s", "programs", "from cache",
+            "calls")  # fmt: skip
+    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    for name, cost in [*rows, ("**all**", total)]:
+        lines.append(
+            f"| {name} | {cost['wall_s']:.1f} | {cost['cpu_s']:.1f} | {cost['trace_s']:.1f} | "
+            f"{cost['compile_s']:.1f} | {cost['programs']} | {cost['hits']} | {cost['calls']} |"
+        )
+    most = Counter(told["compiled"]).most_common(12)
+    lines += ["", "Compiled most often: " + ", ".join(f"{name} ({num})" for name, num in most)]
+    return "\n".join(lines)
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the command cold and warm and print both profiles."""
+    given = list(words) or [str(DATA / name) if "." in name else name for name in DEMO]
+    print(f"heatrun calibrate {' '.join(given)}; load {os.getloadavg()[0]:.1f}")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache")}
+        environment.pop("JAX_COMPILATION_CACHE_DIR", None)
+        for what in ("empty cache", "cache kept"):
+            told = folder / "profile.json"
+            command = ["calibrate", *given, "--out", str(folder / "run"), "--force"]
+            begun = time.perf_counter()
+            subprocess.run(
+                [sys.executable, __file__, "--told", str(told), *command],
+                env=environment, stdout=subprocess.DEVNULL, check=True,
+            )  # fmt: skip
+            taken = time.perf_counter() - begun
+            print(f"\n## {what}: {taken:.1f} s\n\n{table(json.loads(told.read_text()))}")
+    return 0
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--told"]:
+        sys.exit(run(sys.argv[3:], Path(sys.argv[2])))
+    sys.exit(main(sys.argv[1:]))
