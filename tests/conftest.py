@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import importlib
 import importlib.util
 import os
@@ -15,6 +17,19 @@ import pytest
 
 COMPILATIONS = "JAX_COMPILATION_CACHE_DIR"
 ONE_THREAD = "OPENBLAS_NUM_THREADS"
+
+MOST_KEPT_BYTES = 1_000_000_000
+"""Of compilations that are kept between two runs; with more of them the next starts anew."""
+
+MOST_RESIDENT_BYTES = 1_400_000_000
+"""Memory of a worker from which on it drops compiled programs between two files."""
+
+PROGRAMS = {
+    "chromium": ("chromium", "chromium-browser", "google-chrome"),
+    "octave": ("octave-cli",),
+}
+"""Packages of Debian that some tests need, with the programs of which one will do."""
+
 LONGEST = (
     "test_view_browser.py", "test_discover_command.py", "test_run_everywhere.py",
     "test_posterior.py", "test_cli.py", "test_fleet_engine.py", "test_bodies.py",
@@ -27,26 +42,79 @@ LONGEST = (
 )  # fmt: skip
 """Files that take half a minute or more, longest first."""
 
+NOT_QUICK = ("app", "benchmarks", "crosschecks", "faults", "fleet", "studies")
+"""Folders of tests that start other programs or fit a lot."""
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Let all processes of this run of the tests share their compilations, with no other run.
 
-    Half of the processor time of the tests was compiling the same functions in each of them. And
-    keep the linear algebra of NumPy and SciPy on one thread in each, as the commands do: threads
-    that wait for one another take up to nine times the processor time where there are other users.
+def _share_compilations() -> None:
+    """Let all processes share their compilations, and this run those of the last.
+
+    Most of the processor time of the tests is compiling. And keep the linear algebra of NumPy and
+    SciPy on one thread in each, as the commands do: threads that wait for one another take up to
+    nine times the processor time where there are other users.
     """
     os.environ.setdefault(ONE_THREAD, "1")
     if COMPILATIONS in os.environ:  # a worker's, or the user's
         return
-    folder = tempfile.mkdtemp(prefix="heatrun-tests-")
-    os.environ[COMPILATIONS] = folder
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path("~").expanduser() / ".cache")
+    folder = base / "heatrun" / "tests"
+    if sum(file.stat().st_size for file in folder.glob("*")) > MOST_KEPT_BYTES:
+        shutil.rmtree(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:  # a home that cannot be written to
+        folder = Path(tempfile.mkdtemp(prefix="heatrun-tests-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    os.environ[COMPILATIONS] = str(folder)
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
-    config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the files that take longest first, so that no core waits for the other at the end."""
+_share_compilations()  # before another conftest loads JAX
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Say in the last line what was skipped for want of a program, and how to get it."""
+    missing = [name for name, any_of in PROGRAMS.items() if not any(map(shutil.which, any_of))]
+    if missing and not hasattr(config, "workerinput") and not config.option.collectonly:
+        print(
+            f"Skipped: all tests that need {' or '.join(missing)}. To install: "
+            f"apt-get install {' '.join(missing)}"
+        )
+
+
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Drop compiled programs between files once they fill the memory."""
+    if nextitem is not None and nextitem.path == item.path:
+        return
+    if "jax" in sys.modules and _resident_bytes() > MOST_RESIDENT_BYTES:
+        sys.modules["jax"].clear_caches()
+        gc.collect()
+
+
+def _resident_bytes() -> int:
+    """Return the memory that this process holds; 0 where the system does not tell."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add `--quick`, which is `make quick`."""
+    parser.addoption("--quick", action="store_true", help="only files that take seconds")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Put the files that take longest first, so that no core waits for the other at the end.
+
+    With `--quick` these are left out.
+    """
     places = {name: place for place, name in enumerate(LONGEST)}
+    if config.getoption("quick"):
+        slow = [i for i in items if i.path.name in places or i.path.parent.name in NOT_QUICK]
+        config.hook.pytest_deselected(items=slow)
+        items[:] = [item for item in items if item not in set(slow)]
     items.sort(key=lambda item: places.get(item.path.name, len(places)))
 
 

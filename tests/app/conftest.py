@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,6 +22,8 @@ DATA = ROOT / "data" / "synthetic"
 CHROMIUM = next((p for name in ("chromium", "chromium-browser", "google-chrome")
                  if (p := shutil.which(name))), None)  # fmt: skip
 START_S = 60
+
+WARM = Path(__file__).with_name("warm.py")
 
 END_WITH_THE_TESTS = """
 import ctypes, os, signal, sys
@@ -31,20 +36,94 @@ os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 `preexec_fn`: JAX, loaded by other tests of the process, forbids the fork that this takes."""
 
 
+class Warm:
+    """A process that has imported the live view, and starts `heatrun` as often as it is asked to.
+
+    All of those end when it does, and it ends when pytest does.
+    """
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, str(WARM)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+    def start(
+        self, words: list[str], log: Path, constants: dict[str, float] | None = None
+    ) -> Forked:
+        """Start a command; what it prints goes into a file."""
+        log.touch()
+        asked = {"words": words, "log": str(log), "constants": constants or {}}
+        return Forked(self, self.ask(**asked, environment=dict(os.environ)))
+
+    def ask(self, **asked: Any) -> Any:
+        """Return the answer of the process."""
+        self._process.stdin.write(json.dumps(asked) + "\n")
+        self._process.stdin.flush()
+        return json.loads(self._process.stdout.readline())
+
+    def close(self) -> None:
+        self._process.stdin.close()
+        self._process.stdout.close()
+        try:
+            self._process.wait(20)
+        finally:
+            self._process.kill()
+            self._process.wait()
+
+
+class Forked:
+    """A command that `Warm` has started, with what the tests need of `subprocess.Popen`."""
+
+    def __init__(self, warm: Warm, pid: int) -> None:
+        self._warm, self.pid = warm, pid
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        if self.returncode is None:
+            self.returncode = self._warm.ask(code=self.pid)
+        return self.returncode
+
+    def wait(self, seconds: float = 60.0) -> int:
+        end = time.monotonic() + seconds
+        while (code := self.poll()) is None:
+            if time.monotonic() > end:
+                raise subprocess.TimeoutExpired("heatrun", seconds)
+            time.sleep(0.02)
+        return code
+
+    def send_signal(self, number: int) -> None:
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def terminate(self) -> None:
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+
+
 class Served:
-    """A running `heatrun view`."""
+    """A running `heatrun view`: forked off a warm process, or without one started as users do."""
 
     def __init__(
-        self, folder: Path, *options: str, program: tuple[str, str] = ("-m", "heatrun.cli")
+        self,
+        folder: Path,
+        *options: str,
+        warm: Warm | None = None,
+        constants: dict[str, float] | None = None,
     ) -> None:
         self.folder, self.out = folder, folder.parent / "runs"
         self.log = folder.parent / f"{folder.name}.log"
-        with self.log.open("w") as file:
-            self.process = subprocess.Popen(
-                [sys.executable, "-c", END_WITH_THE_TESTS, *program, "view", str(folder),
-                 "--no-browser", "--port", "0", "--out", str(self.out), *options],
-                stdout=file, stderr=file, env=dict(os.environ),
-            )  # fmt: skip
+        words = ["view", str(folder), "--no-browser", "--port", "0", "--out", str(self.out),
+                 *options]  # fmt: skip
+        if warm is not None:
+            self.process = warm.start(words, self.log, constants)
+        else:
+            with self.log.open("w") as file:
+                self.process = subprocess.Popen(
+                    [sys.executable, "-c", END_WITH_THE_TESTS, "-m", "heatrun.cli", *words],
+                    stdout=file, stderr=file, env=dict(os.environ),
+                )  # fmt: skip
         try:
             self.url = self._told()
         except BaseException:
@@ -93,15 +172,31 @@ def folder(tmp_path: Path) -> Path:
     return _fill(tmp_path / "bench")
 
 
+@pytest.fixture(scope="module")
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same for tests that change nothing in it."""
+    return _fill(tmp_path_factory.mktemp("shared") / "bench")
+
+
 @pytest.fixture(scope="session")
 def bench_data() -> Path:
     return DATA
 
 
+@pytest.fixture(scope="session")
+def warm() -> Iterator[Warm]:
+    """What starts the servers of all tests but those on the start and the end of one."""
+    process = Warm()
+    try:
+        yield process
+    finally:
+        process.close()
+
+
 @pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+def served(tmp_path_factory: pytest.TempPathFactory, warm: Warm) -> Iterator[Served]:
     """One server for the tests of a file; a test that changes a file brings its own."""
-    server = Served(_fill(tmp_path_factory.mktemp("view") / "bench"))
+    server = Served(_fill(tmp_path_factory.mktemp("view") / "bench"), warm=warm)
     try:
         yield server
     finally:
@@ -109,9 +204,9 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 
 @pytest.fixture
-def served_empty(tmp_path: Path) -> Iterator[Served]:
+def served_empty(tmp_path: Path, warm: Warm) -> Iterator[Served]:
     (tmp_path / "empty").mkdir()
-    server = Served(tmp_path / "empty", "--max-upload-MB", "1")
+    server = Served(tmp_path / "empty", "--max-upload-MB", "1", warm=warm)
     try:
         yield server
     finally:
@@ -119,17 +214,24 @@ def served_empty(tmp_path: Path) -> Iterator[Served]:
 
 
 @pytest.fixture
-def serve(tmp_path: Path) -> Iterator[Callable[..., Served]]:
-    """Start servers with options, each of a folder of its own, ended after the test."""
+def serve(tmp_path: Path, warm: Warm) -> Iterator[Callable[..., Served]]:
+    """Start servers with options, each of a folder of its own, ended after the test.
+
+    A cold one is started as users do.
+    """
     started: list[Served] = []
 
     def start(
-        *options: str, fill: Callable[[Path], object] | None = None, **program: tuple[str, str]
+        *options: str,
+        fill: Callable[[Path], object] | None = None,
+        constants: dict[str, float] | None = None,
+        is_cold: bool = False,
     ) -> Served:
         folder = _fill(tmp_path / f"bench{len(started)}")
         if fill is not None:
             fill(folder)
-        started.append(Served(folder, *options, **program))
+        origin = None if is_cold else warm
+        started.append(Served(folder, *options, warm=origin, constants=constants))
         return started[-1]
 
     try:

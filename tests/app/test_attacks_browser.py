@@ -68,8 +68,11 @@ def foreign(request, stranger, tab):
     return tab
 
 
-def _lives(tab, served) -> None:
-    page = tab.context.new_page()
+@pytest.fixture(autouse=True, scope="module")
+def _lives(browser, served) -> Iterator[None]:
+    """After all of them a user's page still opens."""
+    yield
+    page = browser.new_page()
     page.goto(served.url)
     page.get_by_label("step_30min.csv.gz").first.wait_for()
     page.close()
@@ -81,7 +84,6 @@ def test_nothing_is_loaded_into_a_page_of_a_stranger(foreign, served):
     assert found.pop("page no-cors") in ("empty", "refused")  # opaque: it cannot be read
     assert set(found.values()) == {"refused"}, found
     assert "Beautiful is better" not in served.log.read_text()
-    _lives(foreign, served)
 
 
 def test_the_page_stands_in_no_frame(foreign, served):
@@ -94,14 +96,12 @@ def test_the_page_stands_in_no_frame(foreign, served):
     texts = [frame.content() for frame in foreign.frames[1:]]
     assert texts
     assert not any("bokeh" in text for text in texts)
-    _lives(foreign, served)
 
 
 def test_a_link_of_a_stranger_opens_no_page(foreign, served):
     foreign.evaluate("(target) => { window.location = target + '?test=duty_30min.csv.gz'; }",
                      served.url)  # fmt: skip
     foreign.get_by_text("Another page has sent you here").wait_for()
-    _lives(foreign, served)
 
 
 def test_a_link_with_the_token_opens_the_page_and_the_token_leaves_the_address(

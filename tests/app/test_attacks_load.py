@@ -10,6 +10,7 @@ import shutil
 import signal
 import socket
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -33,6 +34,19 @@ def _is_running(pid: int) -> bool:
         return False
 
 
+def _alive(served, wire) -> None:
+    tab = wire.Tab(served.url)
+    assert "duty_30min.csv.gz" in tab.document()
+    tab.close()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _lives(served, wire) -> Iterator[None]:
+    """After all of them the page is still there."""
+    yield
+    _alive(served, wire)
+
+
 def test_a_packed_message_is_measured_before_it_is_unpacked(served, wire):
     packed = base64.b64encode(gzip.compress(bytes(BOMB_MB * 10**6))).decode()
     part = {"type": "bytes", "data": packed}
@@ -44,7 +58,6 @@ def test_a_packed_message_is_measured_before_it_is_unpacked(served, wire):
         assert tab.is_closed()
         tab.close()
     assert served.most_MB - before < 0.5 * BOMB_MB
-    _alive(served, wire)
 
 
 def test_many_small_packed_parts_are_measured_together(served, wire):
@@ -56,7 +69,6 @@ def test_many_small_packed_parts_are_measured_together(served, wire):
     assert tab.is_closed()
     tab.close()
     assert served.most_MB - before < 0.5 * BOMB_MB
-    _alive(served, wire)
 
 
 def test_frames_are_not_packed_and_messages_end_at_a_size(served, wire):
@@ -75,7 +87,6 @@ def test_frames_are_not_packed_and_messages_end_at_a_size(served, wire):
         pass  # it did not even hear us out
     tab.close()
     assert served.most_MB - before < 150
-    _alive(served, wire)
 
 
 def test_uploads_of_all_pages_share_one_limit(serve, wire):
@@ -101,12 +112,6 @@ def test_uploads_of_all_pages_share_one_limit(serve, wire):
         tab.close()
 
 
-def _alive(served, wire) -> None:
-    tab = wire.Tab(served.url)
-    assert "duty_30min.csv.gz" in tab.document()
-    tab.close()
-
-
 def test_connections_that_say_nothing_are_cut(served, wire):
     parts = urlsplit(served.url)
     address = (parts.hostname, parts.port)
@@ -123,7 +128,6 @@ def test_connections_that_say_nothing_are_cut(served, wire):
         while each.recv(65536):
             pass
         each.close()
-    _alive(served, wire)
 
 
 def test_a_flood_of_connections_leaves_the_page_alive(served, wire):
@@ -141,19 +145,12 @@ def test_a_flood_of_connections_leaves_the_page_alive(served, wire):
 
 
 FEW_PAGES = 4
-WITH_FEW_PAGES = f"""
-import sys
-from heatrun.app.server.handlers import PageHandler
-from heatrun.cli import main
-PageHandler.MAX_SESSIONS = {FEW_PAGES}
-sys.exit(main())
-"""
-"""The server with a bound that is reached in seconds, before it forgets the first pages."""
+"""A bound that is reached in seconds, before the server forgets the first pages."""
 
 
 @pytest.mark.slow
 def test_a_flood_of_pages_ends_at_a_number(serve, wire):
-    server = serve(program=("-c", WITH_FEW_PAGES))
+    server = serve(constants={"heatrun.app.server.handlers:PageHandler.MAX_SESSIONS": FEW_PAGES})
     tabs = [wire.Tab(server.url) for _ in range(2)]
     answers = []
     for _ in range(5):
@@ -181,7 +178,7 @@ def test_nothing_is_left_when_the_server_ends(serve, wire, tmp_path, monkeypatch
     # these tests may run under nohup, whose children do not hear of a hang-up
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     try:
-        server = serve()
+        server = serve(is_cold=True)
     finally:
         signal.signal(signal.SIGHUP, before)
     tab = wire.Tab(server.url, "?test=duty_30min.csv.gz&motor=motor.toml")
@@ -207,16 +204,13 @@ def test_nothing_is_left_when_the_server_ends(serve, wire, tmp_path, monkeypatch
 
 
 @pytest.mark.slow
-def test_a_server_under_nohup_outlives_its_terminal(folder, served_class, wire):
+def test_a_server_under_nohup_outlives_its_terminal(serve, wire):
     if shutil.which("nohup") is None:
         pytest.skip("no nohup here")
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        server = served_class(folder)
+        server = serve(is_cold=True)
     finally:
         signal.signal(signal.SIGHUP, before)
-    try:
-        os.kill(server.process.pid, signal.SIGHUP)
-        _alive(server, wire)
-    finally:
-        server.close()
+    os.kill(server.process.pid, signal.SIGHUP)
+    _alive(server, wire)

@@ -196,10 +196,10 @@ def test_a_fleet_is_no_run_and_its_files_are_no_tests(shown):
     assert Folder(shown).list().tests == ("duty_30min.csv.gz",)
 
 
-def test_a_fleet_in_a_browser(shown, tmp_path, served_class, browser):
+def test_a_fleet_in_a_browser(shown, tmp_path, served_class, warm, browser):
     folder = tmp_path / "line"
     shutil.copytree(shown, folder)
-    server = served_class(folder)
+    server = served_class(folder, warm=warm)
     try:
         page = browser.new_page(viewport={"width": 1400, "height": 900})
         problems: list[str] = []

@@ -9,6 +9,7 @@ import pytest
 from heatrun.app.folder import Folder
 from heatrun.app.store import RecordStore
 from heatrun.app.tabs.page import Page
+from heatrun.app.tabs.sidebar import NO_RUN
 from heatrun.app.uploads import UploadRoom
 from heatrun.cli import _parser
 from heatrun.errors import InputError
@@ -29,20 +30,34 @@ class Told:
         raise InputError("Nothing is run here.")
 
 
-@pytest.fixture
-def page(folder: Path, tmp_path: Path) -> Page:
-    """A page with a motor file, two tests and one run, on which a test is chosen."""
-    out = tmp_path / "runs"
+@pytest.fixture(scope="module")
+def out(shared_folder: Path) -> Path:
+    """A folder of one run."""
+    out = shared_folder.parent / "runs"
     (out / "cold").mkdir(parents=True)
     (out / "cold" / "manifest.json").write_text("{}")
-    page = Page(Folder(folder), out, UploadRoom(tmp_path / "sent", 1000), RecordStore(), Told())
+    return out
+
+
+@pytest.fixture(scope="module")
+def shared(shared_folder: Path, out: Path) -> Page:
+    """A page with a motor file, two tests and one run, on which a test is chosen."""
+    sent = shared_folder.parent / "sent"
+    sent.mkdir()
+    page = Page(Folder(shared_folder), out, UploadRoom(sent, 1000), RecordStore(), Told())
     page._sidebar.tests.value = ["duty_30min.csv.gz"]
     return page
 
 
-@pytest.fixture(autouse=True)
-def sent(tmp_path: Path) -> None:
-    (tmp_path / "sent").mkdir()
+@pytest.fixture
+def page(shared: Page) -> Page:
+    """The page with its form empty."""
+    shared._sidebar.run.value = NO_RUN
+    shared._sidebar.kind.value = "general"
+    shared.reporting._reference.value = shared.reporting._reference.options[0]
+    shared.reporting._problem.object = ""
+    shared.reporting._job._queue.words = []
+    return shared
 
 
 def ordered(page: Page, kind: str, *, run: str | None = None, reference: str | None = None):
@@ -58,27 +73,27 @@ def ordered(page: Page, kind: str, *, run: str | None = None, reference: str | N
     return options
 
 
-def test_a_selected_run_is_the_virtual_prototype(page, tmp_path):
+def test_a_selected_run_is_the_virtual_prototype(page, out):
     options = ordered(page, "virtual", run="cold")
-    assert options.run == tmp_path / "runs" / "cold"
+    assert options.run == out / "cold"
     assert options.reference is None
     assert "cold" in str(page.reporting._reference.value)  # the form says with what it compares
 
 
-def test_a_record_chosen_as_virtual_prototype_counts_before_the_selected_run(page, folder):
+def test_a_record_chosen_as_virtual_prototype_counts_before_the_selected_run(page, shared_folder):
     options = ordered(page, "virtual", run="cold", reference="step_30min.csv.gz")
     assert options.run is None
-    assert options.reference == folder / "step_30min.csv.gz"
+    assert options.reference == shared_folder / "step_30min.csv.gz"
 
 
-def test_a_run_is_no_real_prototype(page, folder):
+def test_a_run_is_no_real_prototype(page, shared_folder):
     page._sidebar.run.value = "cold"
     page._sidebar.kind.value = "real"
     page.reporting._job.start.clicks += 1
     assert page.reporting._job._queue.words == []
     assert "Expected the record of the other prototype" in page.reporting._problem.object
     options = ordered(page, "real", reference="step_30min.csv.gz")
-    assert (options.run, options.reference) == (None, folder / "step_30min.csv.gz")
+    assert (options.run, options.reference) == (None, shared_folder / "step_30min.csv.gz")
 
 
 def test_without_run_and_record_the_form_names_both(page):
@@ -88,6 +103,6 @@ def test_without_run_and_record_the_form_names_both(page):
     assert "select a run on the left" in page.reporting._problem.object
 
 
-def test_a_thermal_report_shows_the_selected_run(page, tmp_path):
-    assert ordered(page, "thermal", run="cold").run == tmp_path / "runs" / "cold"
+def test_a_thermal_report_shows_the_selected_run(page, out):
+    assert ordered(page, "thermal", run="cold").run == out / "cold"
     assert ordered(page, "general").run is None

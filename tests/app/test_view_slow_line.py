@@ -9,13 +9,6 @@ import time
 import pytest
 
 LOOK_S = 2.0
-WITH_FREQUENT_LOOKS = """
-import sys
-from heatrun.app.server import handlers
-handlers.LOOK_S = %g
-from heatrun.cli import main
-sys.exit(main())
-"""
 NUM_PULLS = 40
 BUFFER_BYTES = 1 << 16
 PAUSE_S = 0.25
@@ -28,7 +21,7 @@ def open_tab(serve, wire):
     with contextlib.ExitStack() as opened:
 
         def tab(look_s):
-            url = serve(program=("-c", WITH_FREQUENT_LOOKS % look_s)).url
+            url = serve(constants={"heatrun.app.server.handlers:LOOK_S": look_s}).url
             return opened.enter_context(contextlib.closing(wire.Tab(url)))
 
         yield tab

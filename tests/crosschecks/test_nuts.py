@@ -72,6 +72,7 @@ def test_blackjax_and_long_chains_agree_too(found, ensemble):
         assert 0.6 < np.sqrt(np.mean([v**2 for row in z.values() for v in row.values()])) < 1.5
 
 
+@pytest.mark.slow
 def test_weighted_draws_agree_with_the_ensemble(found, ensemble):
     """A tenth of a standard deviation: the delta method knows nothing of a tail without draws."""
     weighted = ensemble.weighted
@@ -83,6 +84,7 @@ def test_weighted_draws_agree_with_the_ensemble(found, ensemble):
     assert np.all(np.abs(np.log(sd / spread)) < 0.1)
 
 
+@pytest.mark.slow
 def test_quick_draws_find_the_tail_of_a_noise_that_does_not_show():
     """The white part of the noise may be as small as its prior allows: many cheap draws tell."""
     import chains
@@ -103,7 +105,9 @@ def test_quick_draws_find_the_tail_of_a_noise_that_does_not_show():
     assert np.all(np.abs(others) < np.log(1.25))
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(s, marks=pytest.mark.slow) for s in range(2, 6))]
+)
 def test_weighted_draws_find_a_long_tail_or_say_that_they_did_not(found, seed, monkeypatch):
     """One coordinate falls off four times as slowly to one side, as white noise near zero does."""
     from heatrun.inference.sampling import importance as proposal

@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal, norm
 from heatrun.errors import InputError
 from heatrun.fleet.population.evidence import Evidence
 from heatrun.fleet.population.factors import cholesky, solve_lower
-from heatrun.fleet.population.law import Hyperprior, num_scores, unpack
+from heatrun.fleet.population.law import Hyperprior, log_marginal, num_scores, unpack
 from heatrun.fleet.population.machines import _under, given_population
 from heatrun.fleet.population.next_machine import next_machine
 from heatrun.fleet.population.sampling import Data, _many, sample_population
@@ -197,11 +197,12 @@ def test_nothing_compiled_waits_for_a_library_of_linear_algebra():
     """Batches of its factorisations wait for one another for ever on two cores."""
     evidence, _, supplier, hyper, _ = simulated(6, 4)
     data = Data.of(evidence, supplier)
-    rows = jnp.zeros((2, num_scores(4, 1)))
-    law = jax.vmap(lambda z: unpack(z, hyper, 1)[0])(rows)
+    rows = np.zeros((2, num_scores(4, 1)))
+    law = jax.eval_shape(jax.vmap(lambda z: unpack(z, hyper, 1)[0]), rows)
+    first = jax.tree.map(lambda a: jax.ShapeDtypeStruct(a.shape[1:], a.dtype), law)
     for compiled in (
         jax.jit(partial(_many, hyper=hyper)).lower(data, rows=rows),
-        jax.jit(partial(_under, *data, has_outliers=True)).lower(jax.tree.map(lambda a: a[0], law)),
+        jax.jit(partial(_under, *data, has_outliers=True)).lower(first),
     ):
         text = compiled.as_text()
         assert not any(word in text for word in ("lapack", "cholesky", "triangular_solve"))
@@ -221,9 +222,29 @@ def test_factors_are_those_of_the_library():
     rng = np.random.default_rng(3)
     for size in (1, 4, 7):
         loose = rng.standard_normal((size, size))
-        matrix = jnp.asarray(loose @ loose.T + np.eye(size))
-        factor = cholesky(matrix)
+        matrix = loose @ loose.T + np.eye(size)
+        rights = rng.standard_normal(size), rng.standard_normal((size, 3))
+
+        @jax.jit
+        def solved(matrix, rights):
+            factor = cholesky(matrix)
+            return factor, [solve_lower(factor, right) for right in rights]
+
+        factor, found = jax.tree.map(np.asarray, solved(matrix, rights))
         np.testing.assert_allclose(factor, np.linalg.cholesky(matrix), atol=1e-12)
-        for right in (rng.standard_normal(size), rng.standard_normal((size, 3))):
-            found = solve_lower(factor, jnp.asarray(right))
-            np.testing.assert_allclose(factor @ found, right, atol=1e-12)
+        for own, right in zip(found, rights, strict=True):
+            np.testing.assert_allclose(factor @ own, right, atol=1e-12)
+
+
+def test_a_law_wider_than_rounding_can_tell_has_no_density():
+    """Its precision would be noise, compiled another one than not."""
+    precision = np.diag([4e4, 4e4, 4e4, 28.0])
+    information = precision @ np.array([-1.6, 5.3, -3.9, -6.3])
+    factor = np.tril(np.full((4, 4), 0.02))
+    wide = factor.copy()
+    wide[3] = [-1.2e7, -1.9e7, -4.1e6, 9.7e6]
+    given = [jnp.asarray(each) for each in (np.zeros(4), information, precision)]
+    for density in (log_marginal, jax.jit(log_marginal)):
+        at, h, L = given
+        assert density(at, jnp.asarray(wide), h, L) == -np.inf
+        assert np.isfinite(density(at, jnp.asarray(factor), h, L))

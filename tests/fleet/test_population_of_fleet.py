@@ -187,14 +187,9 @@ def test_all_types_are_written_and_the_small_one_is_named(fleet, tmp_path, capsy
 
 def test_the_command_says_it_in_words(fleet, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    words = [
-        "population",
-        str(fleet / "machines.parquet"),
-        "--type",
-        "A",
-        "--covariate",
-        "supplier",
-    ]
+    words = ["population", str(fleet / "machines.parquet"), "--type", "A"]
+    for covariate in ("supplier", "date", "rate"):  # as `known` has it: nothing compiles anew
+        words += ["--covariate", covariate]
     for _ in range(2):
         assert cli.main(words) == 0
     assert [path.name for path in (tmp_path / "results" / "populations").iterdir()] == ["a"]
@@ -244,11 +239,12 @@ def test_parameters_that_are_normal_by_their_value(tmp_path):
     for number in range(12):
         own = machine(number, 5)
         share = 0.4 + 0.05 * np.random.default_rng(number).standard_normal()
-        own["parameters"], own["parameter_units"] = ["Req_w", "share_yoke"], ["K/W", "1"]
-        own["transforms"] = ["log", "linear"]
-        own["log_mean"] = [own["log_mean"][2], share]
-        own["log_covariance"] = [1e-4, 0.0, 0.0, 1e-4]
-        own["prior_mean"], own["prior_sd"] = [-2.0, 0.5], [1.8, 0.25]
+        # four, as the noise has: one program for both
+        own["parameters"][3], own["parameter_units"][3] = "share_yoke", "1"
+        own["transforms"] = ["log", "log", "log", "linear"]
+        own["log_mean"][3] = share
+        own["log_covariance"][-1] = 1e-4
+        own["prior_mean"][3], own["prior_sd"][3] = 0.5, 0.25
         rows.append(own)
     write_rows(tmp_path, rows)
     said = heatrun.population(tmp_path, out=tmp_path).result.parameters["share_yoke"]

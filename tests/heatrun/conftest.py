@@ -5,22 +5,20 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy as np
 import pytest
 from filelock import FileLock
 
+from heatrun import cli
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.calibration import calibrate, load_tests, manifest
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
 from heatrun.motor import Motor
-from heatrun.motorfile import load_motor
-from heatrun.runs.run_folder import RunFolder
-from heatrun.runs.write import write_run
 
 # what several files of tests write stands beside them as a plain script
 sys.path.insert(0, str(Path(__file__).parent))
@@ -74,8 +72,10 @@ def fitted(blocks, motor):
 def finished_day(tmp_path_factory, duty, bench, generator):
     """A folder with a motor file, two records at 1 Hz and a run of both orders on them.
 
-    The duty is the one that other tests fit too, so its compilations are shared. Where the tests
-    run in several processes, the first that needs it makes it for all.
+    The command made it, with `--quick` and `--json`; what it printed lies beside it, in
+    `printed.json` and `said.txt`. The one calibration of both orders that the tests of runs,
+    sheets and exports read: nobody writes into it. The duty is the one that other tests fit too.
+    Where the tests run in several processes, the first that needs it makes it for all.
     """
     own = tmp_path_factory.getbasetemp()
     folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "finished_day"
@@ -91,18 +91,17 @@ def _calibrate_day(folder, duty, step):
     shutil.copy(DATA / "motor.toml", folder / "motor.toml")
     write_csv(duty, folder / "duty.csv")
     write_csv(step, folder / "step.csv")
-    with pytest.MonkeyPatch.context() as patch:
+    words = ["calibrate", "motor.toml", "duty.csv", "--holdout", "step.csv", "--quick", "--json",
+             "--out", "run"]  # fmt: skip
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        (folder / "printed.json").open("w", encoding="utf-8") as out,
+        (folder / "said.txt").open("w", encoding="utf-8") as err,
+        redirect_stdout(out),
+        redirect_stderr(err),
+    ):
         patch.chdir(folder)
-        motor = load_motor("motor.toml")
-        found = calibrate(
-            motor,
-            load_tests(motor, [Path("duty.csv")], [Path("step.csv")]),
-            networks=["first", "second"],
-            method="quick",
-        )
-        run = RunFolder.begin(Path("run"), {})
-        write_run(run, found.motor, found.result, found.posteriors, found.predictions)
-        run.finish(manifest(found, "", 0))
+        assert cli.main(words) == 0
 
 
 @pytest.fixture

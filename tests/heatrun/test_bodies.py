@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,16 +14,25 @@ from test_noise import NOISE, covariance, log_normal
 
 import heatrun
 from heatrun.bench.reduction import reduce
+from heatrun.calibration import calibrate, load_tests, manifest
 from heatrun.errors import InputError
+from heatrun.inference.bodies import body_courses
+from heatrun.inference.comparison import verdict
+from heatrun.inference.draws import Draws
 from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.fit_result import Fit
 from heatrun.inference.model import Model
 from heatrun.inference.noise import log_density, whiten
-from heatrun.inference.posterior import sample
+from heatrun.inference.posterior import normal_draws
 from heatrun.inference.predict import of_test
 from heatrun.inference.problem import Problem
 from heatrun.motorfile import load_motor
+from heatrun.results import FitResult, from_json
+from heatrun.runs.run_folder import RunFolder
+from heatrun.runs.write import write_run
 
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
+STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
 
 
 @pytest.fixture(scope="module")
@@ -36,9 +46,54 @@ def test(record, motor):
 
 
 @pytest.fixture(scope="module")
-def found(test, motor):
-    model = Model.of("second", motor)
-    return fit(Problem.of(model, motor, [model.with_bodies(test)]))
+def bench_files(record, tmp_path_factory):
+    """A motor file, and the test with a yoke too that runs 4 K below the stator."""
+    folder = tmp_path_factory.mktemp("bench")
+    channels = pd.DataFrame(record.channels)
+    warm = channels.stator_degC - channels.ambient_degC
+    channels["yoke_degC"] = channels.ambient_degC + 0.6 * warm
+    channels.to_csv(folder / "duty.csv", index=False)
+    (folder / "motor.toml").write_text(
+        '[motor]\nname = "reference"\nlosses = "balance"\n'
+        "[winding]\nphase_resistance_ohm = 0.0062\n"
+    )
+    return folder
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """The fit and the draws of a run, and where the run is."""
+
+    fit: Fit
+    draws: Draws
+    path: Path
+
+
+@pytest.fixture(scope="module")
+def calibrated(bench_files):
+    """A run of the second order, with draws from around its fit and no look for other effects.
+
+    Nor is a longer test forecast. A slow test below makes the run as the command does.
+    """
+    motor = load_motor(bench_files / "motor.toml")
+    tests = load_tests(motor, [bench_files / "duty.csv"])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("heatrun.calibration.missing", lambda *_, **__: None)
+        patch.setattr("heatrun.runs.result.forecast", lambda _: {})
+        patch.setattr(
+            "heatrun.calibration.sample", lambda fit, *, seed, **_: normal_draws(fit, seed=seed)
+        )
+        made = calibrate(motor, tests, networks=["second"])
+    run = RunFolder.begin(bench_files / "run", {})
+    write_run(run, made.motor, made.result, made.posteriors, made.predictions)
+    run.finish(manifest(made, "", 0))
+    posterior = made.posteriors["second"]
+    return Calibrated(posterior.fit, posterior.draws, bench_files / "run")
+
+
+@pytest.fixture(scope="module")
+def found(calibrated):
+    return calibrated.fit
 
 
 def in_sds(found, name, true):
@@ -61,13 +116,13 @@ def test_parameters_and_the_sensor_are_found(found, truth):
 
 @pytest.mark.parametrize("warm_K", [0.0, 12.0])
 def test_the_first_readings_of_a_body_tell_where_it_starts_in_a_test_that_is_held_out(
-    found, record, motor, warm_K
+    calibrated, record, motor, warm_K
 ):
     """The sensor's offset is known to some tenths of a kelvin from the test that was fitted."""
     channels = dict(record.channels)
     channels["ambient_degC"] = record["ambient_degC"] - warm_K
     other = reduce(replace(record, name="other", channels=channels), motor)
-    drawn = of_test(sample(found, method="quick").draws, other, fitted_as=None)
+    drawn = of_test(calibrated.draws, other, fitted_as=None)
     start = drawn.values["Tsr_start"]
     assert start.std() < 0.6
     assert start.mean() == pytest.approx(record["stator_degC"][:20].mean(), abs=3.0 * start.std())
@@ -113,25 +168,8 @@ def test_density_of_two_sensors_with_one_heat_is_that_of_the_dense_covariance(te
 
 
 @pytest.fixture(scope="module")
-def bench_files(record, tmp_path_factory):
-    """A motor file, and the test with a yoke too that runs 4 K below the stator."""
-    folder = tmp_path_factory.mktemp("bench")
-    channels = pd.DataFrame(record.channels)
-    warm = channels.stator_degC - channels.ambient_degC
-    channels["yoke_degC"] = channels.ambient_degC + 0.6 * warm
-    channels.to_csv(folder / "duty.csv", index=False)
-    (folder / "motor.toml").write_text(
-        '[motor]\nname = "reference"\nlosses = "balance"\n'
-        "[winding]\nphase_resistance_ohm = 0.0062\n"
-    )
-    return folder
-
-
-@pytest.fixture(scope="module")
-def run(bench_files):
-    motor, test = bench_files / "motor.toml", bench_files / "duty.csv"
-    done = heatrun.calibrate(motor, test, method="quick", out=bench_files / "run")
-    return heatrun.open_run(done.path)
+def run(calibrated):
+    return heatrun.open_run(calibrated.path)
 
 
 def test_a_run_with_a_body_reads_back_and_predicts(run, bench_files):
@@ -158,7 +196,28 @@ def test_a_body_that_is_no_node_is_held_against_the_model(run):
     assert "measured_yoke_degC" in run.courses()[0]
 
 
-def test_networks_of_other_readings_are_not_compared_by_evidence(run):
+def test_networks_of_other_readings_are_not_compared_by_evidence(run, test, motor):
+    first = Model.of("first", motor)
+    assert first.with_bodies(test) is test
+    course = {"winding": test.measured}
+    assert body_courses(first.form, test, {}, course, {"winding": (course, course)}) == ()
+    models = from_json(STORED.read_bytes(), FitResult, "fit.json", "run").models
+    assert models["first"].bodies is UNSET
+    bodies = run.result.models["second"].bodies
+    found = verdict(models | {"second": replace(models["second"], bodies=bodies)})
+    assert found.log_bayes_factor is None
+    assert "stator_degC" in found.sentence
+
+
+@pytest.mark.slow
+def test_a_quick_run_of_both_networks_with_a_body(bench_files, tmp_path):
+    """As the command makes it, with the look for other effects and importance sampling."""
+    motor, test = bench_files / "motor.toml", bench_files / "duty.csv"
+    done = heatrun.calibrate(motor, test, method="quick", out=tmp_path / "run")
+    run = heatrun.open_run(done.path)
+    assert run.result.models["second"].posterior.method == "importance"
+    test_a_run_with_a_body_reads_back_and_predicts(run, bench_files)
+    test_a_body_that_is_no_node_is_held_against_the_model(run)
     assert run.result.models["first"].bodies is UNSET
     assert run.result.verdict.log_bayes_factor is None
     assert "stator_degC" in run.result.verdict.sentence

@@ -213,48 +213,48 @@ def test_wrong_use_is_exit_code_two():
     assert stop.value.code == 2
 
 
-def test_the_main_job_from_file_to_sheet(run, table, tmp_path, motor_file, capsys):
-    code, out, err, left = run(table, "--json", "--quick")
-    assert code == 0
-    assert left == ["run"]
-    sampling_s, total_s = map(float, re.search(r"here (\d+) of (\d+) s;", err).groups())
+def test_the_main_job_from_file_to_sheet(finished_day, truth):
+    assert [p.name for p in finished_day.iterdir() if p.name.startswith("run")] == ["run"]
+    said = (finished_day / "said.txt").read_text("utf-8")
+    sampling_s, total_s = map(float, re.search(r"here (\d+) of (\d+) s;", said).groups())
     assert 0.0 <= sampling_s < total_s  # what a quick run cannot shorten is said
-    result = json.loads(out)
+    result = json.loads((finished_day / "printed.json").read_text("utf-8"))
     assert result["verdict"]["order"] == "second"
     assert "missing_effect" not in [finding["id"] for finding in result["findings"]]
-    true = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
-    for name, value in true.items():
+    for name, value in truth.items():
         low, high = result["models"]["second"]["parameters"][name]["interval_95"]
         assert low < value < high
-    folder = tmp_path / "run"
+    folder = finished_day / "run"
     for name in ("manifest.json", "fit.json", "posterior_second.nc", "sheet.pdf", "sheet.xlsx"):
         assert (folder / name).stat().st_size > 0
     listing = json.loads((folder / "manifest.json").read_text())
     assert listing["inputs"][1]["sha256"] == result["tests"][0]["sha256"]
 
-    # another run does not take its place in silence, nor does the sheet of another run
-    words = ["calibrate", str(motor_file), str(tmp_path / "test.csv"), "--model", "second",
-             "--quick", "--seed", "1", "--out", str(folder)]  # fmt: skip
-    before = (folder / "fit.json").read_bytes()
+
+def test_another_run_does_not_take_its_place_in_silence(day, capsys):
+    words = ["calibrate", "motor.toml", "duty.csv", "--model", "second", "--quick", "--seed", "1",
+             "--out", "run"]  # fmt: skip
+    before = Path("run/fit.json").read_bytes()
     assert cli.main(words) == 1
     assert "holds another run; it is left as it is. Choose another --out, or pass --force" in (
         capsys.readouterr().err
     )
-    assert (folder / "fit.json").read_bytes() == before
-    other = tmp_path / "other"
+    assert Path("run/fit.json").read_bytes() == before
+
+
+def test_nor_does_the_sheet_of_another_run(day, capsys):
+    other = Path("other")
     other.mkdir()
     (other / "sheet.json").write_text("{}")
-    assert cli.main(["sheet", str(folder), "--out", str(other)]) == 1
+    assert cli.main(["sheet", "run", "--out", str(other)]) == 1
     assert "holds the sheet of another run" in capsys.readouterr().err
     assert sorted(path.name for path in other.iterdir()) == ["sheet.json"]
-    assert cli.main(["sheet", str(folder), "--out", str(other), "--force"]) == 0
+    assert cli.main(["sheet", "run", "--out", str(other), "--force"]) == 0
+    assert (other / "sheet.pdf").read_bytes()[:4] == b"%PDF"
 
-    # the sheet again, and a virtual record that follows the measured one
-    assert cli.main(["sheet", str(folder), "--out", str(tmp_path / "again")]) == 0
-    assert (tmp_path / "again" / "sheet.pdf").read_bytes()[:4] == b"%PDF"
-    capsys.readouterr()
-    words = ["simulate", str(motor_file), str(folder), str(tmp_path / "test.csv"), "--json",
-             "--out", str(tmp_path / "virtual")]  # fmt: skip
+
+def test_a_virtual_record_follows_the_measured_one(day, capsys):
+    words = ["simulate", "motor.toml", "run", "duty.csv", "--json", "--out", "virtual"]
     assert cli.main(words) == 0
     row = json.loads(capsys.readouterr().out)["simulated"][0]
     assert row["rmse_K"] < 0.6  # rounding to 1 degC alone is 0.29 K

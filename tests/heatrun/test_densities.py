@@ -6,6 +6,7 @@ import warnings
 from dataclasses import replace
 
 import arviz
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from heatrun.inference.noise import from_scores
 from heatrun.inference.posterior import weighted_draws
 from heatrun.inference.problem import Problem, residuals
 from heatrun.runs import netcdf as archive
+from heatrun.runs.densities import densities
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +32,7 @@ def posterior(fitted):
 def opened(posterior, tmp_path_factory):
     """The groups as written and as ArviZ itself opens them."""
     path = tmp_path_factory.mktemp("run") / "posterior_second.nc"
-    archive.write(posterior, path)
+    archive.write(posterior, path, densities(posterior))
     assert path.stat().st_size < 2_000_000
     return arviz.from_netcdf(path)
 
@@ -64,7 +66,8 @@ def test_a_window_has_the_density_of_the_dense_conditional_normal_law(posterior)
     test = problem.data.tests[0]
     dense = covariance(test, noise)
     z = jnp.asarray(vector[: problem.num_parameters])
-    residual = np.asarray(residuals(problem.structure, problem.data, z)[0])
+    seen = jax.jit(lambda z: residuals(problem.structure, problem.data, z)[0])
+    residual = np.asarray(seen(z))
     for index in (0, 11, 23):
         rest = cut.without[0][index]
         gone = ~rest

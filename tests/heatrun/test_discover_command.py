@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from heatrun.cli import main
+from heatrun.inference.posterior import normal_draws
 from lptn import EFFECTS
 
 IDS = {kind.card.id for kind in EFFECTS}
@@ -17,7 +18,15 @@ DATA = Path(__file__).parents[2] / "data" / "synthetic" / "hidden_cause"
 MINE = Path(__file__).with_name("cabinet_heater.py")
 
 
-def test_the_command_names_what_is_hidden_and_writes_its_folder(tmp_path, capsys):
+def quick_draws(fit, *, method, seed, **_):
+    """Stand in for the samples, half a minute of them, which tests of `show` draw."""
+    assert method == "quick"
+    return normal_draws(fit, seed=seed)
+
+
+def test_the_command_names_what_is_hidden_and_writes_its_folder(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("heatrun.discovery.run.sample", quick_draws)
+    monkeypatch.setattr("heatrun.discovery.run.weighted_draws", normal_draws)
     run = tmp_path / "run"
     code = main([
         "discover", str(DATA / "motor.toml"), str(DATA / "staircase.csv.gz"),

@@ -12,17 +12,24 @@ from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
-from heatrun.inference.posterior import weighted_draws
+from heatrun.inference.posterior import normal_draws
 from heatrun.inference.predict import predict
 from heatrun.inference.problem import Problem
 from heatrun.motorfile import load_motor
 
 
-def fitted(files, network):
+def problem(files, network):
     motor = load_motor(files[0])
     test = reduce(read_test(files[1], motor), motor)
     model = Model.of(network, motor).scaled(motor, [test])
-    return fit(Problem.of(model, motor, [test]))
+    return Problem.of(model, motor, [test])
+
+
+@pytest.fixture(scope="module")
+def direct(tmp_path_factory):
+    """Files of a coil under direct current, and the second order's fit to them."""
+    files = coil(tmp_path_factory.mktemp("coil"), has_power=False)
+    return files, fit(problem(files, "second"), num_starts=4)
 
 
 def holds(found, true):
@@ -35,16 +42,16 @@ def holds(found, true):
 def test_a_block_with_a_heater_needs_no_current_and_no_resistance(tmp_path):
     files = heater(tmp_path)
     assert not [f for f in heatrun.check(*files) if f.severity != "note"]
-    found = fitted(files, "first")
+    found = fit(problem(files, "first"), num_starts=4)
     holds(found, BLOCK)
     assert "current_gain" not in found.problem.parameters.names
-    assert "Rs0" not in fitted(files, "second").problem.parameters.names
+    assert "Rs0" not in problem(files, "second").parameters.names
 
 
-def test_a_coil_under_direct_current_needs_no_losses_and_no_room_sensor(tmp_path):
-    files = coil(tmp_path, has_power=False)
+def test_a_coil_under_direct_current_needs_no_losses_and_no_room_sensor(direct):
+    files, found = direct
     assert not [f for f in heatrun.check(*files) if f.severity != "note"]
-    holds(fitted(files, "second"), COIL)
+    holds(found, COIL)
 
 
 def test_leads_are_named_where_the_meter_sees_more_than_the_copper(tmp_path):
@@ -72,9 +79,9 @@ def test_constants_that_are_none_are_refused(tmp_path, line):
         load_motor(tmp_path / "motor.toml")
 
 
-def test_steps_too_long_for_a_draw_are_told(tmp_path):
-    found = fitted(heater(tmp_path), "second")
-    draws = weighted_draws(found).draws
+def test_steps_too_long_for_a_draw_are_told(direct):
+    _, found = direct
+    draws = normal_draws(found).draws
     place = found.problem.parameters.index("Req_w")
     draws.vectors[:, place] = found.slots[place].parameter.score(1e-6)
     with pytest.raises(InputError, match="too fast for the steps"):

@@ -22,13 +22,31 @@ from heatrun.inference.sampling.importance import linear_sample
 from heatrun.inference.sampling.proposal import Branches
 from heatrun.runs import netcdf as archive
 
+SLOW = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def posterior(fitted):
+    """Of 200 steps: for what walkers that start from importance samples show at once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("heatrun.inference.posterior.CHUNK", 200)
+        return sample(fitted, seed=3, most_steps=400)
+
+
+@pytest.fixture(scope="module")
+def whole_posterior(fitted):
     return sample(fitted, seed=3, most_steps=4000)
 
 
-def test_the_ensemble_agrees_with_the_covariance(posterior, fitted):
+@pytest.fixture(scope="module")
+def stairs(bench, generator, motor):
+    """A test that was not fitted, as long as the one that was: one compilation serves both."""
+    return reduce(bench(generator.staircase(3600.0), seed=21, name="stairs"), motor)
+
+
+@pytest.mark.parametrize("which", ["posterior", pytest.param("whole_posterior", marks=SLOW)])
+def test_the_ensemble_agrees_with_the_covariance(request, which, fitted):
+    posterior = request.getfixturevalue(which)
     size = fitted.problem.num_parameters
     draws = posterior.flat[:, :size]
     sd = np.sqrt(np.diag(fitted.covariance)[:size])
@@ -58,20 +76,33 @@ def test_weighted_draws_agree_with_the_ensemble(blocks, motor):
 
 @pytest.fixture
 def short_chunks(monkeypatch):
-    """A checkpoint every 50 steps instead of 250, one round of draws: what follows is the same."""
-    monkeypatch.setattr("heatrun.inference.posterior.CHUNK", 50)
-    monkeypatch.setattr("heatrun.inference.sampling.rounds.MOST_ROUNDS", 1)
-
-
-def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble(
-    fitted, monkeypatch, short_chunks
-):
-    monkeypatch.setattr("heatrun.inference.sampling.weighted.PARETO_LIMIT", -1.0)
-    assert sample(fitted, method="quick", seed=1, most_steps=100).method == "emcee"
+    """A checkpoint every 20 steps instead of 250: what follows is the same."""
+    monkeypatch.setattr("heatrun.inference.posterior.CHUNK", 20)
 
 
 @pytest.fixture
-def looks(monkeypatch):
+def begun(posterior, monkeypatch):
+    """The importance samples that walkers start from, drawn once for several tests."""
+    start = posterior.weighted
+    monkeypatch.setattr("heatrun.inference.posterior.starting_sample", lambda *_, **__: start)
+    return start
+
+
+@pytest.fixture
+def free_steps(fitted, begun, monkeypatch):
+    """Steps through a normal law: for what does not depend on the law that is sampled."""
+    start = replace(begun, pareto_k=1.0)  # so that no walker draws from the proposal
+    monkeypatch.setattr("heatrun.inference.posterior.starting_sample", lambda *_, **__: start)
+    sd = np.sqrt(np.diag(fitted.covariance))
+
+    def log_density(_, vectors):
+        return -0.5 * np.sum(np.square((vectors - fitted.vector) / sd), axis=1)
+
+    monkeypatch.setattr(ensemble_run, "evaluate", log_density)
+
+
+@pytest.fixture
+def looks(free_steps, monkeypatch):
     """Steps at which the convergence was looked at, with a verdict of its own each time."""
     seen, verdict = [], judge(np.random.default_rng(0).standard_normal((2, 40, 8, 3)))
 
@@ -97,18 +128,18 @@ def test_half_of_the_steps_is_enough_to_see_that_all_would_not_do(fitted, looks,
     assert looks[-1] == 40  # four fifths of 50 steps
 
 
-def test_a_killed_sampling_goes_on_to_the_same_posterior(fitted, tmp_path, short_chunks):
-    whole = sample(fitted, seed=7, folder=tmp_path / "whole", most_steps=400)
+def test_a_killed_sampling_goes_on_to_the_same_posterior(fitted, tmp_path, begun, short_chunks):
+    whole = sample(fitted, seed=7, folder=tmp_path / "whole", most_steps=80)
     shutil.copytree(tmp_path / "whole", tmp_path / "cut")
     killed = sorted((tmp_path / "cut").glob("ensemble_*/chunk_00001.npz"))
     assert killed
     for chunk in killed:
         chunk.unlink()  # as if killed after the first chunk
-    again = sample(fitted, seed=7, folder=tmp_path / "cut", most_steps=400)
+    again = sample(fitted, seed=7, folder=tmp_path / "cut", most_steps=80)
     np.testing.assert_array_equal(again.vectors, whole.vectors)
 
 
-def test_a_checkpoint_of_something_else_is_not_taken_up(fitted, tmp_path, short_chunks):
+def test_a_checkpoint_of_something_else_is_not_taken_up(fitted, tmp_path, free_steps, short_chunks):
     first = sample(fitted, seed=7, folder=tmp_path, most_steps=100)
     other = sample(fitted, seed=8, folder=tmp_path, most_steps=100)
     alone = sample(fitted, seed=8, most_steps=100)
@@ -116,11 +147,10 @@ def test_a_checkpoint_of_something_else_is_not_taken_up(fitted, tmp_path, short_
     assert not np.array_equal(other.vectors, first.vectors)
 
 
-def test_bands_cover_a_held_out_test(posterior, bench, generator, motor):
-    held_out = reduce(bench(generator.staircase(3000.0), seed=21, name="stairs"), motor)
-    prediction = predict(posterior, held_out)
+def test_bands_cover_a_held_out_test(posterior, stairs):
+    prediction = predict(posterior, stairs)
     assert prediction.is_held_out
-    assert 0.8 <= prediction.coverage_95() <= 1.0  # 150 correlated block means of one test
+    assert 0.8 <= prediction.coverage_95() <= 1.0  # 180 correlated block means of one test
     low, high = prediction.parameters["95"]
     assert np.all(low <= prediction.median)
     assert np.all(prediction.median <= high)
@@ -129,19 +159,16 @@ def test_bands_cover_a_held_out_test(posterior, bench, generator, motor):
     assert np.all(prediction.nodes["stator"] < np.maximum(prediction.nodes["winding"], 30.0) + 20)
 
 
-def test_residuals_of_a_right_model_are_white_once_freed_of_their_noise(
-    posterior, bench, generator, motor, blocks
-):
-    held_out = reduce(bench(generator.staircase(3000.0), seed=21, name="stairs"), motor)
-    for test in (blocks, held_out):
+def test_residuals_of_a_right_model_are_white_once_freed_of_their_noise(posterior, blocks, stairs):
+    for test in (blocks, stairs):
         found = predict(posterior, test)
         innovations = found.innovations()
         assert innovations.size == int(test.is_observed.sum())
         assert ljung_box(innovations) > 0.001
         assert 0.8 < np.std(innovations) < 1.2
     # of a winding that wanders by 0.4 K in waves of ten minutes they are not
-    waves = 0.4 * np.sin(2 * np.pi * held_out.time / 600.0)
-    wandering = replace(held_out, measured=held_out.measured + waves)
+    waves = 0.4 * np.sin(2 * np.pi * stairs.time / 600.0)
+    wandering = replace(stairs, measured=stairs.measured + waves)
     assert ljung_box(predict(posterior, wandering).innovations()) < 1e-6
 
 
@@ -177,10 +204,10 @@ def test_groups_carry_units_and_survive_the_file(posterior, tmp_path):
 
 @pytest.mark.slow
 def test_draws_from_a_proposal_that_is_off_are_accepted_as_the_posterior_wants(
-    fitted, posterior, monkeypatch
+    fitted, whole_posterior, monkeypatch
 ):
     """A third of a standard deviation off and a third wider, and no other move beside it."""
-    weighted = posterior.weighted
+    weighted = whole_posterior.weighted
     branches = weighted.proposal.branches
     branches = Branches.of(
         branches.optimum, branches.share, branches.shift + 0.33, 1.33 * branches.shape
@@ -191,13 +218,20 @@ def test_draws_from_a_proposal_that_is_off_are_accepted_as_the_posterior_wants(
     ensemble = ensemble_run.Ensemble.begin(fitted, off, 64, 0, 11, None)
     ensemble.advance(1500)
     chain = ensemble.chain()[300:].reshape(-1, fitted.vector.size)
-    sd = posterior.flat.std(axis=0)
-    assert np.max(np.abs(chain.mean(axis=0) - posterior.flat.mean(axis=0)) / sd) < 0.12
+    right = whole_posterior.flat
+    sd = right.std(axis=0)
+    assert np.max(np.abs(chain.mean(axis=0) - right.mean(axis=0)) / sd) < 0.12
     assert np.max(np.abs(chain.std(axis=0) / sd - 1.0)) < 0.1
 
 
-def test_a_quick_posterior_that_cannot_be_had_says_why(fitted, monkeypatch, short_chunks):
+def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble_which_says_why(
+    fitted, monkeypatch, short_chunks
+):
     monkeypatch.setattr("heatrun.inference.sampling.weighted.PARETO_LIMIT", -1.0)
+    # few draws, for none of them is good enough
+    monkeypatch.setattr("heatrun.inference.sampling.rounds.MOST_ROUNDS", 1)
+    monkeypatch.setattr("heatrun.inference.sampling.rounds.NUM_DRAWS", 256)
+    monkeypatch.setattr("heatrun.inference.sampling.importance.NUM_ADAPTATIONS", 0)
     told = []
     asked = sample(
         fitted,
@@ -206,6 +240,7 @@ def test_a_quick_posterior_that_cannot_be_had_says_why(fitted, monkeypatch, shor
         most_steps=200,
         progress=lambda sentence, share: told.append(sentence),
     )
+    assert asked.method == "emcee"
     assert asked.convergence is not None
     assert asked.convergence.num_steps == 80  # half of the steps, less the burn-in: too few
     assert 6.0 * asked.convergence.autocorrelation > 160

@@ -11,8 +11,11 @@ import pytest
 from msgspec import UNSET
 from pypdf import PdfReader
 
+from heatrun import calibration
 from heatrun.bench.record import ColumnReading
-from heatrun.calibration import BenchTest, calibrate
+from heatrun.calibration import load_tests
+from heatrun.inference.posterior import normal_draws
+from heatrun.motorfile import load_motor
 from heatrun.reports.sheet import digits
 from heatrun.reports.sheet.content import sheet_content
 from heatrun.reports.sheet.of_run import write_sheet
@@ -25,13 +28,25 @@ HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* \\ <script> \x1b[31m שלום @imp
 
 
 @pytest.fixture(scope="module")
-def found(duty, blocks, motor):
-    """A calibration whose names are as bad as a user can make them."""
+def found(finished_day):
+    """A calibration whose names are as bad as a user can make them.
+
+    What other tests assert and takes long is left out: the search for effects and the samples,
+    which stand behind the same figures of the sheet. The test is that of the shared run, so that
+    nothing new is compiled for its fit.
+    """
+    motor = load_motor(finished_day / "motor.toml")
+    (duty,) = load_tests(motor, [finished_day / "duty.csv"])
     column = ColumnReading("time_s", HOSTILE, "s", "assumed", "names of the time", "a.csv")
-    named = replace(duty, name=HOSTILE, mapping=(column,), start="2026-03-04")
+    named = replace(duty.record, name=HOSTILE, mapping=(column,), start="2026-03-04")
     evil = replace(motor, name=HOSTILE)
-    tests = [BenchTest(named, replace(blocks, name=HOSTILE), "calibration", ())]
-    return calibrate(evil, tests, networks=["second"], method="quick", command=HOSTILE)
+    tests = [replace(duty, record=named, blocks=replace(duty.blocks, name=HOSTILE), findings=())]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibration, "missing", lambda *_, **__: None)
+        patch.setattr(calibration, "sample", lambda fit, seed, **_: normal_draws(fit, seed=seed))
+        return calibration.calibrate(
+            evil, tests, networks=["second"], method="quick", command=HOSTILE
+        )
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +114,7 @@ def test_names_are_no_formulas_in_the_workbook(folder):
     assert book["Parameters"]["A1"].data_type == "s"
 
 
-def test_the_worksheet_of_the_workbook_is_the_published_one(folder, found, motor):
+def test_the_worksheet_of_the_workbook_is_the_published_one(folder, found):
     """Cached values of the live formulas against the function that reproduces the print."""
     values = openpyxl.load_workbook(folder / "sheet.xlsx", data_only=True)["Worksheet"]
     formulas = openpyxl.load_workbook(folder / "sheet.xlsx")["Worksheet"]

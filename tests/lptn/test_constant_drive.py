@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled import linearise, steady_state, time_to
 from written_balances import (
     BY_ID,
     CS,
@@ -42,15 +43,15 @@ def test_an_effect_of_time_stands_as_it_is_at_the_drives_instant(law, values, pl
     then[place] /= factor(time)
     same = lptn.second_order(CW, CS, then["Rw"], then["Rs"])
     at = drive(time=time)
-    got = lptn.steady_state(network, losses, at, effects=effects)
-    expected = lptn.steady_state(same, losses, drive())
+    got = steady_state(network, losses, at, effects=effects)
+    expected = steady_state(same, losses, drive())
     # 1e-9: at 3600 s from its moment the step is over to e^-240
     assert float(got["winding"]) == pytest.approx(float(expected["winding"]), rel=1e-9)
     start = {"winding": SINK, "stator": SINK}
-    A = lptn.linearise(network, losses, at, start, effects=effects).A
-    np.testing.assert_allclose(A, lptn.linearise(same, losses, drive(), start).A, rtol=1e-9)
+    A = linearise(network, losses, at, start, effects=effects).A
+    np.testing.assert_allclose(A, linearise(same, losses, drive(), start).A, rtol=1e-9)
     times = [
-        float(lptn.time_to(*case, at, start, node="winding", limit=75.0, effects=more))
+        float(time_to(*case, at, start, node="winding", limit=75.0, effects=more))
         for case, more in (((network, losses), effects), ((same, losses), ()))
     ]
     assert np.isfinite(times[0])
@@ -60,8 +61,8 @@ def test_an_effect_of_time_stands_as_it_is_at_the_drives_instant(law, values, pl
 def test_an_ambient_drift_is_the_sink_of_the_drives_instant(network):
     losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
     effects = (build(BY_ID["ambient_drift"], {"d": 3.0}, network),)
-    got = lptn.steady_state(network, losses, drive(time=7200.0), effects=effects)
-    expected = lptn.steady_state(network, losses, drive(sink=SINK + 6.0))
+    got = steady_state(network, losses, drive(time=7200.0), effects=effects)
+    expected = steady_state(network, losses, drive(sink=SINK + 6.0))
     assert float(got["winding"]) == pytest.approx(float(expected["winding"]), rel=1e-12)
 
 
@@ -73,8 +74,8 @@ def test_an_effect_on_the_sensor_does_not_enter(law, network):
 
     def both(effects):
         at = (network, losses, drive())
-        time = lptn.time_to(*at, start, node="winding", limit=50.0, effects=effects)
-        return float(time), float(lptn.steady_state(*at, effects=effects)["winding"])
+        time = time_to(*at, start, node="winding", limit=50.0, effects=effects)
+        return float(time), float(steady_state(*at, effects=effects)["winding"])
 
     assert both((build(BY_ID[law], values, network),)) == both(())
 
@@ -95,9 +96,16 @@ def test_compiled_and_mapped_is_one_by_one(network):
 
     Rs, eA = jnp.asarray([0.05, 0.1, 0.2]), jnp.asarray([0.0, 0.2, 0.4])
     mapped = jax.jit(jax.vmap(all_three))(Rs, eA)
+    compiled = jax.jit(all_three)
     for index in range(3):
-        for many, one in zip(mapped, all_three(Rs[index], eA[index]), strict=True):
+        for many, one in zip(mapped, compiled(Rs[index], eA[index]), strict=True):
             np.testing.assert_allclose(many[index], one, rtol=1e-9)
+    # and as it is, with nothing compiled as a whole
+    network = lptn.second_order(CW, CS, RW, 0.2)
+    effects = (build(BY_ID["radiation"], {"eA": 0.4}, network),)
+    at = drive(current=120.0)
+    time = lptn.time_to(network, losses, at, start, node="winding", limit=155.0, effects=effects)
+    np.testing.assert_allclose(mapped[1][2], time, rtol=1e-9)
     assert lptn.time_constants(mapped[2]).shape == (3, 2)
     assert float(mapped[1][0]) == np.inf
     assert np.isfinite(float(mapped[1][2]))

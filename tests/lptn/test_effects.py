@@ -6,17 +6,18 @@ import dataclasses
 import inspect
 import re
 import sys
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled import constant, reading, reference, simulate
 
 import lptn
-from lptn import EFFECTS, CopperLosses
+from lptn import EFFECTS
 from lptn.effects import (
-    AbstractEffect,
     HeatEffect,
     NodeEffect,
     SensorEffect,
@@ -65,11 +66,11 @@ def null(kind, network=None):
     return build(kind, network, **values)
 
 
-def all_of(network, at_null=False):
-    """All effects that a network has a place for, at their typical or at their null values."""
+def all_of(network):
+    """All effects that a network has a place for, at their typical values."""
     wanted = []
     for kind in (kind for kind in EFFECTS if applies(kind, network)):
-        made = null(kind, network) if at_null else build(kind, network)
+        made = build(kind, network)
         wanted.append((kind, {name: getattr(made, name) for name in kind.card.parameters}))
     return build_all(wanted, network)
 
@@ -85,7 +86,10 @@ def gap_of_energy(network, inputs, effects, trace):
     return stored / inputs.step - put_in + out, put_in
 
 
-@pytest.fixture(scope="module", params=["first order", "second order", "four nodes"])
+NETWORKS = ("first order", "second order", "four nodes")
+
+
+@pytest.fixture(scope="module", params=NETWORKS)
 def any_network(request, network, four_nodes):
     return {
         "first order": lptn.first_order(12_500.0, 0.132),
@@ -94,43 +98,111 @@ def any_network(request, network, four_nodes):
     }[request.param]
 
 
+class Seen(NamedTuple):
+    """What a network does under an effect.
+
+    Attributes:
+        reading: At the edges [degC].
+        temperature: By node, at the edges [degC].
+        gap: Largest gap of the balance of energy against the heat put in [1].
+    """
+
+    reading: Any
+    temperature: Any
+    gap: Any
+
+
+def seen_under(network, losses, short, start, effects):
+    trace = lptn.simulate(network, losses, short, start, effects=effects)
+    gap, put_in = gap_of_energy(network, short, effects, trace)
+    return Seen(trace.reading, trace.temperature, jnp.max(jnp.abs(gap) / put_in))
+
+
+def values_of(effect):
+    return {name: float(getattr(effect, name)) for name in effect.card.parameters}
+
+
+def kinds_of(network):
+    return [kind for kind in EFFECTS if applies(kind, network)]
+
+
+def row_of(network, present):
+    """Values of all effects of a network by id, null but for those that are present."""
+    return {
+        kind.card.id: values_of((build if kind in present else null)(kind, network))
+        for kind in kinds_of(network)
+    }
+
+
 @pytest.fixture(scope="module")
-def read(losses, short):
-    """The reading of a base network under effects, compiled once for each set of kinds."""
-
-    @eqx.filter_jit
-    def reading(network, *effects: AbstractEffect):
-        return lptn.reading(network, losses, short, start_of(network), effects=effects)
-
-    return reading
-
-
-@every_effect
-def test_null_value_is_the_base_model(kind, read):
-    base = read(home(kind))
-    # K; what keeps gradients finite at the null value is 1e-12 W/K or 1e-9 of a step
-    np.testing.assert_allclose(read(home(kind), null(kind)), base, rtol=0.0, atol=1e-8)
-    assert float(jnp.max(jnp.abs(read(home(kind), build(kind)) - base))) > 1e-3
-
-
-@every_effect
-def test_gradients_are_finite_and_true(kind, losses, short):
-    network, start = home(kind), start_of(home(kind))
-    weights = jnp.cos(jnp.arange(short.num_time + 1))
+def of_row(losses, short):
+    """Return what is seen of a network with all its effects, by one program for each network."""
 
     @jax.jit
-    def score(values):
-        chosen = build(kind, **values)
-        return jnp.sum(weights * lptn.reading(network, losses, short, start, effects=[chosen]))
+    def compiled(network, short, start, row):
+        wanted = [(kind, row[kind.card.id]) for kind in EFFECTS if kind.card.id in row]
+        return seen_under(network, losses, short, start, build_all(wanted, network))
 
-    gradient_of = jax.jit(jax.grad(score))
+    def at(network, row, start=None):
+        start = start_of(network) if start is None else start
+        return jax.tree.map(np.asarray, compiled(network, short, start, row))
+
+    return at
+
+
+@pytest.fixture(scope="module")
+def gradient_of_row(losses, short):
+    """Return the slopes of a sum of readings by all values of a row."""
+    weights = weights_of(short)
+
+    @jax.jit
+    def compiled(network, short, row):
+        def score(row):
+            wanted = [(kind, row[kind.card.id]) for kind in EFFECTS if kind.card.id in row]
+            effects = build_all(wanted, network)
+            start = start_of(network)
+            return jnp.sum(weights * lptn.reading(network, losses, short, start, effects=effects))
+
+        return jax.grad(score)(row)
+
+    return lambda network, row: compiled(network, short, row)
+
+
+def weights_of(short):
+    return np.cos(np.arange(short.num_time + 1))
+
+
+@every_effect
+def test_null_value_is_the_base_model_and_energy_balance_closes(kind, of_row, losses, short):
+    """Beside the other effects at their null: one program for all, and none of them may show."""
+    network = home(kind)
+    base = reading(network, losses, short, start_of(network))
+    gone, acting = (of_row(network, row_of(network, present)) for present in ((), (kind,)))
+    # K; what keeps gradients finite at the null value is 1e-12 W/K or 1e-9 of a step
+    np.testing.assert_allclose(gone.reading, base, rtol=0.0, atol=1e-8)
+    assert np.max(np.abs(acting.reading - base)) > 1e-3
+    assert acting.gap < 1e-9
+    if not issubclass(kind, HeatEffect | NodeEffect):
+        for node, T in gone.temperature.items():
+            np.testing.assert_array_equal(acting.temperature[node], T)
+
+
+@every_effect
+def test_gradients_are_finite_and_true(kind, of_row, gradient_of_row, short):
+    network, weights = home(kind), weights_of(short)
+    others = row_of(network, ()) if network is REFERENCE else {}
+
+    def score(values):
+        found = of_row(network, others | {kind.card.id: values})
+        return float(np.sum(weights * found.reading))
+
     for effect, at_null in ((build(kind), False), (null(kind), True)):
-        values = {name: getattr(effect, name) for name in kind.card.parameters}
-        gradient = gradient_of(values)
+        values = values_of(effect)
+        gradient = gradient_of_row(network, others | {kind.card.id: values})[kind.card.id]
         for name, quantity in kind.card.parameters.items():
             width = 1e-2 if name == "t_star" else 1e-4 * (quantity.high - quantity.low)
             if quantity.null is None:  # beside its own size: a range may span three decades
-                width = min(width, 1e-3 * float(values[name])) if values[name] else width
+                width = min(width, 1e-3 * values[name]) if values[name] else width
             if at_null and quantity.null is not None and quantity.null <= quantity.low:
                 points, factors = (0.0, 1.0, 2.0), (-1.5, 2.0, -0.5)  # one-sided, second order
             else:
@@ -141,34 +213,27 @@ def test_gradients_are_finite_and_true(kind, losses, short):
             )
             # truncation of the differences ~ (1e-4)^2 of the curvature over the range; rounding
             # of a sum of 121 readings ~ 1e-11
-            expected = pytest.approx(float(slope) / width, rel=1e-5, abs=1e-10 / width)
+            expected = pytest.approx(slope / width, rel=1e-5, abs=1e-10 / width)
             assert float(gradient[name]) == expected
 
 
 @some_effects
-def test_eager_jit_and_vmap_agree(kind, read, losses, short):
+def test_alone_eager_jit_and_vmap_agree(kind, of_row, losses, short):
+    """And alone it is what it is beside the others at their null, where the other tests see it."""
     network, start = home(kind), start_of(home(kind))
-    effects = [build(kind), null(kind)]
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
-    compiled = jnp.stack([read(network, effect) for effect in effects])
-    eager = lptn.reading(network, losses, short, start, effects=effects[:1])
-    np.testing.assert_allclose(compiled[0], eager, rtol=1e-12)
-    np.testing.assert_allclose(
-        eqx.filter_vmap(lambda e: read(network, e))(stacked), compiled, rtol=1e-12
-    )
+    both = [values_of(made(kind)) for made in (build, null)]
+    eager = lptn.reading(network, losses, short, start, effects=[build(kind)])
 
+    @jax.jit
+    @jax.vmap
+    def mapped(values):
+        return lptn.reading(network, losses, short, start, effects=[build(kind, **values)])
 
-@every_effect
-def test_energy_balance_closes(kind, losses, short):
-    network, start = home(kind), start_of(home(kind))
-    effects = [build(kind)]
-    trace = lptn.simulate(network, losses, short, start, effects=effects)
-    gap, put_in = gap_of_energy(network, short, effects, trace)
-    assert float(jnp.max(jnp.abs(gap) / put_in)) < 1e-9
-    if not issubclass(kind, HeatEffect | NodeEffect):
-        base = lptn.simulate(network, losses, short, start)
-        for node, T in base.temperature.items():
-            np.testing.assert_array_equal(trace.temperature[node], T)
+    stacked = {name: np.array([values[name] for values in both]) for name in both[0]}
+    alone = np.asarray(mapped(stacked))
+    np.testing.assert_allclose(alone[0], eager, rtol=1e-12)
+    beside = [of_row(network, row_of(network, present)).reading for present in ((kind,), ())]
+    np.testing.assert_allclose(alone, beside, rtol=0.0, atol=1e-8)
 
 
 @every_effect
@@ -200,42 +265,51 @@ def test_card_and_docstring_are_complete(kind):
     assert (sys.modules[kind.__module__].__doc__ or "").count(" ") > 4
 
 
-def test_effects_of_all_kinds_compose_in_any_network(any_network, short):
-    start = {node: 30.0 for node in any_network.nodes}
-    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
-    effects = all_of(any_network)
-    trace = lptn.simulate(any_network, losses, short, start, effects=effects)
-    gap, put_in = gap_of_energy(any_network, short, effects, trace)
-    assert float(jnp.max(jnp.abs(gap) / put_in)) < 1e-9
-    exact = lptn.reference(any_network, losses, short, start, effects=effects)
+def test_effects_of_all_kinds_compose_in_any_network(any_network, of_row):
+    start = {node: jnp.asarray(30.0) for node in any_network.nodes}
+    found = of_row(any_network, row_of(any_network, kinds_of(any_network)), start)
+    assert found.gap < 1e-9
+
+
+@pytest.mark.parametrize(
+    "any_network",
+    [
+        pytest.param(name, marks=() if name == "second order" else pytest.mark.slow)
+        for name in NETWORKS
+    ],
+    indirect=True,
+)
+def test_effects_of_all_kinds_are_what_the_exact_solver_finds(any_network, short, losses, of_row):
+    """Of two networks by `make test-slow`; by some effects four nodes are in the crosschecks."""
+    start = {node: jnp.asarray(30.0) for node in any_network.nodes}
+    found = of_row(any_network, row_of(any_network, kinds_of(any_network)), start)
+    exact = reference(any_network, losses, short, start, effects=all_of(any_network))
     # fastest node 11 s, step 2 s: (h/tau)^3/24 of 20 K
-    assert float(jnp.max(jnp.abs(trace.reading - exact.reading))) < 5e-3
+    assert np.max(np.abs(found.reading - exact.reading)) < 5e-3
 
 
-def test_effects_that_are_all_gone_leave_any_network_as_it_was(any_network, losses, short):
-    start = {node: 30.0 for node in any_network.nodes}
-    base = lptn.reading(any_network, losses, short, start)
-    effects = all_of(any_network, at_null=True)
-    gone = lptn.reading(any_network, losses, short, start, effects=effects)
+def test_effects_that_are_all_gone_leave_any_network_as_it_was(any_network, short, losses, of_row):
+    start = {node: jnp.asarray(30.0) for node in any_network.nodes}
+    base = reading(any_network, losses, short, start)
+    gone = of_row(any_network, row_of(any_network, ()), start).reading
     np.testing.assert_allclose(gone, base, rtol=0.0, atol=1e-8 * len(EFFECTS))
 
 
 OF_TWO_NODES = tuple(kind for kind in EFFECTS if home(kind) is REFERENCE)
 
 
-@pytest.mark.parametrize(
-    ("one", "other"), list(zip(OF_TWO_NODES, OF_TWO_NODES[1:] + OF_TWO_NODES[:1], strict=True)),
-    ids=lambda kind: kind.card.id,
-)  # fmt: skip
-def test_effects_compose_in_pairs(one, other, read):
+def test_effects_compose_in_pairs(of_row):
     """What one effect does is still there beside the other."""
-    both = read(REFERENCE, build(one), build(other))
-    for alone, absent in ((one, other), (other, one)):
-        single = read(
-            REFERENCE, *(build(kind) if kind is alone else null(kind) for kind in (one, other))
-        )
-        assert np.all(np.isfinite(single))
-        assert float(jnp.max(jnp.abs(both - single))) > 1e-4, f"{absent.card.id} has no effect"
+
+    def read(*present):
+        return of_row(REFERENCE, row_of(REFERENCE, present)).reading
+
+    single = {kind: read(kind) for kind in OF_TWO_NODES}
+    for pair in zip(OF_TWO_NODES, OF_TWO_NODES[1:] + OF_TWO_NODES[:1], strict=True):
+        both = read(*pair)
+        for alone, absent in (pair, pair[::-1]):
+            assert np.all(np.isfinite(single[alone]))
+            assert np.max(np.abs(both - single[alone])) > 1e-4, f"{absent.card.id} has no effect"
 
 
 CHANNEL = {"speed": "speed_rpm", "speed_rad": "speed_rpm", "coolant": "coolant_degC", "fan": "fan"}
@@ -267,30 +341,27 @@ def test_an_effect_needs_no_channel_but_those_of_its_card(kind, losses, short):
 @pytest.mark.parametrize("ratio", [0.0, 0.5, -0.5, 1.0])
 def test_speed_cooling_raises_the_conductance_to_the_law(ratio, network, losses, short, start):
     """Either direction of rotation cools alike."""
-    speed = jnp.full(short.num_time, ratio * 350.0)
+    speed = jnp.asarray(np.full(short.num_time, ratio * 350.0))
     inputs = eqx.tree_at(lambda inputs: inputs.speed, short, speed)
     raised = lptn.second_order(666.75, 15060.1, 0.14485, 0.11625 / (1.0 + 3.0 * abs(ratio) ** 0.7))
-    cooled = lptn.reading(
-        network, losses, inputs, start, effects=[build(SpeedCooling, g=3.0, m=0.7)]
-    )
-    np.testing.assert_allclose(cooled, lptn.reading(raised, losses, inputs, start), rtol=1e-12)
+    cooled = reading(network, losses, inputs, start, effects=[build(SpeedCooling, g=3.0, m=0.7)])
+    np.testing.assert_allclose(cooled, reading(raised, losses, inputs, start), rtol=1e-12)
 
 
 def test_sensor_lag_of_a_ramp_is_the_closed_form():
     tau, slope = 12.0, 0.5
-    nothing = jnp.zeros(199)
-    inputs = lptn.Inputs(jnp.asarray(2.0), nothing, nothing, nothing)
-    edges = inputs.edges()
-    ramp = 20.0 + slope * edges
-    lagged = SensorLag(jnp.asarray(tau)).observe(ramp, {}, inputs)
-    exact = 20.0 + slope * (edges - tau * (1.0 - jnp.exp(-edges / tau)))
+    inputs = constant(2.0, num=199)
+    edges = 2.0 * np.arange(200)
+    ramp = jnp.asarray(20.0 + slope * edges)
+    lagged = eqx.filter_jit(SensorLag(jnp.asarray(tau)).observe)(ramp, {}, inputs)
+    exact = 20.0 + slope * (edges - tau * (1.0 - np.exp(-edges / tau)))
     np.testing.assert_allclose(lagged, exact, atol=1e-10)
 
 
 def test_neighbour_body_keeps_its_heat_in_the_system(network, losses, short, start):
     body = NeighbourBody(C=jnp.asarray(8000.0), tau=jnp.asarray(8000.0 / 3.0))
-    trace = lptn.simulate(network, losses, short, start, effects=[body])
-    given = jnp.sum(trace.flow["stator", "neighbour"]) * short.step
+    trace = simulate(network, losses, short, start, effects=[body])
+    given = np.sum(trace.flow["stator", "neighbour"]) * float(short.step)
     stored = 8000.0 * (trace.temperature["neighbour"][-1] - trace.temperature["neighbour"][0])
     assert float(given) == pytest.approx(float(stored), rel=1e-9)
 

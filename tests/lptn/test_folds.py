@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled import reading, simulate
 
 import lptn
 from lptn.effects.sensor_lag import SensorLag
@@ -24,16 +26,21 @@ def blocks(short):
     return jnp.asarray(rng.uniform(size=shape)), jnp.asarray(rng.uniform(size=shape))
 
 
+def mean_of(weight, position, before, after):
+    return np.sum(np.asarray(weight) * (before + np.asarray(position) * (after - before)), axis=1)
+
+
 @pytest.mark.parametrize("effects", [(), (COOLING,)], ids=["affine", "general"])
 def test_accumulate_folds_the_reading(effects, network, losses, short, start):
-    edges = lptn.reading(network, losses, short, start, effects=effects, sensor=SENSOR)
-    weight = jnp.linspace(0.0, 1.0, short.num_time)
-    total = lptn.accumulate(
+    edges = reading(network, losses, short, start, effects=effects, sensor=SENSOR)
+    edges = np.asarray(edges)
+    weight = np.linspace(0.0, 1.0, short.num_time)
+    total = eqx.filter_jit(lptn.accumulate)(
         network, losses, short, start, effects=effects, sensor=SENSOR,
         update=lambda carry, before, after, item: carry + item * (before + 2.0 * after),
-        carry=jnp.zeros(()), data=weight,
+        carry=jnp.zeros(()), data=jnp.asarray(weight),
     )  # fmt: skip
-    expected = jnp.sum(weight * (edges[:-1] + 2.0 * edges[1:]))
+    expected = np.sum(weight * (edges[:-1] + 2.0 * edges[1:]))
     assert float(total) == pytest.approx(float(expected), rel=1e-12)
 
 
@@ -42,13 +49,13 @@ def test_accumulate_folds_the_reading(effects, network, losses, short, start):
 )
 def test_block_means_are_means_of_the_reading(effects, network, losses, short, start, blocks):
     weight, position = blocks
-    edges = lptn.reading(network, losses, short, start, effects=effects, sensor=SENSOR)
+    edges = np.asarray(reading(network, losses, short, start, effects=effects, sensor=SENSOR))
     before, after = edges[:-1].reshape(weight.shape), edges[1:].reshape(weight.shape)
-    means = lptn.block_means(
+    means = eqx.filter_jit(lptn.block_means)(
         network, losses, short, start,
         weight=weight, position=position, effects=effects, sensor=SENSOR,
     )  # fmt: skip
-    expected = jnp.sum(weight * (before + position * (after - before)), axis=1)
+    expected = mean_of(weight, position, before, after)
     np.testing.assert_allclose(means, expected, rtol=1e-12)
 
 
@@ -60,9 +67,10 @@ def test_block_means_of_several_sensors_are_those_of_each(
 ):
     weight, position = blocks
     stator = lptn.Sensor("stator", jnp.asarray(0.01), jnp.asarray(-0.3), jnp.asarray(25.0))
-    found = lptn.block_means(
+    found = eqx.filter_jit(lptn.block_means)(
         network, losses, short, start, effects=effects, sensor=SENSOR, also=(stator,),
-        weight=jnp.concatenate([weight, position]), position=jnp.concatenate([position, weight]),
+        weight=jnp.asarray(np.concatenate([weight, position])),
+        position=jnp.asarray(np.concatenate([position, weight])),
     )  # fmt: skip
     kept = [effect for effect in effects if effect is not LAG]
     rows = []
@@ -70,22 +78,22 @@ def test_block_means_of_several_sensors_are_those_of_each(
         (SENSOR, effects, weight, position),
         (stator, kept, position, weight),
     ):
-        edges = lptn.reading(network, losses, short, start, effects=acting, sensor=sensor)
+        edges = np.asarray(reading(network, losses, short, start, effects=acting, sensor=sensor))
         before, after = edges[:-1].reshape(share.shape), edges[1:].reshape(share.shape)
-        rows.append(jnp.sum(share * (before + place * (after - before)), axis=1))
-    np.testing.assert_allclose(found, jnp.concatenate(rows), rtol=1e-12)
+        rows.append(mean_of(share, place, before, after))
+    np.testing.assert_allclose(found, np.concatenate(rows), rtol=1e-12)
 
 
 def test_a_sensor_lags_as_the_effect_does(network, losses, short, start):
     lagging = lptn.Sensor(SENSOR.node, SENSOR.gain, SENSOR.offset, LAG.tau)
-    found = lptn.reading(network, losses, short, start, sensor=lagging)
-    expected = lptn.reading(network, losses, short, start, effects=[LAG], sensor=SENSOR)
+    found = reading(network, losses, short, start, sensor=lagging)
+    expected = reading(network, losses, short, start, effects=[LAG], sensor=SENSOR)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
 def test_the_reading_is_that_of_the_trace(network, losses, short, start):
-    trace = lptn.simulate(network, losses, short, start, effects=[LAG], sensor=SENSOR)
-    alone = lptn.reading(network, losses, short, start, effects=[LAG], sensor=SENSOR)
+    trace = simulate(network, losses, short, start, effects=[LAG], sensor=SENSOR)
+    alone = reading(network, losses, short, start, effects=[LAG], sensor=SENSOR)
     np.testing.assert_allclose(alone, trace.reading, rtol=1e-13)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled import linearise
 from written_balances import (
     CS,
     CW,
@@ -30,7 +31,7 @@ from lptn import CopperLosses
 def test_the_state_matrix_of_one_node_is_that_by_hand(kind):
     C, R = 12_500.0, 0.132
     losses = CopperLosses(Rs0=jnp.asarray(RS0), kind=kind)
-    at = lptn.linearise(lptn.first_order(C, R), losses, drive(), {"winding": 80.0})
+    at = linearise(lptn.first_order(C, R), losses, drive(), {"winding": 80.0})
     feedback = K if kind == "map" else 0.0
     heat = POWER + (K * B if kind == "map" else 0.0)
     np.testing.assert_allclose(at.A, [[(feedback - 1.0 / R) / C]], rtol=1e-12)
@@ -43,7 +44,7 @@ def test_the_state_matrix_of_one_node_is_that_by_hand(kind):
 @pytest.mark.parametrize("kind", ["balance", "map"])
 def test_the_state_matrix_of_two_nodes_is_that_by_hand(kind, network):
     losses = CopperLosses(Rs0=jnp.asarray(RS0), kind=kind)
-    at = lptn.linearise(network, losses, drive(), {"winding": 80.0, "stator": 60.0})
+    at = linearise(network, losses, drive(), {"winding": 80.0, "stator": 60.0})
     moved = K if kind == "balance" else 0.0
     A = np.array([[-(1 / RW + 1 / RS) / CS, (1 / RW - moved) / CS],
                   [1 / (RW * CW), (K - 1 / RW) / CW]])  # fmt: skip
@@ -62,7 +63,7 @@ def test_the_state_matrix_of_two_nodes_is_that_by_hand(kind, network):
 def test_the_state_matrix_with_an_effect_is_the_slope_of_the_law(law, network):
     losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
     temperature = {"winding": 120.0, "stator": 85.0}
-    at = lptn.linearise(network, losses, drive(), temperature, effects=built(law, network))
+    at = linearise(network, losses, drive(), temperature, effects=built(law, network))
     slope = rate(law, "map")
     np.testing.assert_allclose(at.A, jacobian(slope, [85.0, 120.0]), rtol=1e-7)
     value = np.asarray(at.A) @ [85.0, 120.0] + np.asarray(at.offset)
@@ -72,9 +73,7 @@ def test_the_state_matrix_with_an_effect_is_the_slope_of_the_law(law, network):
 def test_the_time_constants_of_a_housing_are_those_of_the_ladder(network):
     losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
     effects = built("housing_node", network)
-    at = lptn.linearise(
-        network, losses, drive(), {"winding": 20.0, "stator": 20.0}, effects=effects
-    )
+    at = linearise(network, losses, drive(), {"winding": 20.0, "stator": 20.0}, effects=effects)
     assert at.nodes == ("housing", "stator", "winding")
     ladder = np.linalg.eigvals(jacobian(rate("housing_node", "map"), [20.0, 20.0, 20.0]))
     np.testing.assert_allclose(lptn.time_constants(at.A), np.sort(-1.0 / ladder.real), rtol=1e-7)

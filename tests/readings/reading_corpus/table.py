@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -115,7 +116,7 @@ class Sheet:
 
 def number_text(value: float, decimals: int) -> str:
     """Return a number as a logger writes it."""
-    return "" if np.isnan(value) else f"{value:.{decimals}f}"
+    return "" if math.isnan(value) else f"{value:.{decimals}f}"
 
 
 def sheet(
@@ -160,7 +161,7 @@ def sheet(
             if written_s is not None:
                 tolerance[channel] = written_s
         else:
-            texts = tuple(number_text(value, digits) for value in numbers)
+            texts = tuple(number_text(value, digits) for value in numbers.tolist())
         stem = CHANNELS[channel][2]
         default = channel if unit == canonical else f"{stem} [{unit}]"
         # Binary formats hold the same rounded numbers as the text does.
