@@ -6,10 +6,12 @@ import atexit
 import gc
 import importlib
 import importlib.util
+import json
 import os
 import shutil
 import sys
 import tempfile
+from collections import Counter
 from pathlib import Path
 from types import ModuleType
 
@@ -30,20 +32,16 @@ PROGRAMS = {
 }
 """Packages of Debian that some tests need, with the programs of which one will do."""
 
-LONGEST = (
-    "test_view_browser.py", "test_discover_command.py", "test_run_everywhere.py",
-    "test_posterior.py", "test_cli.py", "test_fleet_engine.py", "test_bodies.py",
-    "test_sheet_again.py", "test_coverage_small.py", "test_notebooks.py",
-    "test_rest_and_time_to.py", "test_effects.py", "test_simulate.py", "test_fit.py",
-    "test_attacks_load.py",
-    "test_export_run.py", "test_attacks_files.py", "test_physics.py", "test_discover_bodies.py",
-    "test_two_sinks.py", "test_attacks_browser.py", "test_constant_drive.py", "test_heat_only.py",
-    "test_corpus.py", "test_densities.py", "test_attacks_address.py",
-)  # fmt: skip
-"""Files that take half a minute or more, longest first."""
+SECONDS = Path(__file__).with_name("seconds.json")
+"""What each file takes [s], if a second or more; `pytest --seconds` writes it anew."""
 
-NOT_QUICK = ("app", "benchmarks", "crosschecks", "faults", "fleet", "studies")
+MOST_QUICK_S = 2.5
+"""What a file takes at most that `--quick` runs [s]."""
+
+NOT_QUICK = ("app/", "benchmarks/", "crosschecks/", "faults/", "fleet/", "studies/")
 """Folders of tests that start other programs or fit a lot."""
+
+TAKEN: Counter[str] = Counter()
 
 
 def _share_compilations() -> None:
@@ -101,8 +99,9 @@ def _resident_bytes() -> int:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add `--quick`, which is `make quick`."""
+    """Add `--quick`, which is `make quick`, and `--seconds`."""
     parser.addoption("--quick", action="store_true", help="only files that take seconds")
+    parser.addoption("--seconds", action="store_true", help=f"write {SECONDS.name} anew")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -110,12 +109,34 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
     With `--quick` these are left out.
     """
-    places = {name: place for place, name in enumerate(LONGEST)}
+    taken = json.loads(SECONDS.read_text())
+    seconds = {item: taken.get(_file(item.nodeid), 0.0) for item in items}
     if config.getoption("quick"):
-        slow = [i for i in items if i.path.name in places or i.path.parent.name in NOT_QUICK]
+        slow = [
+            item
+            for item in items
+            if seconds[item] > MOST_QUICK_S or _file(item.nodeid).startswith(NOT_QUICK)
+        ]
         config.hook.pytest_deselected(items=slow)
         items[:] = [item for item in items if item not in set(slow)]
-    items.sort(key=lambda item: places.get(item.path.name, len(places)))
+    items.sort(key=lambda item: -seconds[item])
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Add up what the tests of each file take; in the process that all workers report to."""
+    TAKEN[_file(report.nodeid)] += report.duration
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Write what each file took, if that was asked for."""
+    if session.config.getoption("seconds") and not hasattr(session.config, "workerinput"):
+        taken = {name: round(s, 1) for name, s in sorted(TAKEN.items()) if s >= 1.0}
+        SECONDS.write_text(json.dumps(taken, indent=1) + "\n")
+
+
+def _file(nodeid: str) -> str:
+    """Return the file of a test below `tests`."""
+    return nodeid.split("::")[0].removeprefix("tests/")
 
 
 @pytest.fixture(scope="session")

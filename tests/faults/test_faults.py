@@ -174,7 +174,7 @@ def test_draws_that_do_not_fit_on_the_disk_do_not_end_the_process(tmp_path):
         "class Groups(dict):\n"
         "    groups = dict.keys\n"
         "tree = xarray.DataTree.from_dict({'posterior': draws})\n"
-        "archive.groups = lambda p, **_: tree if archive._is_tree(archive.load_arviz()) "
+        "archive.groups = lambda *_: tree if archive._is_tree(archive.load_arviz()) "
         "else Groups(posterior=draws)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))\n"
         f"archive.write(None, pathlib.Path({str(tmp_path / 'posterior.nc')!r}))\n"
