@@ -35,7 +35,7 @@ PROGRAMS = {
 SECONDS = Path(__file__).with_name("seconds.json")
 """What each file takes [s], if a second or more; `pytest --seconds` writes it anew."""
 
-MOST_QUICK_S = 2.5
+MOST_QUICK_S = 1.0
 """What a file takes at most that `--quick` runs [s]."""
 
 NOT_QUICK = ("app/", "benchmarks/", "crosschecks/", "faults/", "fleet/", "studies/")
