@@ -14,6 +14,8 @@ demo: $(VENV)/ready
 
 # One thread for the linear algebra of NumPy, as the commands have it, before pytest loads it.
 test quick test-slow: export OPENBLAS_NUM_THREADS = 1
+# Byte code is kept, also where the environment says no: a process that tests start imports for 5 s.
+test quick test-slow: export PYTHONDONTWRITEBYTECODE =
 
 test: $(VENV)/ready
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not notebook"
