@@ -18,7 +18,7 @@ LARGEST_NEEDLESS_SHARE = 0.05
 EVERY = 3
 """One file of so many is read by `make test`, the others by `make test-slow`."""
 
-READ = [pytest.param(EVERY, id="a fifth"), pytest.param(1, id="all", marks=pytest.mark.slow)]
+READ = [pytest.param(EVERY, id="a third"), pytest.param(1, id="all", marks=pytest.mark.slow)]
 
 
 @cache
