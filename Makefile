@@ -20,7 +20,7 @@ test quick test-slow: export PYTHONDONTWRITEBYTECODE =
 test: $(VENV)/ready
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not notebook"
 
-# What needs no fit, no browser and no other program: for the inner loop.
+# Files that take a second at most: for the inner loop.
 quick: $(VENV)/ready
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not notebook" --quick
 

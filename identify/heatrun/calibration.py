@@ -39,6 +39,7 @@ from .io.moment import moment
 from .motor import Motor
 from .results.fit import FitResult
 from .results.model import FittedModel
+from .results.tested import DescribedTest
 from .results.values import Role
 from .runs.result import assemble, describe_model, describe_test
 from .runs.run_folder import RunFolder, environment
@@ -198,10 +199,11 @@ def calibrate(
             attempts.of(
                 "the prediction",
                 lambda test=test: predict(posterior, test.blocks, seed=seed),
-                unpredicted(posterior, test.blocks),
+                None,
                 where=f"{model.title}, {test.record.name}",
                 test=test.record.name,
             )
+            or unpredicted(posterior, test.blocks)
             for test in tests
         ]
         described = describe_model(posterior, predicted, roles, duties, attempts)
@@ -223,23 +225,11 @@ def calibrate(
     predictions = {name: outcome.predictions for name, outcome in outcomes.items()}
     findings += [finding for outcome in outcomes.values() for finding in outcome.findings]
     last = posteriors[names[-1]].fit
-    rows = []
     attempts = Attempts()
-    for number, test in enumerate(tests):
-        doing = f"checking the reduction of test {number + 1} of {len(tests)}"
-        work.at("reduction", doing, number / len(tests))
-        error, found = attempts.of(
-            "the check of the reduction",
-            lambda test=test: check_reduction(last, test.record, test.blocks, motor),
-            (math.nan, []),
-            where=test.record.name,
-            test=test.record.name,
-        )
-        rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
-        findings += found
+    rows, found = describe_tests(last, tests, motor, attempts, work)
     work.done("reduction")
     described = {name: outcome.described for name, outcome in outcomes.items()}
-    findings += attempts.findings
+    findings += [*found, *attempts.findings]
     result = assemble(motor, rows, findings, described, predictions, command=command, seed=seed)
     sampling_s = max(outcome.sampling_s for outcome in outcomes.values())
     return Calibration(motor, tuple(tests), posteriors, predictions, result, sampling_s)
@@ -325,6 +315,34 @@ def _sampled(
         posterior,
         where=title,
     )
+
+
+def describe_tests(
+    fit: Fit, tests: Sequence[BenchTest], motor: Motor, attempts: Attempts, work: Work = SILENT
+) -> tuple[list[DescribedTest], list[Finding]]:
+    """Return what is said of each test, and what reducing them to blocks has cost.
+
+    Args:
+        fit: That the error of the reduction is judged by.
+        tests: All tests.
+        motor: The machine.
+        attempts: Told which check failed.
+        work: Told how far it is.
+    """
+    rows, findings = [], []
+    for number, test in enumerate(tests):
+        doing = f"checking the reduction of test {number + 1} of {len(tests)}"
+        work.at("reduction", doing, number / len(tests))
+        error, found = attempts.of(
+            "the check of the reduction",
+            lambda test=test: check_reduction(fit, test.record, test.blocks, motor),
+            (math.nan, []),
+            where=test.record.name,
+            test=test.record.name,
+        )
+        rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
+        findings += found
+    return rows, findings
 
 
 def identity(motor: Motor, tests: Sequence[BenchTest], **settings: Any) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,8 +12,7 @@ from lptn.effects import AbstractEffect
 from ..attempts import OUTPUT_FAILED, Attempts
 from ..bench import Finding
 from ..bench.checks import current_scale_unchecked
-from ..calibration import BenchTest, Calibration, manifest
-from ..inference.fitting.reduction_checks import check_reduction
+from ..calibration import BenchTest, Calibration, describe_tests, manifest
 from ..inference.networks import NetworkForm
 from ..motor import Motor
 from ..reports.discovery.figures import draw_all
@@ -23,7 +21,7 @@ from ..reports.sheet.of_run import with_sheet
 from ..results.discovery import DiscoveryResult
 from ..results.values import Role
 from ..runs.result import assemble as assemble_fit
-from ..runs.result import describe_model, describe_test
+from ..runs.result import describe_model
 from ..runs.run_folder import RunFolder
 from ..runs.write import write_run
 from ..work import SILENT, Work
@@ -129,21 +127,11 @@ def _as_calibration(
     posterior = shown.posteriors[1]
     predictions = [after for _, after in shown.predictions]
     roles: list[Role] = [test.role for test in tests]
-    rows = []
+    attempts = Attempts()
+    rows, reduced = describe_tests(posterior.fit, tests, motor, attempts)
     findings = [finding for test in tests for finding in test.findings]
     findings += current_scale_unchecked(motor, [test.record for test in tests])
-    findings += posterior.fit.findings
-    attempts = Attempts()
-    for test in tests:
-        error, more = attempts.of(
-            "the check of the reduction",
-            lambda test=test: check_reduction(posterior.fit, test.record, test.blocks, motor),
-            (math.nan, []),
-            where=test.record.name,
-            test=test.record.name,
-        )
-        rows.append(describe_test(test.record, test.blocks, motor, test.role, error))
-        findings += more
+    findings += [*posterior.fit.findings, *reduced]
     models = {network: describe_model(posterior, predictions, roles, attempts=attempts)}
     findings += [*attempts.findings, *further]
     result = assemble_fit(

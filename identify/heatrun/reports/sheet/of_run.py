@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
-from functools import partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -81,17 +81,24 @@ def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) 
         figures.insert(0, first)
     stated = certificate_of(run) if certificate is None else certificate
 
-    def content() -> dict[str, Any]:
+    @cache
+    def content(num_failed: int) -> dict[str, Any]:
+        """Return the words of the sheet, anew for each part that has failed so far."""
         found = new_findings(attempts.findings, result.findings)
         return sheet_content(replace(result, findings=(*result.findings, *found)), stated)
 
-    parts: dict[str, Callable[[Path], Any]] = {
-        "sheet.pdf": lambda path: write_pdf(content(), figures, path),
-        "sheet.xlsx": lambda path: write_xlsx(result, content(), tables, path),
-        "sheet.json": lambda path: write_whole(path, (to_json(content()) + "\n").encode()),
+    parts: dict[str, Callable[[dict[str, Any], Path], Any]] = {
+        "sheet.pdf": lambda words, path: write_pdf(words, figures, path),
+        "sheet.xlsx": lambda words, path: write_xlsx(result, words, tables, path),
+        "sheet.json": lambda words, path: write_whole(path, (to_json(words) + "\n").encode()),
     }
     for name, write in parts.items():
-        attempts.of("the sheet", partial(write, folder / name), None, where=name)
+        attempts.of(
+            "the sheet",
+            lambda write=write, name=name: write(content(len(attempts.findings)), folder / name),
+            None,
+            where=name,
+        )
     found = new_findings(attempts.findings, result.findings)
     whole = replace(result, findings=(*result.findings, *found))
     written = [folder / name for name in parts if (folder / name).exists()]
