@@ -6,8 +6,8 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo demo-results test quick test-slow profile test-latest lint types check bench bench-fleet bench-before study-coverage study-crosschecks \
-  study-bodies study-discovery study-exam study-faults study-first-hour study-fleet study-fleet-discovery study-fleet-kills study-fuzz study-misfit study-paderborn \
-  study-readings study-real study-thresholds study-view audit docs notebooks notebooks-rendered schemas lock clean
+  study-bodies study-discovery study-exam study-faults study-first-hour study-fleet study-fleet-discovery study-fleet-kills study-fuzz study-misfit study-ordinary study-paderborn \
+  study-readings study-real study-view audit docs notebooks notebooks-rendered schemas lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -76,12 +76,12 @@ study-discovery: $(VENV)/ready
 	$(BIN)/python tests/studies/discovery.py --clean 72 --unknown 32 --pairs 32
 	$(BIN)/python tests/studies/discovery_time.py
 
-# The discovery's thresholds at half and at twice their values.
-study-thresholds: $(VENV)/ready
-	$(BIN)/python tests/studies/discovery_thresholds.py
-
 study-misfit: $(VENV)/ready
 	$(BIN)/python tests/studies/misfit.py
+
+# Ordinary machines of six kinds with two to four imperfections at once; goes on where it was stopped.
+study-ordinary: $(VENV)/ready
+	$(BIN)/python tests/studies/ordinary.py --discover 0.33
 
 study-paderborn: $(VENV)/ready
 	$(BIN)/python tests/studies/paderborn.py

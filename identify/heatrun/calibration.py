@@ -20,8 +20,9 @@ from .bench.checks.holdout import as_holdout
 from .bench.joined import read_tests
 from .bench.load_moments import with_load_moments
 from .bench.reduction import reduce
-from .discovery.averaging import averaged
-from .discovery.missing import Missing, missing, missing_finding
+from .effects.averaging import averaged
+from .effects.found import Found, asked_findings, find
+from .effects.missing import Missing, missing, missing_finding
 from .errors import InputError, did_you_mean
 from .inference.batches import at_once
 from .inference.fitting.fit import fit
@@ -82,6 +83,9 @@ class Calibration:
         predictions: Likewise, one per test.
         result: What stands in `fit.json`.
         sampling_s: What sampling took, of networks at once the longest [s].
+        asked: Which effects the tests ask for beside the last network; None where that could not
+            be searched.
+        screened: Which small ones it may lack, likewise.
     """
 
     motor: Motor
@@ -90,6 +94,8 @@ class Calibration:
     predictions: dict[str, list[Prediction]]
     result: FitResult
     sampling_s: float = math.nan
+    asked: Found | None = None
+    screened: Missing | None = None
 
 
 def load_tests(
@@ -132,10 +138,12 @@ def calibrate(
     *,
     networks: Sequence[str | NetworkForm] = ("first", "second"),
     effects: tuple[type[AbstractEffect], ...] = (),
+    kinds: Sequence[type[AbstractEffect]] | None = None,
     method: Literal["emcee", "quick"] = "emcee",
     seed: int = 0,
     command: str = "",
     duties: Sequence[str] = (),
+    is_plain: bool = False,
     folder: RunFolder | None = None,
     say: Say = lambda sentence: None,
     work: Work = SILENT,
@@ -147,10 +155,12 @@ def calibrate(
         tests: From `load_tests`.
         networks: Networks to calibrate, by name or TOML file.
         effects: Known effects that each of them has.
+        kinds: Effects that the last of them may lack; by default the catalogue and installed ones.
         method: Sampler, as `heatrun.inference.posterior.sample`.
         seed: Random seed.
         duties: Ratings asked for, as `heatrun.ratings.figures.derive`.
         command: As it is to stand in the result.
+        is_plain: Whether the last network stays without the effects that the tests ask for.
         folder: Where checkpoints go; None for none.
         say: Told what is being done, from the thread that does it.
         work: Told how far it is, likewise; as `heatrun.work.work_of_calibration`.
@@ -159,6 +169,7 @@ def calibrate(
         InputError: If something that the model needs is not given.
     """
     fitted = [test.blocks for test in tests if test.role == "calibration"]
+    predicted_only = [test.blocks for test in tests if test.role != "calibration"]
     findings = [finding for test in tests for finding in test.findings]
     findings += current_scale_unchecked(motor, [test.record for test in tests])
 
@@ -182,9 +193,21 @@ def calibrate(
         found = holding_heat(fit(Problem.of(model, motor, rows), seed=seed), seed=seed)
         work.done((name, "fit"), f"{model.title}: fitted")
         is_last = name == names[-1]  # a network that another one extends is known to miss it
-        screened = None
+        screened, asked = None, None
         if is_last:
-            found, screened = _searched(found, seed, say, attempts)
+            say(f"{model.title}: looking for effects that it misses")
+            asked = attempts.of(
+                "the search for effects",
+                lambda: find(
+                    model, motor, rows, kinds=kinds, held_out=predicted_only, start=found, say=say
+                ),
+                None,
+                where=model.title,
+            )
+            if asked is not None and not is_plain:
+                found = asked.fit
+        if is_last and not is_plain:
+            found, screened = _searched(found, kinds, seed, say, attempts)
         say(f"{model.title}: sampling the posterior")
         work.done((name, "missing"), f"{model.title}: sampling the posterior")
 
@@ -218,7 +241,12 @@ def calibrate(
             [],
             where=model.title,
         )
-        return _Outcome(posterior, predicted, described, seen + attempts.findings, sampling_s)
+        if asked is not None:
+            seen += asked_findings(asked, is_plain=is_plain)
+        return _Outcome(
+            posterior, predicted, described, seen + attempts.findings, sampling_s,
+            asked, screened,
+        )  # fmt: skip
 
     outcomes = dict(zip(names, at_once(one, models), strict=True))
     posteriors = {name: outcome.posterior for name, outcome in outcomes.items()}
@@ -231,8 +259,14 @@ def calibrate(
     described = {name: outcome.described for name, outcome in outcomes.items()}
     findings += [*found, *attempts.findings]
     result = assemble(motor, rows, findings, described, predictions, command=command, seed=seed)
+    final = outcomes[names[-1]]
+    in_model = () if final.asked is None or is_plain else final.asked.ids
+    result = replace(result, effects=in_model)
     sampling_s = max(outcome.sampling_s for outcome in outcomes.values())
-    return Calibration(motor, tuple(tests), posteriors, predictions, result, sampling_s)
+    return Calibration(
+        motor, tuple(tests), posteriors, predictions, result, sampling_s, final.asked,
+        final.screened,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -244,18 +278,28 @@ class _Outcome:
     described: FittedModel
     findings: list[Finding]
     sampling_s: float
+    asked: Found | None
+    screened: Missing | None
 
 
-def _searched(found: Fit, seed: int, say: Say, attempts: Attempts) -> tuple[Fit, Missing | None]:
+def _searched(
+    found: Fit,
+    kinds: Sequence[type[AbstractEffect]] | None,
+    seed: int,
+    say: Say,
+    attempts: Attempts,
+) -> tuple[Fit, Missing | None]:
     """Return the fit and what it misses; with several tests, the fit may change between them."""
     title = found.problem.model.title
 
     def search(fit: Fit) -> Missing | None:
         return attempts.of(
-            "the search for missing effects", lambda: missing(fit, seed=seed), None, where=title
+            "the search for missing effects",
+            lambda: missing(fit, kinds, seed=seed),
+            None,
+            where=title,
         )
 
-    say(f"{title}: looking for effects that it misses")
     screened = search(found)
     if len(found.problem.tests) > 1:
         say(f"{title}: comparing the tests with each other")

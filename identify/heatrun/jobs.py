@@ -41,6 +41,7 @@ def calibrate_into(
     seed: int = 0,
     command: str = "",
     duties: Sequence[str] = (),
+    is_plain: bool = False,
     is_named: bool = True,
     is_replacing: bool = False,
     say: Say = _silent,
@@ -59,6 +60,7 @@ def calibrate_into(
         seed: Random seed.
         command: As it is to stand in the result.
         duties: Ratings asked for, as `heatrun.ratings.figures.derive`.
+        is_plain: As `heatrun.calibration.calibrate`.
         is_named: Whether `path` is where the user wants the run; else it gets a number where
             another run stands there.
         is_replacing: Whether another run at `path` is replaced.
@@ -78,6 +80,7 @@ def calibrate_into(
         tests,
         networks=[network_text(form) for form in networks],
         effects=[kind.card.id for kind in effects],
+        plain=is_plain,
         method=method,
         seed=seed,
     )
@@ -93,7 +96,7 @@ def calibrate_into(
     with folder.dropped_if_refused():
         found = calibrate(
             motor, tests, networks=networks, effects=effects, method=method, seed=seed,
-            command=command, duties=duties, folder=folder, say=say, work=work,
+            command=command, duties=duties, is_plain=is_plain, folder=folder, say=say, work=work,
         )  # fmt: skip
     say("writing the sheet")
     work.at("writing", "writing the run")
@@ -159,7 +162,7 @@ def discover_into(
     folder = RunFolder.begin(path, same, is_replacing=is_replacing)
     if folder.note:
         say(folder.note)
-    work = work_of_discovery(len(tests), method, progress)
+    work = work_of_discovery(network.name, len(tests), method, progress)
     with folder.dropped_if_refused():
         job = run_job(
             motor, tests, folder, order=network, known=known, kinds=kinds, method=method,

@@ -71,6 +71,11 @@ class Work:
             self._progress("done", 1.0)
 
     @property
+    def usual_s(self) -> dict[Hashable, float]:
+        """Usual time of each part [s]."""
+        return dict(self._usual)
+
+    @property
     def share(self) -> float:
         """Share of the usual time of all parts that is done [1]."""
         return self._done_s() / sum(self._usual.values())
@@ -123,26 +128,13 @@ def work_of_calibration(
     parts: dict[Hashable, float] = {}
     for name in networks:
         is_last = name == networks[-1]
-        parts |= {(name, "fit"): 4.0, (name, "missing"): 4.0 if is_last else 0.1}
+        parts |= {(name, "fit"): 4.0, (name, "missing"): 20.0 if is_last else 0.1}
         parts |= {(name, "sample"): 2.0 if method == "quick" else 12.0}
         parts |= {(name, "predict"): 1.0 * num_tests}
     return Work({**parts, "reduction": 0.5 * num_tests, "writing": 4.0}, progress)
 
 
-def work_of_discovery(num_tests: int, method: str, progress: Progress | None) -> Work:
+def work_of_discovery(network: str, num_tests: int, method: str, progress: Progress | None) -> Work:
     """Return the parts of a discovery; arguments as `work_of_calibration`."""
-    return Work(
-        {
-            "base fit": 3.5,
-            "search": 7.5,
-            "rivals": 1.5,
-            "fits": 1.0,
-            "where": 1.5,
-            "ties": 0.5,
-            "next test": 0.5,
-            "posterior": 8.0 if method == "quick" else 14.0,
-            "predictions": 1.5 * num_tests,
-            "writing": 6.0,
-        },
-        progress,
-    )
+    of_calibration = work_of_calibration([network], num_tests, method, None)
+    return Work({**of_calibration.usual_s, "where": 3.0 + 2.0 * num_tests}, progress)

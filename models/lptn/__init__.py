@@ -6,7 +6,7 @@ rms, speed in rad/s. Needs float64: `jax.config.update("jax_enable_x64", True)`.
 
 from .accumulate import accumulate
 from .block_means import block_means
-from .constant_drive import heat_input
+from .constant_drive import heat_input, link_resistances
 from .effects import EFFECTS
 from .hold import Held, hold
 from .inputs import SIGNALS, Drive, Inputs
@@ -43,6 +43,7 @@ __all__ = [
     "heat_input",
     "hold",
     "is_stable",
+    "link_resistances",
     "linearise",
     "longest_step",
     "reading",

@@ -17,7 +17,7 @@ from .effects.base import AbstractEffect, Terms
 from .inputs import Drive
 from .losses import CopperLosses
 from .march import heat_effects, prepare
-from .network import Network
+from .network import Link, Network
 from .sensor import Sensor
 
 
@@ -129,3 +129,57 @@ def heat_input(
     """
     at = field(network, losses, drive, temperature, effects)
     return at.by_node(at.heat(at.start))
+
+
+def link_resistances(
+    network: Network,
+    losses: CopperLosses,
+    drive: Drive,
+    temperature: Mapping[str, Float[Array, ""]],
+    *,
+    effects: Sequence[AbstractEffect] = (),
+) -> dict[Link, Float[Array, ""]]:
+    """Return the resistance of each link as effects leave it at one instant [K/W].
+
+    Heat that a surface gives off by an effect of its own lies beside the link to the sink, and a
+    node that an effect adds is taken out by turning its star of links into a mesh.
+
+    Args:
+        network: As `linearise`.
+        losses: As `linearise`.
+        drive: As `linearise`.
+        temperature: Of all nodes, those of effects among them [degC].
+        effects: As `linearise`.
+    """
+    own = {node: T for node, T in temperature.items() if node in network.nodes}
+    sensor = Sensor(node=network.copper_node)
+    full, _ = prepare(network, losses, drive, own, effects, (sensor,))
+    acting = heat_effects(effects)
+    bare = heat_balance(full, losses, (), temperature, drive)
+    terms = heat_balance(full, losses, acting, temperature, drive)
+    conductance = dict(terms.conductance)
+    for effect in acting:
+        if effect.card.family == "surface":
+            heat = effect.apply(bare, temperature, drive).heat
+            for node in full.nodes:
+                link = (node, full.boundary)
+                if link in conductance:
+                    rise = temperature[node] - terms.sink
+                    conductance[link] += (bare.heat[node] - heat[node]) / rise
+    for node in full.nodes:
+        if node not in network.nodes:
+            conductance = _without(conductance, node)
+    return {link: 1.0 / conductance[link] for link in network.links}
+
+
+def _without(conductance: dict[Link, Array], node: str) -> dict[Link, Array]:
+    """Return the links without a node through which no heat comes in."""
+    star = {(a if b == node else b): G for (a, b), G in conductance.items() if node in (a, b)}
+    rest = {link: G for link, G in conductance.items() if node not in link}
+    total = sum(star.values())
+    ends = list(star)
+    for place, first in enumerate(ends):
+        for second in ends[place + 1 :]:
+            link = (second, first) if (second, first) in rest else (first, second)
+            rest[link] = rest.get(link, 0.0) + star[first] * star[second] / total
+    return rest

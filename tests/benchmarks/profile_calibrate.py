@@ -35,6 +35,7 @@ PHASES = {
     "reading and checks": "heatrun.commands.calibrate.load",
     "fit": "heatrun.calibration.fit",
     "unmodelled heat": "heatrun.calibration.holding_heat",
+    "search for effects": "heatrun.calibration.find",
     "missing effects": "heatrun.calibration.missing",
     "comparison of the tests": "heatrun.calibration.fit_with_changes",
     "sampling": "heatrun.calibration.sample",

@@ -9,10 +9,10 @@ import pytest
 from measured_machine import measured_record
 
 from heatrun.bench.reduction import reduce
-from heatrun.discovery.alternatives import members, nearest_resistance
-from heatrun.discovery.extended import placed
-from heatrun.discovery.grow import look
-from heatrun.discovery.screening.extension import extended_engine
+from heatrun.effects.alternatives import _alternative, _refitted, nearest_resistance
+from heatrun.effects.engine import placed
+from heatrun.effects.extension import extended_engine
+from heatrun.effects.missing import look
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
@@ -50,7 +50,8 @@ def small(generator, motor):
     engine = engine.with_loggers(found.problem.loggers).with_heat(found.problem.heat)
     screen, _ = look(engine, engine.refit(z, order, found.noise), library.candidates)
     score = next(s for s in screen.scores() if s.candidate.id == "insulation_conductivity")
-    (alternative,) = members(found, engine, screen.present, [score])
+    refitted = _refitted(found, engine, screen.present, score)
+    alternative = _alternative(engine, refitted, 1.0)
     place = found.problem.parameters.index("Req_w")
     return alternative, found.slots[place].parameter, place
 

@@ -10,7 +10,7 @@ import pytest
 
 from heatrun import arithmetic
 from heatrun.arithmetic import refuse_wrong_sums, sums_of_squares
-from heatrun.discovery.screening.start import base_start
+from heatrun.effects.found import find
 from heatrun.errors import InputError
 from heatrun.fleet.batch.fit import fit_batch
 from heatrun.fleet.fitting import fit_machines
@@ -19,7 +19,7 @@ from heatrun.inference.fitting.fit import fit
 BEGINNINGS = {
     # wrong sums are refused before anything is looked at: no test is needed here
     "a fit": lambda: fit(None),
-    "a discovery": lambda: base_start(None),
+    "a discovery": lambda: find(None, None, []),
     "a batch": lambda: fit_batch([]),
     "a fleet": lambda: fit_machines([], seed=0, num_planned=0),
 }

@@ -9,15 +9,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from discovered import discovered
 from machine_of_two_sensors import machine
 
-from heatrun.discovery.judging.final_check import adequacy
-from heatrun.discovery.judging.folds import folds
+from heatrun.discovery.adequacy import adequacy
+from heatrun.discovery.folds import folds
 from heatrun.discovery.localise import Course, Where
-from heatrun.discovery.result import assemble
-from heatrun.discovery.run import discover, show
-from heatrun.discovery.screening.engine import Engine
-from heatrun.discovery.screening.response import respond
+from heatrun.discovery.response import respond
+from heatrun.effects.engine import Engine
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.model import Model
 from heatrun.inference.noise import from_scores
@@ -109,15 +108,15 @@ def test_what_one_sensor_shows_is_left_by_the_model(bare):
 def named(cooled):
     _, motor, tests, _ = cooled
     kinds = [kind for kind in all_effects() if kind.card.id in RIVALS]
-    return discover(motor, tests, kinds=kinds)
+    return discovered(motor, tests, kinds=kinds)
 
 
 @pytest.mark.slow
 def test_a_cause_is_named_with_the_body_fitted(named):
     assert named.verdict.word == "named"
-    assert [each.rival.candidate.id for each in named.named] == ["natural_convection"]
+    assert named.asked.ids == ("natural_convection",)
     assert named.after.is_adequate
-    fit = named.fits[1]
+    fit = named.asked.fit
     names = [slot.name for slot in fit.slots]
     assert {"stator_gain", "stator_offset", "stator_lag"} <= set(names)
     assert fit.problem.tests[0].fitted == ("stator_degC",)
@@ -130,13 +129,9 @@ def test_a_cause_is_named_with_the_body_fitted(named):
 
 
 @pytest.mark.slow
-def test_the_result_says_whose_misfit_it_was(cooled, named):
-    _, _, tests, held_out = cooled
-    shown = show(named, [*tests, *held_out], method="quick")
-    roles = ["calibration"] * len(tests) + ["holdout"] * len(held_out)
-    result = assemble(named, shown, roles, command="", seed=0)
-    assert result.adequacy.before.channel in ("winding_degC", "stator_degC")
-    assert result.adequacy.before.slow_misfit_K > 0.08 > result.adequacy.after.slow_misfit_K
+def test_the_result_says_whose_misfit_it_was(named):
+    assert named.before.channel in ("winding_degC", "stator_degC")
+    assert named.before.misfit_K > 0.08 > named.after.misfit_K
 
 
 def with_residual(fit, engine, error_K):

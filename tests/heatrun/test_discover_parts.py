@@ -10,12 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun.discovery.grow import look
-from heatrun.discovery.judging.folds import folds, left_out_errors, rmse
-from heatrun.discovery.screening.bootstrap import familywise_p
-from heatrun.discovery.screening.engine import Engine
-from heatrun.discovery.screening.library import library
-from heatrun.discovery.screening.start import base_start
+from heatrun.discovery.folds import folds, left_out_errors, rmse
+from heatrun.effects.bootstrap import familywise_p
+from heatrun.effects.engine import Engine, white
+from heatrun.effects.library import library
+from heatrun.effects.missing import look
 from heatrun.errors import InputError
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.model import Model
@@ -34,7 +33,7 @@ def engine(blocks, motor):
 
 @pytest.fixture(scope="module")
 def base(engine):
-    return base_start(engine)
+    return engine.refit(np.zeros(len(engine.slots)), engine.base, white(0.3))
 
 
 @pytest.fixture(scope="module")
@@ -55,11 +54,6 @@ def test_all_effects_at_their_null_are_the_base_model(engine, base, fitted):
     # general against affine step: both third order, equal to rounding; nulls within 1e-8 K
     np.testing.assert_allclose(residual, expected, atol=1e-7)
     np.testing.assert_allclose(jacobian, slopes, atol=1e-6)
-
-
-def test_the_start_finds_the_fit_that_many_starts_find(engine, base, fitted):
-    best = float(np.sqrt(np.mean(base.residual[engine.is_observed] ** 2)))
-    assert best == pytest.approx(fitted.rmse_K(), rel=0.02)
 
 
 def test_derivatives_by_effects_are_true(engine, base):

@@ -6,10 +6,10 @@ import copy
 import json
 
 import jsonschema
+import pandas as pd
 import pytest
-from hidden_machines import machine
 
-from heatrun.results import to_json
+from heatrun.cli import main
 from heatrun.results.discovery import DISCOVERY_FORMAT
 from heatrun.results.schema import shipped
 
@@ -20,18 +20,27 @@ VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 
 
 @pytest.fixture(scope="module")
-def result(hidden_bench):
+def result(hidden_bench, tmp_path_factory):
     """A discovery with an event in one test of two, a held-out test, and every part filled."""
-    from heatrun.discovery.result import assemble
-    from heatrun.discovery.run import discover, show
-
-    case, motor, _, tests = machine(
-        hidden_bench, ("cooling_step",), 4000, target_K=0.8, only_test=1
+    case = hidden_bench.make_case(
+        ("cooling_step",), 4000, target_K=0.8, only_test=1, resolution_K=0.1
     )
-    found = discover(motor, tests[:2], held_out=tests[2:])
-    shown = show(found, tests, method="quick")
-    roles = [test.role for test in case.tests]
-    return json.loads(to_json(assemble(found, shown, roles, command="test", seed=0)))
+    folder = tmp_path_factory.mktemp("schema")
+    machine = case.machine
+    (folder / "motor.toml").write_text(
+        f'[motor]\nname = "study"\nlosses = "{case.losses}"\n'
+        f"rated_speed_rpm = {machine.rated_speed_rpm:.2f}\n[winding]\n"
+        f"phase_resistance_ohm = {machine.phase_resistance_ohm:.6g}\n",
+        encoding="utf-8",
+    )
+    for test in case.tests:
+        path = folder / f"{test.name}.csv"
+        pd.DataFrame(test.columns).to_csv(path, index=False, float_format="%.6g")
+    first, second, held_out = (str(folder / f"{test.name}.csv") for test in case.tests)
+    run = folder / "run"
+    words = [first, second, "--holdout", held_out, "--quick", "--out", str(run)]
+    assert main(["discover", str(folder / "motor.toml"), *words]) == 0
+    return json.loads((run / "discovery.json").read_text(encoding="utf-8"))
 
 
 def test_the_schema_is_one():

@@ -9,8 +9,8 @@ import pytest
 from measured_machine import measured_record
 
 from heatrun.bench.reduction import reduce
-from heatrun.discovery.extended import placed
-from heatrun.discovery.screening.extension import extended_engine
+from heatrun.effects.engine import placed
+from heatrun.effects.extension import extended_engine
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model

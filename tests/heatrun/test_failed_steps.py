@@ -23,13 +23,13 @@ from heatrun.inference.posterior import normal_draws
 from heatrun.inference.predict import unpredicted
 from heatrun.motorfile import load_motor
 from heatrun.reports.sheet import figures, of_run
-from heatrun.reports.sheet.headline import favoured, headline
 from heatrun.reports.sheet.of_run import rewrite_sheet, write_sheet
 from heatrun.reports.terminal import result_text
 from heatrun.runs import result as of_result
 from heatrun.runs import write
 from heatrun.runs.run import open_run
 from heatrun.runs.run_folder import RunFolder
+from heatrun.runs.verdict import favoured, headline
 
 
 def fail(*_, **__):

@@ -11,7 +11,6 @@ import pytest
 import heatrun
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.discovery.run import discover
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.held_heat import distance, holding_heat, is_overruled
 from heatrun.inference.model import Model
@@ -134,12 +133,3 @@ def test_the_run_is_read_back_with_the_heat_that_it_was_fitted_with(tmp_path):
     np.testing.assert_allclose(again.median, course["second_winding_degC"], atol=0.05)
     # it says of itself what it does: within a few kelvin of the test, where it was 50 K off
     assert np.sqrt(np.nanmean(course["second_residual_K"] ** 2)) < 15.0
-
-
-@pytest.mark.slow
-def test_a_discovery_holds_it_down_too(overruled):
-    problem = overruled.problem
-    base, last = discover(problem.motor, problem.tests).fits
-    for found in (base, last):
-        assert not is_overruled(found)
-    assert [finding.id for finding in base.findings] == ["heat_held_down"]

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 import heatrun
-from heatrun.discovery.missing import Missing, missing_finding
+from heatrun.effects.missing import Missing, missing_finding
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.plausible_effects import PlausibleEffect
 
@@ -67,35 +67,15 @@ def of_friction(fitted, probability, shift=0.0):
     return finding
 
 
-@pytest.mark.parametrize(("probability", "told"), [(0.85, True), (0.95, False)])
-def test_what_no_effect_explains_is_told_with_its_probability(fitted, probability, told):
-    """A power meter that wanders heats no machine: an effect that resembles it is a guess."""
-    finding = of_friction(fitted, probability)
-    assert finding.severity == "warning"
-    assert "is incomplete" in finding.message
-    assert ("heat without a name, or errors of the power (15 %)" in finding.message) == told
-
-
-def test_a_guess_that_moves_nothing_is_a_note(fitted):
-    finding = of_friction(fitted, 0.12)
+def test_what_does_not_matter_is_a_note(fitted):
+    """What matters is in the network by now; the intervals allow for the rest."""
+    finding = of_friction(fitted, 0.45)
     assert finding.severity == "note"
-    assert "incomplete" not in finding.message
-    assert "most likely heat without a name, or errors of the power (88 %)" in finding.message
+    assert "too little for a name" in finding.message
     assert "no parameter of the network would move" in finding.message
-
-
-def test_what_the_prior_alone_makes_likely_is_a_note(fitted):
-    """Before the tests an effect is four times as probable as none: 0.8 says nothing more."""
-    finding = of_friction(fitted, 0.78)
-    assert finding.severity == "note"
-    assert "the tests do not tell of what" in finding.message
-    assert "most likely" not in finding.message
-    assert of_friction(fitted, 0.82).severity == "warning"
-
-
-def test_a_guess_that_would_move_a_parameter_is_a_warning(fitted):
-    assert of_friction(fitted, 0.4, shift=-1.5).severity == "warning"
-    assert of_friction(fitted, 0.12, shift=-1.5).severity == "note"
+    moved = of_friction(fitted, 0.45, shift=-1.5)
+    assert moved.severity == "note"
+    assert fitted.slots[0].name in moved.message
 
 
 def test_of_one_effect_in_two_tests_the_likelier_is_told(fitted):
@@ -122,7 +102,7 @@ def test_an_effect_too_small_to_see_is_told_and_the_intervals_allow_for_it(calib
     assert next(row for row in model.residuals if row.role == "calibration").rmse_K < 0.35
     (finding,) = of_kind(run, "missing_effect")
     assert "external_loss" in finding.message
-    assert "--with external_loss" in finding.remedy
+    assert "--with" in finding.remedy
     assert finding.values["familywise_p"] < 0.01
     assert "external_loss" in [row.id for row in model.maybe_missing]
     entry, truth = model.parameters["Ceq_sr"], case.machine.Ceq_sr

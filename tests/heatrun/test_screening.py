@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from heatrun.discovery.screening import screen as screening
-from heatrun.discovery.screening.screen import Screen, Signature
+from heatrun.effects import screen as screening
+from heatrun.effects.screen import Screen, Signature
 
 NUM_BLOCKS = 200
 

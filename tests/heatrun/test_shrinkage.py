@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import simpson
 from scipy.stats import norm
 
-from heatrun.discovery.shrinkage import SCALES, rescaled, shrunk
+from heatrun.effects.shrinkage import SCALES, rescaled, shrunk
 
 # readings y = x + 2 a + noise of 0.5, once each; x and a scores of a parameter and an amplitude
 J, Y, SD = np.array([[1.0, 2.0], [1.0, -0.5]]), np.array([0.9, 0.4]), 0.5

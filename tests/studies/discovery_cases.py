@@ -145,7 +145,7 @@ def command(arguments: list[str]) -> tuple[int | None, str]:
     from heatrun.inference.predict import predict
 
     shorter = patch.multiple(
-        "heatrun.discovery.run",
+        "heatrun.calibration",
         sample=partial(sample, most_steps=MOST_STEPS),
         predict=partial(predict, num_draws=NUM_DRAWS),
     )

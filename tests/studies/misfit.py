@@ -240,7 +240,7 @@ def thresholds(rows: Sequence[dict[str, Any]]) -> list[str]:
 @cache
 def limits() -> dict[str, tuple[float, str]]:
     """Return each threshold of a finding with its words; an earlier release has others."""
-    from heatrun.discovery.missing import CHANCE
+    from heatrun.effects.missing import CHANCE
     from heatrun.inference.fitting import prior_checks
     from heatrun.inference.fitting.optimum_findings import LONGEST_NOISE_S, MUCH_HEAT
 

@@ -35,6 +35,12 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     words.add_with(parser)
     parser.add_argument(
+        "--plain",
+        action="store_true",
+        help="keep the network without the effects that the tests ask for; the verdict says what "
+        "that costs",
+    )
+    parser.add_argument(
         "--rating",
         action="append",
         default=[],
@@ -111,6 +117,7 @@ def calibrate_into_folder(
             is_named=options.out is not None,
             is_replacing=options.force,
             duties=getattr(options, "rating", ()),
+            is_plain=getattr(options, "plain", False),
             say=say,
             progress=progress,
         )

@@ -4,91 +4,88 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from msgspec import UNSET
-
-from ..results.candidate import CandidateFate, HeldOutErrors, Status
-from .grow import NUM_REFITTED, Round
-from .judging.acceptance import WORTH_A_REFIT, Rival
+from ..effects.library import Candidate
+from ..effects.screen import Score
+from ..inference.effect_parameters import qualified
+from ..inference.noise import from_scores
+from ..results.candidate import CandidateFate, Status
 from .run import Discovery
-from .screening.screen import VISIBLE, VISIBLE_K, Score
 
 
 def describe_candidates(found: Discovery) -> tuple[CandidateFate, ...]:
     """Return every effect of the library with what became of it and why."""
-    rounds = found.growth.rounds
-    rows = []
-    for score in rounds[0].scores:
-        status, reason, rival = _fate(found, score)
-        card = score.candidate.kind.card
-        row = CandidateFate(
-            id=score.candidate.id,
-            family=card.family,
-            test=score.candidate.test_name(found.engine.tests),
-            status=status,
-            reason=reason,
-            visibility=score.visibility,
-            visible_K=score.visible_K,
-            screening_log_bayes=score.log_bayes,
-            separating_test=card.separating_test,
-        )
-        rows.append(row if rival is None else _refitted(row, rival))
-    for name, reason in found.library.unavailable.items():
-        rows.append(CandidateFate(id=name, status="not available", reason=reason))
+    asked = found.asked
+    scores = {} if found.screened is None else {s.candidate: s for s in found.screened.scores}
+    rows = [_described(found, each, scores.get(each)) for each in asked.library.candidates]
+    rows += [
+        CandidateFate(id=name, status="not available", reason=reason)
+        for name, reason in asked.library.unavailable.items()
+    ]
     return tuple(rows)
 
 
-def _refitted(row: CandidateFate, rival: Rival) -> CandidateFate:
-    """Return what is said of a candidate with the figures of its refit."""
-    held_out = tuple(
-        HeldOutErrors(rmse_without_K=without, rmse_with_K=with_it)
-        for without, with_it in rival.held_out_K
+def values_of(found: Discovery, effect: Candidate) -> dict[str, float | None]:
+    """Return the parameters of an effect in the best set that has it [their units]."""
+    search = found.asked.search
+    members = [m for m in search.fitted.values() if effect in m.effects]
+    if not members:
+        return {}
+    best = max(members, key=lambda member: member.log_weight)
+    values, _ = search.engine.values(best.z, effect.test or 0)
+    return {name: values[qualified(effect.kind, name)] for name in effect.kind.card.parameters}
+
+
+def _described(found: Discovery, effect: Candidate, score: Score | None) -> CandidateFate:
+    asked = found.asked
+    card = effect.kind.card
+    status, reason = _fate(found, effect, score)
+    row = CandidateFate(
+        id=effect.id,
+        family=card.family,
+        test=effect.test_name(asked.search.engine.tests),
+        status=status,
+        reason=reason,
+        separating_test=card.separating_test,
+        parameters=values_of(found, effect),
+        delta_log_evidence=_delta(found, effect),
     )
+    if score is None:
+        return row
     return replace(
         row,
-        delta_log_evidence=rival.delta_log_evidence,
-        rmse_K=rival.rmse_K,
-        left_out_K=rival.left_out_K,
-        parameters=dict(rival.values),
-        held_out=held_out or UNSET,
+        visibility=score.visibility,
+        visible_K=score.visible_K,
+        screening_log_bayes=score.log_bayes,
     )
 
 
-def _fate(found: Discovery, score: Score) -> tuple[Status, str, Rival | None]:
-    candidate = score.candidate
-    seen = [(r, rival) for r in found.growth.rounds for rival in r.rivals
-            if rival.candidate == candidate]  # fmt: skip
-    rival = seen[-1][1] if seen else None
-    for each in found.named:
-        if each.rival.candidate == candidate:
-            return "accepted", "", each.rival
-        for swap in each.swaps:
-            if swap.candidate == candidate:
-                fate = "rejected" if swap.reason else "tied"
-                return (
-                    fate,
-                    swap.reason or f"these tests cannot separate it from {each.rival.candidate.id}",
-                    rival,
-                )
-    if candidate.id in found.dropped:
-        return "rejected", f"was accepted at first; {found.dropped[candidate.id]}", rival
-    if rival is not None:
-        return "rejected", rival.reason or _overtaken(seen[-1][0]), rival
-    if not score.is_visible:
-        return (
-            "not identifiable",
-            f"at its typical size these tests would show {score.visible_K:.3f} K of it, "
-            f"{score.visibility:.1f} standard deviations (needed {VISIBLE_K:g} K and {VISIBLE:g})",
-            None,
+def _delta(found: Discovery, effect: Candidate) -> float | None:
+    """Return the log evidence that an effect adds to the core, if a fit says so [nat]."""
+    asked = found.asked
+    if effect in asked.core.effects:
+        return asked.log_bayes(effect)
+    beside = asked.search.fitted.get(asked.core.effects | {effect})
+    return None if beside is None else beside.log_evidence - asked.core.log_evidence
+
+
+def _fate(found: Discovery, effect: Candidate, score: Score | None) -> tuple[Status, str]:
+    asked = found.asked
+    if effect in asked.core.effects:
+        return "accepted", ""
+    for each in asked.core.effects:
+        p = asked.rivals(each).get(effect)
+        if p is not None:
+            place = f"in the place of {each.id} it has a probability of {100.0 * p:.2g} %"
+            return ("tied" if effect in asked.tied(each) else "rejected"), place
+    if effect in asked.best.effects:
+        return "rejected", (
+            "the evidence asks for it, but what it closes of the gap is less than the laws of the "
+            "other effects leave open: the intervals allow for it"
         )
-    if score.log_bayes > WORTH_A_REFIT:
-        return "screened", f"the {NUM_REFITTED} that were refitted score higher", None
-    return (
-        "screened",
-        f"the residuals do not favour it (log Bayes factor {score.log_bayes:+.1f})",
-        None,
-    )
-
-
-def _overtaken(round_: Round) -> str:
-    assert round_.accepted is not None
-    return f"{round_.accepted.candidate.id} explains the residuals better"
+    if score is not None and not score.is_visible:
+        noise = float(from_scores(asked.core.noise_z).total())
+        return "not identifiable", (
+            f"at its usual size these tests would show {score.visible_K:.3f} K of it, "
+            f"{score.visibility:.1f} standard deviations of a noise of {noise:.2f} K"
+        )
+    return "rejected", "the evidence of all effects together does not ask for it"

@@ -1,4 +1,4 @@
-"""A discovery from bench files to a run folder."""
+"""A discovery from bench files to a run folder: a calibration, and the story of its effects."""
 
 from __future__ import annotations
 
@@ -10,23 +10,21 @@ from typing import Literal
 from lptn.effects import AbstractEffect
 
 from ..attempts import OUTPUT_FAILED, Attempts
-from ..bench import Finding
-from ..bench.checks import current_scale_unchecked
-from ..calibration import BenchTest, Calibration, describe_tests, manifest
+from ..calibration import BenchTest, Calibration, calibrate, manifest
+from ..errors import InputError
 from ..inference.networks import NetworkForm
+from ..inference.posterior import weighted_draws
+from ..inference.predict import predict
 from ..motor import Motor
 from ..reports.discovery.figures import draw_all
 from ..reports.discovery.report import write_report
 from ..reports.sheet.of_run import with_sheet
 from ..results.discovery import DiscoveryResult
-from ..results.values import Role
-from ..runs.result import assemble as assemble_fit
-from ..runs.result import describe_model
 from ..runs.run_folder import RunFolder
 from ..runs.write import write_run
 from ..work import SILENT, Work
 from .result import assemble
-from .run import Discovery, Shown, discover, show
+from .run import Discovery, tell
 
 
 @dataclass(frozen=True)
@@ -35,13 +33,13 @@ class Job:
 
     Attributes:
         found: What was found.
-        shown: Posteriors and predictions.
+        calibration: The network with the effects.
         result: What stands in `discovery.json`.
         path: The run folder.
     """
 
     found: Discovery
-    shown: Shown
+    calibration: Calibration
     result: DiscoveryResult
     path: Path
 
@@ -68,87 +66,69 @@ def run_job(
         folder: Where the result goes.
         order: The base network.
         known: Effects that the base network has.
-        kinds: As `heatrun.discovery.run.discover`.
+        kinds: Effects that are searched; by default the catalogue and installed ones.
         method: Sampler of the final model.
         seed: Of everything that is drawn.
         command: As it is to stand in the result.
         say: Told what is being done.
         work: Told how far it is; as `heatrun.work.work_of_discovery`.
+
+    Raises:
+        InputError: If something that the model needs is not given, or no effect can be searched.
     """
-    fitted = [test.blocks for test in tests if test.role == "calibration"]
-    held_out = [test.blocks for test in tests if test.role == "holdout"]
-    found = discover(
-        motor, fitted, order=order, known=known, kinds=kinds, held_out=held_out, seed=seed, say=say,
-        work=work,
+    calibration = calibrate(
+        motor, tests, networks=(order,), effects=known, kinds=kinds, method=method, seed=seed,
+        command=command, folder=folder, say=say, work=work,
     )  # fmt: skip
-    say(f"{found.verdict.word}: sampling the model as it is now")
-    shown = show(
-        found, [test.blocks for test in tests], method=method, seed=seed,
-        folder=folder.checkpoints, work=work,
-    )  # fmt: skip
-    roles: list[Role] = [test.role for test in tests]
-    result = assemble(found, shown, roles, command=command, seed=seed)
+    asked = calibration.asked
+    if asked is None:
+        raise InputError(
+            "the tests have the inputs of none of the effects that are to be searched.",
+            where=", ".join(test.record.name for test in tests),
+            remedy="Map more channels, such as speed_rpm, or calibrate.",
+        )
+    say("telling what the effects change")
+    found = tell(asked, calibration.screened, command=_next(motor, tests), work=work)
+    base = weighted_draws(asked.fits[0], seed=seed)
+    before = [predict(base, test.blocks, seed=seed) for test in tests]
+    result = assemble(found, calibration, before, base, command=command, seed=seed)
     say("writing report and sheet")
     work.at("writing", "writing report and sheet")
     folder.write_json("discovery.json", result)
     attempts = Attempts(OUTPUT_FAILED)
+    name = list(calibration.posteriors)[-1]
+    pairs = list(zip(before, calibration.predictions[name], strict=True))
     figures = attempts.of(
         "the figures of the discovery",
         lambda: draw_all(
-            shown.predictions, roles, fitted, found.where_before, found.where_after,
+            pairs,
+            [test.role for test in tests],
+            [test.blocks for test in tests if test.role == "calibration"],
+            found.where_before,
+            found.where_after,
             folder.partial / "discovery",
         ),
         [],
-    )  # fmt: skip
+    )
     attempts.of(
         "the report of the discovery",
         lambda: write_report(result, figures, folder.partial / "discovery.pdf"),
         None,
     )
-    name = found.fits[1].problem.model.name
-    final = _as_calibration(motor, tests, found, shown, name, command, seed, attempts.findings)
-    run = write_run(folder, motor, final.result, final.posteriors, final.predictions)
-    work.at("writing", "writing the sheet", 0.6)
-    with_sheet(run, folder)
-    return Job(found, shown, result, folder.finish(manifest(final, command, seed)))
-
-
-def _as_calibration(
-    motor: Motor,
-    tests: Sequence[BenchTest],
-    found: Discovery,
-    shown: Shown,
-    network: str,
-    command: str,
-    seed: int,
-    further: Sequence[Finding],
-) -> Calibration:
-    """Return the final model as a calibration, for its parameter sheet."""
-    posterior = shown.posteriors[1]
-    predictions = [after for _, after in shown.predictions]
-    roles: list[Role] = [test.role for test in tests]
-    attempts = Attempts()
-    rows, reduced = describe_tests(posterior.fit, tests, motor, attempts)
-    findings = [finding for test in tests for finding in test.findings]
-    findings += current_scale_unchecked(motor, [test.record for test in tests])
-    findings += [*posterior.fit.findings, *reduced]
-    models = {network: describe_model(posterior, predictions, roles, attempts=attempts)}
-    findings += [*attempts.findings, *further]
-    result = assemble_fit(
-        motor, rows, findings, models, {network: predictions}, command=command, seed=seed
+    whole = replace(
+        calibration.result,
+        findings=(*calibration.result.findings, *attempts.findings),
+        verdict=replace(calibration.result.verdict, sentence=found.verdict.sentence),
     )
-    in_set = None if found.ties is None else found.ties.named
-    accepted = tuple(each.rival.candidate.id for each in found.named if each is not in_set)
-    verdict = result.verdict
-    if found.named:
-        words = posterior.fit.problem.model.words
-        parts = [f"with {' and '.join(accepted)}"] if accepted else []
-        if in_set is not None:
-            parts.append(f"averaged over {' and '.join(in_set.ids)}")
-        sentence = (
-            f"{words[0].upper()}{words[1:]} {', '.join(parts)}, as the discovery left "
-            f"it. {found.verdict.sentence}"
-        )
-        verdict = replace(verdict, sentence=sentence)
-    result = replace(result, verdict=verdict, effects=accepted)
-    return Calibration(motor, tuple(tests), {network: posterior}, {network: predictions}, result)
+    calibration = replace(calibration, result=whole)
+    run = write_run(folder, motor, whole, calibration.posteriors, calibration.predictions)
+    work.at("writing", "writing the sheet", 0.6)
+    calibration = replace(calibration, result=with_sheet(run, folder))
+    path = folder.finish(manifest(calibration, command, seed))
+    return Job(found, calibration, result, path)
+
+
+def _next(motor: Motor, tests: Sequence[BenchTest]) -> str:
+    """Return the command that looks at what is left with a body more."""
+    files = " ".join(source.path for test in tests for source in test.record.sources)
+    return f"heatrun discover {motor.path or 'MOTOR.toml'} {files} --model three"

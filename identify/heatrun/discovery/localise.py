@@ -16,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from ..effects.engine import Engine, Refit
 from ..inference.model import Model
-from .screening.engine import Engine, Refit
-from .screening.response import SENSOR, Response, respond
+from .response import SENSOR, Response, respond
 
 SPACING_S = 120.0
 """Time between knots [s]: about the fast time constant of a winding, under which no thermometer

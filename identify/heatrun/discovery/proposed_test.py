@@ -8,11 +8,9 @@ from dataclasses import dataclass, replace
 import jax.numpy as jnp
 import numpy as np
 
+from ..effects.engine import Engine, Refit
 from ..inference.problem import Problem
 from .duties import DUTIES, Stretch, imagined
-from .rivals import Named
-from .screening.engine import Engine, Refit
-from .screening.known import searched_effects_of
 
 MARGIN_K = 20.0
 """An imagined test may be this much hotter than the records [K]."""
@@ -37,8 +35,8 @@ class NextTest:
     expected_log_bayes_factor: float
 
 
-def next_test(engine: Engine, final: Refit, named: Sequence[Named]) -> NextTest | None:
-    """Return the duty that best separates the tied effects; None if nothing is tied.
+def next_test(engine: Engine, names: tuple[str, ...], fits: Sequence[Refit]) -> NextTest | None:
+    """Return the duty that best separates tied effects.
 
     It is judged by what the winding's sensor shows, whatever else the records hold. Each effect is
     fitted to the records already; on an imagined duty their predictions differ, and what a refit of
@@ -47,15 +45,10 @@ def next_test(engine: Engine, final: Refit, named: Sequence[Named]) -> NextTest 
 
     Args:
         engine: The tests.
-        final: Fit of the final model.
-        named: The accepted effects, with their rivals.
+        names: Ids of the effects.
+        fits: The model with each of them.
     """
-    tied = [each for each in named if each.equivalents]
-    if not tied:
-        return None
-    first = tied[0]
-    fits = [final, *(swap.refit for swap in first.swaps if not swap.reason)]
-    names = (first.rival.candidate.id, *(c.id for c in first.equivalents))
+    final = fits[0]
     like = max(engine.tests, key=lambda test: test.num_blocks)
     best: NextTest | None = None
     for what, duty in DUTIES.items():
@@ -90,8 +83,7 @@ def _engine(engine: Engine, final: Refit, duty: Sequence[Stretch], like) -> Engi
     model = engine.problem.model
     losses = model.losses({name: jnp.asarray(value) for name, value in values.items()})
     test = imagined(duty, like, engine.tests, losses)
-    searched = searched_effects_of(engine.problem)
-    return Engine(Problem.of(model, engine.problem.motor, [test], searched))
+    return Engine(Problem.of(model, engine.problem.motor, [test]))
 
 
 def _scores(engine: Engine, trial: Engine, fit: Refit) -> np.ndarray:
@@ -102,6 +94,8 @@ def _scores(engine: Engine, trial: Engine, fit: Refit) -> np.ndarray:
             at = engine.find(slot.parameter.name)
             if at is not None:
                 z[position] = fit.z[at]
+        elif slot.parameter.role == "known":  # no event in an imagined test
+            z[position] = np.nan
     return z
 
 
@@ -114,7 +108,11 @@ def _expected(engine: Engine, trial: Engine, truth: Refit, rival: Refit) -> floa
         column = trial.find(engine.slots[slot].parameter.name)
         if engine.slots[slot].test is None and column is not None:
             columns[slot] = column
-    starts = [i for i in trial.base if trial.slots[i].test is not None]
+    starts = [
+        i
+        for i, slot in enumerate(trial.slots)
+        if slot.test is not None and slot.parameter.role != "known"
+    ]
     known = [*columns.values(), *starts]
     predicted, jacobian = trial.linearise(z, known)
     rows = trial.whiten(rival.noise, predicted - seen)

@@ -7,6 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import UNSET
 
+from ..calibration import Calibration
+from ..effects.library import Candidate
+from ..effects.search import gap as closed
 from ..inference.effect_parameters import qualified
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
@@ -40,27 +43,20 @@ from ..results.gap import (
 from ..results.missing import Localisation, LocalisedMisfit, MissingCourse, MissingSpan
 from ..results.values import Interval, Role
 from ..version import __version__
-from .fates import describe_candidates
-from .judging.final_check import Adequacy
+from .adequacy import Adequacy
+from .fates import describe_candidates, values_of
 from .localise import Span, Where
-from .rivals import Named
-from .run import Discovery, Shown
-from .screening.library import Candidate
-from .screening.response import SENSOR
-from .traces import Trace
-from .verdict import sampled_apart
+from .response import SENSOR
+from .run import Discovery
 
-SELECTED = (
-    "The held-out tests took part in the selection of effects: none was added that predicts one of "
-    "them worse. Their error after is therefore no independent proof; a further test would be."
-)
-"""What must be said of held-out tests that were looked at before an effect was added."""
+APART = "The held-out tests took no part in the selection."
 
 
 def assemble(
     found: Discovery,
-    shown: Shown,
-    roles: Sequence[Role],
+    calibration: Calibration,
+    before: Sequence[Prediction],
+    base: Posterior,
     *,
     command: str,
     seed: int,
@@ -69,28 +65,33 @@ def assemble(
 
     Args:
         found: What was found.
-        shown: Posteriors and predictions of all tests.
-        roles: Role of each test.
+        calibration: Of the network with the effects.
+        before: All tests as the network alone predicts them.
+        base: Its posterior.
         command: The command, as it is to stand in the result.
         seed: Of everything that was drawn.
     """
     after = found.after
-    pairs = list(zip(shown.predictions, roles, strict=True))
+    name = list(calibration.posteriors)[-1]
+    posterior = calibration.posteriors[name]
+    roles: list[Role] = [test.role for test in calibration.tests]
+    pairs = list(zip(zip(before, calibration.predictions[name], strict=True), roles, strict=True))
     fitted = [p for p, role in pairs if role != "holdout"]
     held_out = [p for p, role in pairs if role == "holdout"]
-    calibration = _gap(fitted, after.noise_K)
-    apart = sampled_apart(after, calibration.rmse_after_K)
+    asked = found.asked
+    core = sorted(asked.core.effects, key=lambda each: -asked.log_bayes(each))
+    noise = found.left[1].noise
     return DiscoveryResult(
         format=DISCOVERY_FORMAT,
         heatrun_version=__version__,
         command=command,
         seed=seed,
-        motor=MotorName(name=found.engine.problem.motor.name),
+        motor=MotorName(name=calibration.motor.name),
         verdict=found.verdict.word,
-        sentence=f"{found.verdict.sentence}{apart}",
-        effects=tuple(_effect(found, shown, each) for each in found.named),
-        dropped=tuple(found.dropped),
-        traces=tuple(describe_trace(trace) for trace in found.traces),
+        sentence=found.verdict.sentence,
+        effects=tuple(_effect(found, posterior, each) for each in core),
+        dropped=tuple(sorted({e.id for e in asked.best.effects - asked.core.effects})),
+        traces=_traces(found) if found.verdict.word == "adequate" else (),
         where=tuple(_span(span) for span in found.where_before.spans),
         where_left=tuple(_span(span) for span in found.where_after.spans),
         localisation=Localisation(
@@ -98,33 +99,25 @@ def assemble(
         ),
         candidates=describe_candidates(found),
         adequacy=AdequacyBeforeAfter(before=_adequacy(found.before), after=_adequacy(after)),
-        calibration=calibration,
-        holdout=_held_out(found, _gap(held_out, after.noise_K)) if held_out else None,
+        calibration=_gap(fitted, after.noise_K),
+        holdout=_held_out(_gap(held_out, after.noise_K)) if held_out else None,
         tests=tuple(
-            ErrorsBeforeAfter(
-                name=before.test.name, role=role, before=_row(before), after=_row(last)
-            )
-            for (before, last), role in pairs
+            ErrorsBeforeAfter(name=first.test.name, role=role, before=_row(first), after=_row(last))
+            for (first, last), role in pairs
         ),
-        parameters=_parameters(shown),
+        parameters=_parameters(base, posterior),
         noise=NoiseLevels(
-            sd_K=float(found.final.noise.sd),
-            time_s=float(found.final.noise.time),
-            white_K=float(found.final.noise.white),
+            sd_K=float(noise.sd), time_s=float(noise.time), white_K=float(noise.white)
         ),
         posterior=PosteriorWords(
-            before=shown.posteriors[0].sentence(),
-            after=shown.posteriors[1].sentence(),
-            is_sound=shown.posteriors[1].is_sound,
+            before=base.sentence(), after=posterior.sentence(), is_sound=posterior.is_sound
         ),
         next_test=_next(found),
         seconds=dict(found.seconds),
     )
 
 
-def _held_out(found: Discovery, gap: Gap) -> HeldOutGap:
-    """Return the gap on held-out tests, and whether these decided about an effect."""
-    judged = [r for each in found.growth.rounds for r in each.rivals if r.held_out_K]
+def _held_out(gap: Gap) -> HeldOutGap:
     return HeldOutGap(
         noise_floor_K=gap.noise_floor_K,
         rmse_before_K=gap.rmse_before_K,
@@ -133,34 +126,45 @@ def _held_out(found: Discovery, gap: Gap) -> HeldOutGap:
         rmse_after_K=gap.rmse_after_K,
         max_after_K=gap.max_after_K,
         coverage_95_after=gap.coverage_95_after,
-        took_part_in_selection=bool(judged),
-        sentence=SELECTED if judged else "The held-out tests took no part in the selection.",
+        took_part_in_selection=False,
+        sentence=APART,
     )
 
 
-def describe_trace(trace: Trace) -> TraceOfEffect:
-    """Return an effect that is there and too small to matter."""
-    return TraceOfEffect(
-        id=trace.rival.candidate.id,
-        equivalents=tuple(candidate.id for candidate in trace.equivalents),
-        closes_K=trace.rival.gap_K,
-        delta_log_evidence=trace.rival.delta_log_evidence,
-    )
+def _traces(found: Discovery) -> tuple[TraceOfEffect, ...]:
+    """Return the effects that the evidence asks for and that are too small to matter."""
+    search = found.asked.search
+    best = found.asked.best
+    rows = []
+    for each in sorted(best.effects - found.asked.core.effects, key=lambda one: one.id):
+        without = search.fitted.get(best.effects - {each})
+        if without is not None:
+            reached = [search.reached_K(m.effects, m.z) for m in (without, best)]
+            delta = best.log_evidence - without.log_evidence
+            rows.append(TraceOfEffect(id=each.id, equivalents=(), closes_K=closed(*reached),
+                                      delta_log_evidence=delta))  # fmt: skip
+    return tuple(rows)
 
 
-def _effect(found: Discovery, shown: Shown, named: Named) -> FoundEffect:
-    rival = named.rival
-    kind = rival.candidate.kind
-    draws = shown.with_effects.values()
-    ties = found.ties if found.ties is not None and found.ties.named is named else None
-    names = {name: _slot_name(found, rival.candidate, name) for name in kind.card.parameters}
+def _effect(found: Discovery, posterior: Posterior, effect: Candidate) -> FoundEffect:
+    asked = found.asked
+    kind = effect.kind
+    test = effect.test_name(asked.search.engine.tests)
+    draws = posterior.values()
+    names = {
+        name: qualified(kind, name) if test is None else f"{qualified(kind, name)}[{test}]"
+        for name in kind.card.parameters
+    }
+    rivals = asked.rivals(effect)
+    core = asked.core.effects
+    fitted = asked.search.fitted
     return FoundEffect(
-        id=rival.candidate.id,
+        id=effect.id,
         family=kind.card.family,
         law=kind.card.law,
-        test=rival.candidate.test_name(found.engine.tests),
-        probability=named.probability if ties is None else ties.probability(rival.candidate),
-        equivalents=tuple(candidate.id for candidate in named.equivalents),
+        test=test,
+        probability=min(1.0, asked.probability(effect)),
+        equivalents=tuple(other.id for other in asked.tied(effect)),
         parameters={
             name: EffectParameter(
                 value=float(np.median(draws[slot])),
@@ -171,29 +175,24 @@ def _effect(found: Discovery, shown: Shown, named: Named) -> FoundEffect:
             if slot in draws
         },
         evidence=EffectEvidence(
-            delta_log_evidence=named.delta_log_evidence, familywise_p=named.familywise_p
+            delta_log_evidence=asked.log_bayes(effect), familywise_p=asked.familywise_p
         ),
-        left_out=LeftOut(rmse_before_K=rival.left_out_without_K, rmse_after_K=rival.left_out_K),
+        left_out=LeftOut(rmse_before_K=found.left_out_K[0], rmse_after_K=found.left_out_K[1]),
         rivals=tuple(
             RivalEffect(
-                id=swap.candidate.id,
-                delta_log_evidence=-swap.delta_log_evidence,
-                share_of_gap=swap.share,
-                parameters=dict(swap.values),
-                reason=swap.reason or "not distinguishable from these tests",
-                probability=UNSET
-                if ties is None or swap.reason
-                else ties.probability(swap.candidate),
+                id=other.id,
+                delta_log_evidence=fitted[core - {effect} | {other}].log_evidence
+                - asked.core.log_evidence,
+                share_of_gap=None,
+                parameters=values_of(found, other),
+                reason="not distinguishable from these tests"
+                if other in asked.tied(effect)
+                else f"{effect.id} explains the tests better",
+                probability=min(1.0, p),
             )
-            for swap in named.swaps
+            for other, p in rivals.items()
         ),
     )
-
-
-def _slot_name(found: Discovery, candidate: Candidate, name: str) -> str:
-    full = qualified(candidate.kind, name)
-    test = candidate.test_name(found.engine.tests)
-    return full if test is None else f"{full}[{test}]"
 
 
 def _span(span: Span) -> MissingSpan:
@@ -275,11 +274,11 @@ def _row(prediction: Prediction) -> ErrorsOnTest:
     )
 
 
-def _parameters(shown: Shown) -> dict[str, ParameterBeforeAfter]:
+def _parameters(base: Posterior, last: Posterior) -> dict[str, ParameterBeforeAfter]:
     result: dict[str, ParameterBeforeAfter] = {}
-    for slot in shown.posteriors[0].fit.slots:
+    for slot in base.fit.slots:
         if slot.parameter.role in ("network", "resistance"):
-            before, after = (_figure(posterior, slot.name) for posterior in shown.posteriors)
+            before, after = (_figure(posterior, slot.name) for posterior in (base, last))
             result[slot.name] = ParameterBeforeAfter(
                 before=before,
                 after=after,

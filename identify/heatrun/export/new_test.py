@@ -62,7 +62,7 @@ def read_new_test(
         model=found.model,
         motor=given.motor,
         record=record,
-        values={name: float(np.median(draws)) for name, draws in found.values.items()},
+        values=found.middle(),
         is_held_out=True,
         blocks=found.test,
         inputs=(source, Path(motor.path), *files) if motor.path else (source, *files),

@@ -86,6 +86,8 @@ def _prior(
     has_one_sign = quantity.null is not None and quantity.null <= low and quantity.null == 0.0
     if not is_searched and has_one_sign and quantity.typical > 0.0:
         return "log", quantity.typical, max(0.5 * math.log(high / quantity.typical), 0.5)
+    if not is_searched and quantity.null is not None and quantity.null > 0.0:
+        return "log", quantity.null, 0.5 * math.log(high / quantity.null)
     if quantity.null is not None:
         reach = max(high - quantity.null, quantity.null - low)
         return "linear", quantity.null, 0.5 * reach

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from lptn.effects import AbstractEffect
 
@@ -73,6 +73,11 @@ class PlausibleEffects:
     def probability_of_none(self) -> float:
         """That the network misses none of them [1]."""
         return 1.0 - sum(effect.probability for effect in self.effects)
+
+    @property
+    def of_none(self) -> Bool[np.ndarray, " draw"]:
+        """Which draws are of the network alone: what is stated is their median."""
+        return self.which == NONE
 
     def pick(self, rows: Int[np.ndarray, " row"]) -> PlausibleEffects:
         """Return those of some draws."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -159,7 +160,7 @@ def predict(
         fitted_as = owned[0] if owned else fitted_as
         source = source.draws
     drawn = of_test(source, test, fitted_as=fitted_as, num_draws=num_draws, seed=seed)
-    middle = {name: float(np.median(draws)) for name, draws in drawn.values.items()}
+    middle = drawn.middle()
     known = told_bodies(middle, test)
     rows = test.with_bodies(known)
     heat = heat_columns(source.model, middle, rows)
@@ -175,22 +176,22 @@ def predict(
     )
     noisy = readings + errors
     fitted = {
-        channel: (np.median(means, axis=0), _limits(means + error)["95"])
+        channel: (drawn.stated(means), _limits(means + error)["95"])
         for channel, means, error in zip(known, of_bodies, of_sensors, strict=True)
     }
-    medians = {n: np.median(v, axis=0) for n, v in course.nodes.items()}
+    medians = {n: drawn.stated(v) for n, v in course.nodes.items()}
     limits = {n: _limits(v)["95"] for n, v in course.nodes.items()}
     return Prediction(
         model=source.model,
         test=test,
         is_held_out=fitted_as is None,
-        median=np.median(readings, axis=0),
+        median=drawn.stated(readings),
         parameters=_limits(readings),
         total=_limits(noisy),
         sd=np.std(noisy, axis=0),
         nodes=medians,
         nodes_95=limits,
-        flows={n: np.median(v, axis=0) for n, v in course.flows.items()},
+        flows={n: drawn.stated(v) for n, v in course.flows.items()},
         flows_95={n: _limits(v)["95"] for n, v in course.flows.items()},
         draws=readings,
         values=drawn.values,
@@ -240,6 +241,18 @@ class OfTest:
     values: dict[str, np.ndarray]
     noise: Noise
     plausible: PlausibleEffects | None = None
+
+    def stated(self, draws: np.ndarray) -> Any:
+        """Return the median of what hangs on the draws, over those of the network alone.
+
+        A draw with an effect beside the network has parameters that say little without it.
+        """
+        alone = None if self.plausible is None else self.plausible.of_none
+        return np.median(draws if alone is None or not np.any(alone) else draws[alone], axis=0)
+
+    def middle(self) -> dict[str, float]:
+        """Return the stated values of all parameters by name [their units]."""
+        return {name: float(self.stated(draws)) for name, draws in self.values.items()}
 
 
 def of_test(

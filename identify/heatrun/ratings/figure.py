@@ -8,13 +8,23 @@ from ..results.derived import DerivedFigure
 from .tested import REACH_K, Tested
 
 
-def figure(draws: np.ndarray, unit: str, condition: str) -> DerivedFigure:
-    """Return median, standard deviation and 95 % interval of draws, some of which may be inf."""
+def figure(
+    draws: np.ndarray, unit: str, condition: str, is_stated: np.ndarray | None = None
+) -> DerivedFigure:
+    """Return median, standard deviation and 95 % interval of draws, some of which may be inf.
+
+    Args:
+        draws: Shape (draw,) [unit].
+        unit: Their unit.
+        condition: What they hold under.
+        is_stated: Which of them the median is of, all by default.
+    """
+    stated = draws if is_stated is None or not np.any(is_stated) else draws[is_stated]
     finite = np.where(np.isfinite(draws), draws, np.nan)
     if np.mean(np.isfinite(draws)) < 0.975:
         low = np.nanquantile(finite, 0.025) if np.any(np.isfinite(draws)) else np.nan
         return DerivedFigure(
-            value=float(np.median(draws)),
+            value=float(np.median(stated)),
             unit=unit,
             sd=float("nan"),
             interval_95=(float(low), float("inf")),
@@ -22,7 +32,7 @@ def figure(draws: np.ndarray, unit: str, condition: str) -> DerivedFigure:
         )
     low, high = np.nanquantile(finite, [0.025, 0.975])
     return DerivedFigure(
-        value=float(np.nanmedian(finite)),
+        value=float(np.nanmedian(np.where(np.isfinite(stated), stated, np.nan))),
         unit=unit,
         sd=float(np.nanstd(finite)),
         interval_95=(float(low), float(high)),

@@ -21,6 +21,7 @@ from .duty_currents import Rated, duty_current
 from .figure import bounded_rise, figure
 from .machine import machines
 from .rates import Rates, rates
+from .resistances import at_conditions
 from .tested import tested
 
 
@@ -53,7 +54,8 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
         second_sink=base.model.form.second_sink,
     )
     is_fed = bool(np.any(drawn.copper_slope))
-    figures = _time_constants(network, is_fed, times, seen.amperes, around())
+    figures = at_conditions(posterior)
+    figures |= _time_constants(network, is_fed, times, seen.amperes, around())
     surroundings = around(likely=behind.likely)
     heated = (
         f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C{surroundings}"

@@ -10,8 +10,9 @@ from ..bench.channels.column_mapping import mapping_text
 from ..io.printable import printable
 from ..io.quantities import printed_unit, quantity, rounded
 from ..results import DiscoveryResult, FitResult
-from ..results.derived import DerivedFigure
+from ..results.derived import AT_REST, LOADED, DerivedFigure
 from ..results.values import known, number
+from ..runs.verdict import headline
 from .sheet.printed import interval_ends
 
 CURRENT, UNASKED = "_current_A", "continuous_current_A"
@@ -44,7 +45,8 @@ def findings_text(findings: Sequence[Finding]) -> str:
 
 def result_text(result: FitResult) -> str:
     """Return the heart of a result: parameters with ranges, errors, verdict, findings."""
-    lines = [f"Motor: {result.motor.name}"]
+    said = headline(result)
+    lines = [f"Motor: {result.motor.name}", "", f"{said.use.upper()}: {said.sentence}"]
     for model in result.models.values():
         effects = "".join(f", {effect.id}" for effect in model.effects)
         lines += ["", f"{model.title.capitalize()}{effects}"]
@@ -55,6 +57,11 @@ def result_text(result: FitResult) -> str:
                 f"  {name:<{width}} {rounded(entry.value, 5):>11} {printed_unit(entry.unit):<4} "
                 f"95 % {low} … {high}   {entry.identifiability or ''}: {entry.why or ''}"
             )
+        lines += [
+            f"  {_resistance(name, figure)}"
+            for name, figure in model.derived.items()
+            if name.endswith((LOADED, AT_REST))
+        ]
         for row in model.residuals:
             lines.append(
                 f"  {row.role:<11} {row.test}: RMSE {row.rmse_K:.2f} K, max "
@@ -88,6 +95,15 @@ def result_text(result: FitResult) -> str:
             f"  {_MARK[f.severity]} {f.where}: {f.message} {f.remedy}".rstrip() for f in graver
         ]
     return "\n".join(printable(line) for text in lines for line in text.split("\n"))
+
+
+def _resistance(name: str, figure: DerivedFigure) -> str:
+    """Return a resistance at stated conditions."""
+    low, high = (number(end) for end in known(figure.interval_95) or (None, None))
+    return (
+        f"{name}: {rounded(figure.median, 4)} K/W  95 % {rounded(low, 3)} … {rounded(high, 3)}   "
+        f"{known(figure.condition)}"
+    )
 
 
 def _rating(name: str, figure: DerivedFigure) -> str:

@@ -9,6 +9,9 @@ from msgspec import UNSET, Meta, UnsetType
 
 from .values import NonNegative, known, number
 
+LOADED, AT_REST = "_loaded", "_at_rest"
+"""What the name of a resistance ends with at the load of the tests, and at standstill."""
+
 NEEDED = ("value", "unit", "sd", "interval_95", "condition")
 
 

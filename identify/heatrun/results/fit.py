@@ -48,6 +48,21 @@ class FittedMotor:
     sha256: str
 
 
+@dataclass(frozen=True, slots=True)
+class UseVerdict:
+    """Whether the parameters can be used: the one verdict, which every page prints.
+
+    Attributes:
+        use: In a word.
+        sentence: What it means here.
+        reasons: What decides it first, then what else it rests on, in sentences.
+    """
+
+    use: Literal["usable", "restricted", "not usable"]
+    sentence: str
+    reasons: tuple[str, ...]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitResult:
     """The result of a calibration, or of the final model of a discovery.
@@ -63,7 +78,8 @@ class FitResult:
         verdict: Which network the data favour.
         models: The fitted networks by name, the one with fewer nodes first.
         comparison: Of two networks; null if there are not two.
-        effects: Ids of the effects that a discovery accepted; unset for a calibration.
+        effects: Ids of the effects that the tests asked for; unset in runs of earlier versions.
+        use: Whether the parameters can be used; unset in runs of earlier versions.
     """
 
     format: Literal["heatrun-fit/1"]
@@ -77,3 +93,4 @@ class FitResult:
     models: Annotated[dict[str, FittedModel], Meta(min_length=1)]
     comparison: Comparison | None
     effects: tuple[str, ...] | UnsetType = UNSET
+    use: UseVerdict | UnsetType = UNSET

@@ -308,7 +308,9 @@ def _free(
     posterior: Posterior, slot: Slot, position: int, draws: np.ndarray, longer: dict[str, float]
 ) -> FittedParameter:
     parameter = slot.parameter
-    value, sd = float(np.median(draws)), float(np.std(draws))
+    alone = posterior.plausible and posterior.plausible.of_none
+    stated = draws if alone is None or not np.any(alone) else draws[alone]
+    value, sd = float(np.median(stated)), float(np.std(draws))
     # of the network alone: what effects that it may miss add is type B
     scale = parameter.sd * (abs(value) if parameter.transform == "log" else 1.0)
     type_a = posterior.fit.covariance_type_a[position, position]

@@ -19,6 +19,7 @@ from .model_text import ModelOfRun, model_text
 from .motor_text import motor_text
 from .run import MOTOR, Run, course_name, draws_name, model_name
 from .run_folder import RunFolder
+from .verdict import judged
 
 
 def write_run(
@@ -61,7 +62,7 @@ def write_run(
         table = band_table({name: rows[index] for name, rows in predictions.items()})
         text = table.to_csv(index=False)  # to all digits
         write_whole(folder.partial / course_name(index + 1), text.encode())
-    result = replace(result, findings=(*result.findings, *attempts.findings))
+    result = judged(replace(result, findings=(*result.findings, *attempts.findings)))
     folder.write_json("fit.json", result)
     # as it will be read, so that a sheet made now and one made later are the same
     read_back = from_json(to_json(result).encode(), FitResult, "fit.json", str(folder.path))

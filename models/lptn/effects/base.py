@@ -32,6 +32,7 @@ class Quantity(NamedTuple):
         high: Largest plausible value.
         typical: Value to start from.
         meaning: What it is, in a few words.
+        limit: Value that it cannot pass, such as 1 for a share; None where there is none.
     """
 
     unit: str
@@ -40,6 +41,7 @@ class Quantity(NamedTuple):
     high: float
     typical: float
     meaning: str
+    limit: float | None = None
 
 
 class EffectCard(NamedTuple):

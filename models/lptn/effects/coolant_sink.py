@@ -34,7 +34,7 @@ class CoolantSink(HeatEffect):
         separating_test="a constant load while the coolant is stepped by 15 K and held for 40 "
         "minutes",
         parameters={
-            "a": Quantity("1", 0.0, 0.0, 1.0, 0.5, "share of the coolant in the sink"),
+            "a": Quantity("1", 0.0, 0.0, 1.0, 0.5, "share of the coolant in the sink", 1.0),
         },
     )
 

@@ -47,9 +47,9 @@ class EndWindingNode(NodeEffect, HeatEffect, SensorEffect):
         signature="a fast residual with the sign of a step of the squared current",
         separating_test="steps of current of 3 minutes up and down, with a second sensor in a slot",
         parameters={
-            "f": Quantity("1", 0.0, 0.0, 0.6, 0.4, "share of the winding that is overhang"),
+            "f": Quantity("1", 0.0, 0.0, 0.6, 0.4, "share of the winding that is overhang", 1.0),
             "tau": Quantity("s", None, 5.0, 150.0, 25.0, "time constant of the overhang"),
-            "p": Quantity("1", 0.0, 0.0, 1.0, 0.5, "share of the overhang in the reading"),
+            "p": Quantity("1", 0.0, 0.0, 1.0, 0.5, "share of the overhang in the reading", 1.0),
         },
     )
 

@@ -50,7 +50,9 @@ class HousingNode(NodeEffect):
         signature="nearly nothing: usually not identifiable from the winding",
         separating_test="a thermocouple on the housing during a step of load of 60 minutes",
         parameters={
-            "x": Quantity("1", 0.0, 0.0, 0.9, 0.4, "share of the resistance outside the housing"),
+            "x": Quantity(
+                "1", 0.0, 0.0, 0.9, 0.4, "share of the resistance outside the housing", 1.0
+            ),
             "tau": Quantity("s", None, 20.0, 20e3, 200.0, "time constant of the housing"),
         },
     )

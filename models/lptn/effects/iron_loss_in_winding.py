@@ -33,7 +33,13 @@ class IronLossInWinding(HeatEffect):
         separating_test="a spin without load at rated speed for 20 minutes, from cold",
         parameters={
             "q": Quantity(
-                "1", 0.0, 0.02, 0.45, 0.15, "share of the other losses that warms the winding first"
+                "1",
+                0.0,
+                0.02,
+                0.45,
+                0.15,
+                "share of the other losses that warms the winding first",
+                1.0,
             ),
         },
     )

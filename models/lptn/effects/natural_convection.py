@@ -46,7 +46,13 @@ class NaturalConvection(HeatEffect):
         "at a small load",
         parameters={
             "f": Quantity(
-                "1", 0.0, 0.0, 1.0, 0.5, "share of the conductance that is by natural convection"
+                "1",
+                0.0,
+                0.0,
+                1.0,
+                0.5,
+                "share of the conductance that is by natural convection",
+                1.0,
             ),
             "n": Quantity("1", None, 0.25, 0.33, 0.29, "exponent of the difference of temperature"),
         },

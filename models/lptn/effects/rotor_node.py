@@ -49,7 +49,7 @@ class RotorNode(NodeEffect, HeatEffect):
         signature="the stator is still fed after a stop",
         separating_test="30 minutes at rated speed, then a stop and 60 minutes of cool-down",
         parameters={
-            "p": Quantity("1", 0.0, 0.02, 0.5, 0.2, "share of the other losses in the rotor"),
+            "p": Quantity("1", 0.0, 0.02, 0.5, 0.2, "share of the other losses in the rotor", 1.0),
             "C": Quantity("J/K", None, 3e3, 100e3, 20e3, "heat capacity of the rotor per share"),
             "tau": Quantity("s", None, 150.0, 4000.0, 900.0, "time constant of the rotor"),
         },

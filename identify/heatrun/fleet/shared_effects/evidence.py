@@ -19,9 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ...discovery.extended import placed
-from ...discovery.screening.engine import Engine
-from ...discovery.screening.extension import extended_engine
+from ...effects.engine import Engine, placed
+from ...effects.extension import extended_engine
 from ...inference.catalogue import all_effects
 from ...inference.effect_parameters import EVENT, amplitudes, qualified
 from ...inference.fitting.fit_result import Fit

@@ -8,6 +8,7 @@ both gives the parameters and their covariance.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -26,7 +27,7 @@ from ..problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
 from .adequacy import low_frequency_excess
 from .corner import SIDE, is_corner, near_corner
 from .fit_result import RESULT, Fit, failed
-from .laplace import Spread, spread, whiten_fit
+from .laplace import spread, whiten_fit
 from .optimum_findings import misfit_findings, not_converged, several_optima
 from .restricted import (
     estimate_loggers,
@@ -116,34 +117,63 @@ def fit(
 
     problem, state = _settle(problem, z[best])
     problem, state, modes = _explore(problem, state, z)
-    excess, is_flagged = low_frequency_excess(_innovations(problem, state), _lengths(problem))
-    rmse = problem.rmse_K(state.residual)
-    findings = misfit_findings(problem, state.noise_z, rmse, excess, is_flagged)
-    if not state.is_converged:
-        findings.append(not_converged(problem))
-    if len(modes) > 1:
-        findings.append(several_optima(problem, len(modes)))
-
-    final = _spread(problem, state)
-    return Fit(
-        problem=problem,
-        z=state.z,
-        noise_z=state.noise_z,
-        covariance=final.covariance,
-        covariance_type_a=final.type_a,
-        residual=problem.split(state.residual),
-        jacobian=problem.split(state.jacobian),
-        log_evidence=final.log_evidence,
-        result=RESULT.converged if state.is_converged else RESULT.not_converged,
-        modes=modes,
-        findings=tuple(findings),
+    return finished(
+        problem, state.z, state.noise_z, state.residual, state.jacobian, modes,
+        is_converged=state.is_converged,
         stats={
             "num_starts": num_starts,
             "num_at_best": int(np.sum(is_same)),
             "num_steps": int(steps[best]),
             "rmse_white_K": rmse_white,
-            "low_frequency_excess": excess,
         },
+    )  # fmt: skip
+
+
+def finished(
+    problem: Problem,
+    z: Float[np.ndarray, " parameter"],
+    noise_z: Float[np.ndarray, " noise"],
+    residual: Float[np.ndarray, " block"],
+    jacobian: Float[np.ndarray, "block parameter"],
+    modes: Float[np.ndarray, "mode parameter"],
+    *,
+    is_converged: bool,
+    stats: Mapping[str, float],
+) -> Fit:
+    """Return a fit with its spread and what is to be said of it.
+
+    Args:
+        problem: Model and tests, with unmodelled heat.
+        z: Scores of the parameters at the optimum.
+        noise_z: Scores of the noise.
+        residual: Of all tests in a row [K].
+        jacobian: Its derivative [K per score].
+        modes: As `Fit.modes`.
+        is_converged: Whether noise and parameters have settled.
+        stats: As `Fit.stats`.
+    """
+    white = whiten_fit(problem, noise_z, residual, jacobian)
+    excess, is_flagged = low_frequency_excess(white.residuals, _lengths(problem))
+    rmse = problem.rmse_K(residual)
+    findings = misfit_findings(problem, noise_z, rmse, excess, is_flagged)
+    if not is_converged:
+        findings.append(not_converged(problem))
+    if len(modes) > 1:
+        findings.append(several_optima(problem, len(modes)))
+    width = spread(problem, z, noise_z, residual, jacobian)
+    return Fit(
+        problem=problem,
+        z=z,
+        noise_z=noise_z,
+        covariance=width.covariance,
+        covariance_type_a=width.type_a,
+        residual=problem.split(residual),
+        jacobian=problem.split(jacobian),
+        log_evidence=width.log_evidence,
+        result=RESULT.converged if is_converged else RESULT.not_converged,
+        modes=modes,
+        findings=tuple(findings),
+        stats={**stats, "low_frequency_excess": excess},
     )
 
 
@@ -347,11 +377,3 @@ def _distinct(optima: list[np.ndarray]) -> list[np.ndarray]:
         if all(np.max(np.abs(z - other)) > DISTINCT for other in kept):
             kept.append(z)
     return kept
-
-
-def _innovations(problem: Problem, state: _State) -> list[np.ndarray]:
-    return whiten_fit(problem, state.noise_z, state.residual, state.jacobian).residuals
-
-
-def _spread(problem: Problem, state: _State) -> Spread:
-    return spread(problem, state.z, state.noise_z, state.residual, state.jacobian)

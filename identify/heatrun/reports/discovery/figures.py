@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from ...bench.blocks import Blocks
 from ...discovery.localise import Where
-from ...discovery.screening.response import SENSOR
+from ...discovery.response import SENSOR
 from ...inference.predict import Prediction
 from ..sheet.figures import plain, save
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
 from ...certificate import Certificate
 from ...io.printable import clean
 from ...results import FitResult
+from ...results.derived import AT_REST, LOADED
+from ...results.model import FittedModel
 from ...results.parameter import FittedParameter
 from ...results.tested import DescribedTest
-from ...results.values import Interval
+from ...results.values import Interval, known, number
+from ...runs.verdict import favoured, headline
 from .days import test_days
-from .headline import favoured, headline
-from .printed import RULE, printed
+from .printed import RULE, printed, uncertain
 from .stated import num_stated
 
 TITLE = "Certificate of thermal parameters"
@@ -65,7 +68,7 @@ def certificate_content(result: FitResult, certificate: Certificate) -> dict[str
         "headline": found.sentence,
         "reasons": [clean(reason) for reason in found.reasons],
         "network": model.title,
-        "parameters": [_row(name, entry) for name, entry in model.parameters.items()],
+        "parameters": parameter_rows(model),
         "rule": RULE,
         "statement": _statement(result),
         "remarks": certificate.remarks,
@@ -140,8 +143,33 @@ def judged(entry: FittedParameter) -> str:
     return GIVEN if is_given else JUDGEMENTS.get(judgement, "")
 
 
-def _row(name: str, entry: FittedParameter) -> list[str]:
-    return [clean(name), clean(entry.meaning), printed(entry).text, judged(entry)]
+def parameter_rows(model: FittedModel) -> list[list[str]]:
+    """Return name, meaning, value and judgement of each parameter.
+
+    A resistance that effects change stands first as it is at stated conditions; the parameter of
+    its law follows.
+    """
+    rows = []
+    for name, entry in model.parameters.items():
+        at_conditions = [
+            (ending, figure)
+            for ending in (LOADED, AT_REST)
+            if (figure := model.derived.get(f"{name}{ending}")) is not None
+            and math.isfinite(figure.median)
+        ]
+        for ending, figure in at_conditions:
+            low, high = known(figure.interval_95) or (None, None)
+            shown = uncertain(
+                figure.median, number(known(figure.sd)), (number(low), number(high)), entry.unit
+            )
+            words = "under load" if ending == LOADED else "at rest"
+            rows.append([
+                clean(f"{name} {words}"), f"{entry.meaning}: {known(figure.condition)}",
+                shown.text, judged(entry),
+            ])  # fmt: skip
+        meaning = f"{entry.meaning}, in the law of its effect" if at_conditions else entry.meaning
+        rows.append([clean(name), clean(meaning), printed(entry).text, judged(entry)])
+    return rows
 
 
 def _statement(result: FitResult) -> list[list[str]]:

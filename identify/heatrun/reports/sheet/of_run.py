@@ -24,12 +24,12 @@ from ...results import FitResult, to_json
 from ...runs.run import Run, open_run
 from ...runs.run_folder import MANIFEST, RunFolder, listed_anew
 from ...runs.stated import CERTIFICATE, certificate_of
+from ...runs.verdict import favoured, judged
 from .certificate_figure import certificate_figure
 from .content import sheet_content
 from .dcc.document import dcc_text
 from .dcc.schema import validate
 from .figures import draw, drawn
-from .headline import favoured
 from .pdf import write_pdf
 from .xlsx import write_xlsx
 
@@ -85,7 +85,7 @@ def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) 
     def content(num_failed: int) -> dict[str, Any]:
         """Return the words of the sheet, anew for each part that has failed so far."""
         found = new_findings(attempts.findings, result.findings)
-        return sheet_content(replace(result, findings=(*result.findings, *found)), stated)
+        return sheet_content(judged(replace(result, findings=(*result.findings, *found))), stated)
 
     parts: dict[str, Callable[[dict[str, Any], Path], Any]] = {
         "sheet.pdf": lambda words, path: write_pdf(words, figures, path),
@@ -100,7 +100,7 @@ def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) 
             where=name,
         )
     found = new_findings(attempts.findings, result.findings)
-    whole = replace(result, findings=(*result.findings, *found))
+    whole = judged(replace(result, findings=(*result.findings, *found)))
     written = [folder / name for name in parts if (folder / name).exists()]
     return Sheet(whole, [*written, *figures])
 

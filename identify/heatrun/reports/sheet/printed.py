@@ -48,12 +48,24 @@ def printed(entry: FittedParameter) -> Printed:
     """
     if entry.fixed or not entry.sd > 0 or not math.isfinite(entry.sd):
         return Printed(quantity(rounded(entry.value, 5), entry.unit), "given", None)
-    expanded = COVERAGE_FACTOR * entry.sd
-    if is_symmetric(entry.value, expanded, entry.interval_95):
-        value, U = format_value(entry.value, expanded)
-        return Printed(quantity(f"{value} ± {U}", entry.unit), "expanded", places_of(expanded))
-    low, high = interval_ends(entry.interval_95, entry.sd)
-    return Printed(quantity(f"{low} … {high}", entry.unit), "interval", places_of(entry.sd))
+    return uncertain(entry.value, entry.sd, entry.interval_95, entry.unit)
+
+
+def uncertain(value: float, sd: float, interval: Interval, unit: str) -> Printed:
+    """Return a value that was estimated as it is printed.
+
+    Args:
+        value: The value.
+        sd: Its standard uncertainty, above 0.
+        interval: Its 95 % interval.
+        unit: Unit of all of them.
+    """
+    expanded = COVERAGE_FACTOR * sd
+    if is_symmetric(value, expanded, interval):
+        middle, U = format_value(value, expanded)
+        return Printed(quantity(f"{middle} ± {U}", unit), "expanded", places_of(expanded))
+    low, high = interval_ends(interval, sd)
+    return Printed(quantity(f"{low} … {high}", unit), "interval", places_of(sd))
 
 
 def is_symmetric(value: float, expanded: float, interval: Interval) -> bool:

@@ -11,9 +11,9 @@ from ....io.quantities import rounded
 from ....results import FitResult
 from ....results.parameter import FittedParameter
 from ....results.tested import DescribedTest
+from ....runs.verdict import favoured, headline
 from ..certificate import SCOPE, judged
 from ..digits import format_value
-from ..headline import favoured, headline
 from ..printed import COVERAGE_FACTOR, interval_ends, printed
 from .elements import add, add_real, add_text
 

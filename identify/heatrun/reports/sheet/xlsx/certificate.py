@@ -8,8 +8,8 @@ from typing import Any
 from ....io.quantities import printed_unit
 from ....results import FitResult
 from ....results.parameter import FittedParameter
+from ....runs.verdict import favoured
 from ..digits import format_value
-from ..headline import favoured
 from ..printed import interval_ends, printed
 from .cells import Cells, write
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from lptn.effects import AbstractEffect
 
-from ...bench.blocks import Blocks
-from ...inference.model import Model
-from ...inference.problem import Problem
-from ...motor import Motor
+from ..bench.blocks import Blocks
+from ..inference.model import Model
+from ..inference.problem import Problem
+from ..motor import Motor
 from .engine import Engine
 from .library import Library, library, without_resistance
 

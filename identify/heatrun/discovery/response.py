@@ -17,8 +17,8 @@ from lptn.effects import NodeEffect, SensorEffect
 from lptn.march import heat_effects
 from lptn.sensor import lagged
 
-from ...bench.blocks import Blocks
-from ...inference.model import Model, Values
+from ..bench.blocks import Blocks
+from ..inference.model import Model, Values
 
 SENSOR = "sensor"
 """Name that an error of the reading goes by, beside the names of the nodes."""

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..screening.engine import Engine, Refit
+from ..effects.engine import Engine, Refit
 
 NUM_PARTS = 4
 """Parts that a single test is cut into; each is predicted from the others."""

@@ -27,15 +27,19 @@ from ..inference.fitting.fit_result import Fit
 from ..inference.fitting.restricted import estimate_noise, log_evidence
 from ..inference.noise import from_scores
 from ..inference.plausible_effects import PlausibleEffect
-from .judging.refits import refit_with
-from .screening.engine import Engine, Refit
-from .screening.saturated import padded
-from .screening.screen import Score, typical
+from .engine import Engine, Refit
+from .refits import refit_with
+from .saturated import padded
+from .screen import Score, typical
 from .shrinkage import Part, shrunk
 
 PROBABILITY_OF_NONE = 0.2
 """Of the network alone before the tests have spoken; the effects share the rest evenly [1]. Most
 machines have one, most of these too small to matter."""
+
+LEAST_OF_NONE = 0.5
+"""Of the network alone after them [1]. What matters is in the network by then; what is left closes
+less of the gap than its laws leave open, and evidence of that size decides nothing."""
 
 MOST = 8
 """Effects that are refitted, the best of the screening."""
@@ -132,23 +136,10 @@ def alternatives(
     weight = np.array([each.log_evidence - alone for each in found])
     weight += np.log((1.0 - PROBABILITY_OF_NONE) / num_candidates)
     total = np.logaddexp.reduce([*weight, np.log(PROBABILITY_OF_NONE)])
-    return _by_probability(engine, found, np.exp(weight - total))
-
-
-def members(
-    fit: Fit, engine: Engine, present: Refit, scores: Sequence[Score]
-) -> tuple[Alternative, ...]:
-    """Return the models with one effect of a set that holds the cause, the most probable first.
-
-    Args:
-        fit: Of the model without any of them.
-        engine: As in `alternatives`.
-        present: As in `alternatives`.
-        scores: Of the members, with starts for their refits.
-    """
-    found = [_refitted(fit, engine, present, score) for score in scores]
-    weight = np.array([each.log_evidence for each in found])
-    return _by_probability(engine, found, np.exp(weight - np.logaddexp.reduce(weight)))
+    probability = np.exp(weight - total)
+    if probability.sum() > 1.0 - LEAST_OF_NONE:
+        probability *= (1.0 - LEAST_OF_NONE) / probability.sum()
+    return _by_probability(engine, found, probability)
 
 
 def _by_probability(

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ...inference import noise as noise_module
-from ...inference.fitting.restricted import noise_precision
+from ..inference import noise as noise_module
+from ..inference.fitting.restricted import noise_precision
 from .engine import Engine
 from .screen import Screen
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...inference.fitting.adequacy import low_frequency_excess
-from ...inference.loggers import scales_of
-from ...inference.networks.form import WINDING
-from ...inference.noise import variance_of_mean
-from ..screening.engine import Engine, Refit
-from ..screening.saturated import plain_noise
+from ..effects.engine import Engine, Refit
+from ..effects.saturated import plain_noise
+from ..inference.fitting.adequacy import low_frequency_excess
+from ..inference.loggers import scales_of
+from ..inference.networks.form import WINDING
+from ..inference.noise import variance_of_mean
 from .folds import rmse
 
 WINDOW_S = 600.0

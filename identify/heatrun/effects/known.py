@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lptn.effects import AbstractEffect
 
-from ...inference.problem import Problem
+from ..inference.problem import Problem
 
 
 def known_effects_of(problem: Problem) -> tuple[type[AbstractEffect], ...]:

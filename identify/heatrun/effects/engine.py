@@ -8,6 +8,7 @@ every test, every candidate, and every combination.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -22,19 +23,27 @@ from scipy.optimize import least_squares
 
 from lptn import SIGNALS
 
-from ...bench.blocks import Blocks, Observation
-from ...inference import noise as noise_module
-from ...inference.loggers import Loggers
-from ...inference.model import Model
-from ...inference.networks.form import WINDING
-from ...inference.noise import Noise
-from ...inference.problem import WORST_RESIDUAL, Problem
+from ..bench.blocks import Blocks, Observation
+from ..inference import noise as noise_module
+from ..inference.fitting.fit_result import Fit
+from ..inference.loggers import Loggers
+from ..inference.model import Model
+from ..inference.networks.form import WINDING
+from ..inference.noise import Noise
+from ..inference.parameters import Parameter
+from ..inference.problem import WORST_RESIDUAL, Problem
 
 LANES = 24
 """Directions of one call: parameters of the network, of a few tests, and of three effects."""
 
+FEW, MANY = 8, 40
+"""Columns that are whitened together are filled up to this many, or to a multiple of that."""
+
 MAX_EVALUATIONS = 30
 """Evaluations of one refit; they start near the optimum and take about six."""
+
+XTOL, FTOL = 1e-5, 1e-5
+"""Step and fall of the sum of squares at which a refit ends [1]."""
 
 REACH = 8.0
 """Prior standard deviations that a parameter of the network may go from its prior's centre, or from
@@ -87,6 +96,7 @@ class Engine:
         self._padded = _padded(problem.tests)
         self._is_observed = problem.is_observed
         self.kinds = {kind.card.id: kind for kind in problem.model.effects}
+        self._nulls = [self._null(slot.parameter) for slot in self.slots]
 
     def with_heat(self, heat: tuple[Float[np.ndarray, "block column"], ...]) -> Engine:
         """Return the engine with unmodelled heat in its covariance, compiled as it is.
@@ -144,13 +154,21 @@ class Engine:
         """Slots of the base model."""
         return tuple(i for i, slot in enumerate(self.slots) if slot.parameter.role != "effect")
 
+    def _null(self, parameter: Parameter) -> float:
+        """Return the value of a parameter where its effect is absent."""
+        if parameter.role not in BOUNDED:
+            return math.nan
+        effect, name = parameter.name.split(".", 1)
+        null = self.kinds[effect].card.parameters[name].null
+        return parameter.centre if null is None else null
+
     def linearise(
         self, z: np.ndarray, columns: Sequence[int]
     ) -> tuple[Float[np.ndarray, " block"], Float[np.ndarray, "block column"]]:
         """Return residuals of all tests in a row [K] and their derivatives [K per score].
 
         Args:
-            z: Scores of all slots.
+            z: Scores of all slots; NaN for those of an effect that is absent.
             columns: Slots that are derived by.
         """
         rows, slopes = [], []
@@ -178,11 +196,15 @@ class Engine:
 
     def whiten(self, noise: Noise, stacked: np.ndarray) -> np.ndarray:
         """Return rows over all blocks (block, ...) whitened test by test."""
+        num = stacked.shape[1] if stacked.ndim > 1 else 0
+        if num:  # with empty columns, so that few shapes are compiled
+            stacked = np.pad(stacked, ((0, 0), (0, -num % FEW if num < FEW else -num % MANY)))
         parts = self.problem.split(stacked)
-        return np.concatenate([
+        rows = np.concatenate([
             np.asarray(_whiten(jnp.asarray(part), noise, test))
             for part, test in zip(parts, self.observations, strict=True)
         ])  # fmt: skip
+        return rows[:, :num] if num else rows
 
     def refit(
         self,
@@ -200,43 +222,42 @@ class Engine:
             most: Evaluations at most.
         """
         order = list(free)
-        latest: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-
-        def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            key = x.tobytes()
-            if key not in latest:
-                latest.clear()
-                full = z.copy()
-                full[order] = x
-                latest[key] = self.linearise(full, order)
-            return latest[key]
-
-        def rows(x: np.ndarray) -> np.ndarray:
-            return np.concatenate([self.whiten(noise, evaluate(x)[0]), x])
-
-        def slopes(x: np.ndarray) -> np.ndarray:
-            return np.concatenate([self.whiten(noise, evaluate(x)[1]), np.eye(x.size)])
-
         low, high = self.bounds(order)
         base = np.array([self.slots[slot].parameter.role not in BOUNDED for slot in order])
         low[base] = np.minimum(low[base], z[order][base] - REACH)
         high[base] = np.maximum(high[base], z[order][base] + REACH)
-        start = np.clip(z[order], low + 1e-9, high - 1e-9)
+        after = z.copy()
+        latest: dict[bytes, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+
+        def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            key = x.tobytes()
+            if key not in latest:
+                latest.clear()
+                after[order] = x
+                residual, jacobian = self.linearise(after, order)
+                white = self.whiten(noise, np.column_stack([residual, jacobian]))
+                latest[key] = residual, jacobian, white
+            return latest[key]
+
+        def rows(x: np.ndarray) -> np.ndarray:
+            return np.concatenate([evaluate(x)[2][:, 0], x])
+
+        def slopes(x: np.ndarray) -> np.ndarray:
+            return np.concatenate([evaluate(x)[2][:, 1:], np.eye(x.size)])
+
         solution = least_squares(
             rows,
-            start,
+            np.clip(z[order], low + 1e-9, high - 1e-9),
             jac=slopes,  # pyright: ignore[reportArgumentType]
             bounds=(low, high),
-            xtol=1e-5,
-            ftol=1e-6,
+            xtol=XTOL,
+            ftol=FTOL,
             gtol=1e-6,
             max_nfev=most,
         )
-        residual, jacobian = evaluate(solution.x)
-        columns = self.whiten(noise, jacobian)
-        precision = columns.T @ columns + np.eye(len(order))
-        after = z.copy()
+        residual, jacobian, white = evaluate(solution.x)
         after[order] = solution.x
+        precision = white[:, 1:].T @ white[:, 1:] + np.eye(len(order))
         return Refit(
             free=tuple(order),
             z=after,
@@ -256,7 +277,10 @@ class Engine:
                 continue
             effect, name = parameter.name.split(".", 1)
             quantity = self.kinds[effect].card.parameters[name]
-            if quantity.null is None:
+            if parameter.role == "known":
+                if quantity.limit is not None:
+                    high[position] = float(parameter.score(quantity.limit))
+            elif quantity.null is None:
                 low[position], high[position] = -2.5, 2.5
             else:
                 below = min(quantity.low, quantity.null)
@@ -280,7 +304,10 @@ class Engine:
             if slot.test not in (None, test):
                 continue
             parameter = slot.parameter
-            if parameter.transform == "log":
+            if np.isnan(z[position]):
+                value = self._nulls[position]
+                gains[position] = 0.0
+            elif parameter.transform == "log":
                 value = parameter.centre * float(np.exp(parameter.sd * z[position]))
                 gains[position] = parameter.sd * value
             else:
@@ -354,3 +381,23 @@ def _unpadded(rows: np.ndarray, test: Blocks) -> np.ndarray:
     num = 1 + len(test.fitted)
     by_sensor = rows.reshape(num, rows.shape[0] // num, *rows.shape[1:])
     return by_sensor[:, : test.num_blocks].reshape(test.measured.size, *rows.shape[1:])
+
+
+def white(level: float) -> Noise:
+    """Return white noise of a level [K]."""
+    return Noise(*(jnp.asarray(number) for number in (0.0, 40.0, level, 0.0)))
+
+
+def placed(engine: Engine, fit: Fit) -> tuple[np.ndarray, list[int]]:
+    """Return a fit among all slots of an engine: their scores, and the places of its own.
+
+    The order is that of the fit, where a test may have a parameter that another lacks.
+    """
+    order = []
+    for slot in fit.slots:
+        place = engine.find(slot.parameter.name, slot.test)
+        assert place is not None, slot.name
+        order.append(place)
+    z = np.zeros(len(engine.slots))
+    z[order] = fit.z
+    return z, order

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import replace
 
-from ...attempts import FAILED
-from ...bench.checks.doubts import SIMULATED, doubts
-from ...bench.record import Finding
-from ...io.printable import clean
-from ...io.quantities import rounded
-from ...results import FitResult
-from ...results.model import FittedModel
-from ...results.parameter import FittedParameter
-
-Use = Literal["usable", "restricted", "not usable"]
+from ..attempts import FAILED
+from ..bench.checks.doubts import SIMULATED, doubts
+from ..bench.record import Finding
+from ..io.printable import clean
+from ..io.quantities import rounded
+from ..results import FitResult
+from ..results.fit import UseVerdict
+from ..results.model import FittedModel
+from ..results.parameter import FittedParameter
 
 USES: dict[str, str] = {
     "Ceq": "warm-up and time to a limit",
@@ -38,23 +36,14 @@ NOT_FOLLOWED = 0.05
 """RMSE of a fitted test over the rise of its winding from which on a network does not follow it
 [1]; in a good fit it is some thousandths."""
 
-INCOMPLETE = ("misfit", "missing_effect")
-"""Findings that the tests show more than the network has."""
+INCOMPLETE = ("misfit", "missing_effect", "effects_left_out", "effect_ambiguous")
+"""Findings that the tests show more than the network has, or do not tell what it is."""
 
+TAKEN_UP = ("instrument_beyond_prior", "prior_conflict")
+"""Findings that a parameter stands where nobody expects it."""
 
-@dataclass(frozen=True)
-class Headline:
-    """The verdict of a certificate.
-
-    Attributes:
-        use: Whether the parameters can be used.
-        sentence: The same in words.
-        reasons: What it rests on and what restricts it, in sentences.
-    """
-
-    use: Use
-    sentence: str
-    reasons: tuple[str, ...]
+BEYOND = 3.0
+"""Prior standard deviations from which on such a parameter makes all others worthless [1]."""
 
 
 def favoured(result: FitResult) -> str:
@@ -63,40 +52,40 @@ def favoured(result: FitResult) -> str:
     return order if order in result.models else list(result.models)[-1]
 
 
-def headline(result: FitResult) -> Headline:
+def headline(result: FitResult) -> UseVerdict:
     """Return whether the network that the data favour can be used, and for what not.
 
     Args:
         result: What stands in `fit.json`.
     """
     model = result.models[favoured(result)]
-    title = model.title.capitalize()
+    title = _title(model)
     free = {name: entry for name, entry in thermal(model).items() if not entry.fixed}
     lost = [name for name, entry in free.items() if entry.identifiability == "not identifiable"]
     weak = [name for name, entry in free.items() if entry.identifiability == "weak"]
     reasons = (
-        *_inputs(result), *_accuracy(model), *_doubts(result, model), *_given(model),
+        *_inputs(result), *_doubts(result, model), *_accuracy(model), *_given(model),
     )  # fmt: skip
     if model.result != "converged":
-        return Headline(
+        return UseVerdict(
             "not usable",
             f"{title}. The fit did not converge: do not use these parameters.",
             reasons,
         )
     simulated = [one.test for one in result.findings if one.id == SIMULATED]
     if simulated:
-        return Headline(
+        return UseVerdict(
             "not usable",
             f"{title}. No measurement: {_listed(simulated)} was simulated by heatrun. These are "
             "the parameters of that simulation, not of a machine.",
             reasons,
         )
-    astray = _not_followed(result, model)
+    astray = _not_followed(result, model) or _taken_up(result, model)
     if astray:
-        return Headline("not usable", f"{title}. {astray}", reasons)
+        return UseVerdict("not usable", f"{title}. {astray}", reasons)
     if lost:
         are = "is" if len(lost) == 1 else "are"
-        return Headline(
+        return UseVerdict(
             "not usable" if len(lost) == len(free) else "restricted",
             f"{title}. {len(lost)} of {len(free)} parameters {are} not identifiable from these "
             f"tests ({', '.join(lost)}): do not use for {_uses(lost)}.",
@@ -104,7 +93,7 @@ def headline(result: FitResult) -> Headline:
         )
     if weak:
         are = "is" if len(weak) == 1 else "are"
-        return Headline(
+        return UseVerdict(
             "restricted",
             f"{title}. {len(weak)} of {len(free)} parameters {are} known only roughly "
             f"({', '.join(f'{n} ± {_percent(free[n])}' for n in weak)}): allow for it in "
@@ -115,12 +104,12 @@ def headline(result: FitResult) -> Headline:
         not model.posterior.is_sound or bool(_inputs(result)) or _unjudged(result, model)
     )
     if is_restricted or _fails_held_out(model) or _lacks(result, model):
-        return Headline(
+        return UseVerdict(
             "restricted",
             f"{title}. All {len(free)} parameters are identified, with the restrictions below.",
             reasons,
         )
-    return Headline(
+    return UseVerdict(
         "usable",
         f"{title}. All {len(free)} parameters are identified: the network can be used within the "
         "conditions of the tests.",
@@ -128,9 +117,57 @@ def headline(result: FitResult) -> Headline:
     )
 
 
+def judged(result: FitResult) -> FitResult:
+    """Return a result with its verdict.
+
+    Where an error of an instrument has taken up what the network lacks, no parameter is identified,
+    however narrow its interval.
+
+    Args:
+        result: With all its findings.
+    """
+    model = result.models[favoured(result)]
+    because = _taken_up(result, model)
+    if because:
+        entries = {
+            name: replace(entry, identifiability="weak", why=because)
+            if entry.identifiability == "identified"
+            else entry
+            for name, entry in model.parameters.items()
+        }
+        models = {**result.models, favoured(result): replace(model, parameters=entries)}
+        result = replace(result, models=models)
+    return replace(result, use=headline(result))
+
+
+def _title(model: FittedModel) -> str:
+    """Return the network with the effects in it, to begin a sentence."""
+    *others, last = [effect.id for effect in model.effects] or [""]
+    listed = f"{', '.join(others)} and {last}" if others else last
+    return f"{model.title.capitalize()}{' with ' if listed else ''}{listed}"
+
+
+def _taken_up(result: FitResult, model: FittedModel) -> str:
+    """Return which parameter stands far from its prior, as a sentence; empty if none does."""
+    far = [
+        (abs(score), finding)
+        for finding in result.findings
+        if finding.id in TAKEN_UP and _concerns(finding, result, model)
+        if abs(score := finding.values.get("prior_sd") or 0.0) > BEYOND
+    ]
+    if not far:
+        return ""
+    score, worst = max(far, key=lambda each: each[0])
+    name = next(each for each in worst.values if each not in ("prior_sd", "familywise_p"))
+    return (
+        f"{clean(name)} stands {score:.1f} standard deviations from its prior: it may have taken "
+        "up what the network lacks, and no parameter is identified."
+    )
+
+
 def thermal(model: FittedModel) -> dict[str, FittedParameter]:
-    """Return the parameters of the network itself, without the resistance of the winding."""
-    return {n: p for n, p in model.parameters.items() if p.unit != "ohm"}
+    """Return the parameters of the network itself, without those of the winding and of effects."""
+    return {n: p for n, p in model.parameters.items() if p.unit != "ohm" and "." not in n}
 
 
 def _uses(names: Sequence[str]) -> str:

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ...inference import noise as noise_module
-from ...inference.fitting.restricted import estimate_noise
-from ...inference.noise import Noise
+from ..inference import noise as noise_module
+from ..inference.fitting.restricted import estimate_noise
+from ..inference.noise import Noise
 from .engine import Engine, Refit
 from .screen import Screen
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from lptn import Network
 from lptn.effects import AbstractEffect, applies
 
-from ...bench.blocks import Blocks
-from ...inference.effect_needs import lacking, unplaced
-from ...inference.effect_parameters import EVENT
-from ...motor import Motor
+from ..bench.blocks import Blocks
+from ..inference.effect_needs import lacking, unplaced
+from ..inference.effect_parameters import EVENT
+from ..motor import Motor
 
 
 @dataclass(frozen=True)

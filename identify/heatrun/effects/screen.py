@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats.qmc import Halton
 
-from ...inference.effect_parameters import amplitudes, qualified
+from ..inference.effect_parameters import amplitudes, qualified
 from .engine import Engine, Refit
 from .library import Candidate
 

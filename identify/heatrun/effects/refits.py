@@ -13,8 +13,8 @@ import numpy as np
 
 from lptn.effects import NodeEffect
 
-from ..screening.engine import Engine, Refit
-from ..screening.screen import Score, typical
+from .engine import Engine, Refit
+from .screen import Score, typical
 
 FIRST_LOOK = 6
 """Evaluations after which the starts are compared; the best of them goes on to its end."""

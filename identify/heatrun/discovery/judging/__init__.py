@@ -1,1 +1,0 @@
-"""What an effect must show before it is believed."""

@@ -1,1 +1,0 @@
-"""All effects in one compiled model, scored in one pass."""

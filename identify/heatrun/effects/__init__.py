@@ -1,0 +1,1 @@
+"""Which effects the tests ask for: one evidence, for calibrations and discoveries."""

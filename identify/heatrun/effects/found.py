@@ -1,0 +1,288 @@
+"""What a search for effects has found: the network that the tests ask for, and its rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lptn.effects import AbstractEffect
+
+from ..arithmetic import refuse_wrong_sums
+from ..bench.blocks import Blocks
+from ..bench.record import Finding
+from ..inference.catalogue import all_effects
+from ..inference.discrepancy import with_heat
+from ..inference.fitting.fit import finished
+from ..inference.fitting.fit_result import Fit
+from ..inference.fitting.held_heat import holding_heat
+from ..inference.fitting.restricted import estimate_noise
+from ..inference.model import Model
+from ..inference.noise import from_scores
+from ..inference.parameters import collect
+from ..inference.problem import Problem
+from ..motor import Motor
+from .engine import Engine
+from .library import Candidate, Library, library, without_resistance
+from .search import Member, Search, Set
+
+POSSIBLE = 0.05
+"""Probability from which on another network is told as possible [1]."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Networks with effects, each fitted and weighed by its evidence.
+
+    Attributes:
+        library: What was searched, and what could not be.
+        search: The fitted sets.
+        best: The most probable set.
+        core: The part of it that matters.
+        around: The core, and the sets that could be in its place, with probabilities [1].
+        fits: The network alone and the network with the core, as fits that can be sampled.
+    """
+
+    library: Library
+    search: Search
+    best: Member
+    core: Member
+    around: Mapping[Set, float]
+    fits: tuple[Fit, Fit]
+
+    @property
+    def fit(self) -> Fit:
+        """The network that the tests ask for."""
+        return self.fits[1]
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of the effects that the network has been given, the strongest first."""
+        ordered = sorted(self.core.effects, key=lambda each: -self.log_bayes(each))
+        return tuple(dict.fromkeys(each.id for each in ordered))
+
+    def probability(self, effect: Candidate) -> float:
+        """Return the probability of an effect of the core, among what could be in its place [1]."""
+        return sum(p for effects, p in self.around.items() if effect in effects)
+
+    def rivals(self, effect: Candidate) -> dict[Candidate, float]:
+        """Return the effects that may be there in place of one, with probabilities [1]."""
+        found: dict[Candidate, float] = {}
+        for effects, p in self.around.items():
+            if effect not in effects:
+                for other in effects - self.core.effects:
+                    found[other] = found.get(other, 0.0) + p
+        return dict(sorted(found.items(), key=lambda each: -each[1]))
+
+    def tied(self, effect: Candidate) -> dict[Candidate, float]:
+        """Return those of its rivals that the tests do not tell from an effect."""
+        return {each: p for each, p in self.rivals(effect).items() if p > POSSIBLE}
+
+    def log_bayes(self, effect: Candidate) -> float:
+        """Return the log Bayes factor of the core over the core without an effect [nat]."""
+        fewer = self.search.fitted[self.core.effects - {effect}]
+        return self.core.log_evidence - fewer.log_evidence
+
+    @property
+    def familywise_p(self) -> float:
+        """Bound of the chance that clean tests ask as loudly for any effects [1].
+
+        Where the network alone is true, the mean Bayes factor of any mixture of others is 1, so
+        that it exceeds a number with at most one over that number as its chance (Markov).
+        """
+        none = self.search.fitted[frozenset()]
+        return float(min(1.0, np.exp(min(0.0, none.log_weight - self.best.log_weight))))
+
+
+def find(
+    model: Model,
+    motor: Motor,
+    tests: Sequence[Blocks],
+    *,
+    kinds: Sequence[type[AbstractEffect]] | None = None,
+    held_out: Sequence[Blocks] = (),
+    start: Fit | None = None,
+    say: Callable[[str], None] = lambda sentence: None,
+) -> Found | None:
+    """Search for the effects that tests ask for; None where no effect can be searched.
+
+    Args:
+        model: Network with its known effects.
+        motor: The machine.
+        tests: Reduced records to calibrate on.
+        kinds: The effects that are searched; by default the catalogue and installed ones.
+        held_out: Tests that must have what an effect needs too.
+        start: Fit of the network alone, if there is one.
+        say: Told how far it is.
+    """
+    refuse_wrong_sums()
+    usable, extended = with_catalogue(model, motor, tests, kinds, held_out)
+    if not usable.candidates:
+        return None
+    engine = Engine(Problem.of(extended, motor, tests))
+    engine = engine.with_loggers(start.problem.loggers if start else {})
+    search = Search(engine, usable.candidates)
+    z = search.placed(np.zeros(len(engine.slots)), ())
+    if start is not None:
+        for score, slot in zip(start.z, start.slots, strict=True):
+            place = engine.find(slot.parameter.name, slot.test)
+            if place is not None:
+                z[place] = score
+    best = search.run(z, say)
+    core = search.core(best)
+    alone = start or as_fit(search, search.fitted[frozenset()], model)
+    chosen = as_fit(search, core, model) if core.effects else alone
+    return Found(usable, search, best, core, search.around(core), (alone, chosen))
+
+
+def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
+    """Return what is to be said of the effects that tests ask for.
+
+    Args:
+        found: The search.
+        is_plain: Whether the network was left without them.
+    """
+    if not found.core.effects:
+        return []
+    alone, chosen = found.fits
+    problem = chosen.problem
+    told = ", ".join(
+        f"{each.id} ({100.0 * found.probability(each):.0f} %)"
+        for each in sorted(found.core.effects, key=lambda each: -found.log_bayes(each))
+    )
+    before, after = (fit.stats["rmse_white_K"] for fit in (alone, chosen))
+    gap = f"error {before:.2f} K without, {after:.2f} K with"
+    if is_plain:
+        return [
+            Finding(
+                id="effects_left_out",
+                severity="warning",
+                message=f"the tests ask for {told}, which --plain leaves out: {gap} them.",
+                where=problem.label,
+                remedy="Calibrate without --plain.",
+            )
+        ]
+    ambiguous = [
+        Finding(
+            id="effect_ambiguous",
+            severity="warning",
+            message=f"these tests do not tell {each.id} "
+            f"({100.0 * found.probability(each):.0f} %) from "
+            + ", ".join(f"{other.id} ({100.0 * p:.0f} %)" for other, p in tied.items())
+            + f": {each.id} is in the model, and the parameters hold for it alone.",
+            where=problem.label,
+            remedy=f"To tell them apart: {each.kind.card.separating_test}. Where the cause is "
+            "known, name it with --with.",
+        )
+        for each in found.core.effects
+        if (tied := found.tied(each))
+    ]
+    return [
+        *ambiguous,
+        Finding(
+            id="effects_in_model",
+            severity="note",
+            message=f"the tests ask for {told}: these are in the model ({gap} them).",
+            where=problem.label,
+            remedy="Use the parameters together with the effects; --plain calibrates without.",
+        ),
+    ]
+
+
+def with_catalogue(
+    model: Model,
+    motor: Motor,
+    tests: Sequence[Blocks],
+    kinds: Sequence[type[AbstractEffect]] | None = None,
+    held_out: Sequence[Blocks] = (),
+) -> tuple[Library, Model]:
+    """Return the effects that tests allow to be searched, and the model with all of them.
+
+    Arguments as `find`.
+    """
+    wanted = [kind for kind in kinds or all_effects() if kind not in model.effects]
+    blocked = without_resistance(wanted, motor)
+    usable = library(
+        [kind for kind in wanted if kind.card.id not in blocked],
+        model.topology(),
+        [*tests, *held_out],
+        num_events=len(tests),
+    )
+    usable = replace(usable, unavailable={**usable.unavailable, **blocked})
+    return usable, with_effects(model, usable.kinds)
+
+
+def with_effects(model: Model, kinds: Sequence[type[AbstractEffect]]) -> Model:
+    """Return a model with further effects, in the order of the catalogue."""
+    order = {kind: number for number, kind in enumerate(all_effects())}
+    joined = sorted(
+        dict.fromkeys([*model.effects, *kinds]), key=lambda kind: order.get(kind, len(order))
+    )
+    return replace(model, effects=tuple(joined))
+
+
+def as_fit(search: Search, member: Member, model: Model) -> Fit:
+    """Return the network with a set of effects as a fit that can be sampled.
+
+    Where unmodelled heat would keep it from tests that least squares follows, that is held down as
+    `inference.fitting.held_heat` does it.
+
+    Args:
+        search: What was searched.
+        member: The set.
+        model: The network without the effects.
+    """
+    full = search.engine.problem
+    chosen = with_effects(model, [each.kind for each in member.effects])
+    problem = Problem.of(chosen, full.motor, full.tests)
+    owner = {each.id: each.test for each in member.effects}
+    by_test = [
+        {
+            name: replace(parameter, fixed=parameter.centre)
+            if owner.get(name.partition(".")[0], index) not in (None, index)
+            else parameter
+            for name, parameter in parameters.items()
+        }
+        for index, parameters in enumerate(problem.parameters.by_test)
+    ]
+    problem = replace(
+        problem,
+        parameters=collect([test.name for test in full.tests], by_test),
+        loggers=full.loggers,
+    )
+    reached_K = search.reached_K(member.effects, member.z)
+
+    def fitted(problem: Problem) -> Fit:
+        return _settled(search, problem, member, reached_K)
+
+    return holding_heat(fitted(problem), refit=fitted)
+
+
+def _settled(search: Search, problem: Problem, member: Member, reached_K: float) -> Fit:
+    """Return the fit after rounds of noise, unmodelled heat and least squares."""
+    engine = search.engine
+    order = [engine.find(s.parameter.name, s.test) for s in problem.parameters.slots]
+    slots = [slot for slot in order if slot is not None]
+    z, noise_z = member.z, member.noise_z
+    residual, jacobian = engine.linearise(z, slots)
+    shift = np.inf
+    for _ in range(ROUNDS):
+        problem = with_heat(problem, z[slots])
+        assert problem.heat is not None
+        noise_z = estimate_noise(problem, z[slots], residual, jacobian, start=noise_z)
+        found = engine.with_heat(problem.heat).refit(z, slots, from_scores(noise_z))
+        shift = float(np.max(np.abs(found.z[slots] - z[slots])))
+        z, residual, jacobian = found.z, found.residual, found.jacobian
+        if shift < SETTLED:
+            break
+    return finished(
+        problem, z[slots], noise_z, residual, jacobian, z[slots][None],
+        is_converged=shift < 10 * SETTLED,
+        stats={"rmse_white_K": reached_K},
+    )  # fmt: skip
+
+
+ROUNDS, SETTLED = 6, 0.02
+"""Most rounds of noise and least squares, and the change of all scores at which they end [prior
+standard deviations]."""

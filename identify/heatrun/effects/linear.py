@@ -1,0 +1,177 @@
+"""The evidence of all sets of effects around a fitted one, from one linearisation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from ..inference.discrepancy import with_heat
+from ..inference.noise import from_scores
+from .engine import Engine
+from .library import Candidate
+
+if TYPE_CHECKING:
+    from .search import Member, Set
+
+SIZES = (0.3, 1.0, 3.0)
+"""Sizes over the usual one at which an absent effect is tried [1]."""
+
+NUM_MOMENTS = 6
+"""Moments at which an absent event is tried."""
+
+WORST_K = 1e5
+"""Residual from which on an absent effect counts as one that the network cannot take [K]."""
+
+REACH = 2.0
+"""Prior standard deviations that a linear step is followed [1]."""
+
+
+class Linear:
+    """The evidence of sets of effects under the noise of a fitted one.
+
+    An effect that the fitted set has is taken out by the difference that this makes to the
+    residuals; one that it lacks is put in at the size at which it explains most. Of several at
+    once, the differences are added.
+
+    Args:
+        engine: The network with all effects.
+        own: Slots of each effect that may be absent.
+        base: Slots of the network without them.
+        centre: The fitted set.
+        tried: Scores by effect at which it explains most where it is absent; filled in here.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        own: Mapping[Candidate, Sequence[int]],
+        base: Sequence[int],
+        centre: Member,
+        tried: dict[Candidate, np.ndarray],
+    ) -> None:
+        heat = with_heat(engine.problem, np.nan_to_num(centre.z)).heat
+        assert heat is not None
+        self.engine, self.own, self.base, self.centre = engine.with_heat(heat), own, base, centre
+        self._noise = from_scores(centre.noise_z)
+        self._white = self.engine.whiten(self._noise, centre.jacobian)
+        self.at = centre.z.copy()
+        columns, shifts = [centre.jacobian[:, : len(base)]], []
+        for each, places in own.items():
+            at = list(places)
+            if each in centre.effects:
+                without = centre.z.copy()
+                without[at] = np.nan
+                shifts.append(self.engine.linearise(without, [])[0] - centre.residual)
+                columns.append(centre.jacobian[:, [centre.free.index(slot) for slot in at]])
+            else:
+                shift, slopes, self.at[at] = self._absent(at, tried.get(each))
+                tried[each] = self.at[at]
+                shifts.append(shift)
+                columns.append(slopes)
+        joined = [centre.residual[:, None], np.stack(shifts, axis=1), *columns]
+        rows = self.engine.whiten(self._noise, np.concatenate(joined, axis=1))
+        self._products = rows.T @ rows
+        ends = np.cumsum([1 + len(shifts), len(base), *map(len, own.values())])
+        self._places = {
+            each: list(range(start, start + len(own[each])))
+            for each, start in zip(own, ends[1:], strict=False)
+        }
+        self._known: dict[Set, tuple[float, np.ndarray]] = {}
+
+    def log_evidence(self, effects: Set) -> float:
+        """Return the log evidence of a set, up to what all share [nat]."""
+        return (
+            self._solved(effects)[0]
+            - self._solved(self.centre.effects)[0]
+            + (self.centre.log_evidence)
+        )
+
+    def scores(self, effects: Set) -> Float[np.ndarray, " slot"]:
+        """Return scores of all slots to fit a set from."""
+        return np.clip(self._solved(effects)[1], self.at - REACH, self.at + REACH)
+
+    def _solved(self, effects: Set) -> tuple[float, np.ndarray]:
+        if effects not in self._known:
+            changed = [
+                1 + number
+                for number, each in enumerate(self.own)
+                if (each in effects) != (each in self.centre.effects)
+            ]
+            first = 1 + len(self.own)
+            used, order = list(range(first, first + len(self.base))), list(self.base)
+            for each, places in self.own.items():
+                if each in effects:
+                    used += self._places[each]
+                    order += places
+            turn = np.zeros((self._products.shape[0], 1 + len(used)))
+            turn[[0, *changed], 0] = 1.0
+            turn[used, np.arange(1, 1 + len(used))] = 1.0
+            value, step = evidence(turn.T @ self._products @ turn, self.at[order])
+            z = self.at.copy()
+            z[order] += step
+            self._known[effects] = value, z
+        return self._known[effects]
+
+    def _absent(
+        self, places: list[int], known: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return what an absent effect changes, its derivatives and its scores, where it explains
+        most.
+        """
+        centre = self.centre
+        best, value = None, -np.inf
+        for at in self._starts(places) if known is None else [known]:
+            z = centre.z.copy()
+            z[places] = at
+            residual, slopes = self.engine.linearise(z, places)
+            if np.max(np.abs(residual)) > WORST_K:
+                continue
+            rows = self.engine.whiten(self._noise, np.column_stack([residual, slopes]))
+            rows = np.concatenate([rows[:, :1], self._white, rows[:, 1:]], axis=1)
+            scores = np.concatenate([centre.z[list(centre.free)], at])
+            found = evidence(rows.T @ rows, scores)[0]
+            if found > value:
+                best, value = (residual - centre.residual, slopes, at), found
+        if best is None:
+            nothing = np.zeros((centre.residual.size, len(places)))
+            best = nothing[:, 0], nothing, np.zeros(len(places))
+        return best
+
+    def _starts(self, places: Sequence[int]) -> list[np.ndarray]:
+        """Return scores at which an absent effect is tried."""
+        result = [np.zeros(len(places))]
+        for place, slot in enumerate(places):
+            parameter = self.engine.slots[slot].parameter
+            kind, name = parameter.name.split(".", 1)
+            quantity = self.engine.kinds[kind].card.parameters[name]
+            moves = np.zeros(1)
+            if quantity.null == 0.0 and parameter.transform == "log":
+                moves = np.log(SIZES) / parameter.sd
+            elif quantity.null is None and parameter.per_test:  # the moment of an event
+                moves = np.linspace(-1.8, 1.8, NUM_MOMENTS)
+            elif quantity.unit == "s" and len(places) > 1:  # the delay of a body
+                moves = np.array([-1.0, 1.0])
+            step = np.eye(len(places))[place]
+            result = [at + move * step for at in result for move in moves]
+        return result
+
+
+def evidence(
+    products: Float[np.ndarray, "column column"], scores: Float[np.ndarray, " parameter"]
+) -> tuple[float, Float[np.ndarray, " parameter"]]:
+    """Return the log evidence of a linear model [nat], and the step to its optimum.
+
+    Args:
+        products: Inner products of the whitened residual, first, and its derivatives by scores.
+        scores: At which these stand; their prior is standard normal.
+    """
+    precision = products[1:, 1:] + np.eye(scores.size)
+    gradient = products[1:, 0] + scores
+    factor = np.linalg.cholesky(precision)
+    half = np.linalg.solve(factor, gradient)
+    squares = products[0, 0] + scores @ scores - half @ half
+    log_det = np.sum(np.log(np.diag(factor)))
+    return float(-0.5 * squares - log_det), -np.linalg.solve(factor.T, half)

@@ -1,0 +1,300 @@
+"""Which effects of the catalogue the tests ask for: networks with none, one, two, more of them.
+
+An effect alone needs an absurd size exactly where a second one is missing too, and a network that
+misses both bends its instruments towards them. So effects are not let in one at a time. All that
+the tests have the inputs for start together, at soft priors about their usual sizes, the
+instruments at their own priors, and what the evidence does not ask for is taken out again. Around
+a fit the model is linear in the scores (`linear`): the evidence of thousands of sets costs one
+linearisation. The best of them are fitted, each with a noise of its own, and the search goes on
+around the best until no neighbour is better.
+
+References: D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992) 415-447. J. A.
+    Hoeting, D. Madigan, A. E. Raftery, C. T. Volinsky, Bayesian model averaging: a tutorial,
+    Statistical Science 14 (1999) 382-417.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from ..inference.discrepancy import NUM_COLUMNS, with_heat
+from ..inference.effect_parameters import qualified
+from ..inference.fitting.restricted import estimate_noise, log_evidence
+from ..inference.noise import from_scores
+from .engine import Engine, Refit, white
+from .library import Candidate
+from .linear import Linear
+from .saturated import LONGEST_S, padded
+
+Set = frozenset[Candidate]
+
+ODDS = 1.0 / 9.0
+"""Of an effect being there, before the tests have spoken [1]; an event shares them among tests."""
+
+ROUGH_K = 1.0
+"""White noise of a first fit [K]."""
+
+MOST_EVALUATIONS = 12
+"""Most evaluations of a refit; they start near the optimum."""
+
+MOST_ROUNDS = 20
+"""Rounds of linearising and fitting around one start."""
+
+NUM_SETTLED, SETTLED = 3, 0.05
+"""Rounds of noise and least squares for a set, and the change of the noise's scores at which they
+end [1]."""
+
+MOST_AROUND = 6
+"""Neighbours of the final set that are fitted."""
+
+MATTERS_K, MATTERS_NOISE, MATTERS_SHARE = 0.05, 0.5, 0.03
+"""Gap that an effect must close to matter: in kelvin, in parts of the noise of a block mean [1],
+and of the gap that the whole set closes [1]; no law is an exact copy of the machine's."""
+
+
+@dataclass(frozen=True)
+class Member:
+    """The network with a set of effects, fitted with a noise of its own.
+
+    Attributes:
+        effects: The set.
+        free: Slots that are fitted.
+        z: Scores of all slots, NaN for those of absent effects, shape (slot,).
+        noise_z: Scores of noise and unmodelled heat.
+        residual: Measured minus modelled block means, all tests in a row [K].
+        jacobian: Its derivative by the free slots [K per score], shape (block, free).
+        log_evidence: Marginal likelihood, up to what all sets share [nat].
+        log_weight: The same with the odds of the effects before the tests have spoken [nat].
+    """
+
+    effects: Set
+    free: tuple[int, ...]
+    z: Float[np.ndarray, " slot"]
+    noise_z: Float[np.ndarray, " noise"]
+    residual: Float[np.ndarray, " block"]
+    jacobian: Float[np.ndarray, "block free"]
+    log_evidence: float
+    log_weight: float
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of its effects, in alphabetical order."""
+        return tuple(sorted({each.id for each in self.effects}))
+
+
+@dataclass
+class Search:
+    """Sets of effects that have been fitted, and the means to fit more.
+
+    Attributes:
+        engine: The network with all effects, none of which is searched by its parameters' roles.
+        candidates: Those that may be absent.
+        fitted: The best fit of each set.
+    """
+
+    engine: Engine
+    candidates: Sequence[Candidate]
+    fitted: dict[Set, Member] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.own = {each: slots(self.engine, each) for each in self.candidates}
+        of_effects = {slot for own in self.own.values() for slot in own}
+        self.base = tuple(i for i in range(len(self.engine.slots)) if i not in of_effects)
+
+    def log_odds(self, effects: Iterable[Candidate]) -> float:
+        """Return the log odds of a set against none, before the tests have spoken [nat]."""
+        shared = len(self.engine.tests)
+        return sum(float(np.log(ODDS / (shared if e.test is not None else 1))) for e in effects)
+
+    def free(self, effects: Collection[Candidate]) -> tuple[int, ...]:
+        """Return the slots of a network with a set of effects."""
+        return (*self.base, *sorted(slot for each in effects for slot in self.own[each]))
+
+    def placed(self, z: np.ndarray, effects: Collection[Candidate]) -> np.ndarray:
+        """Return scores of which just the effects of a set are there, new ones at their centres."""
+        after = z.copy()
+        for each, own in self.own.items():
+            at = list(own)
+            after[at] = np.nan_to_num(after[at]) if each in effects else np.nan
+        return after
+
+    def fit(self, effects: Set, z: np.ndarray, noise_z: np.ndarray | None = None) -> Member:
+        """Fit a set of effects from scores, and return the best fit of that set so far."""
+        free = self.free(effects)
+        z = self.placed(z, effects)
+        noise = white(ROUGH_K) if noise_z is None else from_scores(noise_z)
+        for _ in range(NUM_SETTLED):
+            found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
+            z, before = found.z, noise_z
+            heated = with_heat(self.engine.problem, np.nan_to_num(z))
+            assert heated.heat is not None
+            self.engine = self.engine.with_heat(heated.heat)
+            columns = padded(found.jacobian)
+            scores = np.pad(z[list(free)], (0, columns.shape[1] - len(free)))
+            noise_z = estimate_noise(heated, scores, found.residual, columns, start=before)
+            noise = from_scores(noise_z)
+            if before is not None and np.max(np.abs(noise_z - before)) < SETTLED:
+                break
+        assert noise_z is not None
+        found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
+        columns = padded(found.jacobian)
+        scores = np.pad(found.z[list(free)], (0, columns.shape[1] - len(free)))
+        evidence = log_evidence(self.engine.problem, noise_z, scores, found.residual, columns)
+        member = Member(
+            effects, free, found.z, noise_z, found.residual, found.jacobian, evidence,
+            evidence + self.log_odds(effects),
+        )  # fmt: skip
+        known = self.fitted.get(effects)
+        if known is None or member.log_weight > known.log_weight:
+            self.fitted[effects] = member
+        return self.fitted[effects]
+
+    @property
+    def best(self) -> Member:
+        """The most probable set so far."""
+        return max(self.fitted.values(), key=lambda each: each.log_weight)
+
+    def climb(self, centre: Member, say: Callable[[str], None]) -> Member:
+        """Return where steps by the linear evidence end that a fit confirms."""
+        tried: dict[Candidate, np.ndarray] = {}
+        for _ in range(MOST_ROUNDS):
+            linear = Linear(self.engine, self.own, self.base, centre, tried)
+            path = self._path(centre.effects, linear)
+            # where the steps end, halfway there, and the first one: the best that a fit confirms
+            for effects in dict.fromkeys(
+                [path[-1], path[len(path) // 2], path[min(1, len(path) - 1)]]
+            ):
+                after = self.fitted.get(effects)
+                if after is None:
+                    after = self.fit(effects, linear.scores(effects), centre.noise_z)
+                if after.log_weight > centre.log_weight:
+                    break
+            else:
+                break
+            centre = after
+            say(f"log evidence {centre.log_weight:.1f} with {', '.join(centre.ids) or 'none'}")
+        return centre
+
+    def _path(self, effects: Set, linear: Linear) -> list[Set]:
+        """Return the sets of single steps uphill in the linear evidence."""
+
+        def weight(each: Set) -> float:
+            return linear.log_evidence(each) + self.log_odds(each)
+
+        path = [effects]
+        for _ in range(MOST_ROUNDS + len(effects)):
+            best = max(neighbours(path[-1], self.candidates), key=weight)
+            if weight(best) <= weight(path[-1]):
+                break
+            path.append(best)
+        return path
+
+    def run(self, z: np.ndarray, say: Callable[[str], None] = lambda _: None) -> Member:
+        """Search from all effects and from none, and return the best set.
+
+        Args:
+            z: Scores of the network alone to start from.
+            say: Told how far it is.
+        """
+        self.fit(frozenset(), z)
+        for start in (frozenset(self.candidates), frozenset()):
+            self.climb(self.fitted.get(start) or self.fit(start, np.zeros_like(z)), say)
+        return self.best
+
+    def reached_K(self, effects: Set, z: np.ndarray) -> float:
+        """Return the error that least squares under white noise reaches with a set [K].
+
+        Args:
+            effects: The set.
+            z: Scores to start from.
+        """
+        z = self.placed(z, effects)
+        found = self.engine.refit(z, self.free(effects), white(ROUGH_K), most=MOST_EVALUATIONS)
+        return self.engine.rms_K(found.residual)
+
+    def core(self, member: Member) -> Member:
+        """Return the network with those effects of a set alone that matter.
+
+        One that does not closes less of the gap than the laws of the others leave open: no law is
+        an exact copy of the machine's. Taken out one by one, the least first.
+        """
+        effects, z = member.effects, member.z
+        alone = self.fitted[frozenset()]
+        reached = self.reached_K(effects, z)
+        closed = gap(self.reached_K(alone.effects, alone.z), reached)
+        noise = float(from_scores(member.noise_z).total())
+        floor = max(MATTERS_K, MATTERS_NOISE * noise, MATTERS_SHARE * closed)
+        while effects:
+            gaps = {each: gap(self.reached_K(effects - {each}, z), reached) for each in effects}
+            least = min(effects, key=lambda each: gaps[each])
+            if gaps[least] > floor:
+                break
+            effects = effects - {least}
+        for fewer in (effects, *(effects - {each} for each in effects)):
+            if fewer not in self.fitted:
+                self.fit(fewer, z, member.noise_z)
+        return self.fitted[effects]
+
+    def around(self, member: Member) -> dict[Set, float]:
+        """Return the sets that the tests do not tell from a fitted one, with probabilities [1].
+
+        They have one effect less, or another in the place of one; the best of them by the linear
+        evidence are fitted.
+
+        Args:
+            member: The set, which is among them.
+        """
+        linear = Linear(self.engine, self.own, self.base, member, {})
+        here = member.effects
+        others = [each for each in neighbours(here, self.candidates) if len(each) <= len(here)]
+        weights = {each: linear.log_evidence(each) + self.log_odds(each) for each in others}
+        near = sorted(others, key=lambda each: -weights[each])
+        for effects in near[:MOST_AROUND]:
+            if effects not in self.fitted:
+                self.fit(effects, linear.scores(effects), member.noise_z)
+        fitted = [here, *(each for each in others if each in self.fitted)]
+        found = np.array([self.fitted[each].log_weight for each in fitted])
+        shares = np.exp(found - np.logaddexp.reduce(found))
+        return dict(zip(fitted, shares.tolist(), strict=True))
+
+    def without_heat(self, member: Member) -> Refit:
+        """Return a set fitted with noise of up to a minute alone, so that what is slow is left."""
+        problem = self.engine.problem
+        nothing = tuple(np.zeros((test.measured.size, NUM_COLUMNS)) for test in problem.tests)
+        engine = self.engine.with_heat(nothing)
+        free = self.free(member.effects)
+        found = engine.refit(member.z, free, white(ROUGH_K))
+        for _ in range(2):
+            columns = padded(found.jacobian)
+            scores = np.pad(found.z[list(free)], (0, columns.shape[1] - len(free)))
+            noise_z = estimate_noise(
+                engine.problem, scores, found.residual, columns, longest_s=LONGEST_S
+            )
+            found = engine.refit(found.z, free, from_scores(noise_z))
+        return found
+
+
+def gap(before_K: float, after_K: float) -> float:
+    """Return what is closed of a gap: the root of the difference of mean squares [K]."""
+    return float(np.sqrt(max(before_K**2 - after_K**2, 0.0)))
+
+
+def neighbours(effects: Set, candidates: Sequence[Candidate]) -> list[Set]:
+    """Return the sets with one effect less, one more, or one exchanged."""
+    others = [each for each in candidates if each not in effects]
+    less = [effects - {each} for each in effects]
+    more = [effects | {each} for each in others]
+    return [*less, *more, *(smaller | {each} for smaller in less for each in others)]
+
+
+def slots(engine: Engine, candidate: Candidate) -> tuple[int, ...]:
+    """Return the slots of an effect."""
+    found = (
+        engine.find(qualified(candidate.kind, name), candidate.test)
+        for name in candidate.kind.card.parameters
+    )
+    return tuple(slot for slot in found if slot is not None)

@@ -1,0 +1,20 @@
+"""A discovery on reduced records: search and story, without sampling."""
+
+from __future__ import annotations
+
+from heatrun.discovery.run import tell
+from heatrun.effects.found import find
+from heatrun.effects.missing import missing
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.held_heat import holding_heat
+from heatrun.inference.model import Model
+from heatrun.inference.problem import Problem
+
+
+def discovered(motor, tests, *, order="second", kinds=None, held_out=()):
+    """Return what the effects change, as `heatrun discover` finds it before it samples."""
+    model = Model.of(order, motor).scaled(motor, tests)
+    rows = [model.with_bodies(test) for test in tests]
+    alone = holding_heat(fit(Problem.of(model, motor, rows)))
+    asked = find(model, motor, rows, kinds=kinds, held_out=held_out, start=alone)
+    return tell(asked, missing(asked.fit, kinds), command="heatrun discover")

@@ -1,0 +1,112 @@
+"""The search for effects: two at once, one linear evidence, soft priors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hidden_machines import machine
+
+from heatrun.effects.engine import Engine
+from heatrun.effects.found import find, with_catalogue
+from heatrun.effects.linear import Linear, evidence
+from heatrun.effects.search import Search, neighbours
+from heatrun.inference.model import Model
+from heatrun.inference.problem import Problem
+
+FEW = ("speed_cooling", "sensor_lag", "rotor_node", "ambient_drift", "stray_load_loss")
+
+
+@pytest.fixture(scope="module")
+def two(hidden_bench):
+    """A machine with a fan on its shaft and a sensor that lags."""
+    return machine(hidden_bench, ("speed_cooling", "sensor_lag"), 41, target_K=1.2)
+
+
+@pytest.fixture(scope="module")
+def searched(two):
+    _, motor, tests, _ = two
+    model = Model.of("second", motor).scaled(motor, tests)
+    return find(model, motor, [model.with_bodies(test) for test in tests])
+
+
+def test_two_effects_at_once_are_both_found(searched):
+    assert set(searched.ids) == {"speed_cooling", "sensor_lag"}
+    for effect in searched.core.effects:
+        assert searched.probability(effect) > 0.95
+        assert searched.log_bayes(effect) > 10.0
+    assert searched.familywise_p < 1e-6
+
+
+def test_the_gap_is_closed_without_an_absurd_size(two, searched):
+    case, _, _, _ = two
+    before, after = (fit.stats["rmse_white_K"] for fit in searched.fits)
+    assert after < 0.3 * before
+    values = searched.fit.values()
+    assert values["speed_cooling.g"] < 5.0
+    assert values["Req_w"] == pytest.approx(case.machine.Req_w, rel=0.15)
+
+
+@pytest.fixture(scope="module")
+def search(two):
+    _, motor, tests, _ = two
+    model = Model.of("second", motor).scaled(motor, tests)
+    rows = [model.with_bodies(test) for test in tests]
+    library, extended = with_catalogue(model, motor, rows)
+    wanted = [each for each in library.candidates if each.id in FEW]
+    engine = Engine(Problem.of(extended, motor, rows))
+    every = Search(engine, library.candidates)
+    search = Search(engine, wanted)
+    search.base = every.base  # those that are not searched stay away
+    search.fit(frozenset(), every.placed(np.zeros(len(engine.slots)), ()))
+    return search
+
+
+def test_absent_effects_leave_the_network_as_it_was(search):
+    engine = search.engine
+    none = search.fitted[frozenset()]
+    values, gains = engine.values(none.z, 0)
+    assert values["speed_cooling.g"] == 0.0
+    assert values["cooling_step.k"] == 1.0
+    assert gains[engine.find("speed_cooling.g")] == 0.0
+    # a vanishing size is the same machine
+    z = none.z.copy()
+    slots = search.own[next(each for each in search.candidates if each.id == "sensor_lag")]
+    z[list(slots)] = -30.0
+    near, absent = (engine.linearise(each, [])[0] for each in (z, none.z))
+    np.testing.assert_allclose(near, absent, atol=1e-6)
+
+
+def test_the_linear_evidence_is_that_of_a_fit_near_by(search):
+    """A set around a fitted one, by one linearisation and by a fit under the same noise."""
+    effects = frozenset(e for e in search.candidates if e.id in ("speed_cooling", "sensor_lag"))
+    centre = search.fit(effects, search.fitted[frozenset()].z)
+    linear = Linear(search.engine, search.own, search.base, centre, {})
+    assert linear.log_evidence(effects) == pytest.approx(centre.log_evidence, abs=1e-6)
+    more = next(s for s in neighbours(effects, search.candidates)
+                if len(s) == 3 and any(each.id == "ambient_drift" for each in s))  # fmt: skip
+    fitted = search.fit(more, linear.scores(more), centre.noise_z)
+    # its noise is its own, which gains at most a little
+    assert linear.log_evidence(more) == pytest.approx(fitted.log_evidence, abs=1.5)
+
+
+def test_the_evidence_of_a_linear_model_is_exact():
+    """One parameter by quadrature."""
+    rng = np.random.default_rng(2)
+    column, noise = rng.standard_normal(20), rng.standard_normal(20)
+    at = 0.7
+    residual = noise + 1.3 * column  # where the score is `at`
+    joined = np.column_stack([residual, column])
+    value, step = evidence(joined.T @ joined, np.array([at]))
+    z = np.linspace(-12.0, 12.0, 200_001)
+    squares = np.sum((residual[:, None] + column[:, None] * (z - at)) ** 2, axis=0) + z**2
+    integral = np.log(np.trapezoid(np.exp(-0.5 * squares), z)) - 0.5 * np.log(2.0 * np.pi)
+    assert value == pytest.approx(integral, abs=1e-9)
+    assert at + step[0] == pytest.approx(z[np.argmin(squares)], abs=2e-4)
+
+
+def test_what_cannot_be_is_a_bound(search):
+    """A share above one: the fit of it stays below, however far the tests pull."""
+    engine = search.engine
+    slot = engine.find("rotor_node.p")
+    _, high = engine.bounds([slot])
+    assert float(engine.slots[slot].parameter.value(high[0])) == pytest.approx(1.0)

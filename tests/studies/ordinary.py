@@ -1,0 +1,355 @@
+"""Study of ordinary machines on ordinary benches: `make study-ordinary`.
+
+Six kinds of machines, each with two to four imperfections at once, go as files through `heatrun
+calibrate` (a share of them through `discover` too) and are read back from the run folder. Rows go
+to a file as they come; a run that was killed goes on from there. Seed 8000 is for tuning, reports
+use seed 80000.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # the arrays are small; threads only wait
+sys.path.insert(0, str(Path(__file__).parent))
+
+import numpy as np
+from gate_rows import at_least, at_most
+from misfit_cases import command
+from ordinary_machines import KINDS, make, structure_fitted, write_case
+from study_runs import rows_as_they_come, write_rows
+
+TUNING_SEED, REPORTING_SEED = 8_000, 80_000
+
+IN_SET = 0.05
+"""Probability from which on an effect that may be missing counts as in the stated set [1]."""
+
+Row = dict[str, Any]
+
+
+def page_invariant(run_folder: Path) -> bool | None:
+    """Return whether what page 1 says, simulated, has the RMSE that it says; None if not known."""
+    return None
+
+
+def stated_effects(fit: Row) -> list[Row]:
+    """Return what `fit.json` claims: an id, the set that it stands in, and whether it is firm."""
+    model = fit["models"]["second"]
+    has = list(fit.get("effects") or [effect["id"] for effect in model.get("effects", ())])
+    claims = [{"id": each, "set": [each], "firm": True} for each in has]
+    maybe = [row["id"] for row in model.get("maybe_missing") or ()
+             if row["probability"] >= IN_SET and row["id"] not in has]  # fmt: skip
+    if maybe:
+        is_firm = any(f["id"] == "missing_effect" and f["severity"] == "warning"
+                      for f in fit["findings"])  # fmt: skip
+        claims.append({"id": maybe[0], "set": maybe, "firm": is_firm})
+    return claims
+
+
+def discovered(found: Row) -> list[Row]:
+    """Return what `discovery.json` claims; traces are said to be too small to matter."""
+    return [
+        {"id": each["id"], "set": [each["id"], *each["equivalents"]], "firm": is_firm}
+        for name, is_firm in (("effects", True), ("traces", False))
+        for each in found[name]
+    ]
+
+
+def stated_parameters(fit: Row) -> dict[str, Row]:
+    """Return the entries of `fit.json` by the name that their truth has."""
+    entries = fit["models"]["second"]["parameters"]
+    is_at_rest = "speed_cooling.g" in entries  # Req_sr is then its value at standstill
+    names = {"Ceq_w": "Ceq_w", "Ceq_sr": "Ceq_sr", "Req_w": "Req_w",
+             "Req_sr_rest" if is_at_rest else "Req_sr_loaded": "Req_sr"}  # fmt: skip
+    return {of: entries[name] for of, name in names.items() if name in entries}
+
+
+def stated_use(run_folder: Path) -> str:
+    """Return the verdict of page 1: usable, restricted or not usable."""
+    import heatrun
+    from heatrun.runs.verdict import headline
+
+    return headline(heatrun.open_run(run_folder).result).use
+
+
+def instruments_told(fit: Row, wanted: dict[str, float]) -> list[str]:
+    """Return the instruments' parameters that left their prior's centre on the side of the sign."""
+    model, told = fit["models"]["second"], []
+    for name, entry in (model["parameters"] | model["nuisances"]).items():
+        sign = wanted.get(name.split("[")[0])
+        ends = [sign * (each - np.mean(entry["prior_95"])) for each in entry["interval_95"]] if (
+            sign) else [0.0]  # fmt: skip
+        if min(ends) > 0.0:
+            told.append(name)
+    return told
+
+
+def jobs(first_seed: int, num: int, kinds: Sequence[str], discover: float) -> list[Row]:
+    """Return the cases, the kinds by turns; a share of them is discovered too."""
+    listed = [
+        {"kind": list(KINDS)[place % len(KINDS)], "seed": first_seed + place,
+         "seeks": (place // len(KINDS) + 1) * discover % 1.0 < discover}
+        for place in range(num)
+    ]  # fmt: skip
+    return [job for job in listed if job["kind"] in kinds]
+
+
+def run(job: Row) -> Row:
+    """Run one case through the commands and return its row."""
+    case = make(job["kind"], job["seed"])
+    machine, begin = case.machine, time.process_time()
+    structure = structure_fitted(case)
+    row = {
+        **job, "tests": list(case.tests), "drawn": machine.drawn, "truth": case.truth(),
+        "bench": case.bench, "physics": machine.physics, "rated": machine.rated,
+        "structure": structure | {"processor_s": time.process_time() - begin},
+        "imperfections": {
+            cause: {"alone_K": alone, "refit_K": structure["refit_K"][cause],
+                    "ids": sorted(machine.names(cause)), "instruments": machine.instruments(cause)}
+            for cause, alone in case.alone_K.items()
+        },
+    }  # fmt: skip
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        *fitted, held_out = map(str, write_case(case, folder))
+        for verb in ("calibrate", "discover")[: 1 + job["seeks"]]:
+            begin, out = time.process_time(), folder / verb
+            code, said = command([verb, str(folder / "motor.toml"), *fitted, "--holdout", held_out,
+                                  "--model", "second", "--quick", "--out", str(out)])  # fmt: skip
+            row[verb] = {"exit_code": code, "processor_s": time.process_time() - begin}
+            row[verb] |= described(out, row) if code == 0 else {"failure": said[-1200:]}
+    return row
+
+
+def described(folder: Path, row: Row) -> Row:
+    """Return what a run folder says, beside the truth."""
+    fit = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
+    path = folder / "discovery.json"
+    found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+    claims = stated_effects(fit) if found is None else discovered(found)
+    residuals = fit["models"]["second"]["residuals"]
+    ids = {each for one in row["imperfections"].values() for each in one["ids"]}
+    told = {}
+    for cause, one in row["imperfections"].items():
+        wanted = set(one["ids"])
+        told[cause] = (
+            "named" if any(claim["firm"] and claim["id"] in wanted for claim in claims)
+            else "in set" if any(wanted & set(claim["set"]) for claim in claims)
+            else "instrument" if instruments_told(fit, one["instruments"]) else ""
+        )  # fmt: skip
+    return {
+        "use": stated_use(folder), "page_invariant": page_invariant(folder),
+        "verdict": found["verdict"] if found else None, "claims": claims, "told": told,
+        "false": [c["id"] for c in claims if c["firm"] and not ids & set(c["set"])],
+        "rmse_K": max(r["rmse_K"] for r in residuals if r["role"] == "calibration"),
+        "holdout_rmse_K": next(r["rmse_K"] for r in residuals if r["role"] == "holdout"),
+        "parameters": {
+            name: {"truth": row["truth"][name],
+                   **{key: entry[key] for key in ("value", "sd", "interval_95")},
+                   "identifiability": entry.get("identifiability", "")}
+            for name, entry in stated_parameters(fit).items() if row["truth"][name] is not None
+        },
+        "findings": [f["id"] for f in fit["findings"] if f["severity"] == "warning"],
+    }  # fmt: skip
+
+
+def covered(said: Row) -> list[bool]:
+    """Return whether each parameter that is said to be identified is in its 95 % interval."""
+    return [
+        bool(each["interval_95"][0] <= each["truth"] <= each["interval_95"][1])
+        for each in said["parameters"].values()
+        if each["identifiability"] != "not identifiable"
+    ]
+
+
+def is_off(said: Row) -> bool:
+    """Return whether a parameter is more than 3 sds or more than 10 % off."""
+    return any(
+        (off := abs(each["value"] - each["truth"])) > 3.0 * each["sd"] or off > 0.1 * each["truth"]
+        for each in said["parameters"].values()
+    )
+
+
+def told(rows: Sequence[Row], verb: str, above_K: float, by: str = "alone_K") -> list[bool]:
+    """Return whether each imperfection above a size is named, in a set or an instrument's."""
+    return [
+        bool(row[verb]["told"][cause])
+        for row in rows
+        for cause, one in row["imperfections"].items()
+        if one[by] > above_K
+    ]
+
+
+def held(rows: Sequence[Row], verb: str) -> list[bool]:
+    """Return whether the held-out test is predicted nearly as well as by the true structure."""
+    return [r[verb]["holdout_rmse_K"] <= 1.5 * r["structure"]["holdout_rmse_K"] for r in rows]
+
+
+def gates(rows: Sequence[Row], verb: str) -> list[str]:
+    """Return the gates as rows of a table, for what a command said."""
+    stated = [row for row in rows if row[verb]["use"] != "not usable"]
+    usable = [row for row in rows if row[verb]["use"] == "usable"]
+    lines = [
+        at_least("parameters in their 95 % intervals, pages that can be used", 0.90,
+                 [hit for row in stated for hit in covered(row[verb])]),
+        at_least("the same, all pages", 0.90, [hit for row in rows for hit in covered(row[verb])]),
+        at_most("*usable* with a parameter > 3 sds or > 10 % off, of pages that say usable", 0.03,
+                [is_off(row[verb]) for row in usable]),
+        at_most("the same, of all cases", 0.03,
+                [row[verb]["use"] == "usable" and is_off(row[verb]) for row in rows]),
+        at_least("page invariant", 1.0,
+                 [known for row in rows if (known := row[verb]["page_invariant"]) is not None]),
+        at_least("imperfections > 1 K alone: named or in the set", 0.90, told(rows, verb, 1.0)),
+        at_least("imperfections > 0.3 K alone: named or in the set", 0.75, told(rows, verb, 0.3)),
+        at_least("imperfections that leave > 0.3 K when all else is fitted anew", 0.90,
+                 told(rows, verb, 0.3, "refit_K")),
+        at_least("imperfections that leave > 0.1 K when all else is fitted anew", 0.75,
+                 told(rows, verb, 0.1, "refit_K")),
+        at_most("cases in which something is named that is not there", 0.05,
+                [bool(row[verb]["false"]) for row in rows]),
+        at_least("held-out RMSE ≤ 1.5 × that of the true structure, fitted", 0.85,
+                 held(rows, verb)),
+    ]  # fmt: skip
+    verdicts = [row[verb]["verdict"] == "unexplained" for row in rows if row[verb]["verdict"]]
+    return [*lines, at_most("UNEXPLAINED", 0.10, verdicts)]
+
+
+def share(hits: Sequence[bool]) -> str:
+    return f"{sum(hits)} of {len(hits)}" if hits else "–"
+
+
+def table(rows: Sequence[Row], words: str, planned: int) -> str:
+    """Return the page of the study."""
+    failed = [(row, verb) for row in rows for verb in ("calibrate", "discover")
+              if row.get(verb, {}).get("exit_code", 0) != 0]  # fmt: skip
+    lines = [
+        "# Ordinary machines on ordinary benches", "",
+        f"`make study-ordinary` (ordinary.py {words}); {len(rows)} of {planned} cases, "
+        f"{len(failed)} commands ended with an error. Each machine has two to four imperfections "
+        "at once; two or three tests, one of another kind held out. *Alone*: RMS on the winding "
+        "over the fitted tests between the machine and itself without the imperfection. *Left*: "
+        "what the true structure without it leaves when all else is fitted anew. *Told*: named, in "
+        "a stated set (from 5 % on), or an instrument's parameter that says the same.",
+    ]  # fmt: skip
+    for verb in ("calibrate", "discover"):
+        done = [row for row in rows if row.get(verb, {}).get("exit_code") == 0]
+        if not done:
+            continue
+        kinds = [(kind, [r for r in done if r["kind"] == kind]) for kind in KINDS]
+        lines += ["", f"## `heatrun {verb}`, {len(done)} cases", "",
+                  "| what | gate | measured | 95 % limits | |", "|---|---|---|---|---|",
+                  *gates(done, verb), "",
+                  "| kind | cases | in 95 % | usable / restricted / not | usable and off "
+                  "| > 1 K told | > 0.3 K told | not there | held out | its RMSE over the "
+                  "structure's, median | processor s, median / most |", "|---" * 11 + "|",
+                  *(_of_kind(kind, of, verb) for kind, of in kinds if of), "",
+                  "| imperfection | alone > 0.3 K | named | in set | instrument | missed | left "
+                  "by those missed, median / most |", "|---" * 7 + "|",
+                  *_of_causes(done, verb)]  # fmt: skip
+    lines += ["", *(f"- {r['kind']} {r['seed']}, {verb}: {r[verb]['failure'][-300:]!r}"
+                    for r, verb in failed), ""]  # fmt: skip
+    return "\n".join(lines)
+
+
+def _of_kind(kind: str, rows: Sequence[Row], verb: str) -> str:
+    said = [row[verb] for row in rows]
+    uses = [str(sum(one["use"] == use for one in said))
+            for use in ("usable", "restricted", "not usable")]  # fmt: skip
+    ratio = [r[verb]["holdout_rmse_K"] / r["structure"]["holdout_rmse_K"] for r in rows]
+    seconds = [one["processor_s"] for one in said]
+    cells = [kind, str(len(rows)), share([hit for one in said for hit in covered(one)]),
+             " / ".join(uses), share([is_off(one) for one in said if one["use"] == "usable"]),
+             share(told(rows, verb, 1.0)), share(told(rows, verb, 0.3)),
+             share([bool(one["false"]) for one in said]), share(held(rows, verb)),
+             f"{np.median(ratio):.2f}",
+             f"{np.median(seconds):.0f} / {max(seconds):.0f}"]  # fmt: skip
+    return f"| {' | '.join(cells)} |"
+
+
+def _of_causes(rows: Sequence[Row], verb: str) -> list[str]:
+    lines = []
+    for cause in dict.fromkeys(each for row in rows for each in row["imperfections"]):
+        seen = [(row[verb]["told"][cause], one["refit_K"]) for row in rows
+                if (one := row["imperfections"].get(cause)) and one["alone_K"] > 0.3]  # fmt: skip
+        how = [str(sum(word == each for word, _ in seen))
+               for each in ("named", "in set", "instrument", "")]  # fmt: skip
+        left = [refit for word, refit in seen if not word]
+        words = f"{np.median(left):.2f} / {max(left):.2f} K" if left else "–"
+        lines.append(f"| {cause} | {len(seen)} | {' | '.join(how)} | {words} |")
+    return lines
+
+
+def look(seed: int, num: int) -> int:
+    """Print cases of each kind, and what of them is not plausible; return how many are not."""
+    bad = 0
+    for job in jobs(seed, num * len(KINDS), list(KINDS), 0.0):
+        begin = time.perf_counter()
+        case = make(job["kind"], job["seed"])
+        seconds = time.perf_counter() - begin
+        alone = {cause: round(each, 2) for cause, each in case.alone_K.items()}
+        truth = {n: float(f"{v:.3g}") for n, v in case.truth().items() if v is not None}
+        print(f"{job['kind']} {job['seed']}, {seconds:.1f} s: alone [K] {alone}\n  {truth}")
+        for name, course in case.courses.items():
+            rise, hours = np.max(course["winding"] - course["sink"]), course["time"][-1] / 3600.0
+            shaft = case.tests[name].get("torque", 0.0) * case.tests[name].get("rpm", 0.0)
+            read = case.tests[name]["watts"] - shaft * np.pi / 30.0
+            wrong = {
+                "rise": not 20.0 < rise < 130.0, "losses": course["losses"].min() < 0.0,
+                "balance": abs(np.mean(read) / np.mean(course["losses"]) - 1.0) > 0.15,
+                "length": not 0.95 < hours < 3.1, "time": seconds > 10.0,
+            }  # fmt: skip
+            bad += any(wrong.values())
+            most = {key: course[key].max() for key in ("rise", "winding", "losses")}
+            print(f"  {name} {hours:.1f} h: winding {rise:.0f}, stator {most['rise']:.0f} K above "
+                  f"the sink, to {most['winding']:.0f} °C, to {most['losses']:.3g} W",
+                  *(word for word, is_so in wrong.items() if is_so))  # fmt: skip
+    print(f"{bad} tests implausible")
+    return bad
+
+
+def main() -> None:
+    """Run the study."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=REPORTING_SEED, help=f"tuning: {TUNING_SEED}")
+    parser.add_argument("--cases", type=int, default=72)
+    parser.add_argument("--kind", nargs="+", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--discover", type=float, default=0.0, help="share of the cases [1]")
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="none begins later")
+    parser.add_argument("--look", type=int, default=0, help="print so many of each kind, no more")
+    parser.add_argument("--out", type=Path, default=Path("results") / "ordinary")
+    options = parser.parse_args()
+    if options.look:
+        sys.exit(look(options.seed, options.look) > 0)
+    options.out.mkdir(parents=True, exist_ok=True)
+    path = options.out / f"rows-{options.seed}.partial.jsonl"
+    listed = jobs(options.seed, options.cases, options.kind, options.discover)
+    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    done = {row["seed"] for row in rows}
+    left = [job for job in listed if job["seed"] not in done]
+    pool = {"processes": options.processes, "minutes": options.minutes}
+    for finished in rows_as_they_come(left, run, **pool):
+        for row in finished:
+            rows.append(row)
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+            said = row["calibrate"]
+            words = f"{said.get('use', said['exit_code'])}, {said['processor_s']:.0f} s"
+            print(f"{len(rows)}/{len(listed)} {row['kind']} {row['seed']}: {words}", flush=True)
+    rows.sort(key=lambda row: row["seed"])
+    words = f"--seed {options.seed} --cases {options.cases} --discover {options.discover:g}"
+    (options.out / "table.md").write_text(table(rows, words, len(listed)), encoding="utf-8")
+    if len(rows) >= len(listed):
+        write_rows(options.out / "study.json", rows, seed=options.seed, planned=len(listed))
+
+
+if __name__ == "__main__":
+    main()
