@@ -3,7 +3,7 @@
 Six kinds of machines, each with two to four imperfections at once, go as files through `heatrun
 calibrate` (a share of them through `discover` too) and are read back from the run folder. Rows go
 to a file as they come; a run that was killed goes on from there. Seed 8000 is for tuning, reports
-use seed 80000.
+use seed 81000 (of 80000 the machines were looked at).
 """
 
 from __future__ import annotations
@@ -20,14 +20,16 @@ from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # the arrays are small; threads only wait
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "heatrun"))
 
 import numpy as np
 from gate_rows import at_least, at_most
 from misfit_cases import command
 from ordinary_machines import KINDS, make, structure_fitted, write_case
+from page_numbers import said_and_simulated
 from study_runs import rows_as_they_come, write_rows
 
-TUNING_SEED, REPORTING_SEED = 8_000, 80_000
+TUNING_SEED, REPORTING_SEED = 8_000, 81_000
 
 IN_SET = 0.05
 """Probability from which on an effect that may be missing counts as in the stated set [1]."""
@@ -35,9 +37,12 @@ IN_SET = 0.05
 Row = dict[str, Any]
 
 
-def page_invariant(run_folder: Path) -> bool | None:
-    """Return whether what page 1 says, simulated, has the RMSE that it says; None if not known."""
-    return None
+def page_invariant(run_folder: Path) -> bool:
+    """Return whether what page 1 says, simulated, has the RMSE that it says."""
+    return all(
+        abs(simulated - said) <= 0.1 * said + 0.05
+        for said, simulated in said_and_simulated(run_folder)
+    )
 
 
 def stated_effects(fit: Row) -> list[Row]:
@@ -65,11 +70,14 @@ def discovered(found: Row) -> list[Row]:
 
 def stated_parameters(fit: Row) -> dict[str, Row]:
     """Return the entries of `fit.json` by the name that their truth has."""
-    entries = fit["models"]["second"]["parameters"]
-    is_at_rest = "speed_cooling.g" in entries  # Req_sr is then its value at standstill
-    names = {"Ceq_w": "Ceq_w", "Ceq_sr": "Ceq_sr", "Req_w": "Req_w",
-             "Req_sr_rest" if is_at_rest else "Req_sr_loaded": "Req_sr"}  # fmt: skip
-    return {of: entries[name] for of, name in names.items() if name in entries}
+    model = fit["models"]["second"]
+    entries, derived = model["parameters"], model["derived"]
+    found = {name: entries[name] for name in ("Ceq_w", "Ceq_sr", "Req_w")}
+    loaded = derived.get("Req_sr_loaded", entries["Req_sr"])
+    found["Req_sr_loaded"] = entries["Req_sr"] | loaded
+    if "Req_sr_at_rest" in derived:
+        found["Req_sr_rest"] = entries["Req_sr"] | derived["Req_sr_at_rest"]
+    return found
 
 
 def stated_use(run_folder: Path) -> str:
@@ -206,7 +214,7 @@ def gates(rows: Sequence[Row], verb: str) -> list[str]:
         at_most("the same, of all cases", 0.03,
                 [row[verb]["use"] == "usable" and is_off(row[verb]) for row in rows]),
         at_least("page invariant", 1.0,
-                 [known for row in rows if (known := row[verb]["page_invariant"]) is not None]),
+                 [row[verb]["page_invariant"] for row in rows]),
         at_least("imperfections > 1 K alone: named or in the set", 0.90, told(rows, verb, 1.0)),
         at_least("imperfections > 0.3 K alone: named or in the set", 0.75, told(rows, verb, 0.3)),
         at_least("imperfections that leave > 0.3 K when all else is fitted anew", 0.90,

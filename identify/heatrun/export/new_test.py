@@ -62,7 +62,7 @@ def read_new_test(
         model=found.model,
         motor=given.motor,
         record=record,
-        values=found.middle(),
+        values=found.middle,
         is_held_out=True,
         blocks=found.test,
         inputs=(source, Path(motor.path), *files) if motor.path else (source, *files),

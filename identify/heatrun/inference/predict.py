@@ -53,6 +53,7 @@ class Prediction:
         flows_95: Its 95 % limits [W].
         draws: The readings themselves, without noise [degC], shape (draw, block).
         values: The parameters behind them by name [their units], shape (draw,).
+        middle: Their stated values, of the network without what it may miss [their units].
         noise: The noise of the winding's readings for each draw.
         heat: What unmodelled heat does to the winding's readings, as `Observation.heat`.
         bodies: Measured bodies of the test, against the model.
@@ -71,6 +72,7 @@ class Prediction:
     flows_95: Mapping[tuple[str, str], tuple[np.ndarray, np.ndarray]]
     draws: Float[np.ndarray, "draw block"]
     values: Mapping[str, np.ndarray]
+    middle: Mapping[str, float]
     noise: Noise
     heat: Float[np.ndarray, "block column"]
     bodies: tuple[BodyCourse, ...] = ()
@@ -195,6 +197,7 @@ def predict(
         flows_95={n: _limits(v)["95"] for n, v in course.flows.items()},
         draws=readings,
         values=drawn.values,
+        middle=middle,
         noise=drawn.noise.scaled(scales_of(source.loggers, test)[0]),
         heat=heat[: test.measured.size],
         bodies=body_courses(source.model.form, test, fitted, medians, limits),
@@ -223,6 +226,7 @@ def unpredicted(posterior: Posterior, test: Blocks) -> Prediction:
         flows_95={},
         draws=np.zeros((0, size)),
         values={},
+        middle={},
         noise=noise,
         heat=np.zeros((size, 0)),
     )

@@ -61,7 +61,7 @@ def virtual_record(found: Prediction, record: Record, motor: Motor) -> pd.DataFr
         block mean for the node that is measured, where there is more than one draw.
     """
     blocks, model = found.test, found.model
-    values = {name: jnp.asarray(value) for name, value in found.middle().items()}
+    values = {name: jnp.asarray(value) for name, value in found.middle.items()}
     trace = model.simulate(values, blocks.inputs)
     step = float(blocks.inputs.step)
     middle = np.asarray(trace.time[1:]) - 0.5 * step
@@ -146,7 +146,7 @@ def refuse_runaway(found: Prediction, where: str) -> None:
     if not is_beyond.any():
         return
     first = float(found.time_s[int(np.argmax(is_beyond))])
-    values = {name: jnp.asarray(value) for name, value in found.middle().items()}
+    values = {name: jnp.asarray(value) for name, value in found.middle.items()}
     squared = float(np.max(np.asarray(found.test.inputs.current_squared)))
     growth = growth_rate(found.model.network(values), found.model.losses(values), squared)
     reason = (
