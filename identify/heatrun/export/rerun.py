@@ -116,7 +116,7 @@ def of_record(
         InputError: If the run cannot predict it.
     """
     found = run.predict(record, network=network, motor=motor)
-    values = found.middle
+    values = dict(found.middle)
     if not found.is_held_out:
         values |= _as_written(run, run.choose(network), record.name, values)
     _refuse_negative(values, run.path)

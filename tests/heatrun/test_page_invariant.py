@@ -1,0 +1,57 @@
+"""What the page says, the page's numbers do; and the effects that the tests ask for are on it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from page_numbers import said_and_simulated
+
+from heatrun.cli import main
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic" / "hidden_cause"
+WORDS = ["calibrate", str(DATA / "motor.toml"), str(DATA / "staircase.csv.gz"), "--model", "second",
+         "--quick"]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    run = tmp_path_factory.mktemp("page") / "run"
+    assert main([*WORDS, "--out", str(run)]) == 0
+    return run
+
+
+def test_the_numbers_simulated_have_the_error_of_the_page(folder):
+    for said, simulated in said_and_simulated(folder):
+        assert abs(simulated - said) <= 0.1 * said + 0.05
+
+
+def test_the_effect_is_in_the_model_and_the_resistance_at_its_conditions(folder):
+    fit = json.loads((folder / "fit.json").read_text())
+    truth = json.loads((DATA / "truth.json").read_text())
+    assert fit["effects"] == truth["hidden"] == ["speed_cooling"]
+    page = fit["models"]["second"]
+    rest, loaded = (page["derived"][f"Req_sr_{where}"] for where in ("at_rest", "loaded"))
+    assert loaded["value"] < rest["value"]
+    assert "rpm" in loaded["condition"]
+    assert rest["condition"].startswith("0 rpm")
+    low, high = rest["interval_95"]
+    assert low < truth["Req_sr"] < high
+    assert fit["use"]["use"] in ("usable", "restricted")
+    assert "speed_cooling" in fit["use"]["sentence"]
+    sheet = json.loads((folder / "sheet.json").read_text())
+    rows = [row[0] for row in sheet["certificate"]["parameters"]]
+    assert rows.index("Req_sr under load") < rows.index("Req_sr at rest") < rows.index("Req_sr")
+    assert sheet["certificate"]["headline"] == fit["use"]["sentence"]
+
+
+@pytest.mark.slow
+def test_the_bare_network_says_what_it_costs(tmp_path, capsys):
+    run = tmp_path / "run"
+    assert main([*WORDS, "--plain", "--json", "--out", str(run)]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["effects"] == []
+    assert said["use"]["use"] != "usable"
+    (left,) = [each for each in said["findings"] if each["id"] == "effects_left_out"]
+    assert "speed_cooling" in left["message"]
