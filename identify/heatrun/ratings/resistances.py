@@ -51,10 +51,12 @@ def at_conditions(posterior: Posterior) -> dict[str, DerivedFigure]:
     for link, parameter in problem.model.form.resistance:
         name = parameter.name
         draws = np.asarray(behind.values[name])
-        if np.allclose(np.asarray(loaded[link]), draws, rtol=SAME):
+        if np.allclose(np.asarray(loaded[link]), draws, rtol=SAME, equal_nan=True):
             continue
         for ending, at in ((LOADED, loaded), (AT_REST, rest)):
-            if ending == LOADED or not np.allclose(at[link], loaded[link], rtol=SAME):
+            if ending == LOADED or not np.allclose(
+                at[link], loaded[link], rtol=SAME, equal_nan=True
+            ):
                 words = _condition(seen, nodes, link, is_at_rest=ending == AT_REST)
                 result[f"{name}{ending}"] = figure(np.asarray(at[link]), "K/W", words, is_stated)
     return result

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from ...certificate import Certificate
 from ...io.printable import clean
 from ...results import FitResult
-from ...results.derived import AT_REST, LOADED
+from ...results.derived import AT_REST, LOADED, DerivedFigure
 from ...results.model import FittedModel
 from ...results.parameter import FittedParameter
 from ...results.tested import DescribedTest
@@ -68,7 +69,7 @@ def certificate_content(result: FitResult, certificate: Certificate) -> dict[str
         "headline": found.sentence,
         "reasons": [clean(reason) for reason in found.reasons],
         "network": model.title,
-        "parameters": parameter_rows(model),
+        "parameters": [_row(line) for line in parameter_lines(model)],
         "rule": RULE,
         "statement": _statement(result),
         "remarks": certificate.remarks,
@@ -143,33 +144,50 @@ def judged(entry: FittedParameter) -> str:
     return GIVEN if is_given else JUDGEMENTS.get(judgement, "")
 
 
-def parameter_rows(model: FittedModel) -> list[list[str]]:
-    """Return name, meaning, value and judgement of each parameter.
+@dataclass(frozen=True)
+class ParameterLine:
+    """A line of the table of parameters.
+
+    Attributes:
+        name: As printed.
+        meaning: Likewise.
+        entry: The parameter.
+        figure: What it is at stated conditions, where the line is about that.
+    """
+
+    name: str
+    meaning: str
+    entry: FittedParameter
+    figure: DerivedFigure | None = None
+
+
+def parameter_lines(model: FittedModel) -> list[ParameterLine]:
+    """Return the lines of the table of parameters.
 
     A resistance that effects change stands first as it is at stated conditions; the parameter of
     its law follows.
     """
-    rows = []
+    lines = []
     for name, entry in model.parameters.items():
-        at_conditions = [
-            (ending, figure)
-            for ending in (LOADED, AT_REST)
-            if (figure := model.derived.get(f"{name}{ending}")) is not None
-            and math.isfinite(figure.median)
-        ]
-        for ending, figure in at_conditions:
-            low, high = known(figure.interval_95) or (None, None)
-            shown = uncertain(
-                figure.median, number(known(figure.sd)), (number(low), number(high)), entry.unit
-            )
-            words = "under load" if ending == LOADED else "at rest"
-            rows.append([
-                clean(f"{name} {words}"), f"{entry.meaning}: {known(figure.condition)}",
-                shown.text, judged(entry),
-            ])  # fmt: skip
-        meaning = f"{entry.meaning}, in the law of its effect" if at_conditions else entry.meaning
-        rows.append([clean(name), clean(meaning), printed(entry).text, judged(entry)])
-    return rows
+        meaning = entry.meaning
+        for ending, words in ((LOADED, "under load"), (AT_REST, "at rest")):
+            figure = model.derived.get(f"{name}{ending}")
+            if figure is not None and math.isfinite(figure.median):
+                told = f"{entry.meaning}: {known(figure.condition)}"
+                lines.append(ParameterLine(f"{name} {words}", told, entry, figure))
+                meaning = f"{entry.meaning}, in the law of its effect"
+        lines.append(ParameterLine(name, meaning, entry))
+    return lines
+
+
+def _row(line: ParameterLine) -> list[str]:
+    entry, figure = line.entry, line.figure
+    text = printed(entry).text
+    if figure is not None:
+        low, high = (number(end) for end in known(figure.interval_95) or (None, None))
+        sd = number(known(figure.sd))
+        text = uncertain(figure.median, sd, (low, high), entry.unit).text
+    return [clean(line.name), clean(line.meaning), text, judged(entry)]
 
 
 def _statement(result: FitResult) -> list[list[str]]:

@@ -7,8 +7,11 @@ from typing import Any
 
 from ....io.quantities import printed_unit
 from ....results import FitResult
+from ....results.derived import DerivedFigure
 from ....results.parameter import FittedParameter
+from ....results.values import known, number
 from ....runs.verdict import favoured
+from ..certificate import parameter_lines
 from ..digits import format_value
 from ..printed import interval_ends, printed
 from .cells import Cells, write
@@ -44,11 +47,14 @@ def add_certificate(book: Any, cells: Cells, result: FitResult, content: Mapping
     row = _table(sheet, cells, row + 1, PARAMETERS)
     model = result.models[favoured(result)]
     priors = {name: text for name, text, _ in content["models"][_place(result)]["priors"]}
-    for entry, words in zip(model.parameters.values(), said["parameters"], strict=True):
-        for column, value in enumerate(_numbers(entry), start=2):
+    for line, words in zip(parameter_lines(model), said["parameters"], strict=True):
+        entry, figure = line.entry, line.figure
+        numbers = _numbers(entry) if figure is None else _of_figure(figure)
+        for column, value in enumerate(numbers, start=2):
             _number(sheet, cells, row, column, value)
-        texts = {0: words[0], 1: words[1], 6: printed_unit(entry.unit), 7: words[3],
-                 8: priors.get(words[0], ""), 9: entry.prior_basis}  # fmt: skip
+        texts = {0: words[0], 1: words[1], 6: printed_unit(entry.unit), 7: words[3]}
+        if figure is None:
+            texts |= {8: priors.get(words[0], ""), 9: entry.prior_basis}
         for column, text in texts.items():
             write(sheet, row, column, text)
         row += 1
@@ -83,6 +89,13 @@ def _numbers(entry: FittedParameter) -> tuple[str, str, str, str]:
     if form == "expanded":
         return (*format_value(entry.value, 2 * entry.sd), low, high)
     return format_value(entry.value, entry.sd)[0], "", low, high
+
+
+def _of_figure(figure: DerivedFigure) -> tuple[str, str, str, str]:
+    """Return the numbers of a resistance at stated conditions, as `_numbers` does."""
+    sd = number(known(figure.sd))
+    low, high = (number(end) for end in known(figure.interval_95) or (None, None))
+    return (format_value(figure.median, sd)[0], "", *interval_ends((low, high), sd))
 
 
 def _number(sheet: Any, cells: Cells, row: int, column: int, text: str) -> None:
