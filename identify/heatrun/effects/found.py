@@ -130,10 +130,10 @@ def find(
             if place is not None:
                 z[place] = score
     best = search.run(z, say)
-    core = search.core(best)
+    core, around = search.settled(search.core(best))
     alone = start or as_fit(search, search.fitted[frozenset()], model)
     chosen = as_fit(search, core, model) if core.effects else alone
-    return Found(usable, search, best, core, search.around(core), (alone, chosen))
+    return Found(usable, search, best, core, around, (alone, chosen))
 
 
 def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:

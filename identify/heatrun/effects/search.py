@@ -48,8 +48,8 @@ NUM_SETTLED, SETTLED = 3, 0.05
 """Rounds of noise and least squares for a set, and the change of the noise's scores at which they
 end [1]."""
 
-MOST_AROUND = 6
-"""Neighbours of the final set that are fitted."""
+MOST_AROUND, MOST_SETTLED = 6, 4
+"""Neighbours of the final set that are fitted, and how often one of them may take its place."""
 
 MATTERS_K, MATTERS_NOISE, MATTERS_SHARE = 0.05, 0.5, 0.03
 """Gap that an effect must close to matter: in kelvin, in parts of the noise of a block mean [1],
@@ -234,10 +234,24 @@ class Search:
             if gaps[least] > floor:
                 break
             effects = effects - {least}
-        for fewer in (effects, *(effects - {each} for each in effects)):
-            if fewer not in self.fitted:
-                self.fit(fewer, z, member.noise_z)
-        return self.fitted[effects]
+        return self.fitted.get(effects) or self.fit(effects, z, member.noise_z)
+
+    def settled(self, member: Member) -> tuple[Member, dict[Set, float]]:
+        """Return the best set of those that the tests do not tell from one, and these.
+
+        What the effects that do not matter had taken up may speak for another of their rivals.
+        """
+        around = self.around(member)
+        for _ in range(MOST_SETTLED):
+            best = max(around, key=lambda each: around[each])
+            if best == member.effects:
+                break
+            member = self.fitted[best]
+            around = self.around(member)
+        for each in member.effects:
+            if member.effects - {each} not in self.fitted:
+                self.fit(member.effects - {each}, member.z, member.noise_z)
+        return member, around
 
     def around(self, member: Member) -> dict[Set, float]:
         """Return the sets that the tests do not tell from a fitted one, with probabilities [1].
