@@ -68,7 +68,7 @@ def test_each_mass_goes_to_its_nodes(short, motor):
     assert second["Ceq_sr"].centre == pytest.approx(0.85 * 460.0 * 8.0)
     assert four["Ceq_tooth"].centre == pytest.approx(0.85 * 460.0 * 8.0 / 3.0)
     assert four["Ceq_tooth"].sd > second["Ceq_sr"].sd  # of several the sum is known
-    assert "the winding warms by" in priors("first", machine, short)["Ceq"].basis
+    assert "the winding changes by" in priors("first", machine, short)["Ceq"].basis
     aluminium = replace(machine, resistance_coefficient_degC=225.0)
     assert priors("second", aluminium, short)["Ceq_w"].centre == pytest.approx(1.15 * 897.0 * 2.0)
     stated = replace(

@@ -70,3 +70,26 @@ def test_a_prior_that_the_tests_contradict_is_a_finding_with_both(duty, motor):
 def test_a_test_without_heat_has_no_scale(duty, motor):
     cold = Record("cold", {**duty.channels, "winding_degC": duty["ambient_degC"]})
     assert scale_of_tests([reduce(cold, motor)]) is None
+
+
+def test_a_test_that_starts_warm_does_not_hide_how_fast_the_winding_is(motor):
+    """Forty minutes near the end of a heat run, then an hour of cooling: 1 K/min at 400 W."""
+    C_w, C_sr, R_w, R_sr, ambient = 900.0, 11_000.0, 0.08, 0.13, 22.0
+    time = np.arange(0.0, 6000.0, 2.0)
+    losses = np.where(time < 2400.0, 400.0, 0.0)
+    winding, stator, read = ambient + 400.0 * (R_w + R_sr) - 6.0, ambient + 400.0 * R_sr - 6.0, []
+    for watts in losses:
+        read.append(winding)
+        to_stator = (winding - stator) / R_w
+        winding += 2.0 * (0.6 * watts - to_stator) / C_w
+        stator += 2.0 * (0.4 * watts + to_stator - (stator - ambient) / R_sr) / C_sr
+    channels = {
+        "time_s": time, "phase_current_A": np.sqrt(losses), "losses_W": losses,
+        "ambient_degC": np.full(time.size, ambient), "winding_degC": np.array(read),
+    }  # fmt: skip
+    test = reduce(Record("warm", channels), motor)
+    model = Model.of("second", motor).scaled(motor, [test])
+    priors = {s.name: s.parameter for s in Problem.of(model, motor, [test]).parameters.slots}
+    for name, true in {"Ceq_w": C_w, "Ceq_sr": C_sr, "Req_w": R_w, "Req_sr": R_sr}.items():
+        low, high = priors[name].prior_interval_95()
+        assert low < true < high, name

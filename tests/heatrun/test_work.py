@@ -83,7 +83,9 @@ def test_a_quick_job_is_planned_shorter():
     networks = ["first", "second"]
     quick, full = (work_of_calibration(networks, 2, m, print).left_s() for m in ("quick", "emcee"))
     assert quick < full
-    quick, full = (work_of_discovery("second", 2, method, print).left_s() for method in ("quick", "emcee"))
+    quick, full = (
+        work_of_discovery("second", 2, method, print).left_s() for method in ("quick", "emcee")
+    )
     assert quick < full
 
 

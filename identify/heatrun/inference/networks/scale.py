@@ -74,14 +74,15 @@ def scale_of_tests(tests: Sequence[Blocks], copper_ohm: float = 0.0) -> Scale | 
     warming = [found for test in tests if (found := _warming(test.winding, copper_ohm)) is not None]
     if not warming:
         return None
-    # of each test that heats, the fastest warming; of all, the middle
-    power, slope, mean_loss, rise = np.exp(np.mean(np.log(warming), axis=0))
+    # a test that starts warm, or whose sensor lags, shows less of how fast the winding is
+    power, slope = min(((found[0], found[1]) for found in warming), key=lambda one: one[0] / one[1])
+    mean_loss, rise = np.exp(np.mean(np.log([found[2:] for found in warming]), axis=0))
     return Scale(
         capacity=float(IN_WINDING * power / slope),
         resistance=float(rise / mean_loss),
         loss=float(mean_loss),
         fastest=max((_fastest(test) for test in tests), default=0.0),
-        basis=f"the winding warms by {rounded(60.0 * slope, 2)} K/min at {rounded(power)} W and "
+        basis=f"the winding changes by {rounded(60.0 * slope, 2)} K/min for {rounded(power)} W and "
         f"rises by {rounded(rise, 2)} K at {rounded(mean_loss)} W",
     )
 
@@ -157,7 +158,11 @@ def _around(parameter: Parameter, default: str, centre: float, sd: float, basis:
 
 
 def _warming(test: Blocks, copper_ohm: float) -> tuple[float, float, float, float] | None:
-    """Return power [W] and slope [K/s] of the fastest warming, mean loss [W] and rise [K]."""
+    """Return power [W] and slope [K/s] of the fastest change, mean loss [W] and rise [K].
+
+    That is the fastest warming, or the fastest cooling after a loss that has gone, whichever takes
+    less heat for a kelvin.
+    """
     loss = np.asarray(test.inputs.losses) + copper_ohm * np.asarray(test.inputs.current_squared)
     loss = loss.reshape(test.weight.shape).mean(axis=1)
     sink = np.asarray(test.inputs.ambient).reshape(test.weight.shape).mean(axis=1)
@@ -171,7 +176,13 @@ def _warming(test: Blocks, copper_ohm: float) -> tuple[float, float, float, floa
     window = slice(seen[first], seen[first + num] + 1)
     top = seen[int(np.argmax(T - sink[seen]))]
     rise = float(test.measured[top] - sink[top])
-    power, mean_loss = float(np.mean(loss[window])), float(np.mean(loss[: top + 1]))
-    if rise < LEAST_RISE_K or slope[first] <= 0.0 or power <= 0.0 or mean_loss <= 0.0:
+    mean_loss = float(np.mean(loss[: top + 1]))
+    changes = [(float(np.mean(loss[window])), float(slope[first]))]
+    last = int(np.argmin(slope))
+    before, after = loss[max(0, seen[last] - num) : seen[last] + 1], loss[seen[last] + 1 :][:num]
+    if after.size:
+        changes.append((float(np.mean(before) - np.mean(after)), -float(slope[last])))
+    changes = [(watts, rate) for watts, rate in changes if watts > 0.0 and rate > 0.0]
+    if rise < LEAST_RISE_K or mean_loss <= 0.0 or not changes:
         return None
-    return power, float(slope[first]), mean_loss, rise
+    return *min(changes, key=lambda change: change[0] / change[1]), mean_loss, rise
