@@ -49,7 +49,9 @@ def stated_effects(fit: Row) -> list[Row]:
     """Return what `fit.json` claims: an id, the set that it stands in, and whether it is firm."""
     model = fit["models"]["second"]
     has = list(fit.get("effects") or [effect["id"] for effect in model.get("effects", ())])
-    claims = [{"id": each, "set": [each], "firm": True} for each in has]
+    tied = {next(iter(f["values"])): list(f["values"]) for f in fit["findings"]
+            if f["id"] == "effect_ambiguous"}  # fmt: skip
+    claims = [{"id": each, "set": tied.get(each, [each]), "firm": True} for each in has]
     maybe = [row["id"] for row in model.get("maybe_missing") or ()
              if row["probability"] >= IN_SET and row["id"] not in has]  # fmt: skip
     if maybe:

@@ -174,6 +174,7 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
             where=problem.label,
             remedy=f"To tell them apart: {each.kind.card.separating_test}. Where the cause is "
             "known, name it with --with.",
+            values={each.id: found.probability(each), **{o.id: p for o, p in tied.items()}},
         )
         for each in found.core.effects
         if (tied := found.tied(each))
