@@ -49,8 +49,8 @@ def stated_effects(fit: Row) -> list[Row]:
     """Return what `fit.json` claims: an id, the set that it stands in, and whether it is firm."""
     model = fit["models"]["second"]
     has = list(fit.get("effects") or [effect["id"] for effect in model.get("effects", ())])
-    tied = {next(iter(f["values"])): list(f["values"]) for f in fit["findings"]
-            if f["id"] == "effect_ambiguous"}  # fmt: skip
+    tied = {each: list(f["values"]) for f in fit["findings"] if f["id"] == "effect_ambiguous"
+            for each in has if each in f["values"]}  # fmt: skip
     claims = [{"id": each, "set": tied.get(each, [each]), "firm": True} for each in has]
     maybe = [row["id"] for row in model.get("maybe_missing") or ()
              if row["probability"] >= IN_SET and row["id"] not in has]  # fmt: skip
