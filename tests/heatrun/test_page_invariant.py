@@ -46,6 +46,21 @@ def test_the_effect_is_in_the_model_and_the_resistance_at_its_conditions(folder)
     assert sheet["certificate"]["headline"] == fit["use"]["sentence"]
 
 
+def test_four_numbers_alone_are_labelled_and_tell_their_error(folder):
+    fit = json.loads((folder / "fit.json").read_text())
+    page = fit["models"]["second"]
+    replica = page["replica"]
+    assert set(replica["parameters"]) == {"Ceq_w", "Ceq_sr", "Req_w", "Req_sr"}
+    (row,) = page["residuals"]
+    assert replica["rmse_K"][row["test"]] > row["rmse_K"]
+    # between what the fan leaves at rest and what it leaves at speed
+    at = page["derived"]
+    low, high = (at[f"Req_sr_{where}"]["value"] for where in ("loaded", "at_rest"))
+    assert 0.9 * low < replica["parameters"]["Req_sr"] < 1.1 * high
+    words = json.loads((folder / "sheet.json").read_text())["models"][0]["message"]
+    assert "Replica for tools that take no effects, not a result" in words
+
+
 @pytest.mark.slow
 def test_the_bare_network_says_what_it_costs(tmp_path, capsys):
     run = tmp_path / "run"

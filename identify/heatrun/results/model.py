@@ -7,6 +7,7 @@ from typing import Literal
 
 from msgspec import UNSET, UnsetType
 
+from ..io.quantities import quantity, rounded
 from .derived import Derived
 from .parameter import FittedParameter
 from .residuals import BodyRow, ResidualRow
@@ -160,6 +161,35 @@ class Evidence:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Replica:
+    """The plain network that behaves most like a model with effects over its fitted tests.
+
+    It is no result of its own: its numbers hold for such loads alone, and have no interval.
+
+    Attributes:
+        parameters: By name [J/K, K/W].
+        rmse_K: Its error on each test [K].
+        from_model_K: Root mean square of its distance from the model on the fitted tests [K].
+    """
+
+    parameters: dict[str, float]
+    rmse_K: dict[str, float]
+    from_model_K: float
+
+    def words(self) -> str:
+        """Return it as a sentence for the annex."""
+        numbers = ", ".join(
+            f"{name} = {quantity(rounded(value, 4), 'J/K' if name.startswith('C') else 'K/W')}"
+            for name, value in self.parameters.items()
+        )
+        errors = ", ".join(f"{test} {error:.2f} K" for test, error in self.rmse_K.items())
+        return (
+            f"Replica for tools that take no effects, not a result: {numbers}. It follows the "
+            f"model within {self.from_model_K:.2f} K (RMS); its own RMSE: {errors}."
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FittedModel:
     """A network as it was fitted.
 
@@ -183,6 +213,7 @@ class FittedModel:
         evidence: What the network is compared by, without the effects that it may miss.
         maybe_missing: Effects that it may miss, the most probable first; the draws are averaged
             over them.
+        replica: The plain network nearest to it; unset where it has no effects.
     """
 
     title: str = ""
@@ -203,6 +234,7 @@ class FittedModel:
     derived: dict[str, Derived]
     evidence: Evidence
     maybe_missing: tuple[MaybeMissing, ...] | UnsetType = UNSET
+    replica: Replica | UnsetType = UNSET
 
     def about_missing(self) -> str:
         """Return a sentence on the effects that the draws are averaged over, empty without any."""

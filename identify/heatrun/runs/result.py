@@ -43,6 +43,7 @@ from ..results.residuals import BodyRow
 from ..results.tested import DescribedTest
 from ..results.values import Interval, Role
 from ..version import __version__
+from .replica import replica
 
 T = TypeVar("T")
 
@@ -149,6 +150,7 @@ def describe_model(
         derived=part("the ratings", lambda: derive(posterior, duties), {}),
         evidence=part("the evidence", lambda: _evidence(posterior), _no_evidence(fit)),
         maybe_missing=_maybe_missing(posterior),
+        replica=part("the replica", lambda: replica(posterior, predictions), None) or UNSET,
     )
 
 

@@ -146,7 +146,16 @@ def _model(order: str, model: FittedModel) -> dict[str, Any]:
     noise = model.noise
     return {
         "order": f"{model.title.capitalize()}{_with(model)}",
-        "message": f"{model.message} {model.posterior.verdict} {model.about_missing()}".rstrip(),
+        "message": " ".join(
+            part
+            for part in (
+                model.message,
+                model.posterior.verdict,
+                model.about_missing(),
+                "" if model.replica is UNSET else model.replica.words(),
+            )
+            if part
+        ),
         "parameters": [_parameter(n, p) for n, p in model.parameters.items()],
         "nuisances": [_parameter(clean(n), p)[:5] for n, p in model.nuisances.items()],
         "priors": [
