@@ -229,7 +229,8 @@ def calibrate(
             or unpredicted(posterior, test.blocks)
             for test in tests
         ]
-        described = describe_model(posterior, predicted, roles, duties, attempts)
+        undecided = {} if asked is None or is_plain else asked.undecided(seed=seed)
+        described = describe_model(posterior, predicted, roles, duties, attempts, undecided)
         work.done((name, "predict"), f"{model.title}: done")
         seen = [*found.findings, *_sampling_findings(posterior)]
         if screened is not None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hidden_machines import machine
 
 from heatrun.effects.engine import Engine
-from heatrun.effects.found import find, with_catalogue
+from heatrun.effects.found import asked_findings, find, with_catalogue
 from heatrun.effects.linear import Linear, evidence
 from heatrun.effects.search import Search, neighbours
 from heatrun.inference.model import Model
@@ -110,3 +112,24 @@ def test_what_cannot_be_is_a_bound(search):
     slot = engine.find("rotor_node.p")
     _, high = engine.bounds([slot])
     assert float(engine.slots[slot].parameter.value(high[0])) == pytest.approx(1.0)
+
+
+def test_what_tests_do_not_tell_apart_widens_the_intervals(searched):
+    """Two networks of one probability: the interval holds the parameters of both."""
+    core = searched.core
+    lag = next(each for each in core.effects if each.id == "sensor_lag")
+    other = next(each for each in searched.library.candidates if each.id == "time_shift")
+    rival = searched.search.fit(core.effects - {lag} | {other}, core.z, core.noise_z)
+    assert searched.undecided() == {}
+    tied = replace(searched, around={core.effects: 0.5, rival.effects: 0.5})
+    assert [each.id for each in tied.tied(lag)] == ["time_shift"]
+    both = tied.undecided()
+    engine = searched.search.engine
+    for name, (low, high) in both.items():
+        slot = engine.find(name)
+        for member in (core, rival):
+            value = float(engine.slots[slot].parameter.value(member.z[slot]))
+            assert low < value < high, name
+    (finding, _) = asked_findings(tied, is_plain=False)
+    assert finding.id == "effect_ambiguous"
+    assert finding.values == {"sensor_lag": 0.5, "time_shift": 0.5}

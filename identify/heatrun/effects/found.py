@@ -27,6 +27,9 @@ from .engine import Engine
 from .library import Candidate, Library, library, without_resistance
 from .search import Member, Search, Set
 
+NUM_DRAWS = 4000
+"""Draws over the sets that the tests do not tell apart."""
+
 POSSIBLE = 0.05
 """Probability from which on another network is told as possible [1]."""
 
@@ -83,6 +86,34 @@ class Found:
         """Return the log Bayes factor of the core over the core without an effect [nat]."""
         fewer = self.search.fitted[self.core.effects - {effect}]
         return self.core.log_evidence - fewer.log_evidence
+
+    def undecided(self, *, seed: int = 0) -> dict[str, tuple[float, float]]:
+        """Return 95 % intervals of the network's parameters over the sets that tests do not tell
+        apart, by name [their units]; empty where they tell one.
+
+        Args:
+            seed: Of the draws.
+        """
+        if not any(self.tied(each) for each in self.core.effects):
+            return {}
+        rng = np.random.default_rng([seed, 31])
+        engine = self.search.engine
+        slots = [i for i in self.core.free if engine.slots[i].parameter.role == "network"]
+        rows = []
+        for effects, p in self.around.items():
+            member = self.search.fitted[effects]
+            columns = engine.whiten(from_scores(member.noise_z), member.jacobian)
+            covariance = np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1]))
+            places = [member.free.index(slot) for slot in slots]
+            factor = np.linalg.cholesky(covariance[np.ix_(places, places)])
+            normal = rng.standard_normal((round(NUM_DRAWS * p), len(places)))
+            rows.append(member.z[slots] + normal @ factor.T)
+        low, high = np.quantile(np.concatenate(rows), [0.025, 0.975], axis=0)
+        parameters = [engine.slots[slot].parameter for slot in slots]
+        return {
+            each.name: (float(each.value(a)), float(each.value(b)))
+            for each, a, b in zip(parameters, low, high, strict=True)
+        }
 
     @property
     def familywise_p(self) -> float:

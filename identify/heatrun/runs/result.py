@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
@@ -46,6 +48,10 @@ from ..version import __version__
 from .replica import replica
 
 T = TypeVar("T")
+
+WIDER = 1.5
+"""An interval that becomes so many times wider over models that the tests do not tell apart is told
+as weak [1]."""
 
 IN_MAIN_TABLE = ("network", "resistance", "effect", "known")
 """Roles of the parameters that a user asks for; the others are nuisances."""
@@ -101,6 +107,7 @@ def describe_model(
     roles: Sequence[Role],
     duties: Sequence[str] = (),
     attempts: Attempts | None = None,
+    undecided: Mapping[str, Interval] = MappingProxyType({}),
 ) -> FittedModel:
     """Return the entry of one network.
 
@@ -110,6 +117,7 @@ def describe_model(
         roles: Likewise.
         duties: As `heatrun.ratings.figures.derive`.
         attempts: Told which part failed and is left out; None to let the error through.
+        undecided: 95 % intervals of parameters over models that the tests do not tell apart.
     """
     fit = posterior.fit
     model = fit.problem.model
@@ -119,6 +127,7 @@ def describe_model(
 
     longer = part("the forecast of a longer test", lambda: forecast(fit), {})
     main, nuisances = _parameters(posterior, longer)
+    main = {name: _widened(entry, undecided.get(name)) for name, entry in main.items()}
     of_noise = noise_parameters(model.adequacy)
     return FittedModel(
         title=model.title,
@@ -341,6 +350,26 @@ def _free(
         fixed=False,
         identifiability=judgement,
         why=why,
+    )
+
+
+def _widened(entry: FittedParameter, other: Interval | None) -> FittedParameter:
+    """Return a parameter whose interval holds that of models which the tests do not tell apart."""
+    if other is None or entry.fixed:
+        return entry
+    low, high = entry.interval_95
+    both = min(low, other[0]), max(high, other[1])
+    if both[1] - both[0] < WIDER * (high - low):
+        return entry
+    sd = max(entry.sd, 0.25 * (both[1] - both[0]))
+    return replace(
+        entry,
+        interval_95=both,
+        sd=sd,
+        sd_type_b=float(np.sqrt(max(sd**2 - (entry.sd_type_a or 0.0) ** 2, 0.0))),
+        relative_sd=sd / abs(entry.value) if entry.value else None,
+        identifiability="weak" if entry.identifiability == "identified" else entry.identifiability,
+        why="it hangs on an effect that these tests do not tell from another.",
     )
 
 
