@@ -345,7 +345,7 @@ def main() -> None:
     rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
     done = {row["seed"] for row in rows}
     left = [job for job in listed if job["seed"] not in done]
-    pool = {"processes": options.processes, "minutes": options.minutes}
+    pool = {"processes": options.processes, "minutes": options.minutes, "tasks": 4}
     for finished in rows_as_they_come(left, run, **pool):
         for row in finished:
             rows.append(row)

@@ -23,7 +23,12 @@ Row = dict[str, Any]
 
 
 def rows_as_they_come(
-    jobs: Sequence[Row], run: Callable[[Row], Row], *, processes: int, minutes: float
+    jobs: Sequence[Row],
+    run: Callable[[Row], Row],
+    *,
+    processes: int,
+    minutes: float,
+    tasks: int = TASKS,
 ) -> Iterator[list[Row]]:
     """Yield the rows that were just finished.
 
@@ -32,11 +37,12 @@ def rows_as_they_come(
         run: Works out one; importable, for it runs in another process.
         processes: So many at once.
         minutes: No case is begun after this [min].
+        tasks: Cases after which a process is replaced, for what it has compiled stays in it.
     """
     begin = time.monotonic()
     context = multiprocessing.get_context("spawn")  # JAX must not be forked
     left = iter(jobs)
-    with ProcessPoolExecutor(processes, mp_context=context, max_tasks_per_child=TASKS) as pool:
+    with ProcessPoolExecutor(processes, mp_context=context, max_tasks_per_child=tasks) as pool:
         pending = {pool.submit(run, job) for job in islice(left, processes)}
         while pending:
             done, pending = wait(pending, return_when=FIRST_COMPLETED)
