@@ -33,7 +33,7 @@ from .inference.fitting.reduction_checks import check_reduction
 from .inference.fitting.test_to_test import changes_finding, fit_with_changes
 from .inference.model import Model
 from .inference.networks import NetworkForm
-from .inference.posterior import HARDLY, Posterior, normal_draws, sample, weighted_draws
+from .inference.posterior import Posterior, normal_draws, sample
 from .inference.predict import Prediction, predict, unpredicted
 from .inference.problem import Problem
 from .io.moment import moment
@@ -344,12 +344,12 @@ def _sampled(
     name, title = found.problem.model.name, found.problem.model.title
     checkpoints = None if folder is None else folder.checkpoints / name
 
-    def alone() -> Posterior:
-        if 1.0 - sum(each.effect.probability for each in others) < HARDLY:
-            return weighted_draws(found, seed=seed)
-        return sample(found, method=method, seed=seed, folder=checkpoints, progress=progress)
-
-    posterior = attempts.of("the sampling of the posterior", alone, None, where=title)
+    posterior = attempts.of(
+        "the sampling of the posterior",
+        lambda: sample(found, method=method, seed=seed, folder=checkpoints, progress=progress),
+        None,
+        where=title,
+    )
     if posterior is None:
         posterior = normal_draws(found, seed=seed)
     if not others:

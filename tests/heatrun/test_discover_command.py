@@ -26,7 +26,6 @@ def quick_draws(fit, *, method, seed, **_):
 
 def test_the_command_names_what_is_hidden_and_writes_its_folder(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("heatrun.calibration.sample", quick_draws)
-    monkeypatch.setattr("heatrun.calibration.weighted_draws", normal_draws)
     monkeypatch.setattr("heatrun.discovery.job.weighted_draws", normal_draws)
     run = tmp_path / "run"
     code = main([

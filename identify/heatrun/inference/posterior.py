@@ -38,9 +38,6 @@ it is, where the autocorrelation time says that the other half would not do."""
 NUM_KEPT = 4000
 """Draws kept of the posterior."""
 
-HARDLY = 1e-3
-"""Probability of the network alone below which its draws do not count [1]."""
-
 Method = Literal["emcee", "importance", "normal"]
 Progress = Callable[[str, float], None]
 
@@ -80,26 +77,14 @@ class Posterior:
         return self.vectors.reshape(-1, self.vectors.shape[-1])
 
     @property
-    def is_of_effects(self) -> bool:
-        """Whether next to no draw is of the network alone, which then need not be sampled well."""
-        return self.plausible is not None and self.plausible.probability_of_none < HARDLY
-
-    @property
     def is_sound(self) -> bool:
         """Whether the draws can be trusted."""
-        if self.is_of_effects:
-            return True
         if self.convergence is not None:
             return self.convergence.is_enough
         return self.weighted is not None and self.weighted.is_sound
 
     def sentence(self) -> str:
         """Return the verdict in words."""
-        if self.is_of_effects:
-            return (
-                "Drawn from normal laws around the fits with one effect each: without one, the "
-                "network does not explain the tests."
-            )
         if self.weighted is None:
             return (
                 "Drawn from the normal law around the fit, for sampling failed: the intervals are "
