@@ -39,7 +39,6 @@ PHASES = {
     "missing effects": "heatrun.calibration.missing",
     "comparison of the tests": "heatrun.calibration.fit_with_changes",
     "sampling": "heatrun.calibration.sample",
-    "importance draws alone": "heatrun.calibration.weighted_draws",
     "average over effects": "heatrun.calibration.averaged",
     "prediction": "heatrun.calibration.predict",
     "ratings": "heatrun.runs.result.derive",
