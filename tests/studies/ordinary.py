@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import sys
 import tempfile
 import time
@@ -25,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "heatrun"))
 import numpy as np
 from gate_rows import at_least, at_most
 from misfit_cases import command
-from ordinary_machines import KINDS, make, structure_fitted, write_case
+from ordinary_machines import KINDS, Case, make, resistance, structure_fitted, write_case
 from page_numbers import said_and_simulated
 from study_runs import rows_as_they_come, write_rows
 
@@ -82,6 +83,18 @@ def stated_parameters(fit: Row) -> dict[str, Row]:
     return found
 
 
+def true_at(case: Case, condition: str, otherwise: float | None) -> float | None:
+    """Return the true resistance at the conditions that the page states, if it states any."""
+    read = {name: float(number) for name, number in re.findall(
+        r"(stator|sink) (-?\d+) °C", condition)}  # fmt: skip
+    rpm = re.search(r"(\d+) rpm", condition)
+    if rpm is None or len(read) < 2:
+        return otherwise
+    p, rated = case.machine.physics, case.machine.rated["rpm"] or 1.0
+    speed = float(rpm[1]) / rated
+    return resistance(p, read["stator"] - read["sink"], speed, p["rotor_W"] if speed else 0.0)
+
+
 def stated_use(run_folder: Path) -> str:
     """Return the verdict of page 1: usable, restricted or not usable."""
     import heatrun
@@ -135,11 +148,11 @@ def run(job: Row) -> Row:
             code, said = command([verb, str(folder / "motor.toml"), *fitted, "--holdout", held_out,
                                   "--model", "second", "--quick", "--out", str(out)])  # fmt: skip
             row[verb] = {"exit_code": code, "processor_s": time.process_time() - begin}
-            row[verb] |= described(out, row) if code == 0 else {"failure": said[-1200:]}
+            row[verb] |= described(out, row, case) if code == 0 else {"failure": said[-1200:]}
     return row
 
 
-def described(folder: Path, row: Row) -> Row:
+def described(folder: Path, row: Row, case: Case) -> Row:
     """Return what a run folder says, beside the truth."""
     fit = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
     path = folder / "discovery.json"
@@ -162,7 +175,7 @@ def described(folder: Path, row: Row) -> Row:
         "rmse_K": max(r["rmse_K"] for r in residuals if r["role"] == "calibration"),
         "holdout_rmse_K": next(r["rmse_K"] for r in residuals if r["role"] == "holdout"),
         "parameters": {
-            name: {"truth": row["truth"][name],
+            name: {"truth": true_at(case, entry.get("condition", ""), row["truth"][name]),
                    **{key: entry[key] for key in ("value", "sd", "interval_95")},
                    "identifiability": entry.get("identifiability", "")}
             for name, entry in stated_parameters(fit).items() if row["truth"][name] is not None
