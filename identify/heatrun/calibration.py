@@ -194,7 +194,8 @@ def calibrate(
         work.done((name, "fit"), f"{model.title}: fitted")
         is_last = name == names[-1]  # a network that another one extends is known to miss it
         screened, asked = None, None
-        if is_last:
+        # one node alone is a simplification that was asked for; only a discovery goes beyond it
+        if is_last and (kinds is not None or len(model.form.nodes) > 1):
             say(f"{model.title}: looking for effects that it misses")
             asked = attempts.of(
                 "the search for effects",

@@ -12,6 +12,7 @@ from lptn.effects import AbstractEffect
 from ..attempts import OUTPUT_FAILED, Attempts
 from ..calibration import BenchTest, Calibration, calibrate, manifest
 from ..errors import InputError
+from ..inference.catalogue import all_effects
 from ..inference.networks import NetworkForm
 from ..inference.posterior import weighted_draws
 from ..inference.predict import predict
@@ -77,7 +78,7 @@ def run_job(
         InputError: If something that the model needs is not given, or no effect can be searched.
     """
     calibration = calibrate(
-        motor, tests, networks=(order,), effects=known, kinds=kinds, method=method, seed=seed,
+        motor, tests, networks=(order,), effects=known, kinds=kinds or all_effects(), method=method, seed=seed,
         command=command, folder=folder, say=say, work=work,
     )  # fmt: skip
     asked = calibration.asked
