@@ -78,8 +78,8 @@ def run_job(
         InputError: If something that the model needs is not given, or no effect can be searched.
     """
     calibration = calibrate(
-        motor, tests, networks=(order,), effects=known, kinds=kinds or all_effects(), method=method, seed=seed,
-        command=command, folder=folder, say=say, work=work,
+        motor, tests, networks=(order,), effects=known, kinds=kinds or all_effects(),
+        method=method, seed=seed, command=command, folder=folder, say=say, work=work,
     )  # fmt: skip
     asked = calibration.asked
     if asked is None:
