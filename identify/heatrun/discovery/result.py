@@ -11,6 +11,7 @@ from ..calibration import Calibration
 from ..effects.library import Candidate
 from ..effects.search import gap as closed
 from ..inference.effect_parameters import qualified
+from ..inference.plausible_effects import of_network
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
 from ..results.discovery import (
@@ -79,7 +80,6 @@ def assemble(
     fitted = [p for p, role in pairs if role != "holdout"]
     held_out = [p for p, role in pairs if role == "holdout"]
     asked = found.asked
-    core = sorted(asked.core.effects, key=lambda each: -asked.log_bayes(each))
     noise = found.left[1].noise
     return DiscoveryResult(
         format=DISCOVERY_FORMAT,
@@ -89,7 +89,7 @@ def assemble(
         motor=MotorName(name=calibration.motor.name),
         verdict=found.verdict.word,
         sentence=found.verdict.sentence,
-        effects=tuple(_effect(found, posterior, each) for each in core),
+        effects=tuple(_effect(found, posterior, each) for each in asked.by_evidence),
         dropped=tuple(sorted({e.id for e in asked.best.effects - asked.core.effects})),
         traces=_traces(found) if found.verdict.word == "adequate" else (),
         where=tuple(_span(span) for span in found.where_before.spans),
@@ -167,7 +167,7 @@ def _effect(found: Discovery, posterior: Posterior, effect: Candidate) -> FoundE
         equivalents=tuple(other.id for other in asked.tied(effect)),
         parameters={
             name: EffectParameter(
-                value=float(np.median(draws[slot])),
+                value=_stated(posterior, draws[slot]),
                 unit=kind.card.parameters[name].unit,
                 interval_95=_interval(draws[slot]),
             )
@@ -290,7 +290,12 @@ def _parameters(base: Posterior, last: Posterior) -> dict[str, ParameterBeforeAf
 
 def _figure(posterior: Posterior, name: str) -> ValueWithInterval:
     draws = posterior.values()[name].ravel()
-    return ValueWithInterval(value=float(np.median(draws)), interval_95=_interval(draws))
+    return ValueWithInterval(value=_stated(posterior, draws), interval_95=_interval(draws))
+
+
+def _stated(posterior: Posterior, draws: np.ndarray) -> float:
+    """Return the value that the sheet states."""
+    return float(np.median(of_network(posterior.plausible, draws.ravel())))
 
 
 def _interval(draws: np.ndarray) -> Interval:

@@ -10,7 +10,8 @@ import time
 from dataclasses import dataclass
 
 from ..effects.engine import Refit
-from ..effects.found import Found, with_effects
+from ..effects.extension import with_effects
+from ..effects.found import Found
 from ..effects.missing import Missing
 from ..effects.search import gap
 from ..work import SILENT, Work

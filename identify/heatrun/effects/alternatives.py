@@ -29,7 +29,7 @@ from ..inference.noise import from_scores
 from ..inference.plausible_effects import PlausibleEffect
 from .engine import Engine, Refit
 from .refits import refit_with
-from .saturated import padded
+from .saturated import filled, padded
 from .screen import Score, typical
 from .shrinkage import Part, shrunk
 
@@ -129,7 +129,7 @@ def alternatives(
     """
     padding = padded(np.concatenate(fit.jacobian))
     alone = log_evidence(
-        engine.problem, fit.noise_z, _long(fit.z, padding), np.concatenate(fit.residual), padding
+        engine.problem, fit.noise_z, filled(fit.z, padding), np.concatenate(fit.residual), padding
     )
     worth = [s for s in scores if s.log_bayes > 0.0 and s.candidate.id not in SAME_AS_AN_INSTRUMENT]
     found = [_refitted(fit, engine, present, score) for score in worth[:MOST]]
@@ -168,11 +168,11 @@ def _refitted(fit: Fit, engine: Engine, present: Refit, score: Score) -> _Refitt
     noise_z = fit.noise_z
     for _ in range(NUM_ROUNDS):
         columns = padded(found.jacobian)
-        z = _long(found.z[list(found.free)], columns)
+        z = filled(found.z[list(found.free)], columns)
         noise_z = estimate_noise(engine.problem, z, found.residual, columns, start=noise_z)
         found = engine.refit(found.z, found.free, from_scores(noise_z))
     columns = padded(found.jacobian)
-    z = _long(found.z[list(found.free)], columns)
+    z = filled(found.z[list(found.free)], columns)
     evidence = log_evidence(engine.problem, noise_z, z, found.residual, columns)
     order = list(found.free)
     whitened = engine.whiten(found.noise, found.jacobian)
@@ -307,8 +307,3 @@ def _scaled_resistance(engine: Engine, refitted: _Refitted) -> int | None:
         if engine.slots[slot].parameter.name in names:
             return place
     return None
-
-
-def _long(z: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return scores with zeros for columns of padding."""
-    return np.concatenate([z, np.zeros(columns.shape[1] - z.size)])

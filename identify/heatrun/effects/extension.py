@@ -8,6 +8,7 @@ from dataclasses import replace
 from lptn.effects import AbstractEffect
 
 from ..bench.blocks import Blocks
+from ..inference.catalogue import all_effects
 from ..inference.model import Model
 from ..inference.problem import Problem
 from ..motor import Motor
@@ -31,14 +32,42 @@ def extended_engine(
         kinds: The effects that are wanted; those of the network are left out.
         held_out: Tests that must have what an effect needs too.
     """
-    searched = [kind for kind in kinds if kind not in bare.effects]
-    blocked = without_resistance(searched, motor)
-    found = library(
-        [kind for kind in searched if kind.card.id not in blocked],
-        bare.topology(),
+    found, extended = with_catalogue(bare, motor, tests, kinds, held_out)
+    return found, Engine(Problem.of(extended, motor, tests, searched=found.kinds))
+
+
+def with_catalogue(
+    model: Model,
+    motor: Motor,
+    tests: Sequence[Blocks],
+    kinds: Sequence[type[AbstractEffect]] | None = None,
+    held_out: Sequence[Blocks] = (),
+) -> tuple[Library, Model]:
+    """Return the effects that tests allow to be searched, and the model with all of them.
+
+    Args:
+        model: Network with its known effects.
+        motor: The machine.
+        tests: Reduced records to calibrate on.
+        kinds: The effects that are wanted; by default the catalogue and installed ones.
+        held_out: Tests that must have what an effect needs too.
+    """
+    wanted = [kind for kind in kinds or all_effects() if kind not in model.effects]
+    blocked = without_resistance(wanted, motor)
+    usable = library(
+        [kind for kind in wanted if kind.card.id not in blocked],
+        model.topology(),
         [*tests, *held_out],
         num_events=len(tests),
     )
-    found = replace(found, unavailable={**found.unavailable, **blocked})
-    extended = replace(bare, effects=(*bare.effects, *found.kinds))
-    return found, Engine(Problem.of(extended, motor, tests, searched=found.kinds))
+    usable = replace(usable, unavailable={**usable.unavailable, **blocked})
+    return usable, with_effects(model, usable.kinds)
+
+
+def with_effects(model: Model, kinds: Sequence[type[AbstractEffect]]) -> Model:
+    """Return a model with further effects, in the order of the catalogue."""
+    order = {kind: number for number, kind in enumerate(all_effects())}
+    joined = sorted(
+        dict.fromkeys([*model.effects, *kinds]), key=lambda kind: order.get(kind, len(order))
+    )
+    return replace(model, effects=tuple(joined))

@@ -12,7 +12,6 @@ from lptn.effects import AbstractEffect
 from ..arithmetic import refuse_wrong_sums
 from ..bench.blocks import Blocks
 from ..bench.record import Finding
-from ..inference.catalogue import all_effects
 from ..inference.discrepancy import with_heat
 from ..inference.fitting.fit import finished
 from ..inference.fitting.fit_result import Fit
@@ -24,11 +23,16 @@ from ..inference.parameters import collect
 from ..inference.problem import Problem
 from ..motor import Motor
 from .engine import Engine
-from .library import Candidate, Library, library, without_resistance
+from .extension import with_catalogue, with_effects
+from .library import Candidate, Library
 from .search import Member, Search, Set
 
 NUM_DRAWS = 4000
 """Draws over the sets that the tests do not tell apart."""
+
+ROUNDS, SETTLED = 6, 0.02
+"""Most rounds of noise and least squares, and the change of all scores at which they end [prior
+standard deviations]."""
 
 POSSIBLE = 0.05
 """Probability from which on another network is told as possible [1]."""
@@ -60,10 +64,14 @@ class Found:
         return self.fits[1]
 
     @property
+    def by_evidence(self) -> list[Candidate]:
+        """The effects that the network has been given, the strongest first."""
+        return sorted(self.core.effects, key=lambda each: -self.log_bayes(each))
+
+    @property
     def ids(self) -> tuple[str, ...]:
-        """Ids of the effects that the network has been given, the strongest first."""
-        ordered = sorted(self.core.effects, key=lambda each: -self.log_bayes(each))
-        return tuple(dict.fromkeys(each.id for each in ordered))
+        """Their ids."""
+        return tuple(dict.fromkeys(each.id for each in self.by_evidence))
 
     def probability(self, effect: Candidate) -> float:
         """Return the probability of an effect of the core, among what could be in its place [1]."""
@@ -179,8 +187,7 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
     alone, chosen = found.fits
     problem = chosen.problem
     told = ", ".join(
-        f"{each.id} ({100.0 * found.probability(each):.0f} %)"
-        for each in sorted(found.core.effects, key=lambda each: -found.log_bayes(each))
+        f"{each.id} ({100.0 * found.probability(each):.0f} %)" for each in found.by_evidence
     )
     before, after = (fit.stats["rmse_white_K"] for fit in (alone, chosen))
     gap = f"error {before:.2f} K without, {after:.2f} K with"
@@ -201,7 +208,7 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
             message=f"these tests do not tell {each.id} "
             f"({100.0 * found.probability(each):.0f} %) from "
             + ", ".join(f"{other.id} ({100.0 * p:.0f} %)" for other, p in tied.items())
-            + f": {each.id} is in the model, and the parameters hold for it alone.",
+            + f": {each.id} is in the model; the network's 95 % intervals allow for the others.",
             where=problem.label,
             remedy=f"To tell them apart: {each.kind.card.separating_test}. Where the cause is "
             "known, name it with --with.",
@@ -220,38 +227,6 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
             remedy="Use the parameters together with the effects; --plain calibrates without.",
         ),
     ]
-
-
-def with_catalogue(
-    model: Model,
-    motor: Motor,
-    tests: Sequence[Blocks],
-    kinds: Sequence[type[AbstractEffect]] | None = None,
-    held_out: Sequence[Blocks] = (),
-) -> tuple[Library, Model]:
-    """Return the effects that tests allow to be searched, and the model with all of them.
-
-    Arguments as `find`.
-    """
-    wanted = [kind for kind in kinds or all_effects() if kind not in model.effects]
-    blocked = without_resistance(wanted, motor)
-    usable = library(
-        [kind for kind in wanted if kind.card.id not in blocked],
-        model.topology(),
-        [*tests, *held_out],
-        num_events=len(tests),
-    )
-    usable = replace(usable, unavailable={**usable.unavailable, **blocked})
-    return usable, with_effects(model, usable.kinds)
-
-
-def with_effects(model: Model, kinds: Sequence[type[AbstractEffect]]) -> Model:
-    """Return a model with further effects, in the order of the catalogue."""
-    order = {kind: number for number, kind in enumerate(all_effects())}
-    joined = sorted(
-        dict.fromkeys([*model.effects, *kinds]), key=lambda kind: order.get(kind, len(order))
-    )
-    return replace(model, effects=tuple(joined))
 
 
 def as_fit(search: Search, member: Member, model: Model) -> Fit:
@@ -313,8 +288,3 @@ def _settled(search: Search, problem: Problem, member: Member, reached_K: float)
         is_converged=shift < 10 * SETTLED,
         stats={"rmse_white_K": reached_K},
     )  # fmt: skip
-
-
-ROUNDS, SETTLED = 6, 0.02
-"""Most rounds of noise and least squares, and the change of all scores at which they end [prior
-standard deviations]."""

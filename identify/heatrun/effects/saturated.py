@@ -50,18 +50,18 @@ def saturated_noise(
     return _noise(engine, present, directions, longest_s)
 
 
-def plain_noise(engine: Engine, present: Refit) -> Noise:
-    """Return the noise with only the present model's parameters integrated out, uncapped."""
-    return _noise(engine, present, np.zeros((present.residual.size, 0)), UNLIMITED_S)[0]
+def plain_noise(engine: Engine, present: Refit, *, longest_s: float = UNLIMITED_S) -> Noise:
+    """Return the noise with only the present model's parameters integrated out, uncapped unless a
+    longest correlation time is given [s].
+    """
+    return _noise(engine, present, np.zeros((present.residual.size, 0)), longest_s)[0]
 
 
 def _noise(
     engine: Engine, present: Refit, directions: np.ndarray, longest_s: float
 ) -> tuple[Noise, np.ndarray]:
     columns = padded(np.concatenate([present.jacobian, directions], axis=1))
-    z = np.concatenate(
-        [present.z[list(present.free)], np.zeros(columns.shape[1] - len(present.free))]
-    )
+    z = filled(present.z[list(present.free)], columns)
     scores = estimate_noise(engine.problem, z, present.residual, columns, longest_s=longest_s)
     return noise_module.from_scores(jnp.asarray(scores)), scores
 
@@ -69,3 +69,8 @@ def _noise(
 def padded(columns: Float[np.ndarray, "block column"]) -> Float[np.ndarray, "block more"]:
     """Return columns with empty ones up to a multiple of 40, for one compilation."""
     return np.pad(columns, ((0, 0), (0, -columns.shape[1] % 40)))
+
+
+def filled(z: Float[np.ndarray, " column"], columns: np.ndarray) -> Float[np.ndarray, " more"]:
+    """Return scores with zeros for the empty ones among padded columns."""
+    return np.pad(z, (0, columns.shape[1] - z.size))

@@ -21,14 +21,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from ..inference.discrepancy import NUM_COLUMNS, with_heat
+from ..inference.discrepancy import no_heat, with_heat
 from ..inference.effect_parameters import qualified
 from ..inference.fitting.restricted import estimate_noise, log_evidence
 from ..inference.noise import from_scores
 from .engine import Engine, Refit, white
 from .library import Candidate
 from .linear import Linear
-from .saturated import LONGEST_S, padded
+from .saturated import LONGEST_S, filled, padded, plain_noise
 
 Set = frozenset[Candidate]
 
@@ -134,7 +134,7 @@ class Search:
             assert heated.heat is not None
             self.engine = self.engine.with_heat(heated.heat)
             columns = padded(found.jacobian)
-            scores = np.pad(z[list(free)], (0, columns.shape[1] - len(free)))
+            scores = filled(z[list(free)], columns)
             noise_z = estimate_noise(heated, scores, found.residual, columns, start=before)
             noise = from_scores(noise_z)
             if before is not None and np.max(np.abs(noise_z - before)) < SETTLED:
@@ -142,7 +142,7 @@ class Search:
         assert noise_z is not None
         found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
         columns = padded(found.jacobian)
-        scores = np.pad(found.z[list(free)], (0, columns.shape[1] - len(free)))
+        scores = filled(found.z[list(free)], columns)
         evidence = log_evidence(self.engine.problem, noise_z, scores, found.residual, columns)
         member = Member(
             effects, free, found.z, noise_z, found.residual, found.jacobian, evidence,
@@ -158,8 +158,8 @@ class Search:
         """The most probable set so far."""
         return max(self.fitted.values(), key=lambda each: each.log_weight)
 
-    def climb(self, centre: Member, say: Callable[[str], None]) -> Member:
-        """Return where steps by the linear evidence end that a fit confirms."""
+    def climb(self, centre: Member, say: Callable[[str], None]) -> None:
+        """Go where steps by the linear evidence lead, as far as a fit confirms them."""
         tried: dict[Candidate, np.ndarray] = {}
         for _ in range(MOST_ROUNDS):
             linear = Linear(self.engine, self.own, self.base, centre, tried)
@@ -177,7 +177,6 @@ class Search:
                 break
             centre = after
             say(f"log evidence {centre.log_weight:.1f} with {', '.join(centre.ids) or 'none'}")
-        return centre
 
     def _path(self, effects: Set, linear: Linear) -> list[Set]:
         """Return the sets of single steps uphill in the linear evidence."""
@@ -277,18 +276,11 @@ class Search:
 
     def without_heat(self, member: Member) -> Refit:
         """Return a set fitted with noise of up to a minute alone, so that what is slow is left."""
-        problem = self.engine.problem
-        nothing = tuple(np.zeros((test.measured.size, NUM_COLUMNS)) for test in problem.tests)
-        engine = self.engine.with_heat(nothing)
-        free = self.free(member.effects)
-        found = engine.refit(member.z, free, white(ROUGH_K))
+        engine = self.engine.with_heat(no_heat(self.engine.problem))
+        found = engine.refit(member.z, member.free, white(ROUGH_K))
         for _ in range(2):
-            columns = padded(found.jacobian)
-            scores = np.pad(found.z[list(free)], (0, columns.shape[1] - len(free)))
-            noise_z = estimate_noise(
-                engine.problem, scores, found.residual, columns, longest_s=LONGEST_S
-            )
-            found = engine.refit(found.z, free, from_scores(noise_z))
+            noise = plain_noise(engine, found, longest_s=LONGEST_S)
+            found = engine.refit(found.z, member.free, noise)
         return found
 
 

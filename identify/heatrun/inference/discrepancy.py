@@ -80,6 +80,11 @@ def num_knots(duration_s: float) -> int:
     return max(3, round(duration_s / SPACING_S) + 1)
 
 
+def no_heat(problem: Problem) -> tuple[Float[np.ndarray, "block column"], ...]:
+    """Return columns of no heat, as wide as those of heat: one compilation serves both."""
+    return tuple(np.zeros((test.measured.size, NUM_COLUMNS)) for test in problem.tests)
+
+
 def with_heat(problem: Problem, z: np.ndarray) -> Problem:
     """Return a problem with what unmodelled heat does to its tests.
 

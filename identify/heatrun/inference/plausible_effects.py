@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from lptn.effects import AbstractEffect
 
@@ -74,11 +74,6 @@ class PlausibleEffects:
         """That the network misses none of them [1]."""
         return 1.0 - sum(effect.probability for effect in self.effects)
 
-    @property
-    def of_none(self) -> Bool[np.ndarray, " draw"]:
-        """Which draws are of the network alone: what is stated is their median."""
-        return self.which == NONE
-
     def pick(self, rows: Int[np.ndarray, " row"]) -> PlausibleEffects:
         """Return those of some draws."""
         return replace(self, which=self.which[rows], size=self.size[rows])
@@ -123,6 +118,22 @@ class PlausibleEffects:
                 for link, P in course.flows.items()
             },
         )
+
+
+def of_network(
+    plausible: PlausibleEffects | None, draws: Float[np.ndarray, "draw ..."]
+) -> Float[np.ndarray, "picked ..."]:
+    """Return the draws of the network alone, whose median is what is stated; all where there are
+    none such.
+
+    A draw with an effect beside the network has parameters that say little without it.
+
+    Args:
+        plausible: Effects behind the draws; None for none.
+        draws: Anything that hangs on them, one row for each.
+    """
+    alone = None if plausible is None else plausible.which == NONE
+    return draws if alone is None or not np.any(alone) else draws[alone]
 
 
 def _way(link: Link, links: Collection[Link], nodes: Collection[str]) -> Link:

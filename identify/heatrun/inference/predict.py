@@ -23,7 +23,7 @@ from .loggers import scales_of
 from .model import Model
 from .model_parameters import parameters
 from .noise import Noise
-from .plausible_effects import PlausibleEffects
+from .plausible_effects import PlausibleEffects, of_network
 from .posterior import Posterior
 from .starts import start_draws
 from .steps import refuse_unstable
@@ -247,12 +247,8 @@ class OfTest:
     plausible: PlausibleEffects | None = None
 
     def stated(self, draws: np.ndarray) -> Any:
-        """Return the median of what hangs on the draws, over those of the network alone.
-
-        A draw with an effect beside the network has parameters that say little without it.
-        """
-        alone = None if self.plausible is None else self.plausible.of_none
-        return np.median(draws if alone is None or not np.any(alone) else draws[alone], axis=0)
+        """Return the median of what hangs on the draws, over those of the network alone."""
+        return np.median(of_network(self.plausible, draws), axis=0)
 
     def middle(self) -> dict[str, float]:
         """Return the stated values of all parameters by name [their units]."""

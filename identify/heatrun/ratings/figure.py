@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..inference.plausible_effects import PlausibleEffects, of_network
 from ..results.derived import DerivedFigure
 from .tested import REACH_K, Tested
 
 
 def figure(
-    draws: np.ndarray, unit: str, condition: str, is_stated: np.ndarray | None = None
+    draws: np.ndarray, unit: str, condition: str, plausible: PlausibleEffects | None = None
 ) -> DerivedFigure:
     """Return median, standard deviation and 95 % interval of draws, some of which may be inf.
 
@@ -17,9 +18,9 @@ def figure(
         draws: Shape (draw,) [unit].
         unit: Their unit.
         condition: What they hold under.
-        is_stated: Which of them the median is of, all by default.
+        plausible: Effects behind them, where the median is to be of the network alone.
     """
-    stated = draws if is_stated is None or not np.any(is_stated) else draws[is_stated]
+    stated = of_network(plausible, draws)
     finite = np.where(np.isfinite(draws), draws, np.nan)
     if np.mean(np.isfinite(draws)) < 0.975:
         low = np.nanquantile(finite, 0.025) if np.any(np.isfinite(draws)) else np.nan

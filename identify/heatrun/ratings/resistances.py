@@ -46,7 +46,6 @@ def at_conditions(posterior: Posterior) -> dict[str, DerivedFigure]:
     if speed is not None:
         still = replace(seen.loaded, speed=0.0 * speed, speed_rad=0.0 * speed)
         rest = _at(behind.model, behind.values, seen.loaded, still, winding)[1]
-    is_stated = None if posterior.plausible is None else posterior.plausible.of_none
     result = {}
     for link, parameter in problem.model.form.resistance:
         name = parameter.name
@@ -58,7 +57,9 @@ def at_conditions(posterior: Posterior) -> dict[str, DerivedFigure]:
                 at[link], loaded[link], rtol=SAME, equal_nan=True
             ):
                 words = _condition(seen, nodes, link, is_at_rest=ending == AT_REST)
-                result[f"{name}{ending}"] = figure(np.asarray(at[link]), "K/W", words, is_stated)
+                result[f"{name}{ending}"] = figure(
+                    np.asarray(at[link]), "K/W", words, posterior.plausible
+                )
     return result
 
 

@@ -11,7 +11,7 @@ from ..io.printable import printable
 from ..io.quantities import printed_unit, quantity, rounded
 from ..results import DiscoveryResult, FitResult
 from ..results.derived import AT_REST, LOADED, DerivedFigure
-from ..results.values import known, number
+from ..results.values import known
 from ..runs.verdict import headline
 from .sheet.printed import interval_ends
 
@@ -99,7 +99,7 @@ def result_text(result: FitResult) -> str:
 
 def _resistance(name: str, figure: DerivedFigure) -> str:
     """Return a resistance at stated conditions."""
-    low, high = (number(end) for end in known(figure.interval_95) or (None, None))
+    low, high = figure.ends
     return (
         f"{name}: {rounded(figure.median, 4)} K/W  95 % {rounded(low, 3)} … {rounded(high, 3)}   "
         f"{known(figure.condition)}"
@@ -111,7 +111,7 @@ def _rating(name: str, figure: DerivedFigure) -> str:
     if refused := known(figure.refused):
         return f"{name}: refused, {refused}"
     value = "not determined" if math.isnan(figure.median) else f"{rounded(figure.median, 4)} A"
-    low, high = (number(end) for end in known(figure.interval_95) or (None, None))
+    low, high = figure.ends
     return (
         f"{name}: {value}  95 % {rounded(low, 4)} … {rounded(high, 4)}   {known(figure.condition)}"
     )

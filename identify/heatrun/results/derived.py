@@ -45,6 +45,12 @@ class DerivedFigure:
         """The value [unit]; NaN where it is refused or not finite."""
         return number(known(self.value))
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Both ends of the 95 % interval; NaN where it is refused or not finite."""
+        low, high = known(self.interval_95) or (None, None)
+        return number(low), number(high)
+
 
 Derived = Annotated[
     DerivedFigure,

@@ -23,6 +23,7 @@ from ..inference.fitting.fit_result import Fit
 from ..inference.fitting.identifiability import forecast, state
 from ..inference.noise import noise_parameters
 from ..inference.parameters import Parameter, Slot
+from ..inference.plausible_effects import of_network
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
 from ..inference.sampling.weighted import evaluate
@@ -319,9 +320,8 @@ def _free(
     posterior: Posterior, slot: Slot, position: int, draws: np.ndarray, longer: dict[str, float]
 ) -> FittedParameter:
     parameter = slot.parameter
-    alone = posterior.plausible and posterior.plausible.of_none
-    stated = draws if alone is None or not np.any(alone) else draws[alone]
-    value, sd = float(np.median(stated)), float(np.std(draws))
+    value = float(np.median(of_network(posterior.plausible, draws)))
+    sd = float(np.std(draws))
     # of the network alone: what effects that it may miss add is type B
     scale = parameter.sd * (abs(value) if parameter.transform == "log" else 1.0)
     type_a = posterior.fit.covariance_type_a[position, position]

@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 from ...arithmetic import refuse_wrong_sums
 from ...errors import InputError
 from ..batches import at_once
-from ..discrepancy import NUM_COLUMNS, with_heat
+from ..discrepancy import no_heat, with_heat
 from ..noise import Noise, from_scores
 from ..problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
 from .adequacy import low_frequency_excess
@@ -100,7 +100,7 @@ def fit(
         InputError: If no start leads anywhere, with `throw`; if compiled sums are wrong here.
     """
     refuse_wrong_sums()
-    problem = replace(problem, heat=_no_heat(problem))
+    problem = replace(problem, heat=no_heat(problem))
     starts = start_scores(problem, num_starts, seed)
     z, cost, steps = _search(problem, _white(ROUGH_K), starts)
     if np.any(np.isfinite(cost)):
@@ -262,11 +262,6 @@ def _solve(structure: Structure, data: Data, start: Float[Array, " all"], noise:
 def _linearise(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     residual, jacobian = linearise(problem.structure, problem.data, jnp.asarray(z))
     return np.asarray(residual), np.asarray(jacobian)
-
-
-def _no_heat(problem: Problem) -> tuple[np.ndarray, ...]:
-    """Return columns of no heat, as wide as those of heat: one compilation serves both."""
-    return tuple(np.zeros((test.measured.size, NUM_COLUMNS)) for test in problem.tests)
 
 
 def _settle(problem: Problem, z: np.ndarray) -> tuple[Problem, _State]:

@@ -184,9 +184,8 @@ def _row(line: ParameterLine) -> list[str]:
     entry, figure = line.entry, line.figure
     text = printed(entry).text
     if figure is not None:
-        low, high = (number(end) for end in known(figure.interval_95) or (None, None))
         sd = number(known(figure.sd))
-        text = uncertain(figure.median, sd, (low, high), entry.unit).text
+        text = uncertain(figure.median, sd, figure.ends, entry.unit).text
     return [clean(line.name), clean(line.meaning), text, judged(entry)]
 
 

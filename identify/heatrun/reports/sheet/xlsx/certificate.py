@@ -94,8 +94,7 @@ def _numbers(entry: FittedParameter) -> tuple[str, str, str, str]:
 def _of_figure(figure: DerivedFigure) -> tuple[str, str, str, str]:
     """Return the numbers of a resistance at stated conditions, as `_numbers` does."""
     sd = number(known(figure.sd))
-    low, high = (number(end) for end in known(figure.interval_95) or (None, None))
-    return (format_value(figure.median, sd)[0], "", *interval_ends((low, high), sd))
+    return (format_value(figure.median, sd)[0], "", *interval_ends(figure.ends, sd))
 
 
 def _number(sheet: Any, cells: Cells, row: int, column: int, text: str) -> None:
