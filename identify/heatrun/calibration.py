@@ -297,7 +297,7 @@ def _searched(
     def search(fit: Fit) -> Missing | None:
         return attempts.of(
             "the search for missing effects",
-            lambda: missing(fit, kinds, seed=seed),
+            lambda: missing(fit, kinds),
             None,
             where=title,
         )
@@ -306,7 +306,7 @@ def _searched(
     if len(found.problem.tests) > 1:
         say(f"{title}: comparing the tests with each other")
         others = () if screened is None else screened.alternatives
-        best = max((each.log_evidence for each in others), default=-math.inf)
+        best = max((each.log_bayes for each in others), default=-math.inf)
         changed = attempts.of(
             "the comparison of the tests",
             lambda: fit_with_changes(found, beyond=best, seed=seed),

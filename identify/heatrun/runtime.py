@@ -33,6 +33,9 @@ on the likelihood of 64 parameter sets, nothing on processors that have no wide 
 def configure() -> None:
     """Set float64 and, where it is known to be safe, the XLA options."""
     os.environ.setdefault("JAX_ENABLE_X64", "1")
+    # XLA warns of each program that it takes from the cache: it was compiled to "prefer no gather",
+    # which no processor lists among its features
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     if "jax" in sys.modules:  # too late for the environment, not for the setting
         sys.modules["jax"].config.update("jax_enable_x64", True)
     major_minor = tuple(int(part) for part in version("jaxlib").split(".")[:2])

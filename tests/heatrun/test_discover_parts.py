@@ -11,10 +11,8 @@ import numpy as np
 import pytest
 
 from heatrun.discovery.folds import folds, left_out_errors, rmse
-from heatrun.effects.bootstrap import familywise_p
 from heatrun.effects.engine import Engine, white
 from heatrun.effects.library import library
-from heatrun.effects.missing import look
 from heatrun.errors import InputError
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.model import Model
@@ -34,12 +32,6 @@ def engine(blocks, motor):
 @pytest.fixture(scope="module")
 def base(engine):
     return engine.refit(np.zeros(len(engine.slots)), engine.base, white(0.3))
-
-
-@pytest.fixture(scope="module")
-def searched(engine, blocks, base):
-    found = library(EFFECTS, second_order(1.0, 1.0, 1.0, 1.0), [blocks])
-    return look(engine, base, found.candidates)
 
 
 def test_all_effects_at_their_null_are_the_base_model(engine, base, fitted):
@@ -69,25 +61,6 @@ def test_derivatives_by_effects_are_true(engine, base):
         behind[slot] -= 1e-4
         slope = (engine.linearise(ahead, [])[0] - engine.linearise(behind, [])[0]) / 2e-4
         np.testing.assert_allclose(jacobian[:, place], slope, atol=1e-4)
-
-
-def test_clean_records_score_as_noise_does(engine, searched):
-    screen, scores_of_noise = searched
-    best = screen.scores()[0]
-    p = familywise_p(engine, screen, scores_of_noise, best.log_bayes, seed=3)
-    assert p > 0.02  # the duty is clean; seed 11 of its noise was not chosen for this
-    strong = familywise_p(engine, screen, scores_of_noise, best.log_bayes + 50.0, seed=3)
-    assert strong < 0.01
-
-
-def test_what_network_parameters_mimic_is_projected_out(searched):
-    screen, _ = searched
-    by_id = {score.candidate.id: score for score in screen.scores()}
-    # a gain of the losses is taken up by C and R; a lag of the sensor by nothing
-    assert not by_id["loss_gain"].is_visible
-    assert by_id["sensor_lag"].is_visible
-    for score in by_id.values():
-        assert np.linalg.norm(score.direction) == pytest.approx(1.0)
 
 
 def test_parts_left_out_of_a_single_test_are_predicted(engine, base):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..effects.engine import Engine, Refit
-from ..effects.saturated import plain_noise
+from ..effects.search import plain_noise
 from ..inference.fitting.adequacy import low_frequency_excess
 from ..inference.loggers import scales_of
 from ..inference.networks.form import WINDING

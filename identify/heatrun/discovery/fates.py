@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..effects.library import Candidate
-from ..effects.screen import Score
+from ..effects.missing import Sight
 from ..inference.effect_parameters import qualified
 from ..inference.noise import from_scores
 from ..results.candidate import CandidateFate, Status
@@ -15,8 +15,8 @@ from .run import Discovery
 def describe_candidates(found: Discovery) -> tuple[CandidateFate, ...]:
     """Return every effect of the library with what became of it and why."""
     asked = found.asked
-    scores = {} if found.screened is None else {s.candidate: s for s in found.screened.scores}
-    rows = [_described(found, each, scores.get(each)) for each in asked.library.candidates]
+    sights = {} if found.screened is None else {s.candidate: s for s in found.screened.sights}
+    rows = [_described(found, each, sights.get(each)) for each in asked.library.candidates]
     rows += [
         CandidateFate(id=name, status="not available", reason=reason)
         for name, reason in asked.library.unavailable.items()
@@ -35,7 +35,7 @@ def values_of(found: Discovery, effect: Candidate) -> dict[str, float | None]:
     return {name: values[qualified(effect.kind, name)] for name in effect.kind.card.parameters}
 
 
-def _described(found: Discovery, effect: Candidate, score: Score | None) -> CandidateFate:
+def _described(found: Discovery, effect: Candidate, score: Sight | None) -> CandidateFate:
     asked = found.asked
     card = effect.kind.card
     status, reason = _fate(found, effect, score)
@@ -68,7 +68,7 @@ def _delta(found: Discovery, effect: Candidate) -> float | None:
     return None if beside is None else beside.log_evidence - asked.core.log_evidence
 
 
-def _fate(found: Discovery, effect: Candidate, score: Score | None) -> tuple[Status, str]:
+def _fate(found: Discovery, effect: Candidate, score: Sight | None) -> tuple[Status, str]:
     asked = found.asked
     if effect in asked.core.effects:
         return "accepted", ""

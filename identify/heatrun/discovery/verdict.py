@@ -65,7 +65,7 @@ def verdict(
             f"The network leaves {before.words} that no effect of the catalogue accounts for. "
             f"Next: {command}",
         )
-    scores = () if screened is None else screened.scores
+    scores = () if screened is None else screened.sights
     heat = [s for s in scores if s.candidate.kind.card.family != "sensor"]
     visible = sum(s.is_visible for s in heat) / max(1, len(heat))
     if visible < ENOUGH_VISIBLE:

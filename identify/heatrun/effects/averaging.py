@@ -11,7 +11,7 @@ from ..inference.noise import LARGEST_SCORES, NOISE
 from ..inference.plausible_effects import NONE, PlausibleEffects
 from ..inference.posterior import Posterior
 from ..inference.steps import too_stiff
-from .alternatives import Alternative
+from .missing import Alternative
 
 MOST_TRIES = 50
 """Times that a draw is drawn again whose amplitude has the wrong sign, or whose fastest node is too
@@ -88,20 +88,17 @@ def _drawn(
     """Return scores of the fit's parameters, and the sizes of the effect."""
     share = np.array([part.share for part in alternative.parts])
     which = rng.choice(share.size, size=num, p=share / share.sum())
-    z = np.zeros((num, alternative.shift.size))
-    size = np.zeros(num)
-    strong = alternative.strong
+    scores = np.zeros((num, alternative.parts[0].mean.size))
     for index, part in enumerate(alternative.parts):
         rows = np.flatnonzero(which == index)
         factor = np.linalg.cholesky(part.covariance)
         drawn = part.mean + rng.standard_normal((rows.size, part.mean.size)) @ factor.T
         for _ in range(MOST_TRIES if alternative.has_one_sign else 0):
-            wrong = np.flatnonzero(np.any(drawn[:, strong] < 0.0, axis=1))
+            wrong = np.flatnonzero(drawn[:, -1] < 0.0)
             if not wrong.size:
                 break
             drawn[wrong] = part.mean + rng.standard_normal((wrong.size, part.mean.size)) @ factor.T
         if alternative.has_one_sign:
-            drawn[:, strong] = np.maximum(drawn[:, strong], 0.0)
-        size[rows] = alternative.sizes(drawn)
-        z[rows] = alternative.centred(drawn)
-    return z, size
+            drawn[:, -1] = np.maximum(drawn[:, -1], 0.0)
+        scores[rows] = drawn
+    return alternative.stated(scores), scores[:, -1]

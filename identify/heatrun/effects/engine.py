@@ -22,12 +22,15 @@ from jaxtyping import Array, Bool, Float
 from scipy.optimize import least_squares
 
 from lptn import SIGNALS
+from lptn.effects import Quantity
 
 from ..bench.blocks import Blocks, Observation
 from ..inference import noise as noise_module
+from ..inference.effect_parameters import sized
 from ..inference.fitting.fit_result import Fit
 from ..inference.loggers import Loggers
 from ..inference.model import Model
+from ..inference.model_parameters import machine_size
 from ..inference.networks.form import WINDING
 from ..inference.noise import Noise
 from ..inference.parameters import Parameter
@@ -96,6 +99,7 @@ class Engine:
         self._padded = _padded(problem.tests)
         self._is_observed = problem.is_observed
         self.kinds = {kind.card.id: kind for kind in problem.model.effects}
+        self._size = machine_size(problem.model, problem.motor, problem.tests)
         self._nulls = [self._null(slot.parameter) for slot in self.slots]
 
     def with_heat(self, heat: tuple[Float[np.ndarray, "block column"], ...]) -> Engine:
@@ -154,12 +158,17 @@ class Engine:
         """Slots of the base model."""
         return tuple(i for i, slot in enumerate(self.slots) if slot.parameter.role != "effect")
 
+    def quantity(self, parameter: Parameter) -> Quantity:
+        """Return what is usual of an effect's parameter in a machine of this size."""
+        effect, name = parameter.name.split(".", 1)
+        kind = self.kinds[effect]
+        return sized(kind, kind.card.parameters[name], self._size)
+
     def _null(self, parameter: Parameter) -> float:
         """Return the value of a parameter where its effect is absent."""
         if parameter.role not in BOUNDED:
             return math.nan
-        effect, name = parameter.name.split(".", 1)
-        null = self.kinds[effect].card.parameters[name].null
+        null = self.quantity(parameter).null
         return parameter.centre if null is None else null
 
     def linearise(
@@ -275,8 +284,7 @@ class Engine:
             parameter = self.slots[slot].parameter
             if parameter.role not in BOUNDED:
                 continue
-            effect, name = parameter.name.split(".", 1)
-            quantity = self.kinds[effect].card.parameters[name]
+            quantity = self.quantity(parameter)
             if parameter.role == "known":
                 if quantity.limit is not None:
                     high[position] = float(parameter.score(quantity.limit))
@@ -383,13 +391,23 @@ def _unpadded(rows: np.ndarray, test: Blocks) -> np.ndarray:
     return by_sensor[:, : test.num_blocks].reshape(test.measured.size, *rows.shape[1:])
 
 
+def padded(columns: Float[np.ndarray, "block column"]) -> Float[np.ndarray, "block more"]:
+    """Return columns with empty ones up to a multiple of 40, for one compilation."""
+    return np.pad(columns, ((0, 0), (0, -columns.shape[1] % MANY)))
+
+
+def filled(z: Float[np.ndarray, " column"], columns: np.ndarray) -> Float[np.ndarray, " more"]:
+    """Return scores with zeros for the empty ones among padded columns."""
+    return np.pad(z, (0, columns.shape[1] - z.size))
+
+
 def white(level: float) -> Noise:
     """Return white noise of a level [K]."""
     return Noise(*(jnp.asarray(number) for number in (0.0, 40.0, level, 0.0)))
 
 
 def placed(engine: Engine, fit: Fit) -> tuple[np.ndarray, list[int]]:
-    """Return a fit among all slots of an engine: their scores, and the places of its own.
+    """Return a fit among all slots of an engine: their scores, NaN but for its own, and its places.
 
     The order is that of the fit, where a test may have a parameter that another lacks.
     """
@@ -398,6 +416,6 @@ def placed(engine: Engine, fit: Fit) -> tuple[np.ndarray, list[int]]:
         place = engine.find(slot.parameter.name, slot.test)
         assert place is not None, slot.name
         order.append(place)
-    z = np.zeros(len(engine.slots))
+    z = np.full(len(engine.slots), np.nan)
     z[order] = fit.z
     return z, order

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ..inference.discrepancy import with_heat
 from ..inference.noise import from_scores
 from .engine import Engine
 from .library import Candidate
@@ -23,7 +22,8 @@ NUM_MOMENTS = 6
 """Moments at which an absent event is tried."""
 
 WORST_K = 1e5
-"""Residual from which on an absent effect counts as one that the network cannot take [K]."""
+"""Residual, or its slope, from which on an absent effect counts as one that the network cannot
+take [K]."""
 
 REACH = 2.0
 """Prior standard deviations that a linear step is followed [1]."""
@@ -37,11 +37,16 @@ class Linear:
     once, the differences are added.
 
     Args:
-        engine: The network with all effects.
+        engine: The network with all effects, and the unmodelled heat of the fitted set.
         own: Slots of each effect that may be absent.
         base: Slots of the network without them.
         centre: The fitted set.
         tried: Scores by effect at which it explains most where it is absent; filled in here.
+
+    Attributes:
+        at: Scores of all slots, of absent effects those at which they are tried.
+        shifts: What an effect's presence there, or its absence, changes of the residuals [K].
+        slopes: Derivatives of the residuals by its scores there [K].
     """
 
     def __init__(
@@ -52,9 +57,7 @@ class Linear:
         centre: Member,
         tried: dict[Candidate, np.ndarray],
     ) -> None:
-        heat = with_heat(engine.problem, np.nan_to_num(centre.z)).heat
-        assert heat is not None
-        self.engine, self.own, self.base, self.centre = engine.with_heat(heat), own, base, centre
+        self.engine, self.own, self.base, self.centre = engine, own, base, centre
         self._noise = from_scores(centre.noise_z)
         self._white = self.engine.whiten(self._noise, centre.jacobian)
         self.at = centre.z.copy()
@@ -71,6 +74,8 @@ class Linear:
                 tried[each] = self.at[at]
                 shifts.append(shift)
                 columns.append(slopes)
+        self.shifts = dict(zip(own, shifts, strict=True))
+        self.slopes = dict(zip(own, columns[1:], strict=True))
         joined = [centre.residual[:, None], np.stack(shifts, axis=1), *columns]
         rows = self.engine.whiten(self._noise, np.concatenate(joined, axis=1))
         self._products = rows.T @ rows
@@ -127,7 +132,8 @@ class Linear:
             z = centre.z.copy()
             z[places] = at
             residual, slopes = self.engine.linearise(z, places)
-            if np.max(np.abs(residual)) > WORST_K:
+            # no comparison is true of a NaN; slopes are those of one standard deviation
+            if not max(np.max(np.abs(residual)), np.max(np.abs(slopes), initial=0.0)) <= WORST_K:
                 continue
             rows = self.engine.whiten(self._noise, np.column_stack([residual, slopes]))
             rows = np.concatenate([rows[:, :1], self._white, rows[:, 1:]], axis=1)
@@ -145,8 +151,7 @@ class Linear:
         result = [np.zeros(len(places))]
         for place, slot in enumerate(places):
             parameter = self.engine.slots[slot].parameter
-            kind, name = parameter.name.split(".", 1)
-            quantity = self.engine.kinds[kind].card.parameters[name]
+            quantity = self.engine.quantity(parameter)
             moves = np.zeros(1)
             if quantity.null == 0.0 and parameter.transform == "log":
                 moves = np.log(SIZES) / parameter.sd
@@ -168,9 +173,15 @@ def evidence(
         products: Inner products of the whitened residual, first, and its derivatives by scores.
         scores: At which these stand; their prior is standard normal.
     """
-    precision = products[1:, 1:] + np.eye(scores.size)
     gradient = products[1:, 0] + scores
-    factor = np.linalg.cholesky(precision)
+    try:
+        factor = np.linalg.cholesky(products[1:, 1:] + np.eye(scores.size))
+    except np.linalg.LinAlgError:
+        # two large derivatives that are nearly one lose the prior in their products
+        values, vectors = np.linalg.eigh(products[1:, 1:])
+        roots = np.sqrt(np.maximum(values, 0.0) + 1.0)
+        factor = np.linalg.qr((vectors * roots).T).R.T
+        factor = factor * np.sign(np.diag(factor))
     half = np.linalg.solve(factor, gradient)
     squares = products[0, 0] + scores @ scores - half @ half
     log_det = np.sum(np.log(np.diag(factor)))

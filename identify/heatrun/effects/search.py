@@ -24,11 +24,10 @@ from jaxtyping import Float
 from ..inference.discrepancy import no_heat, with_heat
 from ..inference.effect_parameters import qualified
 from ..inference.fitting.restricted import estimate_noise, log_evidence
-from ..inference.noise import from_scores
-from .engine import Engine, Refit, white
+from ..inference.noise import Noise, from_scores
+from .engine import Engine, Refit, filled, padded, white
 from .library import Candidate
 from .linear import Linear
-from .saturated import LONGEST_S, filled, padded, plain_noise
 
 Set = frozenset[Candidate]
 
@@ -50,6 +49,10 @@ end [1]."""
 
 MOST_AROUND, MOST_SETTLED = 6, 4
 """Neighbours of the final set that are fitted, and how often one of them may take its place."""
+
+LONGEST_S, UNLIMITED_S = 60.0, 2000.0
+"""Correlation over longer than the first is no noise while causes are sought, and no noise reaches
+the second [s]."""
 
 MATTERS_K, MATTERS_NOISE, MATTERS_SHARE = 0.05, 0.5, 0.03
 """Gap that an effect must close to matter: in kelvin, in parts of the noise of a block mean [1],
@@ -93,17 +96,20 @@ class Search:
     Attributes:
         engine: The network with all effects, none of which is searched by its parameters' roles.
         candidates: Those that may be absent.
+        base: Slots of the network without them; by default all that are none of theirs.
         fitted: The best fit of each set.
     """
 
     engine: Engine
     candidates: Sequence[Candidate]
+    base: tuple[int, ...] = ()
     fitted: dict[Set, Member] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.own = {each: slots(self.engine, each) for each in self.candidates}
         of_effects = {slot for own in self.own.values() for slot in own}
-        self.base = tuple(i for i in range(len(self.engine.slots)) if i not in of_effects)
+        rest = tuple(i for i in range(len(self.engine.slots)) if i not in of_effects)
+        self.base = self.base or rest
 
     def log_odds(self, effects: Iterable[Candidate]) -> float:
         """Return the log odds of a set against none, before the tests have spoken [nat]."""
@@ -130,12 +136,12 @@ class Search:
         for _ in range(NUM_SETTLED):
             found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
             z, before = found.z, noise_z
-            heated = with_heat(self.engine.problem, np.nan_to_num(z))
-            assert heated.heat is not None
-            self.engine = self.engine.with_heat(heated.heat)
+            self.engine = heated(self.engine, z)
             columns = padded(found.jacobian)
             scores = filled(z[list(free)], columns)
-            noise_z = estimate_noise(heated, scores, found.residual, columns, start=before)
+            noise_z = estimate_noise(
+                self.engine.problem, scores, found.residual, columns, start=before
+            )
             noise = from_scores(noise_z)
             if before is not None and np.max(np.abs(noise_z - before)) < SETTLED:
                 break
@@ -162,7 +168,7 @@ class Search:
         """Go where steps by the linear evidence lead, as far as a fit confirms them."""
         tried: dict[Candidate, np.ndarray] = {}
         for _ in range(MOST_ROUNDS):
-            linear = Linear(self.engine, self.own, self.base, centre, tried)
+            linear = Linear(heated(self.engine, centre.z), self.own, self.base, centre, tried)
             path = self._path(centre.effects, linear)
             # where the steps end, halfway there, and the first one: the best that a fit confirms
             for effects in dict.fromkeys(
@@ -261,7 +267,7 @@ class Search:
         Args:
             member: The set, which is among them.
         """
-        linear = Linear(self.engine, self.own, self.base, member, {})
+        linear = Linear(heated(self.engine, member.z), self.own, self.base, member, {})
         here = member.effects
         others = [each for each in neighbours(here, self.candidates) if len(each) <= len(here)]
         weights = {each: linear.log_evidence(each) + self.log_odds(each) for each in others}
@@ -282,6 +288,27 @@ class Search:
             noise = plain_noise(engine, found, longest_s=LONGEST_S)
             found = engine.refit(found.z, member.free, noise)
         return found
+
+
+def heated(engine: Engine, z: Float[np.ndarray, " slot"]) -> Engine:
+    """Return an engine with what unmodelled heat does at scores, those of absent effects NaN."""
+    heat = with_heat(engine.problem, np.nan_to_num(z)).heat
+    assert heat is not None
+    return engine.with_heat(heat)
+
+
+def plain_noise(engine: Engine, present: Refit, *, longest_s: float = UNLIMITED_S) -> Noise:
+    """Return the noise that a fit leaves, its parameters integrated out.
+
+    Args:
+        engine: The tests.
+        present: The fit.
+        longest_s: Longest correlation time that counts as noise [s].
+    """
+    columns = padded(present.jacobian)
+    z = filled(present.z[list(present.free)], columns)
+    scores = estimate_noise(engine.problem, z, present.residual, columns, longest_s=longest_s)
+    return from_scores(scores)
 
 
 def gap(before_K: float, after_K: float) -> float:

@@ -19,6 +19,10 @@ GROUP = "heatrun.effects"
 """Entry points of this group are effects that other packages add."""
 
 
+_of_this_process: dict[str, type[AbstractEffect]] = {}
+"""Effects of the user's files that were taken in, by id: what is fitted with them is read again."""
+
+
 def effects_named(
     ids: Sequence[str], where: str = "", files: Sequence[Path] = ()
 ) -> tuple[type[AbstractEffect], ...]:
@@ -34,7 +38,7 @@ def effects_named(
     """
     if not ids:
         return ()
-    kinds = {kind.card.id: kind for kind in all_effects(files)}
+    kinds = {kind.card.id: kind for kind in (*_of_this_process.values(), *all_effects(files))}
     for name in ids:
         if name not in kinds:
             raise InputError(
@@ -77,6 +81,7 @@ def all_effects(files: Sequence[Path] = ()) -> tuple[type[AbstractEffect], ...]:
     for path in files:
         for kind in _load(path):
             _add(kinds, kind, str(path))
+            _of_this_process[kind.card.id] = kind
     return tuple(kinds)
 
 

@@ -1,9 +1,15 @@
-"""The parameters of effects beside those of the network: names, priors, transforms."""
+"""The parameters of effects beside those of the network: names, priors, transforms.
+
+The catalogue gives sizes as they are usual in one machine, of some ten kilowatts. A body beside a
+drone's motor weighs grams, one beside a ship's weighs tons, and both are ordinary. So a quantity
+with a dimension goes with the machine: heat capacities, conductances and what follows from them.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from lptn import EFFECTS
 from lptn.effects import AbstractEffect, Quantity
@@ -15,6 +21,27 @@ WIDE = 4.0
 
 EVENT = "event"
 """Family of the effects that happen once, at their own time in each test."""
+
+EXTRA_NODE = "extra node"
+"""Family of the effects whose times are those of bodies; other times are those of sensors."""
+
+
+class Size(NamedTuple):
+    """The size of a machine, as far as effects go with it.
+
+    Attributes:
+        capacity: Heat capacity of the whole machine as one node [J/K].
+        resistance: Its resistance to the sink [K/W].
+        speed: Rated speed [rad/s].
+    """
+
+    capacity: float
+    resistance: float
+    speed: float
+
+
+CATALOGUE = Size(capacity=10e3, resistance=0.18, speed=600.0)
+"""The machine that the catalogue's sizes are usual in, as the heat balance of its tests has it."""
 
 
 def qualified(kind: type[AbstractEffect], name: str) -> str:
@@ -47,6 +74,7 @@ def effect_parameters(
     effects: Sequence[type[AbstractEffect]],
     duration_s: float,
     searched: Sequence[type[AbstractEffect]] = (),
+    size: Size = CATALOGUE,
 ) -> list[Parameter]:
     """Return the parameters of effects for one test.
 
@@ -60,22 +88,40 @@ def effect_parameters(
         effects: In order.
         duration_s: Length of the test, which bounds when an event can happen [s].
         searched: Those of them that may be absent; the others are known.
+        size: Of the machine.
     """
     result = []
     for kind in effects:
         is_searched = kind in searched
-        for name, quantity in kind.card.parameters.items():
+        for name, of_catalogue in kind.card.parameters.items():
+            quantity = sized(kind, of_catalogue, size)
             transform, centre, sd = _prior(kind, quantity, duration_s, is_searched=is_searched)
             result.append(
                 Parameter(
                     qualified(kind, name), quantity.unit, quantity.meaning,
                     "effect" if is_searched else "known",
                     transform, centre, sd,
-                    f"plausible from {quantity.low:g} to {quantity.high:g} {quantity.unit}",
+                    f"plausible from {quantity.low:.3g} to {quantity.high:.3g} {quantity.unit}",
                     per_test=kind.card.family == EVENT,
                 )
             )  # fmt: skip
     return result
+
+
+def sized(kind: type[AbstractEffect], quantity: Quantity, size: Size) -> Quantity:
+    """Return a quantity as it is usual in a machine of a size."""
+    capacity = size.capacity / CATALOGUE.capacity
+    resistance = size.resistance / CATALOGUE.resistance
+    factor = {
+        "J/K": capacity,
+        "K/W": resistance,
+        "W": 1.0 / resistance,  # at one rise
+        "m^2": 1.0 / resistance,
+        "N m": CATALOGUE.speed / (resistance * size.speed),
+        "s": capacity * resistance if kind.card.family == EXTRA_NODE else 1.0,
+    }.get(quantity.unit, 1.0)
+    low, high, typical = (factor * each for each in (quantity.low, quantity.high, quantity.typical))
+    return quantity._replace(low=low, high=high, typical=typical)
 
 
 def _prior(

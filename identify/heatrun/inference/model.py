@@ -104,11 +104,13 @@ class Model:
             motor: The machine.
             tests: The reduced records that it will be fitted to.
         """
-        copper = 0.0
-        if self.kind == "map":
-            copper = self.phases * (motor.phase_resistance_ohm or 0.0)
+        copper = self.unmeasured_copper_ohm(motor)
         masses = Masses(motor.mass_kg, motor.conductor_mass_kg, motor.resistance_coefficient_degC)
         return replace(self, form=scaled(self.form, scale_of_tests(tests, copper), masses))
+
+    def unmeasured_copper_ohm(self, motor: Motor) -> float:
+        """Return the resistance behind the copper loss that the loss channel leaves out [ohm]."""
+        return self.phases * (motor.phase_resistance_ohm or 0.0) if self.kind == "map" else 0.0
 
     @property
     def name(self) -> str:

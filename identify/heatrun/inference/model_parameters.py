@@ -12,7 +12,7 @@ from ..bench.blocks import Blocks
 from ..bench.channels.schema import BODIES, body_name
 from ..errors import InputError
 from ..motor import Motor
-from .effect_parameters import effect_names, effect_parameters
+from .effect_parameters import CATALOGUE, Size, effect_names, effect_parameters
 from .instruments import (
     BODY_PARTS,
     CURRENT_GAIN,
@@ -25,6 +25,7 @@ from .instruments import (
 )
 from .model import Model, change_name
 from .networks import BUILT_IN, NetworkForm, network_named
+from .networks.scale import one_node
 from .parameters import Parameter, ParameterSet, check_names, collect, override
 
 COLD_START_K = 2.0
@@ -65,6 +66,7 @@ def parameters(
         shared.append(second_sink_error(model.form.second_sink))
     if "torque_offset" in motor.parameters:
         shared.append(torque_error(motor, tests))
+    size = machine_size(model, motor, tests)
     by_test = [
         override(
             [
@@ -72,7 +74,7 @@ def parameters(
                 *timing_error(test),
                 *_start(model, test),
                 *(_changes(model, motor) if model.change_sd else ()),
-                *effect_parameters(model.effects, test.duration_s, searched),
+                *effect_parameters(model.effects, test.duration_s, searched, size),
             ],
             motor,
         )
@@ -107,6 +109,15 @@ def override_names(*networks: NetworkForm) -> tuple[str, ...]:
     names = [name for form in forms for name in form.names]
     of_bodies = [f"{body_name(channel)}_{part}" for channel in BODIES for part in BODY_PARTS]
     return tuple(dict.fromkeys([*names, *OF_ALL_NETWORKS, *of_bodies]))
+
+
+def machine_size(model: Model, motor: Motor, tests: Sequence[Blocks]) -> Size:
+    """Return the size of a machine, as its tests show it."""
+    speeds = [float(test.inputs.rated_speed) for test in tests]
+    found = one_node(tests, model.unmeasured_copper_ohm(motor)) or (
+        CATALOGUE.capacity, CATALOGUE.resistance,
+    )  # fmt: skip
+    return Size(*found, speed=max(speeds, default=0.0) or CATALOGUE.speed)
 
 
 def _resistance(model: Model, motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:

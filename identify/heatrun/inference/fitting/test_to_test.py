@@ -41,13 +41,10 @@ class Scatter(NamedTuple):
     Attributes:
         size: Standard deviation of the logarithm [1].
         gain: Log likelihood ratio against none [nat].
-        log_evidence: Marginal likelihood with such changes, up to what all models of the tests
-            share [nat].
     """
 
     size: float
     gain: float
-    log_evidence: float
 
 
 def test_to_test(found: Fit) -> Scatter:
@@ -64,7 +61,7 @@ def test_to_test(found: Fit) -> Scatter:
     names = [parameter.name for parameter in changing(problem.model, problem.motor)]
     places = [i for i, slot in enumerate(found.slots) if slot.name in names]
     if not places:
-        return Scatter(0.0, 0.0, -np.inf)
+        return Scatter(0.0, 0.0)
     per_log = 1.0 / np.array([found.slots[place].parameter.sd for place in places])
     apart = np.asarray(block_diag(*[rows[:, places] * per_log for rows in found.jacobian]))
     z = np.concatenate([found.z, np.zeros(apart.shape[1])])
@@ -79,7 +76,7 @@ def test_to_test(found: Fit) -> Scatter:
     if max(gains.values()) > 0.0:
         gains |= {size: likelihood(size) - without for size in SIZES[::2]}
     best = max(gains, key=lambda size: gains[size])
-    return Scatter(best, gains[best], without + gains[best])
+    return Scatter(best, gains[best])
 
 
 def fit_with_changes(found: Fit, *, beyond: float = -np.inf, seed: int = 0) -> Fit:
@@ -87,15 +84,15 @@ def fit_with_changes(found: Fit, *, beyond: float = -np.inf, seed: int = 0) -> F
 
     Args:
         found: A fit.
-        beyond: `Scatter.log_evidence` of the best network with an effect, which may be what tells
-            the tests apart [nat].
+        beyond: Log Bayes factor of the best network with an effect, which may be what tells the
+            tests apart [nat].
         seed: As `fit`.
     """
     problem = found.problem
     if len(problem.tests) < 2 or problem.model.change_sd:
         return found
     scatter = test_to_test(found)
-    if scatter.gain < CLEAR or scatter.log_evidence < beyond:
+    if scatter.gain < max(CLEAR, beyond):
         return found
     model = replace(problem.model, change_sd=scatter.size)
     again = fit(Problem.of(model, problem.motor, problem.tests), seed=seed)

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from ...bench.blocks import Blocks
 from ...io.quantities import rounded
@@ -39,6 +40,9 @@ short test tells little of how hot the machine would become."""
 
 OF_LOSS = 0.1
 """Iron or friction loss at the largest speed over the mean loss [1], for each of its terms."""
+
+NUM_STRETCHES, FEWEST_STRETCHES = 30, 8
+"""Stretches of a test whose heat is balanced, and the fewest that say something."""
 
 LEAST_RISE_K = 1.0
 """Rise below which a test has no scale [K]."""
@@ -85,6 +89,48 @@ def scale_of_tests(tests: Sequence[Blocks], copper_ohm: float = 0.0) -> Scale | 
         basis=f"the winding changes by {rounded(60.0 * slope, 2)} K/min for {rounded(power)} W and "
         f"rises by {rounded(rise, 2)} K at {rounded(mean_loss)} W",
     )
+
+
+def one_node(tests: Sequence[Blocks], copper_ohm: float = 0.0) -> tuple[float, float] | None:
+    """Return heat capacity [J/K] and resistance to the sink [K/W] of the whole machine as one node.
+
+    By least squares on the heat balance of stretches; None if it is not that of a machine.
+
+    Args:
+        tests: Reduced records.
+        copper_ohm: As `scale_of_tests`.
+    """
+    balances = [_stretches(test.winding, copper_ohm) for test in tests]
+    slope, rise, loss = np.concatenate(balances, axis=1)
+    seen = np.isfinite(slope + rise + loss)
+    if np.sum(seen) < FEWEST_STRETCHES:
+        return None
+    heat = np.column_stack([slope, rise])[seen]
+    capacity, conductance = np.linalg.lstsq(heat, loss[seen], rcond=None)[0]
+    if not (capacity > 0.0 and conductance > 0.0):
+        return None
+    return float(capacity), float(1.0 / conductance)
+
+
+def _stretches(test: Blocks, copper_ohm: float) -> Float[np.ndarray, "3 stretch"]:
+    """Return slope [K/s], rise [K] and loss [W] of stretches of a test, NaN where not measured."""
+    loss, sink = _drives(test, copper_ohm)
+    size = max(1, loss.size // NUM_STRETCHES)
+    whole = loss.size // size * size
+    T, loss, sink = (
+        rows[:whole].reshape(-1, size).mean(axis=1)
+        for rows in (np.where(test.is_observed, test.measured, np.nan), loss, sink)
+    )
+    slope = (T[2:] - T[:-2]) / (2.0 * size * test.block_s)
+    return np.stack([slope, (T - sink)[1:-1], loss[1:-1]])
+
+
+def _drives(test: Blocks, copper_ohm: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the loss [W] and the sink [degC] of each block."""
+    loss = np.asarray(test.inputs.losses) + copper_ohm * np.asarray(test.inputs.current_squared)
+    sink = np.asarray(test.inputs.ambient)
+    loss, sink = (each.reshape(test.weight.shape).mean(axis=1) for each in (loss, sink))
+    return loss, sink
 
 
 def scaled(form: NetworkForm, scale: Scale | None, masses: Masses) -> NetworkForm:
@@ -163,9 +209,7 @@ def _warming(test: Blocks, copper_ohm: float) -> tuple[float, float, float, floa
     That is the fastest warming, or the fastest cooling after a loss that has gone, whichever takes
     less heat for a kelvin.
     """
-    loss = np.asarray(test.inputs.losses) + copper_ohm * np.asarray(test.inputs.current_squared)
-    loss = loss.reshape(test.weight.shape).mean(axis=1)
-    sink = np.asarray(test.inputs.ambient).reshape(test.weight.shape).mean(axis=1)
+    loss, sink = _drives(test, copper_ohm)
     seen = np.flatnonzero(test.is_observed)
     num = max(1, round(min(WINDOW_S, OF_TEST * test.duration_s) / test.block_s))
     if seen.size <= num:
