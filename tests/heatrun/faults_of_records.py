@@ -136,7 +136,7 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
         MOTOR, "error", "ratio", (1.41, 1.42)
     ),
     "shaft_power_disagrees": (
-        motor_and_generator(0.03), MOTOR, "warning", "gain", (0.028, 0.032)
+        motor_and_generator(0.03), MOTOR, "warning", "shaft_power_gain", (0.028, 0.032)
     ),
     "no_heating": (
         changed(CLEAN, winding_degC=CLEAN["ambient_degC"]), MOTOR, "error", "rise_K", (0, 1)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -19,6 +19,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from lptn import Inputs
+
+if TYPE_CHECKING:
+    from .checks.balance_errors import Told
 
 BLOCK_S = 20.0
 """Length of a block [s]: long enough that rounding and sampling are averaged out, short against
@@ -107,6 +110,7 @@ class Blocks:
         load_columns: What the largest of those steps do to the means of the winding [K], as columns
             whose outer product is its covariance, shape (block, column); None for none.
         notes: Sentences on what was interpolated or held.
+        told: Errors of its balance of powers that the inputs tell by themselves.
     """
 
     name: str
@@ -128,6 +132,7 @@ class Blocks:
     load_variance: Float[np.ndarray, " block"] | None = None
     load_columns: Float[np.ndarray, "block column"] | None = None
     notes: tuple[str, ...] = ()
+    told: tuple[Told, ...] = ()
     _winding: Blocks | None = None
 
     def with_bodies(self, channels: Sequence[str]) -> Blocks:

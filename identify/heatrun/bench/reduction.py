@@ -15,6 +15,7 @@ from ..motor import Motor
 from .blocks import BLOCK_S, Blocks, Body
 from .channels.derive import recorded_shaft_power
 from .channels.schema import BODIES
+from .checks.balance_errors import own_errors
 from .record import Record
 from .rounding import rounding_step
 
@@ -104,6 +105,7 @@ def reduce(
         sensor=_column(record, "winding_degC"),
         first_s=float(time[0]),
         notes=notes,
+        told=own_errors(record, motor),
     )
 
 

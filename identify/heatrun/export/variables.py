@@ -13,6 +13,7 @@ import numpy as np
 
 from ..bench.record import Record
 from ..errors import InputError
+from ..inference.instruments import own_name
 from ..motor import Motor
 from ..parameter_files import SCALARS
 
@@ -81,7 +82,8 @@ class Corrections:
     def of(cls, values: Mapping[str, float]) -> Corrections:
         """Return the corrections among values by parameter name."""
         names = cls.__dataclass_fields__
-        return cls(**{name: values[name] for name in names if name in values})
+        own = {name: values[own_name(name)] for name in names if own_name(name) in values}
+        return cls(**{name: values[name] for name in names if name in values} | own)
 
     @property
     def needs_shaft_power(self) -> bool:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import jax.numpy as jnp
 
 from ..bench.blocks import SLOW_LOGGER_S, Blocks
 from ..bench.channels.schema import BODIES, body_name
-from ..bench.checks.losses import SHAFT_GAIN_SD
+from ..bench.checks.balance_errors import SHAFT_GAIN_SD, SHAFT_OFFSET_SHARE
 from ..errors import InputError
 from ..motor import Motor
 from .parameters import Parameter, Transform
@@ -86,7 +87,8 @@ def shaft_errors(motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:
         ),
         Parameter(
             "shaft_power_offset", "W", "offset of the mechanical power", "instrument", "linear",
-            0.0, 1e-3 * largest, "zero of the torque: 0.1 % of the largest mechanical power",
+            0.0, SHAFT_OFFSET_SHARE * largest,
+            "zero of the torque: 0.1 % of the largest mechanical power",
         ),
     ]  # fmt: skip
 
@@ -101,6 +103,38 @@ def torque_error(motor: Motor, tests: Sequence[Blocks]) -> Parameter:
         )
     return Parameter("torque_offset", "N m", "offset of the torque transducer", "instrument",
                      "linear", 0.0, 0.1, "0.1 % of a 100 N m transducer")  # fmt: skip
+
+
+OWN = {
+    "shaft_power_gain": ("1", "relative error of the mechanical power in this test"),
+    "shaft_power_offset": ("W", "offset of the mechanical power in this test"),
+    "torque_offset": ("N m", "offset of the torque transducer in this test"),
+}
+"""Unit and meaning of what the inputs of a test may tell by themselves."""
+
+
+def own_name(name: str) -> str:
+    """Return the name of an error of an instrument that is a test's own."""
+    return f"own_{name}"
+
+
+def own_errors(test: Blocks) -> list[Parameter]:
+    """Return the errors that the inputs of a test tell, held-out tests included.
+
+    In this test they stand in place of those that all tests share.
+    """
+    return [
+        Parameter(
+            own_name(told.name), *OWN[told.name], "instrument", "linear", told.mean, told.sd,
+            "the test's own inputs contradict the prior; no temperature used", per_test=True,
+        )
+        for told in test.told
+    ]  # fmt: skip
+
+
+def own_or_shared(values: Mapping[str, Any], name: str) -> Any:
+    """Return a test's own error of an instrument, else the one of all tests, 0 where neither is."""
+    return values.get(own_name(name), values.get(name, 0.0))
 
 
 def timing_error(test: Blocks) -> list[Parameter]:

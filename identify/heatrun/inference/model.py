@@ -27,6 +27,7 @@ from .effect_needs import (
 from .effect_parameters import qualified
 from .instruments import (
     BODY_PARTS,
+    own_or_shared,
 )
 from .networks import NetworkForm, network_named
 from .networks.masses import Masses
@@ -182,11 +183,11 @@ class Model:
             phases=self.phases,
             kind=self.kind,
             power_gain=values["power_gain"],
-            torque_offset=values.get("torque_offset", 0.0),
+            torque_offset=own_or_shared(values, "torque_offset"),
             ambient_offset=values["ambient_offset"],
             current_gain=values.get("current_gain", 0.0),
-            shaft_power_gain=values.get("shaft_power_gain", 0.0),
-            shaft_power_offset=values.get("shaft_power_offset", 0.0),
+            shaft_power_gain=own_or_shared(values, "shaft_power_gain"),
+            shaft_power_offset=own_or_shared(values, "shaft_power_offset"),
             second_sink_offset=values.get("second_sink_offset", 0.0),
         )
 

@@ -18,6 +18,7 @@ from .instruments import (
     CURRENT_GAIN,
     INSTRUMENTS,
     body_errors,
+    own_errors,
     second_sink_error,
     shaft_errors,
     timing_error,
@@ -72,6 +73,7 @@ def parameters(
             [
                 *shared,
                 *timing_error(test),
+                *own_errors(test),
                 *_start(model, test),
                 *(_changes(model, motor) if model.change_sd else ()),
                 *effect_parameters(model.effects, test.duration_s, searched, size),

@@ -74,9 +74,13 @@ def part_of(share: float, whole: str) -> str:
     Example:
         >>> part_of(0.87, "it"), part_of(1234.0, "the losses"), part_of(0.001, "it")
         ('87 % of it', '1230 times the losses', '1/1000 of it')
+        >>> part_of(1e-8, "it"), part_of(3e9, "it")
+        ('less than 1/10000 of it', 'more than 10000 times it')
     """
     if 0.01 <= share <= 10.0 or share <= 0.0:
         return f"{100.0 * share:.0f} % of {whole}"
+    if not 1e-4 <= share <= 1e4:
+        return f"{'more than 10000 times' if share > 1.0 else 'less than 1/10000 of'} {whole}"
     if share > 1.0:
         return f"{rounded(share)} times {whole}"
     return f"1/{rounded(1.0 / share)} of {whole}"

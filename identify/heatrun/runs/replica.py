@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import least_squares
 
+from ..inference.instruments import OWN, own_name
 from ..inference.posterior import Posterior
 from ..inference.predict import Prediction
 from ..results.model import Replica
@@ -36,10 +37,11 @@ def replica(posterior: Posterior, predictions: Sequence[Prediction]) -> Replica 
     if not model.effects or not fitted:
         return None
     plain = replace(model, effects=())
+    own_names = {own_name(name) for name in OWN}  # a test's own: its inputs without these mislead
     exact = {
         name: parameter.centre
         for name, parameter in problem.parameters.by_test[0].items()
-        if parameter.role == "instrument"
+        if parameter.role == "instrument" and name not in own_names
     }
     means = jax.jit(plain.block_means)
     course = {}

@@ -8,7 +8,7 @@ from ...io.quantities import rounded
 from ...motor import Motor
 from ..channels.units import require_unit
 from ..record import ColumnReading, Finding, Record
-from .losses import BLOCK_S
+from .balance_errors import BLOCK_S
 from .samples import block_means, place, samples, sink_channel
 from .suspicion.one_node import MIN_RISE_K, one_node, unsettled
 from .suspicion.relations import is_brief

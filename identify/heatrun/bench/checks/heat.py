@@ -7,7 +7,7 @@ import numpy as np
 from ...motor import Motor
 from ..record import Finding, Record
 from .advice import use_line
-from .losses import BLOCK_S
+from .balance_errors import BLOCK_S
 from .samples import block_means, is_loaded, place, samples, sink_channel, with_all_heat
 
 FEWEST_BLOCKS = 30

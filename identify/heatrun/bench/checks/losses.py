@@ -7,13 +7,18 @@ from dataclasses import replace
 import numpy as np
 
 from ...io.quantities import part_of
-from ...motor import Motor, ParameterOverride
-from ..channels.derive import recorded_shaft_power
+from ...motor import Motor
+from ..channels.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
 from ..record import Finding, Record
+from .balance_errors import (
+    BEYOND,
+    BLOCK_S,
+    SHAFT_GAIN_SD,
+    STANDSTILL_RPM,
+    own_errors,
+    prior_of,
+)
 from .samples import block_means, is_loaded, place, runs, samples
-
-BLOCK_S = 10.0
-"""A balance is the small difference of two large powers: its noise is judged as means over 10 s."""
 
 COPPER_TOLERANCE = 0.03
 """Power and current instruments of a bench, and Rs0, are together good to about 3 % [1]."""
@@ -39,17 +44,11 @@ NEGATIVE_SHARE = 0.03
 NOISE_SIGMAS = 6.0
 """Gaussian noise exceeds six standard deviations once in 5e8 samples."""
 
-SHAFT_GAIN_SD = 0.01
-"""Prior of `shaft_power_gain` [1], where the motor file gives no other."""
-
 EXPLAINED = 0.9
 """Part of the blocks [1] in which an explanation must hold."""
 
 AMPLITUDE_SQUARED = 2.0
 """The square of amplitude over rms of a sine [1]."""
-
-STANDSTILL_RPM = 1.0
-"""At standstill all losses are copper losses, so that a share of one is right."""
 
 
 def _copper_and_total(record: Record, motor: Motor) -> tuple[np.ndarray, ...]:
@@ -73,13 +72,20 @@ def copper_shares(record: Record, motor: Motor) -> tuple[np.ndarray, np.ndarray]
         motor: The machine.
 
     Returns:
-        Times [s] and shares [1], shape (blocks,); empty without a balance or a resistance.
+        Times [s] and shares [1], shape (blocks,), infinite where the total is zero or less; empty
+        without a balance or a resistance.
     """
     time_s, copper, total = _copper_and_total(record, motor)
     flows = is_loaded(copper)
-    # A total of zero or less under current is an infinite share.
-    share = copper[flows] / np.maximum(total[flows], 1e-9 * np.max(copper, initial=1.0))
+    copper, total = copper[flows], total[flows]
+    share = np.full(total.size, np.inf)
+    np.divide(copper, total, out=share, where=total > 0.0)
     return time_s[flows], share
+
+
+def share_in_words(copper_share: float) -> str:
+    """Return what the losses are of a copper loss of this share in them [1], in words."""
+    return "zero or less" if np.isinf(copper_share) else part_of(1.0 / copper_share, "it")
 
 
 def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
@@ -109,7 +115,7 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
             "losses_below_copper",
             "error" if is_error else "warning",
             f"Expected losses above the copper loss; in {100.0 * np.mean(below):.0f} % of the time "
-            f"under current they are {part_of(1.0 / typical, 'it')}. Every thermal resistance and "
+            f"under current they are {share_in_words(typical)}. Every thermal resistance and "
             "capacity would be biased.",
             place(record, "losses_W", from_s, to_s),
             "Check whether phase_current_A is an amplitude (factor 2 in the copper loss), whether "
@@ -148,16 +154,15 @@ def _shaft_error_W(record: Record, motor: Motor, *beside: str) -> np.ndarray:
     shaft = recorded_shaft_power(record.channels)
     if shaft is None:
         return np.empty(0)
-    channels = {**record.channels, "mechanical_power_W": np.abs(shaft)}
-    time_s, power, *_ = samples(replace(record, channels=channels), "mechanical_power_W", *beside)
-    if time_s.size == 0:
-        return np.empty(0)
-    said = motor.parameters.get("shaft_power_gain", ParameterOverride())
-    if said.fixed is not None:
-        gain = abs(said.fixed)
-    else:
-        gain = abs(said.value or 0.0) + 2.0 * (SHAFT_GAIN_SD if said.sd is None else said.sd)
-    return gain * block_means(time_s, BLOCK_S, power)[1]
+    prior = prior_of(motor, "shaft_power_gain", SHAFT_GAIN_SD)
+    allowed = {"shaft_power_gain": abs(prior.centre) + BEYOND * prior.sd}
+    allowed |= {own.name: abs(own.mean) + BEYOND * own.sd for own in own_errors(record, motor)}
+    error = allowed["shaft_power_gain"] * np.abs(shaft) + allowed.get("shaft_power_offset", 0.0)
+    if "torque_offset" in allowed:
+        error += allowed["torque_offset"] * RAD_PER_S_PER_RPM * np.abs(record["speed_rpm"])
+    channels = {**record.channels, "mechanical_power_W": error}
+    time_s, error, *_ = samples(replace(record, channels=channels), "mechanical_power_W", *beside)
+    return block_means(time_s, BLOCK_S, error)[1]
 
 
 def _holds(explained: np.ndarray) -> bool:

@@ -27,7 +27,7 @@ from ..channels.derive import (
     shaft_power,
 )
 from ..record import Finding, Record
-from .losses import BLOCK_S, SHAFT_GAIN_SD
+from .balance_errors import BLOCK_S, SHAFT_GAIN_SD
 from .samples import block_means, place, samples
 
 LOADED = 0.2

@@ -16,7 +16,7 @@ from ...io.quantities import off_by, part_of
 from ...motor import Motor
 from ..channels.derive import WITH_INVERTER, dq_power, formulas
 from ..record import Finding, Record
-from .losses import BLOCK_S, STANDSTILL_RPM
+from .balance_errors import BLOCK_S, STANDSTILL_RPM
 from .samples import block_means, is_loaded, place, runs, samples
 
 LASTS_S = 180.0

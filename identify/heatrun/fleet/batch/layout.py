@@ -68,6 +68,8 @@ def why_not(problem: Problem) -> str:
         return "bodies beside the winding were measured"
     if len({logger for test in problem.tests for logger in test.loggers}) > 1:
         return "its tests were recorded with unlike loggers"
+    if any(test.told for test in problem.tests):
+        return "the inputs of a test tell its instruments"
     if any(np.ndim(test.inputs.step) for test in problem.tests):
         return "the steps of a test are unequal"
     if any(test.num_blocks > BUCKETS[-1] for test in problem.tests):

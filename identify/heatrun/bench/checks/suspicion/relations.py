@@ -16,7 +16,7 @@ from ....io.quantities import rounded
 from ....motor import Motor
 from ...record import Record
 from ..crude_fit import crude_fit
-from ..losses import FIRM_TOLERANCE, copper_shares, shaft_explains
+from ..losses import FIRM_TOLERANCE, copper_shares, shaft_explains, share_in_words
 from ..samples import samples
 from .conflict import Conflict
 from .one_node import one_node, unsettled
@@ -216,9 +216,7 @@ def _copper(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
     values = {"copper_share": typical}
     is_below = float(np.mean(share > 1.0 + FIRM_TOLERANCE)) > 0.5
     if is_below and not shaft_explains(record, motor):
-        sentence = (
-            f"Expected losses above the copper loss; they are {rounded(1.0 / typical, 2)} of it."
-        )
+        sentence = f"Expected losses above the copper loss; they are {share_in_words(typical)}."
         return [Conflict("losses_below_copper", sentence, channels, False, values)]
     if typical < (USUAL_COPPER if is_strict else LEAST_COPPER):
         sentence = f"The copper loss is only {rounded(typical, 2)} of the losses under load."
