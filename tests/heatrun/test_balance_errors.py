@@ -163,7 +163,7 @@ def test_losses_below_zero_are_explained_by_what_the_inputs_tell(driven, motor):
         found = check_record(with_errors(driven, torque_Nm=torque_Nm), motor)
         return {f.severity for f in found if f.id in ("losses_negative", "losses_below_copper")}
 
-    assert severities(4.0) == {"warning"}
+    assert severities(4.0) == {"note"}
     held = replace(motor, parameters={"torque_offset": ParameterOverride(fixed=0.0)})
     assert "error" in {f.severity for f in check_record(with_errors(driven, torque_Nm=4.0), held)}
 
