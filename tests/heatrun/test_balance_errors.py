@@ -13,11 +13,13 @@ from heatrun.bench.checks.balance_errors import told_by_inputs
 from heatrun.bench.reduction import reduce
 from heatrun.export import Corrections
 from heatrun.inference.fitting.fit import fit
+from heatrun.inference.instruments import corrected_losses
 from heatrun.inference.model import Model
 from heatrun.inference.posterior import sample
 from heatrun.inference.predict import predict
 from heatrun.inference.problem import Problem
 from heatrun.motor import ParameterOverride
+from heatrun.ratings.tested import tested as seen_in
 
 GAIN = 0.05
 
@@ -179,3 +181,11 @@ def test_an_export_is_corrected_by_the_tests_own_errors():
     values = {"shaft_power_gain": 0.001, "own_shaft_power_gain": 0.05, "torque_offset": 0.2}
     corrections = Corrections.of(values)
     assert (corrections.shaft_power_gain, corrections.torque_offset) == (0.05, 0.2)
+
+
+@pytest.mark.parametrize("wrong", [{}, {"watts": -70.0}, {"torque_Nm": 1.4}])
+def test_the_losses_of_ratings_are_without_the_tests_own_errors(wrong, driven, motor):
+    spoilt, right = (reduce(with_errors(driven, **w), motor) for w in (wrong, {}))
+    np.testing.assert_allclose(corrected_losses(spoilt), right.inputs.losses, atol=5.0)
+    loads = [float(seen_in([test]).loaded.losses) for test in (spoilt, right)]
+    assert loads[0] == pytest.approx(loads[1], abs=5.0)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
 from ..bench.blocks import SLOW_LOGGER_S, Blocks
 from ..bench.channels.schema import BODIES, body_name
@@ -130,6 +131,13 @@ def own_errors(test: Blocks) -> list[Parameter]:
         )
         for told in test.told
     ]  # fmt: skip
+
+
+def corrected_losses(test: Blocks) -> np.ndarray:
+    """Return the losses of a test without what its own errors add [W], shape (step,)."""
+    inputs, own = test.inputs, {told.name: told.mean for told in test.told}
+    beside = {"shaft_power_gain": inputs.shaft_power, "torque_offset": inputs.speed}
+    return np.asarray(inputs.losses) - sum(own[n] * np.asarray(beside.get(n, 1.0)) for n in own)
 
 
 def own_or_shared(values: Mapping[str, Any], name: str) -> Any:

@@ -27,6 +27,8 @@ from .effect_needs import (
 from .effect_parameters import qualified
 from .instruments import (
     BODY_PARTS,
+    OWN,
+    own_name,
     own_or_shared,
 )
 from .networks import NetworkForm, network_named
@@ -141,9 +143,10 @@ class Model:
         return self.form.build(values)
 
     def in_general(self, values: Values) -> dict[str, Float[Array, ""]]:
-        """Return values without what changed in one test: those of the machine in general."""
-        changes = {change_name(parameter.name) for parameter in self.form.parameters}
-        return {name: value for name, value in values.items() if name not in changes}
+        """Return values without what belongs to one test: those of the machine in general."""
+        of_test = {change_name(parameter.name) for parameter in self.form.parameters}
+        of_test |= {own_name(name) for name in OWN}
+        return {name: value for name, value in values.items() if name not in of_test}
 
     def topology(self) -> Network:
         """Return the network with all parameters 1: for questions that need no values."""

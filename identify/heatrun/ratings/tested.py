@@ -11,6 +11,7 @@ from lptn import Drive
 from lptn.effects import AbstractEffect
 
 from ..bench.blocks import Blocks
+from ..inference.instruments import corrected_losses
 
 REACH = 1.2
 """A current may lie this much above the largest one tested [1] before a figure is refused."""
@@ -94,7 +95,7 @@ def tested(tests: Sequence[Blocks]) -> Tested:
     def means(name: str) -> np.ndarray | None:
         rows = []
         for test in tests:
-            values = getattr(test.inputs, name)
+            values = corrected_losses(test) if name == "losses" else getattr(test.inputs, name)
             if values is None:
                 return None
             rows.append(np.asarray(values).reshape(test.weight.shape).mean(axis=1))

@@ -257,8 +257,8 @@ def losses_negative(record: Record, motor: Motor) -> tuple[Finding, ...]:
             place(record, "losses_W", float(from_s), float(to_s)),
             TOLD
             if severity == "note"
-            else "Check the signs of electrical and mechanical power, braking, and zero and gain of "
-            "the torque ([parameters.shaft_power_gain] sd says how far it may be off).",
+            else "Check the signs of electrical and mechanical power, braking, and zero and gain "
+            "of the torque ([parameters.shaft_power_gain] sd says how far it may be off).",
             values={
                 "lowest_W": lowest,
                 "num_samples": float(np.sum(losses < floor)),
