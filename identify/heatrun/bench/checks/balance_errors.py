@@ -40,7 +40,7 @@ SHAFT_OFFSET_SHARE = 1e-3
 BEYOND = 2.0
 """Standard deviations that a prior allows for [1]."""
 
-SIGMAS = 6.0
+SIGMAS = 4.0
 """Standard deviations from which an error is no matter of scatter [1]."""
 
 LEAST_SHARE = 0.05
@@ -65,7 +65,7 @@ WARM_K, RESISTANCE_SHARE = 50.0, 0.25
 """A winding of which nothing is known, above its sink [K], and how far its resistance may be off
 [1]."""
 
-STICTION_SHARE = 0.002
+STICTION_SHARE = 0.001
 """Torque that friction and cogging may hold at a stop, in parts of the largest one [1]."""
 
 
