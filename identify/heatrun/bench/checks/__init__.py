@@ -14,6 +14,7 @@ import numpy as np
 from ...motor import Motor
 from ..record import Finding, Record
 from .absurd import losses_absurd
+from .balance_errors import shaft_power_disagrees
 from .course import ambient_moving, cut_while_warm, no_heating, start_not_in_equilibrium
 from .excitation import single_step, too_short
 from .heat import losses_absent, losses_of_dc_link
@@ -23,7 +24,6 @@ from .presence import missing_channel, nan_block, too_few_samples
 from .resolution import resolution, truncation
 from .same_quantity import columns_disagree
 from .sensor import sensor_detached, temperature_jump
-from .shaft_power import shaft_power_disagrees
 from .standstill import current_scale_unchecked, standstill_losses
 from .stillness import saturation, sensor_stuck
 from .suspicion import referred, unit_suspected

@@ -12,9 +12,8 @@ in place of that prior, in this test alone (`inference.instruments`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -22,8 +21,8 @@ from jaxtyping import Float
 
 from ...motor import Motor, ParameterOverride
 from ..channels.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
-from ..record import Record
-from .samples import block_means, runs, samples, sink_channel
+from ..record import Finding, Record
+from .samples import block_means, place, runs, samples, sink_channel
 
 BLOCK_S = 10.0
 """A balance is the small difference of two large powers: its noise is judged as means over 10 s."""
@@ -68,6 +67,8 @@ WARM_K, RESISTANCE_SHARE = 50.0, 0.25
 STICTION_SHARE = 0.001
 """Torque that friction and cogging may hold at a stop, in parts of the largest one [1]."""
 
+UNITS = {"shaft_power_gain": "", "shaft_power_offset": " W", "torque_offset": " N m"}
+
 
 class Told(NamedTuple):
     """An error of the balance, as the inputs of one test tell it.
@@ -77,14 +78,12 @@ class Told(NamedTuple):
         mean: Its estimate [unit of the parameter].
         sd: Standard deviation of the estimate [likewise].
         seen: What shows it, a sentence.
-        values: Shares of the blocks that show it, by direction [1].
     """
 
     name: str
     mean: float
     sd: float
     seen: str
-    values: Mapping[str, float] = MappingProxyType({})
 
 
 class Prior(NamedTuple):
@@ -154,6 +153,40 @@ def told_by_inputs(record: Record, motor: Motor) -> tuple[Told, ...]:
     return tuple(found.values())
 
 
+def shaft_power_disagrees(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report errors of torque and powers that contradict their priors, and what is done about them.
+
+    Needs losses from a balance, current, speed, torque or mechanical power, and a load in both
+    directions, rotation in both directions, or a standstill without current.
+    """
+    return tuple(_finding(record, motor, told) for told in told_by_inputs(record, motor))
+
+
+def _finding(record: Record, motor: Motor, told: Told) -> Finding:
+    prior = prior_of(motor, told.name, 0.0)
+    key, unit = f"[parameters.{told.name}]", UNITS[told.name]
+    if prior.is_fixed:
+        taken = f" The motor file holds {told.name} at {prior.centre:.3g}{unit} all the same."
+        remedy = f"Without fixed in {key}, this test would take it from its inputs."
+    else:
+        taken = (
+            f" This test takes {told.name} = {told.mean:.3g} ± {told.sd:.1g}{unit} from its inputs,"
+            " for itself alone; no temperature is used."
+        )
+        remedy = (
+            f"To take the signals as they are, write fixed = 0 into {key}; for one value of all "
+            f"tests, from their temperatures, sd = {abs(told.mean):.1g}."
+        )
+    return Finding(
+        "shaft_power_disagrees",
+        "warning",
+        told.seen + taken,
+        place(record, "losses_W", *map(float, record.time_s[[0, -1]])),
+        f"Check gain and zero of the torque transducer and of the power meter. {remedy}",
+        values={told.name: told.mean, "sd": told.sd},
+    )
+
+
 def _by_direction(
     squared: Float[np.ndarray, " block"],
     magnitude: Float[np.ndarray, " block"],
@@ -184,14 +217,13 @@ def _by_direction(
     unlike = ALIKE * np.sqrt(np.mean(losses**2)) / scale
     spread = np.hypot(np.sqrt(NUM_PARTS - 1.0) * np.std(without, axis=0), unlike)
     left = _square(columns, losses)
-    for place, name in enumerate(names, len(known)):
-        others = np.delete(columns, place, axis=1)
-        is_apart = _square(others, columns[:, place]) > 1e-3 * speed.size
+    for at, name in enumerate(names, len(known)):
+        others = np.delete(columns, at, axis=1)
+        is_apart = _square(others, columns[:, at]) > 1e-3 * speed.size
         # else current and speed tell the sign
         if is_apart and left < (1.0 - EXPLAINED) * _square(others, losses):
-            seen = _words(name, float(weights[place]))
-            shares = {"forwards": ways[name][0], "backwards": ways[name][1]}
-            yield Told(name, float(weights[place]), float(spread[place]), seen, shares)
+            error = float(weights[at])
+            yield Told(name, error, float(spread[at]), _words(name, error))
 
 
 def _words(name: str, error: float) -> str:
