@@ -39,7 +39,7 @@ SHAFT_OFFSET_SHARE = 1e-3
 BEYOND = 2.0
 """Standard deviations that a prior allows for [1]."""
 
-SIGMAS = 4.0
+SIGMAS = 3.0
 """Standard deviations from which an error is no matter of scatter [1]."""
 
 LEAST_SHARE = 0.05
