@@ -127,7 +127,8 @@ class Linear:
             z = centre.z.copy()
             z[places] = at
             residual, slopes = self.engine.linearise(z, places)
-            if np.max(np.abs(residual)) > WORST_K:
+            # no comparison is true of a NaN; slopes are those of one standard deviation
+            if not max(np.max(np.abs(residual)), np.max(np.abs(slopes), initial=0.0)) <= WORST_K:
                 continue
             rows = self.engine.whiten(self._noise, np.column_stack([residual, slopes]))
             rows = np.concatenate([rows[:, :1], self._white, rows[:, 1:]], axis=1)
@@ -168,9 +169,15 @@ def evidence(
         products: Inner products of the whitened residual, first, and its derivatives by scores.
         scores: At which these stand; their prior is standard normal.
     """
-    precision = products[1:, 1:] + np.eye(scores.size)
     gradient = products[1:, 0] + scores
-    factor = np.linalg.cholesky(precision)
+    try:
+        factor = np.linalg.cholesky(products[1:, 1:] + np.eye(scores.size))
+    except np.linalg.LinAlgError:
+        # two large derivatives that are nearly one lose the prior in their products
+        values, vectors = np.linalg.eigh(products[1:, 1:])
+        roots = np.sqrt(np.maximum(values, 0.0) + 1.0)
+        factor = np.linalg.qr((vectors * roots).T).R.T
+        factor = factor * np.sign(np.diag(factor))
     half = np.linalg.solve(factor, gradient)
     squares = products[0, 0] + scores @ scores - half @ half
     log_det = np.sum(np.log(np.diag(factor)))
