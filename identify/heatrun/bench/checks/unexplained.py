@@ -253,7 +253,9 @@ def _course(record: Record, motor: Motor) -> _Course | None:
     record = with_all_heat(record, motor)
     names = ("winding_degC", sink_channel(motor), "losses_W", "phase_current_A")
     time_s, winding, sink, losses, current = samples(record, *names)
-    if time_s.size < MIN_CELLS or not is_loaded(losses).any():
+    # losses in a wrong unit may be below zero; heat there is where a current flows
+    loaded = is_loaded(losses) | is_loaded(current**2)
+    if time_s.size < MIN_CELLS or not loaded.any():
         return None
     usual = median_step(time_s)
     step_s = max(usual, float(time_s[-1] - time_s[0]) / MAX_CELLS)
@@ -285,5 +287,5 @@ def _course(record: Record, motor: Motor) -> _Course | None:
         is_known=time_s[at] - time_s[at - 1] <= 3.0 * step_s,
         widths=tuple(widths),
         step_K=rounding_step(winding) or 0.0,
-        from_cell=int(np.argmax(np.interp(grid, time_s, is_loaded(losses)) > 0.5)),
+        from_cell=int(np.argmax(np.interp(grid, time_s, loaded) > 0.5)),
     )

@@ -20,6 +20,7 @@ from ...record import ColumnReading, Finding, Record
 from ..losses import losses_negative
 from ..samples import place, samples
 from ..sensor import falls_at_once, jumps_at_once
+from ..unexplained import unexplained_movement
 from ..units import ambient_implausible, units_temperature
 from .conflict import Conflict
 from .one_node import one_node, unsettled
@@ -78,13 +79,15 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
         return ()
     symptoms = _symptoms(record, motor)
     is_shown = one_node(record, motor) is not None
+    is_whole = not OF_THE_SENSOR & {*symptoms} and unexplained_movement(record, motor) is None
     ids = {conflict.id for conflict in broken}
     unusual = {conflict.id for conflict in conflicts(record, motor, is_strict=True)}
     settled = unusual - {id for family in FAMILIES if family & ids for id in family} - CLOCK
 
     def mends(one: OtherReading) -> bool:
         stays = unusual & _kept(one, record) - ids
-        return _is_asked(one, ids) and _mends(one, settled | stays, is_shown)
+        must_show = is_shown and (is_whole or "time_s" in one.channels)
+        return _is_asked(one, ids) and _mends(one, settled | stays, must_show)
 
     mending = [one for one in other_readings(record, motor) if mends(one)]
     # A resistance that is in doubt does not free the columns from it.
