@@ -52,6 +52,9 @@ PARTS = 12
 BEGUN = 0.2
 """Share of the largest change between two samples [1] from which the movement has begun."""
 
+LEAP = 0.3
+"""Share of the fall [1] that a return makes up within a sample."""
+
 RETURNED = 0.35
 """A sensor that is put back reads to this share of its fall [1] what it read before."""
 
@@ -210,15 +213,10 @@ class _Course:
         far = int(np.argmax(np.abs(ahead)))
         enough = np.abs(ahead) >= 0.9 * np.abs(ahead[far])
         moved = cell + int(np.argmax(enough))
-        fall = float(beside[moved])
-        back = np.abs(beside[moved + 1 :]) < max(RETURNED * abs(fall), 2.0 * self.step_K)
-        # a drift of the network's own may cross the old level: back is where it stays a while
-        stays = max(1, min(self.widths[-1], back.size))
-        held = np.convolve(back, np.ones(stays), "valid") >= stays if back.size else np.zeros(0)
-        jumps = np.abs(np.diff(beside[moved:], prepend=beside[moved]))[1:][: held.size]
-        held = held & (jumps > 0.3 * abs(fall)) if held.size else held
-        is_back = bool(np.any(held))
-        until = moved + int(np.argmax(held)) if is_back else self.time_s.size - 1
+        # a fault that lasts spoils the weights of the whole, one that passes those of a beginning
+        backs = (self._back(cell, moved, each) for each in (size, self.time_s.size))
+        back = next((each for each in backs if each is not None), None)
+        until = self.time_s.size - 1 if back is None else back
         return Movement(
             from_s=float(self.time_s[cell]),
             to_s=float(self.time_s[moved]),
@@ -226,8 +224,25 @@ class _Course:
             to_degC=float(self.reading[moved]),
             expected_K=float(by_heat[moved] - by_heat[cell]),
             until_s=float(self.time_s[until]),
-            is_back=is_back,
+            is_back=back is not None,
         )
+
+    def _back(self, cell: int, moved: int, size: int) -> int | None:
+        """Return the last cell before the reading is back by a leap, None if it does not come.
+
+        A drift of the network's own may cross the old level: back is where it stays a while.
+        """
+        beside = self.reading - self.explained(size)
+        beside = beside - np.median(beside[max(cell - 5, 0) : cell + 1])
+        fall = abs(float(beside[moved]))
+        near = np.abs(beside[moved + 1 :]) < max(RETURNED * fall, 2.0 * self.step_K)
+        stays = max(1, min(self.widths[-1], near.size))
+        if near.size < stays:
+            return None
+        held = np.convolve(near, np.ones(stays), "valid") > stays - 0.5
+        leaps = np.abs(np.diff(beside[moved:]))[: held.size] > LEAP * fall
+        found = np.flatnonzero(held & leaps)
+        return moved + int(found[0]) if found.size else None
 
     def _is_whole(self, begin: np.ndarray, width: int) -> np.ndarray:
         """Whether no gap lies within windows of a width."""
