@@ -309,7 +309,7 @@ def run(job: dict[str, Any], folder: Path) -> dict[str, Any]:
     return job | {
         "kind": bench.machine.kind, "test": bench.test, "at_s": at,
         "findings": [
-            [f.id, f.severity, f.sentence(), f.values.get("from_s")]
+            [f.id, f.severity, f.sentence().replace(f"{folder}/", ""), f.values.get("from_s")]
             for f in findings if f.severity != "note"
         ],
     }  # fmt: skip

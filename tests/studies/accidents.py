@@ -42,8 +42,9 @@ def table(rows: Sequence[Row], seed: int) -> str:
     of = ", ".join(f"{id} ({count})" for id, count in ids.most_common()) or "none"
     lines = [
         "# Accidents on the bench\n",
-        f"`make study-accidents` (accidents.py), seeds from {seed} on. Six kinds of machines under "
-        "three kinds of load with independent noise, rounding and two to four imperfections each; "
+        f"`make study-accidents` (accidents.py), seeds from {seed} on; versions stand in "
+        "`study.json`. Six kinds of machines under three kinds of load with independent noise, "
+        "rounding and two to four imperfections each; "
         "currents of three phases, some records rounded to 1 °C, some with the inrush of a start. "
         "*Named*: the finding that belongs to it, with the column or the line of the motor file, "
         "at its moment within 120 s (600 s where it comes over ten minutes). *Beside*: records "
@@ -82,7 +83,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, default=REPORTING_SEED)
     parser.add_argument("--clean", type=int, default=240, help="clean records")
-    parser.add_argument("--each", type=int, default=12, help="records of each accident")
+    parser.add_argument("--each", type=int, default=6, help="records of each accident")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument(
         "--out", type=Path, default=Path(__file__).parents[2] / "results" / "accidents"
