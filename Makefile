@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo demo-results test quick test-slow profile test-latest lint types check bench bench-fleet bench-before study-coverage study-crosschecks \
-  study-bodies study-discovery study-exam study-faults study-first-hour study-fleet study-fleet-discovery study-fleet-kills study-fuzz study-misfit study-ordinary study-paderborn \
+  study-accidents study-bodies study-discovery study-exam study-faults study-first-hour study-fleet study-fleet-discovery study-fleet-kills study-fuzz study-misfit study-ordinary study-paderborn \
   study-readings study-real study-view audit docs notebooks notebooks-rendered schemas lock clean
 
 demo: $(VENV)/ready
@@ -78,6 +78,10 @@ study-discovery: $(VENV)/ready
 
 study-misfit: $(VENV)/ready
 	$(BIN)/python tests/studies/misfit.py
+
+# Accidents that happen to bench records: caught, named, and what clean records are accused of.
+study-accidents: $(VENV)/ready
+	$(BIN)/python tests/studies/accidents.py
 
 # Ordinary machines of six kinds with two to four imperfections at once; goes on where it was stopped.
 study-ordinary: $(VENV)/ready

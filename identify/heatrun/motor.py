@@ -59,10 +59,12 @@ class PartsOfTest:
     Attributes:
         use: Stretches that are used, each as a test of its own; none for the whole record.
         mask: Windows whose readings are not compared, first and last time [s].
+        bridge: Windows whose loads are interpolated, likewise.
     """
 
     use: tuple[Stretch, ...] = ()
     mask: tuple[tuple[float, float], ...] = ()
+    bridge: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -144,6 +144,9 @@ TESTS = Section(
             "current and losses are simulated through. Of a test that is to be compared from a "
             "warm moment on, this knows the stator where `use` does not.", "[[1800, 1920]]",
             "none"),
+        Key("bridge", "Windows whose current, losses, powers, voltages, torque and speed are "
+            "interpolated between the samples on either side: for values that the logger made up, "
+            "such as 65535.", "[[1495, 1510]]", "none"),
     ),
 )  # fmt: skip
 

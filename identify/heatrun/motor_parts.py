@@ -11,7 +11,7 @@ from .errors import InputError
 from .io.toml_text import check_keys
 from .motor import PartsOfTest
 
-PARTS_KEYS = ("use", "use_rows", "mask")
+PARTS_KEYS = ("use", "use_rows", "mask", "bridge")
 
 MOST_PARTS = 200
 """Of one test; each stretch becomes a test with temperatures of its own at the start."""
@@ -32,7 +32,7 @@ def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest
         at = f"{where}, [tests.{name}]"
         if not isinstance(keys, dict):
             raise InputError(
-                "Expected a section with use, use_rows or mask.",
+                "Expected a section with use, use_rows, mask or bridge.",
                 where=at,
                 remedy=f"Write [tests.{name}] and below it use = [[600, 5400]], for example.",
             )
@@ -42,10 +42,13 @@ def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest
                 "Both use and use_rows are given.", where=at, remedy="Keep one of them."
             )
         use = _stretches(keys, "use", at) + _stretches(keys, "use_rows", at)
-        mask = tuple((part.start, part.end) for part in _stretches(keys, "mask", at))
-        if any(math.isinf(end) for _, end in mask):
-            raise InputError("A mask needs both of its ends.", where=at)
-        parts[name] = PartsOfTest(use, mask)
+        mask, bridge = (
+            tuple((part.start, part.end) for part in _stretches(keys, key, at))
+            for key in ("mask", "bridge")
+        )
+        if any(math.isinf(end) for _, end in (*mask, *bridge)):
+            raise InputError("mask and bridge need both ends of a window.", where=at)
+        parts[name] = PartsOfTest(use, mask, bridge)
     return parts
 
 

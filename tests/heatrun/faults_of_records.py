@@ -16,6 +16,7 @@ from heat_runs import (
     at,
     changed,
     clipped,
+    decided,
     edited,
     every,
     fell_off,
@@ -40,6 +41,9 @@ LOCKED = changed(
         HEATED, 3.0 * 0.0062 * (234.5 + CLEAN["winding_degC"]) / 259.5 * 100.0**2, CLEAN["losses_W"]
     ),
 )
+SLID = (SMOOTH.time_s > 1200.0) & (SMOOTH["phase_current_A"] > 50.0)
+RESTING = heat_run(3, 40.0, currents=(150.0, 100.0, 0.0), step_s=0.5)
+TURNS = RESTING["phase_current_A"] > 10.0
 RIPPLE = np.random.default_rng(3).uniform(7.0, 10.0, TIME.size)
 
 # id: record with the fault, motor, severity, value that says where or how much, its bounds
@@ -60,6 +64,9 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "time_gap": (shifted_clock(CLEAN, 900.0, 60.0), MOTOR, "warning", "from_s", (899, 900)),
     "time_jitter": (changed(CLEAN, time_s=JITTER), MOTOR, "note", "relative_spread", (0.15, 0.35)),
     "sampling": (every(CLEAN, 200), MOTOR, "warning", "step_s", (20, 20)),
+    "load_spike": (
+        edited(CLEAN, "losses_W", 1500.0, 1503.0, 65535.0), MOTOR, "error", "num_samples", (30, 30)
+    ),
     "nan_block": (
         edited(CLEAN, "winding_degC", 600.0, 630.0, np.nan), MOTOR, "error", "longest_s", (29, 31)
     ),
@@ -89,7 +96,7 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "sensor_stuck": (
         edited(CLEAN, "winding_degC", 300.0, 700.0, 60.0), MOTOR, "error", "from_s", (200, 320)
     ),
-    "sensor_detached": (fell_off(CLEAN, 2000.0), MOTOR, "error", "to_s", (2000, 2010)),
+    "sensor_detached": (fell_off(CLEAN, 2000.0), MOTOR, "error", "to_s", (2000, 2012)),
     "temperature_jump": (
         edited(CLEAN, "winding_degC", 1500.0, 1e9, lambda T: T + 6.0),
         MOTOR, "error", "from_s", (1499, 1501),
@@ -107,16 +114,20 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
         MOTOR, "error", "from_s", (995, 1015),
     ),
     "losses_below_copper": (
-        changed(CLEAN, phase_current_A=CLEAN["phase_current_A"] * np.sqrt(2.0)),
+        decided(changed(CLEAN, phase_current_A=CLEAN["phase_current_A"] * np.sqrt(2.0))),
         MOTOR, "error", "copper_share", (1.03, 2.0),
     ),
     "current_amplitude": (
-        changed(CLEAN, phase_current_A=CLEAN["phase_current_A"] * np.sqrt(2.0)),
+        decided(changed(CLEAN, phase_current_A=CLEAN["phase_current_A"] * np.sqrt(2.0))),
         MOTOR, "warning", "copper_share_halved", (0.5, 1.0),
     ),
     "standstill_losses": (
         edited(LOCKED, "losses_W", 600.0, 900.0, lambda P: 1.06 * P),
         MOTOR, "warning", "ratio", (1.055, 1.065),
+    ),
+    "losses_of_shaft": (
+        as_columns(changed(CLEAN, torque_Nm=0.9 * CLEAN["losses_W"] / CLEAN["speed_rpm"] * 9.549)),
+        replace(MOTOR, phase_resistance_ohm=0.002), "error", "ratio", (1.1, 1.12),
     ),
     "losses_absent": (
         changed(CLEAN, losses_W=0.0 * TIME, phase_current_A=0.0 * TIME),
@@ -126,7 +137,7 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
         changed(LINK, losses_W=8.0 * CLEAN["losses_W"]), MOTOR, "warning", "ratio", (0.99, 1.01)
     ),
     "losses_absurd": (
-        changed(CLEAN, losses_W=3000.0 * CLEAN["losses_W"]), MOTOR, "error",
+        decided(changed(CLEAN, losses_W=3000.0 * CLEAN["losses_W"])), MOTOR, "warning",
         "largest_W", (2e6, 5e6)
     ),
     "columns_disagree": (
@@ -157,6 +168,24 @@ LIMIT = float(np.quantile(CLEAN["winding_degC"], 0.9))
 
 # The same faults in another form: id, record, motor, severity expected (None: silent)
 VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
+    "a current of no marker that the losses deny": (
+        "load_spike", edited(CLEAN, "phase_current_A", 1500.0, 1500.5, 5e3), MOTOR, "error"
+    ),
+    "losses of no marker that the winding does not show": (
+        "load_spike", edited(CLEAN, "losses_W", 1500.0, 1506.0, 4e4), MOTOR, "error"
+    ),
+    "an inrush": (
+        "load_spike", edited(CLEAN, "phase_current_A", 20.0, 20.2, 600.0), MOTOR, None
+    ),
+    "shifted by less than any machine moves in a second": (
+        "temperature_jump",
+        edited(every(CLEAN, 50), "winding_degC", 1520.0, 1e9, lambda T: T - 12.0), MOTOR, "error",
+    ),
+    "below the housing": (
+        "sensor_detached",
+        changed(SMOOTH, housing_degC=SMOOTH["winding_degC"] + np.where(SLID, 8.0, -4.0)),
+        MOTOR, "error",
+    ),
     "one NaN": (
         "nan_block", edited(CLEAN, "losses_W", 600.0, 600.1, np.nan), MOTOR, "warning"
     ),
@@ -337,15 +366,21 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "generator half a percent off": (
         "shaft_power_disagrees", motor_and_generator(-0.005), MOTOR, None
     ),
+    "zero of the torque, read at rest": (
+        "shaft_power_disagrees",
+        as_columns(changed(RESTING, torque_Nm=20.0 * TURNS + 0.4,
+                           speed_rpm=RESTING["speed_rpm"] * TURNS)),
+        MOTOR, "warning",
+    ),
     "generator 4 % off": ("shaft_power_disagrees", motor_and_generator(-0.04), MOTOR, "warning"),
     "torque 5 % off": (
-        "losses_below_copper", motor_and_generator(-0.05, brakes=False), MOTOR, "error"
+        "losses_below_copper", decided(motor_and_generator(-0.05, brakes=False)), MOTOR, "error"
     ),
     "torque 12 % off, losses below zero": (
-        "losses_negative", motor_and_generator(-0.12, brakes=False), MOTOR, "error"
+        "losses_negative", decided(motor_and_generator(-0.12, brakes=False)), MOTOR, "error"
     ),
     "torque 12 % off, losses below zero, and allowed to be": (
-        "losses_negative", motor_and_generator(-0.12, brakes=False),
+        "losses_negative", decided(motor_and_generator(-0.12, brakes=False)),
         replace(MOTOR, parameters={"shaft_power_gain": ParameterOverride(sd=0.05)}), "warning"
     ),
     "no unit in doubt where the torque is allowed to be off": (
@@ -353,7 +388,7 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         replace(MOTOR, parameters={"shaft_power_gain": ParameterOverride(sd=0.05)}), None
     ),
     "torque 5 % off, and allowed to be": (
-        "losses_below_copper", motor_and_generator(-0.05, brakes=False),
+        "losses_below_copper", decided(motor_and_generator(-0.05, brakes=False)),
         replace(MOTOR, parameters={"shaft_power_gain": ParameterOverride(sd=0.04)}), "warning"
     ),
     "map of losses": (

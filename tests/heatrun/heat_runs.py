@@ -74,6 +74,11 @@ def changed(record: Record, **channels: np.ndarray) -> Record:
     return replace(record, channels={**record.channels, **channels})
 
 
+def decided(record: Record) -> Record:
+    """The motor file gives every unit, so that none is asked about."""
+    return replace(record, decided=frozenset(record.channels))
+
+
 def without(record: Record, channel: str) -> Record:
     kept = {name: column for name, column in record.channels.items() if name != channel}
     return replace(record, channels=kept)

@@ -134,3 +134,15 @@ def test_what_tests_do_not_tell_apart_widens_the_intervals(searched):
     (finding, _) = asked_findings(tied, is_plain=False)
     assert finding.id == "effect_ambiguous"
     assert finding.values == {"sensor_lag": 0.5, "time_shift": 0.5}
+
+
+def test_the_evidence_survives_columns_that_are_one():
+    """Of large signatures that are nearly one, the products keep no trace of the prior."""
+    rng = np.random.default_rng(3)
+    column = 1e9 * rng.standard_normal(40)
+    twins = [column * factor for factor in (1.0, 1.0 - 1e-9, 1.0 + 1e-9)]
+    joined = np.column_stack([rng.standard_normal(40), *twins])
+    value, step = evidence(joined.T @ joined, np.zeros(3))
+    assert np.isfinite(value)
+    # what one column of all three amplitudes would take
+    assert np.sum(step) == pytest.approx(-joined[:, 0] @ column / (column @ column), rel=1e-2)

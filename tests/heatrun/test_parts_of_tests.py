@@ -255,3 +255,26 @@ def test_a_path_with_an_at_sign_names_no_part(bench, capsys):
     path = f"{bench}/rig@bench/../drive.csv"
     assert main(["check", str(bench / "motor.toml"), path, "--from", "5min"]) == 1
     assert "names its part already" not in capsys.readouterr().err
+
+
+def test_loads_run_straight_over_a_bridge_and_temperatures_stay(bench):
+    table = pd.read_csv(bench / "drive.csv")
+    table.loc[1500:1502, "losses_W"] = 65535.0
+    table.to_csv(bench / "drive.csv", index=False)
+    motor = machine()
+    (spike,) = findings(read_test(bench / "drive.csv", motor), motor, "load_spike")
+    assert spike.values["from_s"] == 1500.0
+    line = spike.remedy.partition("bridge = ")[2].partition(" in the")[0]
+    assert line == "[[1500.0, 1502.0]]"
+    motor = machine(f"[tests.drive]\nbridge = {line}\n")
+    record = read_test(bench / "drive.csv", motor)
+    assert findings(record, motor, "load_spike") == []
+    np.testing.assert_array_equal(record["losses_W"][1498:1505], 400.0)
+    np.testing.assert_array_equal(record["winding_degC"], table["winding_degC"])
+    assert any("interpolated" in note for note in record.notes)
+
+
+@pytest.mark.parametrize("window", ["[[9000, 9100]]", "[[0, 3600]]"])
+def test_a_bridge_needs_samples_inside_and_outside(bench, window):
+    with pytest.raises(InputError, match="bridge"):
+        read_test(bench / "drive.csv", machine(f"[tests.drive]\nbridge = {window}\n"))

@@ -127,3 +127,30 @@ def test_channels_of_a_measurement_file(tmp_path):
 def test_channels_of_different_rates_are_not_combined(tmp_path):
     with pytest.raises(InputError, match="have different times"):
         of_measurement_file(tmp_path, fast=True)
+
+
+CURRENT = np.where((TIME_S > 100) & (TIME_S < 900), 12.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("factor", "says", "severity", "share_of_heat"),
+    [(0.0, "nothing", "error", "67 %"), (0.5, "0.5 of it", "error", "75 %"),
+     (-1.0, "the other sign", "warning", "")],
+)  # fmt: skip
+def test_a_phase_that_reads_wrongly_is_no_part_of_a_mean(
+    tmp_path, factor, says, severity, share_of_heat
+):
+    columns = {"I_U": CURRENT, "I_V": 1.01 * CURRENT, "I_W": factor * CURRENT + 0.003}
+    line = 'phase_current_A = "mean(I_U, I_V, I_W) [A]"'
+    record = read(tmp_path, columns | {"T": U}, f'{line}\nwinding_degC = "T [degC]"')
+    (finding,) = [one for one in record.findings if one.id == "sensors_differ"]
+    assert finding.severity == severity
+    assert f"'I_W' reads {says}" in finding.message
+    assert share_of_heat in finding.message
+    assert 'phase_current_A = "mean(I_U, I_V)"' in finding.remedy
+
+
+def test_phases_that_differ_as_phases_do_are_no_finding(tmp_path):
+    columns = {"I_U": CURRENT, "I_V": 1.06 * CURRENT, "I_W": 0.97 * CURRENT, "T": U}
+    line = 'phase_current_A = "mean(I_U, I_V, I_W) [A]"\nwinding_degC = "T [degC]"'
+    assert read(tmp_path, columns, line).findings == ()

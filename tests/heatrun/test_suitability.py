@@ -40,6 +40,20 @@ def finding(id: str, severity: str, where: str = "t", message: str = "Too hot.")
             "time constant; read the warnings first (nan_block).",
         ),
         (
+            [
+                Finding(
+                    "no_heating",
+                    "warning",
+                    "Falls.",
+                    "t",
+                    values={"tau_fast_s": 36.79, "tau_slow_s": 1037.7},
+                )
+            ],
+            True,
+            "This record gives time constants only: 36.8 s and 1040 s. Heat capacities and "
+            "resistances need a test under load beside it.",
+        ),
+        (
             [finding("unit_suspected", "warning"), finding("nan_block", "warning")],
             True,
             "To be cleared up first: a column may be in another unit (unit_suspected). Then this "

@@ -14,7 +14,7 @@ from .clocks.align import join
 from .own_files import refuse_own_file
 from .readers.read import read_record
 from .record import Record
-from .stretch import Stretch, cut, mask, stretch_of, windows_in, with_seen_start
+from .stretch import Stretch, bridge, cut, mask, stretch_of, windows_in, with_seen_start
 
 RATE = re.compile(r"^(?P<path>.*)@(?P<rate>[^@/\\]*)Hz$", re.DOTALL)
 SHEET = re.compile(r"^(?P<path>.+\.xls[xm](?:\.gz)?)#(?P<sheet>.+)$", re.DOTALL | re.IGNORECASE)
@@ -58,6 +58,8 @@ def parts_of(record: Record, motor: Motor, stretch: Stretch | None = None) -> tu
     said_by = f"[tests.{record.name}] of the motor file"
     windows = parts.mask if parts is not None else ()
     mask(record, windows, f"mask in {said_by}")  # a window without a sample is an error
+    if parts is not None:
+        record = bridge(record, parts.bridge, f"bridge in {said_by}")
     if stretch is not None:
         found = [cut(record, stretch, "asked for with the file")]
     else:

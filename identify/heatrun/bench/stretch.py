@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import InputError
-from .channels.schema import BODIES
+from .channels.schema import BODIES, CHANNEL
 from .record import Record
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
@@ -199,6 +199,42 @@ def mask(record: Record, windows: Sequence[tuple[float, float]], said_by: str) -
     spans = ", ".join(f"{low:g} s to {high:g} s" for low, high in windows)
     note = f"readings from {spans} are not compared: {said_by}"
     return replace(hidden, channels=channels, notes=(*record.notes, note))
+
+
+def bridge(record: Record, windows: Sequence[tuple[float, float]], said_by: str) -> Record:
+    """Return a record whose loads run straight through some windows.
+
+    Temperatures stay. Each other channel is interpolated between the samples on either side: for
+    values that a logger made up, such as 65535.
+
+    Args:
+        record: The record.
+        windows: First and last time of each [s].
+        said_by: Who asks for it, for the note.
+
+    Raises:
+        InputError: If a window holds no sample, or all of them.
+    """
+    if not windows:
+        return record
+    hidden = masked(replace(record, masks=tuple(windows)))
+    if hidden.all() or not all(windows_in(record, [window]) for window in windows):
+        raise InputError(
+            "A window of bridge holds no sample, or every one.",
+            where=f"{record.name}, {said_by}",
+            remedy="Times are counted from the first sample of the file.",
+        )
+    seen = ~hidden & np.isfinite(record.time_s)
+    channels = dict(record.channels)
+    for name, values in record.channels.items():
+        if name in CHANNEL and CHANNEL[name].quantity not in ("temperature", "time"):
+            known = seen & np.isfinite(values)
+            if known.any():
+                straight = np.interp(record.time_s, record.time_s[known], values[known])
+                channels[name] = np.where(hidden, straight, values)
+    spans = ", ".join(f"{low:g} s to {high:g} s" for low, high in windows)
+    note = f"loads from {spans} are interpolated: {said_by}"
+    return replace(record, channels=channels, notes=(*record.notes, note))
 
 
 def windows_in(

@@ -77,7 +77,9 @@ class Linear:
         self.shifts = dict(zip(own, shifts, strict=True))
         self.slopes = dict(zip(own, columns[1:], strict=True))
         joined = [centre.residual[:, None], np.stack(shifts, axis=1), *columns]
-        rows = self.engine.whiten(self._noise, np.concatenate(joined, axis=1))
+        # what has left the model is far off all the same, and spares the products the rest
+        within = np.clip(np.nan_to_num(np.concatenate(joined, axis=1)), -WORST_K, WORST_K)
+        rows = self.engine.whiten(self._noise, within)
         self._products = rows.T @ rows
         ends = np.cumsum([1 + len(shifts), len(base), *map(len, own.values())])
         self._places = {

@@ -28,6 +28,14 @@ APART_K, APART_SHARE = 5.0, 0.2
 elsewhere: phases of one winding differ by a few kelvin."""
 
 
+FLOWS = 0.2
+"""In parts of the largest current [1]: below, offsets of the clamps decide."""
+
+UNBALANCE, PHASE_OFF, NOTHING = 0.1, 0.2, 0.02
+"""Phases of a balanced machine agree to this share [1]; one that differs by the second is its
+clamp's, its range's or its winding's; one below the third is dead."""
+
+
 def split_parts(text: str) -> list[str]:
     """Return the columns between the brackets; a comma inside brackets separates none."""
     return [part.strip() for part in re.split(r",(?![^\[(]*[\])])", text)]
@@ -93,15 +101,17 @@ def known_by(sources: Sequence[UnitSource]) -> UnitSource:
 
 
 def sensors_differ(channel: str, parts: Mapping[str, np.ndarray], where: str) -> Finding | None:
-    """Return a warning about a sensor that departs from the others, None if none does.
+    """Return the finding about a sensor that departs from the others, None if none does.
 
     Args:
-        channel: A temperature.
-        parts: Column to readings [degC], shape (time,) each.
+        channel: A temperature or the phase current.
+        parts: Column to readings [degC or A], shape (time,) each.
         where: The file.
     """
-    if CHANNEL[channel].quantity != "temperature" or len(parts) < 2:
+    if len(parts) < 2:
         return None
+    if CHANNEL[channel].quantity == "phase current":
+        return _phase_differs(channel, parts, where)
     names, stacked = list(parts), np.stack(list(parts.values()))
     stacked = stacked[:, np.all(np.isfinite(stacked), axis=0)]
     if stacked.shape[1] == 0:
@@ -124,4 +134,46 @@ def sensors_differ(channel: str, parts: Mapping[str, np.ndarray], where: str) ->
         f"{where}, {channel}",
         "Check where it sits and whether it is loose; leave it out of [columns] if so.",
         values={"apart_K": distance, "rise_K": rise},
+    )
+
+
+def _phase_differs(channel: str, parts: Mapping[str, np.ndarray], where: str) -> Finding | None:
+    """Return the finding about a phase that reads less or more than the others agree on."""
+    names, stacked = list(parts), np.stack(list(parts.values()))
+    stacked = stacked[:, np.all(np.isfinite(stacked), axis=0)]
+    level = (
+        np.median(np.abs(stacked), axis=0) if len(names) > 2 else np.max(np.abs(stacked), axis=0)
+    )
+    flows = level > FLOWS * np.quantile(level, 0.99) if level.size else np.zeros(0, dtype=bool)
+    if not flows.any():
+        return None
+    # of a few hours at most, so that a passing unbalance of a start is none of the clamp's
+    share = np.median(stacked[:, flows] / level[flows], axis=1)
+    off = np.abs(share - 1.0)
+    worst = int(np.argmax(off))
+    others = np.delete(share, worst)
+    agree = len(names) == 2 or np.ptp(others) < UNBALANCE
+    if off[worst] < PHASE_OFF or not agree:
+        return None
+    got = f"{share[worst]:.3g} of it"
+    got = "nothing" if abs(share[worst]) < NOTHING else got
+    is_sign = abs(share[worst] + 1.0) < UNBALANCE
+    got = "the other sign" if is_sign else got
+    whole = float(np.sqrt(np.mean(share**2)))
+    factor = 1.0 if is_sign else float(np.sqrt(np.mean(others**2))) / whole
+    rest = [name for name in names if name != names[worst]]
+    line = f"mean({', '.join(rest)})" if len(rest) > 1 else rest[0]
+    harm = (
+        "Squares have no sign, so that the mean is right; the clamp sits the wrong way round."
+        if is_sign
+        else f"The mean reads {100.0 / factor**2:.0f} % of the copper loss."
+    )
+    return Finding(
+        "sensors_differ",
+        "warning" if is_sign else "error",
+        f"Expected phases of one winding to carry one current; column '{names[worst]}' reads {got} "
+        f"where {' and '.join(rest)} {'agree' if len(rest) > 1 else 'carries current'}. {harm}",
+        f"{where}, {channel}",
+        f'Check its clamp and its range. To do without it: {channel} = "{line}" under [columns].',
+        values={"share": float(share[worst]), "factor": factor},
     )

@@ -18,15 +18,18 @@ from .balance_errors import shaft_power_disagrees
 from .course import ambient_moving, cut_while_warm, no_heating, start_not_in_equilibrium
 from .excitation import single_step, too_short
 from .heat import losses_absent, losses_of_dc_link
+from .load_spike import load_spike
 from .losses import current_amplitude, losses_below_copper, losses_negative
+from .mend import mended
 from .origin import simulated_by_heatrun
 from .presence import missing_channel, nan_block, too_few_samples
 from .resolution import resolution, truncation
 from .same_quantity import columns_disagree
 from .sensor import sensor_detached, temperature_jump
+from .shaft_power import losses_of_shaft
 from .standstill import current_scale_unchecked, standstill_losses
 from .stillness import saturation, sensor_stuck
-from .suspicion import referred, unit_suspected
+from .suspicion import unit_suspected
 from .time_axis import sampling, time_backwards, time_duplicate, time_gap, time_jitter
 from .units import ambient_implausible, unit_assumed, units_temperature
 
@@ -41,15 +44,17 @@ CHECKS: tuple[Check, ...] = (
     time_gap,
     time_jitter,
     sampling,
+    load_spike,
     nan_block,
     units_temperature,
+    losses_of_shaft,
     unit_suspected,
     unit_assumed,
-    ambient_implausible,
-    sensor_stuck,
     sensor_detached,
     temperature_jump,
     saturation,
+    sensor_stuck,
+    ambient_implausible,
     resolution,
     truncation,
     losses_absurd,
@@ -70,6 +75,20 @@ CHECKS: tuple[Check, ...] = (
 )
 """Every check, named as the id of its findings, in the order in which they are reported."""
 
+OF_THE_COURSE = (start_not_in_equilibrium, cut_while_warm, ambient_moving, single_step, too_short)
+"""Checks of how a test was run: of one that an error will change they say nothing."""
+
+OF_THE_BALANCE = (
+    losses_absurd, losses_negative, losses_below_copper, current_amplitude, standstill_losses
+)  # fmt: skip
+"""Checks of powers and current, which say nothing before it is clear what these are."""
+
+OF_THE_SENSOR = (sensor_detached, temperature_jump, saturation, sensor_stuck)
+"""Checks of the winding's reading: what comes first in time is told first."""
+
+MOST_FAULTS = 6
+"""Of one sensor; what reads worse is not worth more words."""
+
 
 def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Return what is to be said about a record before anything is fitted to it.
@@ -80,18 +99,50 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
 
     Returns:
         The readers' own findings, then those of each check in the order of `CHECKS`, each carrying
-        the name of the record. One of severity `"error"` forbids a fit.
+        the name of the record. One of severity `"error"` forbids a fit. What follows from a fault
+        that another finding names is not told beside it: after it the record is checked as `mend`
+        makes it.
     """
     shapes = {np.shape(column) for column in record.channels.values()}
     # Without a clock, or with columns of different length, no other check has anything to stand on.
     checks = CHECKS if "time_s" in record and len(shapes) == 1 else (missing_channel,)
+    findings = list(record.findings)
     # Overflow of absurd values yields inf or NaN, and comparisons with those say no.
     with np.errstate(all="ignore"):
-        own = [finding for check in checks for finding in check(record, motor)]
+        for finding in record.findings:
+            record, motor = mended(record, motor, finding)
+        for check in checks:
+            errors = {one.id for one in findings if one.severity == "error"}
+            if errors and check in OF_THE_COURSE:
+                continue
+            if errors & {"unit_suspected", "losses_of_shaft"} and check in OF_THE_BALANCE:
+                continue
+            if check in OF_THE_SENSOR and check is not OF_THE_SENSOR[0]:
+                continue
+            if check in OF_THE_SENSOR:
+                found, record = _of_the_sensor(record, motor)
+            else:
+                found = check(record, motor)
+            findings += found
+            for finding in found:
+                record, motor = mended(record, motor, finding)
     return tuple(
-        finding if finding.test else replace(finding, test=record.name)
-        for finding in (*record.findings, *referred(own))
+        finding if finding.test else replace(finding, test=record.name) for finding in findings
     )
+
+
+def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]:
+    """Return the findings on the winding's reading in the order of time, and the record without."""
+    told: list[Finding] = []
+    for _ in range(MOST_FAULTS):
+        found = [finding for check in OF_THE_SENSOR for finding in check(record, motor)]
+        errors = [one for one in found if mended(record, motor, one)[0] is not record]
+        if not errors:
+            return [*told, *found], record
+        first = min(errors, key=lambda one: one.values.get("from_s") or 0.0)
+        told.append(first)
+        record, _ = mended(record, motor, first)
+    return told, record
 
 
 __all__ = ["CHECKS", "Check", "check_record", "current_scale_unchecked"]

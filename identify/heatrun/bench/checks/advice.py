@@ -47,10 +47,21 @@ def mask_line(record: Record, windows: Sequence[tuple[float, float]]) -> str:
             return use_line(record, (float(later[0]), float(time_s[-1])))
     # a key stands once in its section: what is left out already belongs to the line
     windows = sorted({*record.masks, *windows})
+    return f"{section_of(record)} mask = {windows_text(windows)} in the motor file"
+
+
+def windows_text(windows: Sequence[tuple[float, float]]) -> str:
+    """Return windows as the motor file has them, widened to tenths of a second.
+
+    Args:
+        windows: First and last time of each [s], in order.
+    """
     if len(windows) > MOST_WINDOWS:
-        return f"{section_of(record)} mask = [[FROM, UNTIL], …] in the motor file"
+        return "[[FROM, UNTIL], …]"
+    tenths = [(math.floor(10.0 * low), math.ceil(10.0 * high)) for low, high in windows]
     pairs = ", ".join(
-        f"[{math.floor(10.0 * low) / 10.0:.1f}, {math.ceil(10.0 * high) / 10.0:.1f}]"
-        for low, high in windows
+        # a window of one sample has two ends too
+        f"[{low / 10.0:.1f}, {max(high, low + 1) / 10.0:.1f}]"
+        for low, high in tenths
     )
-    return f"{section_of(record)} mask = [{pairs}] in the motor file"
+    return f"[{pairs}]"

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from ...io.quantities import rounded
 from ...motor import Motor
 from ..record import Finding, Record
 from ..rounding import rounding_step
 from .samples import block_means, is_loaded, place, samples, sink_channel, with_all_heat
+from .settling import cooling_constants
 
 START_S = 2.0
 """A winding under full load moves about 2 K in its first second at most, and less than 0.5 K as a
@@ -18,6 +22,9 @@ HEATED_STEPS = 5.0
 HEATED_K = 2.0
 """Sensors agree to 0.5..1 K; a rise that does not exceed twice that, or five rounding steps,
 carries no information on four parameters."""
+
+STEADY_K = 10.0
+"""Rise of a steady load that tells a resistance: sensors of 1 K make 10 % of it."""
 
 EQUILIBRIUM_K = 2.0
 """Two sensors of a bench agree to about 1 K each; a larger difference is heat left in the
@@ -74,23 +81,47 @@ def no_heating(record: Record, motor: Motor) -> tuple[Finding, ...]:
     if rise > limit:
         return ()
     is_cooling = fall > limit
+    constants = cooling_constants(record, motor) if is_cooling else ()
+    names = ("tau_fast_s", "tau_slow_s")[2 - len(constants) :]
     return (
         Finding(
             "no_heating",
             "warning" if is_cooling else "error",
             f"Expected the winding to warm by more than {limit:.1f} K; it rises by {rise:.1f} K"
             + (
-                f" and falls by {fall:.1f} K. A cooling curve alone determines time constants, not "
-                "heat capacities."
+                f" and falls by {fall:.1f} K. A cooling curve alone determines time constants"
+                f"{_told(constants)}, not heat capacities."
                 if is_cooling
                 else ": without heating, no thermal parameter can be identified."
+                + _steady(record, motor)
             ),
             place(record, "winding_degC", float(means_s[0]), float(means_s[-1])),
             "Fit it together with a test under load."
             if is_cooling
             else "Check which column is mapped as winding_degC, and whether the load was on.",
-            values={"rise_K": rise, "fall_K": fall, "limit_K": limit},
+            values={"rise_K": rise, "fall_K": fall, "limit_K": limit}
+            | dict(zip(names, constants, strict=True)),
         ),
+    )
+
+
+def _told(constants: Sequence[float]) -> str:
+    return f" ({' and '.join(f'{rounded(tau)} s' for tau in constants)})" if constants else ""
+
+
+def _steady(record: Record, motor: Motor) -> str:
+    """Return what a record at one temperature says all the same; empty if nothing."""
+    _, winding, sink, losses = samples(
+        with_all_heat(record, motor), "winding_degC", sink_channel(motor), "losses_W"
+    )
+    loaded = is_loaded(losses)
+    excess = float(np.mean(winding - sink)) if winding.size else 0.0
+    if loaded.size == 0 or not loaded.all() or excess < STEADY_K:
+        return ""
+    watts = float(np.mean(losses))
+    return (
+        f" What it says is the rise of a steady load: {excess:.1f} K at {rounded(watts)} W, "
+        f"{rounded(excess / watts)} K/W from the winding to {sink_channel(motor)}."
     )
 
 
@@ -124,8 +155,10 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...
     excess = float(np.median(winding[:lead] - sink[:lead]))
     part = max(1, lead // 5)
     drift = float(np.mean(winding[lead - part : lead]) - np.mean(winding[:part]))
-    is_hot = abs(excess) > EQUILIBRIUM_K + 0.5 * step
     is_drifting = abs(drift) > LEAD_DRIFT_K + step
+    if is_drifting:  # then where it starts is what the first samples say
+        excess = float(np.median((winding - sink)[time_s <= time_s[0] + START_S]))
+    is_hot = abs(excess) > EQUILIBRIUM_K + 0.5 * step
     if not (is_hot or is_drifting):
         return ()
     if any(body in record for body in STATOR):
@@ -141,7 +174,9 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...
             "start_not_in_equilibrium",
             "warning",
             f"Expected the winding within {EQUILIBRIUM_K:.0f} K of {sink_name} at the start; it is "
-            f"{excess:+.1f} K away and drifts by {drift:+.1f} K before the load. {meaning}",
+            f"{excess:+.1f} K away"
+            f"{f' and drifts by {drift:+.1f} K before the load' if lead < time_s.size else ''}. "
+            f"{meaning}",
             place(record, "winding_degC", float(time_s[0]), float(time_s[lead - 1])),
             remedy,
             values={

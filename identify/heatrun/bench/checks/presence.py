@@ -113,7 +113,8 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
     step_s = median_step(samples(record)[0])
     found = []
     for channel, column in record.channels.items():
-        missing = ~is_measured(np.asarray(column, dtype=float))
+        values = np.asarray(column, dtype=float)
+        missing = ~is_measured(values)
         is_reading = channel == "winding_degC" or channel in BODIES
         if is_reading:
             missing &= ~masked(record)
@@ -147,7 +148,7 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 severity,
                 f"Expected a number in every sample; {int(lengths.sum())} are missing "
                 f"({100.0 * share:.1f} %) in {lengths.size} stretches, the longest of {longest} "
-                f"samples ({duration_s:.3g} s). {MEANING[severity]}",
+                f"samples ({duration_s:.3g} s).{_overrange(values[missing])} {MEANING[severity]}",
                 where,
                 REMEDY[severity] + (advice if severity == "error" else ""),
                 values={
@@ -159,6 +160,14 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
             )
         )
     return tuple(found)
+
+
+def _overrange(missing: np.ndarray) -> str:
+    """Return what an analyser writes beyond its range, empty where nothing of it stands there."""
+    beyond = missing[np.isfinite(missing)]
+    if not beyond.size:
+        return ""
+    return f" {beyond.size} read {beyond[0]:.2g}: the overrange or the error of an instrument."
 
 
 def _without(record: Record, channel: str, first: np.ndarray, past: np.ndarray) -> str:

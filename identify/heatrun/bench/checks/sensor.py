@@ -8,7 +8,8 @@ from ...motor import Motor
 from ..record import Finding, Record
 from ..rounding import rounding_step
 from .advice import mask_line, use_line
-from .samples import place, runs, samples, sink_channel
+from .samples import is_loaded, place, runs, samples, sink_channel, with_all_heat
+from .unexplained import Movement, unexplained_movement
 
 MAX_RATE_K_PER_S = 5.0
 """A winding heats adiabatically at rho J^2/(c d): with copper at 100 degC (2.3e-8 ohm m, 385 J/kg
@@ -45,6 +46,11 @@ MIN_EXCESS_K = 20.0
 excess ordinary cooling and rounding come near."""
 
 
+BELOW_HOUSING_K, BELOW_HOUSING_S = 3.0, 60.0
+"""Two sensors agree to 1 K each; a housing in the sun of an inverter is warmer than a cold winding
+for less."""
+
+
 def _noise(values: np.ndarray) -> float:
     """Robust standard deviation of the change from sample to sample."""
     changes = np.diff(values)
@@ -57,7 +63,48 @@ def _looks_like_kelvin(temperature: np.ndarray) -> bool:
 
 
 def temperature_jump(record: Record, motor: Motor) -> tuple[Finding, ...]:
-    """Report temperatures that move faster than heat allows.
+    """Report temperatures that move as no heat moves them.
+
+    Of any machine, as `jumps_at_once`; of this one, as `unexplained_movement`. What is a fall to
+    the sink belongs to `sensor_detached`.
+    """
+    found = jumps_at_once(record, motor)
+    if any("winding_degC" in finding.where for finding in found):
+        return found
+    moved = unexplained_movement(record, motor)
+    if moved is None or is_fall(record, motor, moved):
+        return found
+    change = moved.to_degC - moved.from_degC
+    remedy = "Check the sensor for a loose contact or interference."
+    remedy += (
+        f" To leave its readings out: {mask_line(record, [(moved.from_s, moved.until_s)])}."
+        if moved.is_back
+        else _without_jump(record, "winding_degC", moved.from_s, is_lasting=True)
+    )
+    back = f"; it is back at {moved.until_s:.0f} s" if moved.is_back else " and stays so"
+    return (
+        *found,
+        Finding(
+            "temperature_jump",
+            "error",
+            f"The reading changes by {change:+.1f} K within {moved.to_s - moved.from_s:.0f} s, "
+            f"where the heat in the record makes {moved.expected_K:+.1f} K of it{back}. The fit "
+            "would follow the fault.",
+            place(record, "winding_degC", moved.from_s, moved.to_s),
+            remedy,
+            values={
+                "largest_K": change,
+                "expected_K": moved.expected_K,
+                "from_s": moved.from_s,
+                "to_s": moved.to_s,
+                "until_s": moved.until_s,
+            },
+        ),
+    )
+
+
+def jumps_at_once(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report temperatures that move faster than the heat of any machine allows.
 
     The limit is 5 K/s times the step, plus two rounding steps and six standard deviations of the
     noise. A spike is a warning; a shift of the winding temperature that stays is an error, since a
@@ -150,11 +197,11 @@ def _falls(time_s: np.ndarray, temperature: np.ndarray, sink: np.ndarray) -> np.
 
 
 def sensor_detached(record: Record, motor: Motor) -> tuple[Finding, ...]:
-    """Report open-circuit readings, and a winding temperature that drops to the sink like no
-    winding.
+    """Report open-circuit readings, and a reading that leaves the winding for the air.
 
     Fault codes such as 850, 1372, 32767 or -327.68 are told by value and by the leap to them. A
-    sensor that has come off is told by a fall of half its excess in 10 s.
+    sensor that has come off is told by a fall that the heat in the record does not explain, or by
+    a reading below the housing while the winding is heated.
     """
     time_s, winding = samples(record, "winding_degC")
     if time_s.size < 3 or _looks_like_kelvin(winding):
@@ -182,36 +229,98 @@ def sensor_detached(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 },
             )
         )
+    if found:
+        return tuple(found)
+    fallen = _fallen(record, motor)
+    return (*found, *((fallen,) if fallen else ()))
+
+
+def _fallen(record: Record, motor: Motor) -> Finding | None:
+    """Return the finding on a reading that leaves the winding for the air, None if none does."""
+    moved = unexplained_movement(record, motor)
+    if moved is not None and is_fall(record, motor, moved):
+        stays = (
+            f", until {moved.until_s:.0f} s."
+            if moved.is_back
+            else ". From there on it does not show the winding."
+        )
+        return _detached(
+            record,
+            f"The reading falls from {moved.from_degC:.1f} to {moved.to_degC:.1f} °C within "
+            f"{moved.to_s - moved.from_s:.0f} s, where the heat in the record makes "
+            f"{moved.expected_K:+.1f} K of it{stays}",
+            (moved.from_s, moved.to_s, moved.until_s),
+            moved.is_back,
+            {"from_degC": moved.from_degC, "to_degC": moved.to_degC,
+             "expected_K": moved.expected_K},
+        )  # fmt: skip
+    time_s, winding, housing, losses = samples(
+        with_all_heat(record, motor), "winding_degC", "housing_degC", "losses_W"
+    )
+    if time_s.size < 3:
+        return None
+    room = BELOW_HOUSING_K + (rounding_step(winding) or 0.0)
+    first, past = runs((winding < housing - room) & is_loaded(losses))
+    lasting = [(a, b) for a, b in zip(first, past, strict=True)
+               if time_s[b - 1] - time_s[a] >= BELOW_HOUSING_S]  # fmt: skip
+    if not lasting:
+        return None
+    begin = lasting[0][0]
+    above = np.flatnonzero(winding[begin:] > housing[begin:])
+    until = begin + int(above[0]) - 1 if above.size else time_s.size - 1
+    least = float(np.min((winding - housing)[begin : until + 1]))
+    return _detached(
+        record,
+        f"The winding reads less than its housing under load, {-least:.1f} K less at most: heat "
+        "would flow into the winding that makes it.",
+        (float(time_s[begin]), float(time_s[lasting[0][1] - 1]), float(time_s[until])),
+        bool(above.size),
+        {"below_housing_K": -least},
+    )
+
+
+def _detached(
+    record: Record,
+    message: str,
+    span: tuple[float, float, float],
+    is_back: bool,
+    values: dict[str, float],
+) -> Finding:
+    from_s, to_s, until_s = span
+    remedy = "Check whether the sensor has come off. "
+    begin_s = float(samples(record)[0][0])
+    if is_back or from_s <= begin_s:
+        remedy += f"To leave its readings out: {mask_line(record, [(from_s, until_s)])}."
+    else:
+        remedy += f"To use the test up to there: {use_line(record, (begin_s, from_s))}."
+    return Finding(
+        "sensor_detached",
+        "error",
+        message,
+        place(record, "winding_degC", from_s, to_s),
+        remedy,
+        values=values | {"from_s": from_s, "to_s": to_s, "until_s": until_s},
+    )
+
+
+def is_fall(record: Record, motor: Motor, moved: Movement) -> bool:
+    """Return whether a movement brings the reading most of the way to the sink."""
+    time_s, sink = samples(record, sink_channel(motor))
+    around = float(np.interp(moved.from_s, time_s, sink))
+    left = (moved.to_degC - around) / max(moved.from_degC - around, 1e-9)
+    return moved.to_degC - moved.from_degC < moved.expected_K and left < 1.0 - FALL_SHARE
+
+
+def falls_at_once(record: Record, motor: Motor) -> bool:
+    """Return whether the excess over the sink halves within seconds, and stays so.
+
+    Whatever heats it: a clock in the wrong unit shows so.
+    """
     time_s, winding, sink = samples(record, "winding_degC", sink_channel(motor))
-    kept = ~_open_circuit(winding) if time_s.size else np.empty(0, dtype=bool)
-    time_s, winding, sink = time_s[kept], winding[kept], sink[kept]
-    if time_s.size > 2:
-        # A spike falls back as fast as it rose; only what stays down for the window is a fall.
-        first, past = runs(_falls(time_s, winding, sink))
-        stays = [
-            (a, b)
-            for a, b in zip(first, past, strict=True)
-            if time_s[b - 1] - time_s[a] > 0.25 * FALL_WINDOW_S
-        ]
-        if stays:
-            a = stays[0][0]
-            before = int(np.searchsorted(time_s, time_s[a] - FALL_WINDOW_S))
-            found.append(
-                Finding(
-                    "sensor_detached",
-                    "error",
-                    f"The reading falls from {winding[before]:.1f} to {winding[a]:.1f} °C within "
-                    f"{FALL_WINDOW_S:.0f} s, towards the sink at {sink[a]:.1f} °C; a winding takes "
-                    "minutes. From there on it does not show the winding.",
-                    place(record, "winding_degC", float(time_s[before]), float(time_s[a])),
-                    "Check whether the sensor has come off. To use the test up to there: "
-                    f"{use_line(record, (float(time_s[0]), float(time_s[before])))}.",
-                    values={
-                        "from_degC": float(winding[before]),
-                        "to_degC": float(winding[a]),
-                        "from_s": float(time_s[before]),
-                        "to_s": float(time_s[a]),
-                    },
-                )
-            )
-    return tuple(found)
+    if time_s.size < 3 or _looks_like_kelvin(winding):
+        return False
+    if _open_circuit(winding).any():
+        return True
+    # a spike falls back as fast as it rose; only what stays down for the window is a fall
+    first, past = runs(_falls(time_s, winding, sink))
+    return bool(np.any(time_s[past - 1] - time_s[first] > 0.25 * FALL_WINDOW_S))

@@ -1,4 +1,4 @@
-"""The slow time constant as the longest stretch of steady load shows it, without any network.
+"""Time constants without any network: of the longest stretch of steady load, and of a cool-down.
 
 A motor of many nodes under one load settles as a sum of exponentials whose last one is the slow
 one. Three consecutive means late in the stretch approach the end in a geometric row, and its ratio
@@ -9,6 +9,7 @@ a slow stator.
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import least_squares, nnls
 
 from ...motor import Motor
 from ..record import Record
@@ -29,6 +30,49 @@ SKIPPED_SHARE = 0.25
 SETTLED_SHARE = 0.02
 """Means that differ by less than this share of the excess over the sink are equal [1]: the losses
 themselves hold no better."""
+
+
+GRID = 24
+"""Time constants that a cool-down is first looked for with."""
+
+APART = 2.0
+"""Factor between two time constants [1] below which a record shows one."""
+
+BETTER = 0.7
+"""Rms residual of two over that of one [1] below which there are two."""
+
+
+def cooling_constants(record: Record, motor: Motor) -> tuple[float, ...]:
+    """Return the time constants of a cool-down [s], the fastest first: two, one or none.
+
+    Args:
+        record: Without load throughout.
+        motor: Says which channel is the sink.
+    """
+    time_s, winding, sink = samples(record, "winding_degC", sink_channel(motor))
+    width_s = float(np.ptp(time_s)) / 400.0 if time_s.size else 0.0
+    if width_s <= 0.0:
+        return ()
+    time_s, excess = block_means(time_s, width_s, winding - sink)
+    time_s = time_s - time_s[0]
+    if time_s.size < MIN_BLOCKS:
+        return ()
+    usual_s = float(np.median(np.diff(time_s)))
+
+    def rest(log_tau: np.ndarray) -> np.ndarray:
+        terms = np.exp(-time_s[:, None] / np.exp(log_tau))
+        return terms @ nnls(terms, excess)[0] - excess
+
+    grid = np.log(np.geomspace(0.5 * usual_s, 2.0 * time_s[-1], GRID))
+    tried = [np.array([a, b]) for i, a in enumerate(grid) for b in grid[i + 1 :]]
+    found = []
+    for starts in (grid[:, None], tried):
+        best = min(starts, key=lambda at: float(np.sum(rest(at) ** 2)))
+        solved = least_squares(rest, best, x_scale=0.1, bounds=(grid[0], grid[-1] + 1e-9)).x
+        found.append((np.sort(np.exp(solved)), float(np.sqrt(np.mean(rest(solved) ** 2)))))
+    (one, alone), (two, both) = found
+    is_two = both < BETTER * alone and two[1] > APART * two[0] and two[1] < 2.0 * time_s[-1]
+    return tuple(float(tau) for tau in (two if is_two else one))
 
 
 def settling_constants(record: Record, motor: Motor) -> float:

@@ -19,6 +19,9 @@ or three equal readings at a crest are chance."""
 HARMFUL_K = 2.0
 """Two kelvin is what a two-node network is expected to leave on a test; less hides in that."""
 
+REST_SHARE = 0.01
+"""In parts of the largest value [1]: what an instrument reads of nothing."""
+
 LIVE_SHARE = 0.9
 """A channel is live, so that equal readings mean something, if at least this share of its other
 samples differ from the one before [1]; set-points and rounded readings are not."""
@@ -103,8 +106,9 @@ def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
         if time_s.size <= FLAT_SAMPLES or np.ptp(values) == 0.0:
             continue
         for extreme, word in ((values.max(), "highest"), (values.min(), "lowest")):
-            # Zero current and zero losses at rest are no end of a range.
-            if word == "lowest" and (extreme == 0.0 or channel == "winding_degC"):
+            # What current and losses read at rest is no end of a range.
+            is_rest = abs(extreme) < REST_SHARE * np.max(np.abs(values))
+            if word == "lowest" and (is_rest or channel == "winding_degC"):
                 continue
             first, past = _flat_extreme(values, extreme)
             if first.size:

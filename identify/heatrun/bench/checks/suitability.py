@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...io.quantities import rounded
 from ..record import Finding
 from .doubts import DOUBTS, SIMULATED, doubts
 
@@ -52,6 +53,16 @@ def suitability(
         sentence = f"This record will do for {aim} once the motor file is complete: {reason}"
         return Suitability(test, False, sentence)
     warnings = {finding.id for finding in findings if finding.severity == "warning"}
+    cooling = next((one for one in findings if one.id == "no_heating"), None)
+    if cooling is not None:
+        taus = [tau for name, tau in cooling.values.items() if name.startswith("tau_") and tau]
+        told = f": {' and '.join(f'{rounded(tau)} s' for tau in taus)}" if taus else ""
+        return Suitability(
+            test,
+            True,
+            f"This record gives time constants only{told}. Heat capacities and resistances need a "
+            "test under load beside it.",
+        )
     weak = [words for id, words in WEAK.items() if id in warnings]
     others = sorted(warnings - set(WEAK) - set(DOUBTS))
     doubtful = doubts(findings)

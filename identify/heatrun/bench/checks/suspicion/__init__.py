@@ -5,6 +5,6 @@ that breaks one (`conflict`), the same record in other units (`other_readings`),
 mends it (`which_unit`).
 """
 
-from .which_unit import referred, unit_suspected
+from .which_unit import read_otherwise, unit_suspected
 
-__all__ = ["referred", "unit_suspected"]
+__all__ = ["read_otherwise", "unit_suspected"]

@@ -19,7 +19,8 @@ from ....motor import Motor
 from ...record import ColumnReading, Finding, Record
 from ..losses import losses_negative
 from ..samples import place, samples
-from ..sensor import sensor_detached, temperature_jump
+from ..sensor import falls_at_once, jumps_at_once
+from ..unexplained import unexplained_movement
 from ..units import ambient_implausible, units_temperature
 from .conflict import Conflict
 from .one_node import one_node, unsettled
@@ -39,8 +40,11 @@ MUCH_BETTER = 2.5
 """A supposition that leaves the time constant so many times [1] further from the usual one than
 the best is not named beside it."""
 
-SYMPTOMS = (temperature_jump, sensor_detached, losses_negative, ambient_implausible)
+SYMPTOMS = (jumps_at_once, falls_at_once, losses_negative, ambient_implausible)
 """Checks whose errors a misread unit brings about too; what mends the unit must end them."""
+
+OF_THE_SENSOR = frozenset({"jumps_at_once", "falls_at_once"})
+"""Those that another unit of the time may bring about, and no other unit."""
 
 CLOCK = frozenset({"too_long", "too_fast", "too_slow", "too_light"})
 FAMILIES = (
@@ -75,13 +79,15 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
         return ()
     symptoms = _symptoms(record, motor)
     is_shown = one_node(record, motor) is not None
+    is_whole = not OF_THE_SENSOR & {*symptoms} and unexplained_movement(record, motor) is None
     ids = {conflict.id for conflict in broken}
     unusual = {conflict.id for conflict in conflicts(record, motor, is_strict=True)}
     settled = unusual - {id for family in FAMILIES if family & ids for id in family} - CLOCK
 
     def mends(one: OtherReading) -> bool:
         stays = unusual & _kept(one, record) - ids
-        return _is_asked(one, ids) and _mends(one, settled | stays, is_shown)
+        must_show = is_shown and (is_whole or "time_s" in one.channels)
+        return _is_asked(one, ids) and _mends(one, settled | stays, must_show)
 
     mending = [one for one in other_readings(record, motor) if mends(one)]
     # A resistance that is in doubt does not free the columns from it.
@@ -102,7 +108,6 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
     is_decided = all(one.is_decided for one in mending)
     asked = any(one.is_assumed for one in mending) if is_mild else not is_decided
     otherwise = "note" if is_giant and is_decided else "warning"
-    explained = [*symptoms, *(c.id for c in broken if c.id == "losses_below_copper")]
     severity = "error" if asked and not is_odd else otherwise
     left = "note" if is_giant else "warning"
     sentences = [_supposed(one) for one in mending]
@@ -120,31 +125,28 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
             ),
             values={
                 **_figures(broken),
-                **{f"explains_{id}": 1.0 for id in explained},
                 **_factors(mending),
             },
         ),
     )
 
 
-def referred(findings: Sequence[Finding]) -> list[Finding]:
-    """Return findings, where those that a suspected unit explains send the reader to it.
+def read_otherwise(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Motor]:
+    """Return record and motor as the unit that a finding asks about makes them.
 
-    A fall within seconds looks like a sensor that has come off, until the clock is known to be in
-    minutes: the remedy of the one would then mislead.
+    Args:
+        record: The record.
+        motor: The machine.
+        finding: Of `unit_suspected`.
+
+    Returns:
+        The first of its suppositions; both as they are where it has none.
     """
-    explained = {
-        name.removeprefix("explains_")
-        for finding in findings
-        if finding.id == "unit_suspected"
-        for name in finding.values
-        if name.startswith("explains_")
-    }
-    remedy = "Explained by the unit that the finding unit_suspected asks about: clarify that first."
-    return [
-        replace(finding, remedy=remedy) if finding.id in explained else finding
-        for finding in findings
-    ]
+    likely = next((name for name in finding.values if name.startswith("factor_")), None)
+    for one in (*other_readings(record, motor), *scaled_readings(record, motor)):
+        if likely in _factors([one]):
+            return one.record, one.motor
+    return record, motor
 
 
 def _thinned(record: Record) -> Record:
@@ -161,11 +163,11 @@ def _family(id: str) -> frozenset[str]:
 
 
 def _symptoms(record: Record, motor: Motor) -> list[str]:
-    return [
-        check.__name__
-        for check in SYMPTOMS
-        if any(finding.severity == "error" for finding in check(record, motor))
-    ]
+    return [check.__name__ for check in SYMPTOMS if _is_shown(check(record, motor))]
+
+
+def _is_shown(found: bool | Sequence[Finding]) -> bool:
+    return found if isinstance(found, bool) else any(one.severity == "error" for one in found)
 
 
 def _is_asked(one: OtherReading, ids: set[str]) -> bool:
@@ -199,10 +201,11 @@ def _mends(one: OtherReading, left: set[str], is_shown: bool) -> bool:
     """
     if is_shown and one_node(one.record, one.motor) is None:
         return False
+    left_symptoms = OF_THE_SENSOR if "time_s" not in one.channels else frozenset()
     return not (
         conflicts(one.record, one.motor)
         or any(c.id not in left for c in conflicts(one.record, one.motor, is_strict=True))
-        or _symptoms(one.record, one.motor)
+        or set(_symptoms(one.record, one.motor)) - left_symptoms
         or any(f.severity == "error" for f in units_temperature(one.record, one.motor))
     )
 

@@ -1,0 +1,57 @@
+"""A record without the fault that a finding names, for the checks that come after it.
+
+What a fault brings about is then not told beside it, and what is not its doing is. Nothing that is
+fitted is changed: the record stays as it was read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...motor import Motor
+from ..record import Finding, Record
+from ..stretch import bridge, mask
+from .load_spike import spike_windows
+from .samples import runs
+from .suspicion import read_otherwise
+
+OF_THE_READING = ("sensor_detached", "temperature_jump", "sensor_stuck")
+"""Findings after which the winding's readings are left out while they last."""
+
+
+def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Motor]:
+    """Return record and motor as they would be without a fault; as they are where none is known.
+
+    Args:
+        record: The record.
+        motor: The machine.
+        finding: About it.
+    """
+    if finding.id == "sensors_differ" and "factor" in finding.values:
+        channel = finding.where.rpartition(", ")[2]
+        values = np.asarray(record[channel], dtype=float) * (finding.values["factor"] or 1.0)
+        return replace(record, channels={**record.channels, channel: values}), motor
+    if finding.severity != "error":
+        return record, motor
+    if finding.id == "time_backwards":
+        size = int(finding.values["sample"] or 0)
+        return replace(
+            record, channels={name: column[:size] for name, column in record.channels.items()}
+        ), motor
+    if finding.id == "unit_suspected":
+        return read_otherwise(record, motor, finding)
+    if finding.id == "load_spike":
+        return bridge(record, spike_windows(record, finding), ""), motor
+    if finding.id == "saturation" and "winding_degC" in finding.where:
+        winding = np.asarray(record["winding_degC"], dtype=float)
+        first, past = runs(np.isclose(winding, finding.values["extreme"] or 0.0))
+        ends = zip(record.time_s[first], record.time_s[past - 1], strict=True)
+        return mask(record, [*record.masks, *((float(a), float(b)) for a, b in ends)], ""), motor
+    if finding.id in OF_THE_READING and "winding_degC" in finding.where:
+        begin = finding.values.get("from_s")
+        until = finding.values.get("until_s", finding.values.get("to_s"))
+        if begin is not None and until is not None:
+            return mask(record, [*record.masks, (begin, until)], ""), motor
+    return record, motor

@@ -1,0 +1,85 @@
+"""What a record that suffered several faults is told: their causes, and none of what they cause."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from heat_runs import CLEAN, MOTOR, as_columns, changed, every, fell_off, heat_run
+
+from heatrun.bench.checks import check_record
+from heatrun.bench.checks.settling import cooling_constants
+from heatrun.bench.checks.unexplained import unexplained_movement
+from heatrun.bench.record import Record
+
+SLOW = every(CLEAN, 20)  # 2 s
+
+
+def errors(record: Record) -> list[str]:
+    return [one.id for one in check_record(record, MOTOR) if one.severity == "error"]
+
+
+def test_three_faults_are_three_findings():
+    record = fell_off(SLOW, 1500.0)
+    time_s = record.time_s.copy()
+    time_s[1400:] -= 2000.0
+    shaft_W = 0.6 * record["losses_W"]
+    power = (record["losses_W"] + shaft_W) / 1e3
+    struck = changed(
+        record, time_s=time_s, electrical_power_W=power, mechanical_power_W=shaft_W,
+        losses_W=power - shaft_W,
+    )  # fmt: skip
+    columns = as_columns(struck)
+    kept = tuple(one for one in columns.mapping if one.channel != "losses_W")
+    found = [
+        one for one in check_record(
+            Record("run", struck.channels, mapping=kept), MOTOR
+        ) if one.severity != "note"
+    ]  # fmt: skip
+    assert [one.id for one in found] == ["time_backwards", "unit_suspected", "sensor_detached"]
+
+
+def test_a_sensor_that_is_put_back_is_left_out_between():
+    record = fell_off(SLOW, 1500.0)
+    winding = np.where(record.time_s < 2200.0, record["winding_degC"], SLOW["winding_degC"])
+    (finding,) = [
+        one for one in check_record(changed(record, winding_degC=winding), MOTOR)
+        if one.severity == "error"
+    ]  # fmt: skip
+    assert finding.id == "sensor_detached"
+    assert "mask = [[1" in finding.remedy
+    assert finding.values["until_s"] == pytest.approx(2200.0, abs=5.0)
+
+
+def test_a_sensor_that_fails_early_teaches_nothing_false():
+    """Nine tenths of the record show air that no load warms."""
+    moved = unexplained_movement(fell_off(SLOW, 400.0), MOTOR)
+    assert moved is not None
+    assert moved.from_s == pytest.approx(400.0, abs=4.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_load_that_steps_explains_what_the_winding_does(seed):
+    clean = heat_run(100 + seed, 60.0, step_s=2.0, rounding=(0.0, 0.1, 1.0, 1.0)[seed], noise=0.05)
+    assert unexplained_movement(clean, MOTOR) is None
+
+
+@pytest.mark.parametrize("tau_s", [(37.0, 1040.0), (110.0, 2500.0)])
+def test_a_cool_down_tells_two_time_constants(tau_s):
+    time_s = np.arange(0.0, 3600.0, 5.0)
+    rise = sum(A * np.exp(-time_s / tau) for A, tau in zip((30.0, 50.0), tau_s, strict=True))
+    record = Record(
+        "run", {"time_s": time_s, "winding_degC": np.round(20.0 + rise, 1),
+                "ambient_degC": np.full(time_s.size, 20.0)},
+    )  # fmt: skip
+    assert cooling_constants(record, MOTOR) == pytest.approx(tau_s, rel=0.02)
+
+
+def test_a_steady_load_tells_its_rise():
+    steady = np.full(SLOW.time_s.size, 82.0)
+    steady[::7] += 0.1
+    record = changed(
+        SLOW, winding_degC=steady, ambient_degC=0.0 * steady + 22.0, losses_W=0.0 * steady + 300.0,
+        phase_current_A=0.0 * steady + 90.0,
+    )  # fmt: skip
+    (finding,) = [one for one in check_record(record, MOTOR) if one.id == "no_heating"]
+    assert "60.0 K at 300 W, 0.2 K/W" in finding.message

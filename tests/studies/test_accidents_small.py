@@ -1,0 +1,36 @@
+"""The study of accidents: its cases are struck as they say, its table counts what it says."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from accident_cases import is_named, run
+from accidents import limits, table
+
+
+def test_clean_records_are_not_accused_and_accidents_are_named(tmp_path):
+    """Two of each: a small version of the study."""
+    names = ["", "sensor falls off", "a phase reads nothing", "marker in the power"]
+    rows = [run({"accident": name, "seed": seed}, tmp_path) for name in names for seed in (1, 2)]
+    assert all(is_named(row) for row in rows if row["accident"])
+    text = table(rows, 1)
+    assert "0 of 2 accused" in text
+    assert "| sensor falls off | 2 | 2 | 2 |" in text
+    assert "| **all** | 6 | 6 | 6 |" in text
+
+
+def test_another_moment_or_another_finding_is_not_named():
+    found = ["sensor_detached", "error", "To leave its readings out: mask = [[1, 2]].", 900.0]
+    row = {"accident": "sensor falls off", "seed": 1, "at_s": 900.0, "findings": [found]}
+    assert is_named(row)
+    assert not is_named(row | {"at_s": 2000.0})
+    assert not is_named(row | {"findings": [["time_gap", *found[1:]]]})
+
+
+def test_limits_of_a_share():
+    assert limits(0, 240) == pytest.approx((0.0, 0.0152), abs=1e-4)
