@@ -6,10 +6,9 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from ..errors import InputError
 from ..motor import Motor
+from .channels.derive import derive
 from .clocks.align import join
 from .own_files import refuse_own_file
 from .readers.read import read_record
@@ -19,9 +18,6 @@ from .stretch import Stretch, cut, mask, stretch_of, windows_in, with_seen_start
 RATE = re.compile(r"^(?P<path>.*)@(?P<rate>[^@/\\]*)Hz$", re.DOTALL)
 SHEET = re.compile(r"^(?P<path>.+\.xls[xm](?:\.gz)?)#(?P<sheet>.+)$", re.DOTALL | re.IGNORECASE)
 NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?|\.[0-9]+")
-
-BY_CONSTANTS = "throughout: [constants] of the motor file"
-"""End of the note on a channel that was not measured."""
 
 
 def read_tests(path: Path | str, motor: Motor) -> tuple[Record, ...]:
@@ -163,14 +159,11 @@ def _read_files(text: str, motor: Motor) -> Record:
 
 
 def _with_constants(record: Record, motor: Motor) -> Record:
-    """Return the record with the constants of the motor file for channels that it does not have."""
-    added = {name: value for name, value in motor.constants.items() if name not in record}
-    if not added:
-        return record
-    size = record.time_s.size
-    channels = {name: np.full(size, value) for name, value in added.items()}
-    notes = [f"{name} = {value:g} {BY_CONSTANTS}" for name, value in added.items()]
-    return replace(record, channels={**record.channels, **channels}, notes=(*record.notes, *notes))
+    """Return the record with the constants of the motor file, and what follows with them."""
+    channels, notes = derive(
+        record.channels, phases=motor.phases, losses=motor.losses, constants=motor.constants
+    )
+    return replace(record, channels=channels, notes=(*record.notes, *notes))
 
 
 def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...io.quantities import off_by, part_of
 from ...motor import Motor
-from ..channels.derive import WITH_INVERTER, dq_power, formulas
+from ..channels.derive import WITH_INVERTER, constants_of, dq_power, formulas
 from ..record import Finding, Record
 from .losses import BLOCK_S, STANDSTILL_RPM
 from .samples import block_means, is_loaded, place, runs, samples
@@ -158,8 +158,9 @@ def _of_voltage(record: Record, motor: Motor) -> Agreement | None:
 
 def _formula(record: Record) -> str:
     """Return how the losses were derived, empty if they were measured."""
-    read = [one.channel for one in record.mapping if one.unit_from != "derived"]
-    return formulas(record.channels, read).get("losses_W", "")
+    read = {one.channel for one in record.mapping if one.unit_from != "derived"}
+    given = read | constants_of(record.notes)
+    return formulas(record.channels, given).get("losses_W", "")
 
 
 def _agreement(
