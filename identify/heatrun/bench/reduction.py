@@ -15,6 +15,7 @@ from ..motor import Motor
 from .blocks import BLOCK_S, Blocks, Body
 from .channels.derive import recorded_shaft_power
 from .channels.schema import BODIES
+from .checks.samples import needed_channels
 from .record import Record
 from .rounding import rounding_step
 
@@ -103,13 +104,13 @@ def reduce(
         bodies=tuple(_bodies(record, edges, shape)),
         sensor=_column(record, "winding_degC"),
         first_s=float(time[0]),
+        has_current="phase_current_A" in record,
         notes=notes,
     )
 
 
 def _require(record: Record, motor: Motor) -> None:
-    needed = ("phase_current_A", "losses_W", f"{motor.sink}_degC", "winding_degC")
-    missing = [channel for channel in needed if channel not in record]
+    missing = [channel for channel in needed_channels(record, motor) if channel not in record]
     if missing:
         raise InputError(
             f"channel {', '.join(missing)} is missing; the record has "
@@ -172,7 +173,9 @@ def _inputs(
         shaft = _interval_means(record.time_s[finite], shaft[finite], edges)
     fastest = 1.0 if speed is None else max(float(np.max(np.abs(speed))), 1e-9)
     rated = motor.rated_speed_rpm
-    current_squared = mean("phase_current_A", power=2)
+    current_squared = np.zeros(edges.size - 1)
+    if "phase_current_A" in record:
+        current_squared = mean("phase_current_A", power=2)
     inputs = Inputs(
         step=jnp.asarray(step, dtype=float),
         current_squared=jnp.asarray(current_squared),

@@ -48,7 +48,7 @@ def missing_channel(record: Record, motor: Motor) -> tuple[Finding, ...]:
     length.
     """
     found = []
-    for channel in needed_channels(motor):
+    for channel in needed_channels(record, motor):
         if channel not in record:
             have = ", ".join(record.channels) or "none"
             message = f"Channel `{channel}` is needed for a fit; the record has {have}."
@@ -84,9 +84,10 @@ def _beside_a_link(channel: str, record: Record) -> str:
 
 def too_few_samples(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report a record with fewer usable samples than unknowns can be drawn from."""
-    if any(channel not in record for channel in needed_channels(motor)):
+    needed = needed_channels(record, motor)
+    if any(channel not in record for channel in needed):
         return ()  # `missing_channel` says why there are none
-    usable = samples(record, *needed_channels(motor)[1:])[0].size
+    usable = samples(record, *needed[1:])[0].size
     if usable >= MIN_SAMPLES:
         return ()
     total = len(record.time_s)
@@ -109,7 +110,7 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
     Infinities and numbers of 1e12 and more count as missing. In channels that no fit needs any
     missing value is a note.
     """
-    needed = needed_channels(motor)
+    needed = needed_channels(record, motor)
     step_s = median_step(samples(record)[0])
     found = []
     for channel, column in record.channels.items():
