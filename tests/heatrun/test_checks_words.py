@@ -41,7 +41,7 @@ def test_a_missing_loss_is_told_beside_the_power_of_the_link():
     motor = replace(MOTOR, losses="map")  # of which the copper loss is no part
     found = {f.where: f.remedy for f in named(check_record(record, motor), "missing_channel")}
     assert "torque_Nm" in found["run, losses_W"]
-    assert "not the loss" in found["run, losses_W"]
+    assert "[constants] speed_rpm = 0" in found["run, losses_W"]
     assert "dc_current_A is not" in found["run, phase_current_A"]
     plain = named(check_record(without(CLEAN, "losses_W"), MOTOR), "missing_channel")
     assert "torque_Nm" not in plain[0].remedy

@@ -89,11 +89,11 @@ def standstill_losses(record: Record, motor: Motor) -> tuple[Finding, ...]:
     if losses is not None:
         # in losses from d and q the same current stands once more
         power = 1.0 if DQ in _formula(record) else 2.0
-        found.append(_finding(record, losses, "losses_W", "the losses", "phases·R(T)·I²", power))
+        found.append(_finding(record, motor, losses, "losses_W", "the losses", power))
     quotient = _of_voltage(record, motor)
     if quotient is not None:
         what = "the powers of voltage and current in d and q"
-        found.append(_finding(record, quotient, "u_q_V", what, "phases·R(T)·I²", 1.0))
+        found.append(_finding(record, motor, quotient, "u_q_V", what, 1.0))
     return tuple(found)
 
 
@@ -244,8 +244,9 @@ def _leads(ratio: float) -> str:
 
 
 def _finding(
-    record: Record, seen: Agreement, channel: str, what: str, expected: str, power: float
+    record: Record, motor: Motor, seen: Agreement, channel: str, what: str, power: float
 ) -> Finding:
+    expected = "phases·R(T)·I²"
     band = 100.0 * DECISIVE * seen.sd
     stretch = f"over {seen.lasts_s / 60.0:.0f} min at {seen.current_A:.4g} A"
     where = place(record, channel, seen.from_s, seen.to_s)
@@ -275,9 +276,17 @@ def _finding(
         f"{off_by(seen.ratio ** (-1.0 / power))} explains this: {power:.0f} % per 1 %)."
     )
     leads = "" if is_of_units else _leads(seen.ratio)
+    # a rotor that is said to be locked says nothing of direct current
+    is_said = "speed_rpm" in constants_of(record.notes) and motor.phases > 1
+    may_alternate = is_said and seen.ratio > 1.0 and not is_of_units
+    if may_alternate:
+        first = (
+            "Nothing need be done where the rotor is locked under alternating current: its bars "
+            f"and the iron take the rest. Under direct current: {first[:1].lower()}{first[1:]}"
+        )
     return Finding(
         "standstill_losses",
-        "warning",
+        "note" if may_alternate else "warning",
         f"Expected {what} equal to {expected} at standstill within {band:.1f} % (95 %, of the "
         f"instruments and Rs0); {stretch} they are {they_are}. The copper loss of the "
         "loaded tests, and with it Ceq_w and Req_w, is off by as much if the current or "
