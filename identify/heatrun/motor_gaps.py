@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from .bench.channels.by_resistance import tells_winding
 from .bench.channels.derive import ELECTRICAL, SHAFT
 from .bench.channels.likely_names import LIKELY
 from .bench.channels.schema import CHANNEL, REQUIRED
@@ -75,6 +76,7 @@ def gaps(surveys: Sequence[Survey]) -> tuple[Gap, ...]:
         surveys: What the files hold.
     """
     have = frozenset().union(*(one.channels for one in surveys))
+    have |= {"winding_degC"} if tells_winding(have) else set()
     found = [] if found_resistance(surveys) else [_resistance(surveys)]
     return (*found, *(_channel(name, surveys) for name in REQUIRED if name not in have))
 
@@ -151,7 +153,8 @@ def _proposal(name: str, column: FreeColumn) -> Proposal | None:
     """Return how a column may be a channel; one whose name speaks of another is none of it."""
     is_others = any(one.is_likely for one in column.proposals)
     for one in column.proposals:
-        if one.channel == name and (one.is_likely or not is_others):
+        is_winding = name == "winding_degC" and one.channel == "winding_resistance_ohm"
+        if (one.channel == name or is_winding) and (one.is_likely or not is_others):
             return one
     return None
 

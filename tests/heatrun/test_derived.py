@@ -133,6 +133,8 @@ LINK = {"dc_voltage_V": np.array([24.0, 25.0]), "dc_current_A": np.array([2.0, 4
         (LINK | {"dc_current_A": np.array([2.0, np.nan])}, {"speed_rpm": 0.0}, [48.0, np.nan]),
         ({"dc_current_A": LINK["dc_current_A"]}, {"dc_voltage_V": 6.0, "torque_Nm": 0.0},
          [12.0, 24.0]),
+        ({"winding_voltage_V": np.array([3.0, 4.0]), "phase_current_A": np.array([5.0, 6.0])},
+         {"speed_rpm": 0.0}, [15.0, 24.0]),
         (DQ, {"mechanical_power_W": 0.0}, [0.0, 4500.0]),
         ({}, {"electrical_power_W": 30.0, "speed_rpm": 0.0, "time_s": 0.0}, None),
         # what is measured goes before what is stated

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..motor import Motor
+from .channels.by_resistance import with_winding
 from .channels.derive import derive
 from .clocks.align import join
 from .own_files import refuse_own_file
@@ -62,7 +63,7 @@ def parts_of(record: Record, motor: Motor, stretch: Stretch | None = None) -> tu
     found = [mask(one, windows_in(one, windows), f"mask in {said_by}") for one in found]
     if len(found) > 1:
         found = [replace(one, name=f"{one.name}_{n}") for n, one in enumerate(found, start=1)]
-    return tuple(with_seen_start(one) for one in found)
+    return tuple(with_seen_start(one, windows) for one in found)
 
 
 def read_test(path: Path | str, motor: Motor) -> Record:
@@ -163,7 +164,8 @@ def _with_constants(record: Record, motor: Motor) -> Record:
     channels, notes = derive(
         record.channels, phases=motor.phases, losses=motor.losses, constants=motor.constants
     )
-    return replace(record, channels=channels, notes=(*record.notes, *notes))
+    held = replace(record, channels=channels, notes=(*record.notes, *notes))
+    return with_winding(held, motor)
 
 
 def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:

@@ -13,6 +13,7 @@ from lptn import Inputs
 from ..errors import InputError
 from ..motor import Motor
 from .blocks import BLOCK_S, Blocks, Body
+from .channels.by_resistance import sensor_sd
 from .channels.derive import recorded_shaft_power
 from .channels.schema import BODIES
 from .checks.samples import needed_channels
@@ -105,6 +106,7 @@ def reduce(
         sensor=_column(record, "winding_degC"),
         first_s=float(time[0]),
         has_current="phase_current_A" in record,
+        sensor_sd=sensor_sd(record, motor),
         notes=notes,
     )
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..motor import Motor
+from .channels.by_resistance import tells_winding
 from .channels.derive import derive
 from .channels.schema import CHANNEL
 from .checks.presence import missing_channel
@@ -71,6 +72,8 @@ def unread_test(path: Path | str, motor: Motor, error: InputError) -> UnreadTest
         channels.add("time_s")
     held = {channel: np.ones(1) for channel in CHANNEL if channel in channels}
     held, _ = derive(held, phases=motor.phases, losses=motor.losses, constants=motor.constants)
+    if tells_winding(held):
+        held.setdefault("winding_degC", np.ones(1))
     lacking = missing_channel(Record(name, held), motor)
     return UnreadTest(
         name,

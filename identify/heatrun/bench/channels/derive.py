@@ -103,6 +103,15 @@ ELECTRICAL: tuple[Derivation, ...] = (
         "electrical_power_W",
     ),
     Derivation("electrical_power_W", DQ, dq_power, "phases/2·(u_d·i_d + u_q·i_q)"),
+    *(
+        Derivation(
+            "electrical_power_W",
+            ("winding_voltage_V", current),
+            lambda channels, _, current=current: channels["winding_voltage_V"] * channels[current],
+            f"winding_voltage_V·{current}",
+        )
+        for current in ("dc_current_A", "phase_current_A")
+    ),
     Derivation(
         "dc_power_W", ("dc_power_W",), lambda channels, _: channels["dc_power_W"], "dc_power_W"
     ),

@@ -97,13 +97,11 @@ def _derived(channel: str, factors: Mapping[float, str]) -> tuple[Twice, ...]:
     )
 
 
-_, OF_AXES, _, OF_LINK = ELECTRICAL
-
 POWERS: tuple[Twice, ...] = (
     Twice(Derivation("mechanical_power_W", SHAFT, lambda c, _: shaft_power(c), "torque·omega"),
           SPEEDS),
-    Twice(OF_AXES, {1.5: "d and q come from the power-invariant transform", **THOUSANDS}),
-    Twice(OF_LINK, THOUSANDS),
+    Twice(ELECTRICAL[1], {1.5: "d and q come from the power-invariant transform", **THOUSANDS}),
+    Twice(ELECTRICAL[-1], THOUSANDS),
 )  # fmt: skip
 """Powers are never derived for a record, only compared."""
 

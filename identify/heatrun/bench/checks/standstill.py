@@ -14,6 +14,7 @@ import numpy as np
 
 from ...io.quantities import off_by, part_of
 from ...motor import Motor
+from ..channels.by_resistance import resistance_sd
 from ..channels.derive import WITH_INVERTER, constants_of, dq_power, formulas
 from ..record import Finding, Record
 from .losses import BLOCK_S, STANDSTILL_RPM
@@ -32,9 +33,6 @@ voltage that a machine at standstill needs."""
 RANGE_SD = 0.0005
 """Of power, in parts of the largest power of the record [1]: offset of an analyser of class 0.05
 that keeps the range which the loaded machine needs."""
-
-RESISTANCE_SD = 0.01
-"""Of Rs0 [1]: four-wire measurement, winding temperature known to 2 K (0.4 %/K)."""
 
 SENSOR_SD_K, SENSOR_SD_SHARE = 1.0, 0.05
 """Winding sensor against the mean of the winding [K], and in parts of the rise over the lowest
@@ -196,7 +194,7 @@ def _agreement(
     warm = temperature[kept].mean() - temperature.min()
     sensor_K = np.hypot(SENSOR_SD_K, SENSOR_SD_SHARE * warm)
     of_temperature = sensor_K / (motor.resistance_coefficient_degC + temperature[kept].mean())
-    parts = (instruments, _resistance_sd(motor), of_temperature, RANGE_SD * largest / mean, scatter)
+    parts = (instruments, resistance_sd(motor), of_temperature, RANGE_SD * largest / mean, scatter)
     sd = float(np.sqrt(sum(part**2 for part in parts)))
     if not np.isfinite([ratio, sd]).all():
         return None
@@ -218,18 +216,6 @@ def _largest_power(record: Record, measured: np.ndarray) -> np.ndarray:
         if values.size:
             return values
     return measured
-
-
-def _resistance_sd(motor: Motor) -> float:
-    """Return the standard deviation of Rs0 [1], as the motor file has it."""
-    said = motor.parameters.get("Rs0")
-    if said is None or motor.phase_resistance_ohm is None:
-        return RESISTANCE_SD
-    if said.fixed is not None:
-        return 0.0
-    if said.relative_sd is not None:
-        return said.relative_sd
-    return RESISTANCE_SD if said.sd is None else said.sd / motor.phase_resistance_ohm
 
 
 def _leads(ratio: float) -> str:
