@@ -52,6 +52,9 @@ class Adequacy:
     heat_time_s: float = 1200.0
 
 
+GapLoad = Literal["held", "zero", "unknown"]
+
+
 @dataclass(frozen=True)
 class PartsOfTest:
     """What `[tests.NAME]` says: which parts of a record count.
@@ -59,10 +62,12 @@ class PartsOfTest:
     Attributes:
         use: Stretches that are used, each as a test of its own; none for the whole record.
         mask: Windows whose readings are not compared, first and last time [s].
+        gap_load: The load in gaps of the logger; None where the record is to tell.
     """
 
     use: tuple[Stretch, ...] = ()
     mask: tuple[tuple[float, float], ...] = ()
+    gap_load: GapLoad | None = None
 
 
 @dataclass(frozen=True)

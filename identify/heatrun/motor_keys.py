@@ -151,6 +151,10 @@ TESTS = Section(
             "current and losses are simulated through. Of a test that is to be compared from a "
             "warm moment on, this knows the stator where `use` does not.", "[[1800, 1920]]",
             "none"),
+        Key("gap", 'load: the load while the logger stood still: "held" as before the gap, "zero", '
+            'or "unknown": before and after are then calibrated together, each from start '
+            "temperatures of its own.", '{ load = "held" }',
+            "held where both sides and the winding say so; else unknown for gaps over 300 s"),
     ),
 )  # fmt: skip
 

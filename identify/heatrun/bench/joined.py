@@ -7,10 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..errors import InputError
-from ..motor import Motor
+from ..motor import Motor, PartsOfTest
 from .channels.by_resistance import with_winding
 from .channels.derive import derive
 from .clocks.align import join
+from .gaps import over_gaps
 from .own_files import refuse_own_file
 from .readers.read import read_record
 from .record import Record
@@ -21,12 +22,13 @@ SHEET = re.compile(r"^(?P<path>.+\.xls[xm](?:\.gz)?)#(?P<sheet>.+)$", re.DOTALL 
 NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?|\.[0-9]+")
 
 
-def read_tests(path: Path | str, motor: Motor) -> tuple[Record, ...]:
+def read_tests(path: Path | str, motor: Motor, *, at_gaps: bool = True) -> tuple[Record, ...]:
     """Read a test, in as many records as `[tests.NAME]` of the motor file has stretches of it.
 
     Args:
         path: As `read_test`.
         motor: The machine.
+        at_gaps: As `parts_of`.
 
     Returns:
         One record; or one for each of several stretches, named `NAME_1`, `NAME_2` and so on.
@@ -35,31 +37,32 @@ def read_tests(path: Path | str, motor: Motor) -> tuple[Record, ...]:
         InputError: As `read_test`.
     """
     text, stretch = _with_stretch(str(path))
-    return parts_of(read_whole_test(text, motor), motor, stretch)
+    return parts_of(read_whole_test(text, motor), motor, stretch, at_gaps=at_gaps)
 
 
-def parts_of(record: Record, motor: Motor, stretch: Stretch | None = None) -> tuple[Record, ...]:
-    """Return the parts of a record that count.
+def parts_of(
+    record: Record, motor: Motor, stretch: Stretch | None = None, *, at_gaps: bool = False
+) -> tuple[Record, ...]:
+    """Return the parts of a record that count, their gaps bridged where the load is known.
 
     Args:
         record: The whole.
         motor: Its `[tests.NAME]` say which parts are used, and what is masked.
         stretch: The part that is asked for in place of those.
+        at_gaps: Whether a gap of unknown load parts a record too.
 
     Raises:
         InputError: If a part or a mask holds no sample, or a mask covers the first one.
     """
-    parts = motor.tests.get(record.name)
-    if parts is None and stretch is None:
-        return (record,)
+    parts = motor.tests.get(record.name, PartsOfTest())
     said_by = f"[tests.{record.name}] of the motor file"
-    windows = parts.mask if parts is not None else ()
+    windows = parts.mask
     mask(record, windows, f"mask in {said_by}")  # a window without a sample is an error
     if stretch is not None:
         found = [cut(record, stretch, "asked for with the file")]
     else:
-        used = parts.use if parts is not None else ()
-        found = [cut(record, one, f"use in {said_by}") for one in used] or [record]
+        found = [cut(record, one, f"use in {said_by}") for one in parts.use] or [record]
+    found = [part for one in found for part in over_gaps(one, parts.gap_load, splits=at_gaps)]
     found = [mask(one, windows_in(one, windows), f"mask in {said_by}") for one in found]
     if len(found) > 1:
         found = [replace(one, name=f"{one.name}_{n}") for n, one in enumerate(found, start=1)]
@@ -83,7 +86,7 @@ def read_test(path: Path | str, motor: Motor) -> Record:
         InputError: If a file cannot be read, the two cannot be joined, a stretch is empty, or the
             motor file uses several stretches and none of them is named.
     """
-    first, *others = read_tests(path, motor)
+    first, *others = read_tests(path, motor, at_gaps=False)
     if others:
         raise InputError(
             f"The motor file uses {1 + len(others)} stretches of this test: "

@@ -1,6 +1,6 @@
 """The motor file as TOML again, so that a run folder stands for itself.
 
-All but `[tests.NAME]`: a run knows the parts of its tests by itself.
+Of `[tests.NAME]` only the load in gaps: a run knows the parts of its tests by itself.
 """
 
 from __future__ import annotations
@@ -30,6 +30,11 @@ def motor_text(motor: Motor) -> bytes:
         content["adequacy"] = asdict(motor.adequacy)
     content["columns"] = dict(motor.columns)
     content["constants"] = dict(motor.constants)
+    content["tests"] = {
+        name: {"gap": {"load": parts.gap_load}}
+        for name, parts in motor.tests.items()
+        if parts.gap_load is not None
+    }
     content["sensors"] = dict(motor.sensors)
     content["parameters"] = {
         name: {key: value for key, value in asdict(said).items() if value is not None}
