@@ -30,7 +30,7 @@ WHY = {
     "[constants]: the power that goes in is then all of them.",
     "ambient_degC": "heat flows by the difference to it. Name its column, or write its mean under "
     '[constants]; a liquid-cooled machine takes sink = "coolant" under [motor].',
-    "winding_degC": "it is what the network is fitted to.",
+    "winding_degC": "it is what the network is fitted to. The winding's resistance in ohm will do.",
 }
 """Why a channel that a calibration needs matters."""
 

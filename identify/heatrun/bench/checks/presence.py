@@ -62,6 +62,9 @@ def missing_channel(record: Record, motor: Motor) -> tuple[Finding, ...]:
         remedy = f'Name its column in the motor file: [columns] {channel} = "column [unit]".'
         if channel in CONSTANT:
             remedy += f" Where it is the same all the time: [constants] {channel} = NUMBER."
+        if channel == "winding_degC":
+            remedy += " A resistance of the winding in ohm will do, or winding_voltage_V under "
+            remedy += "direct current: the temperature follows by R(T)."
         remedy += _beside_a_power(channel, record)
         where = ", ".join(part for part in (record.name, channel) if part)
         found.append(Finding("missing_channel", "error", message, where, remedy))
