@@ -94,6 +94,7 @@ def test_the_winding_is_read_by_its_resistance(tmp_path, columns, lines, winding
         ({"Pt [Ohm]": 100.0 + 0.39 * TRUE}, {"winding_degC": "Pt [Ohm]"}, "Pt100 or an NTC"),
         ({"R [Ohm]": ohm(winding=TRUE + 45.0)}, {"winding_degC": "R [Ohm]"}, "no circuit of"),
         ({"R [Ohm]": ohm()}, {"phase_current_A": "R [Ohm]"}, "a unit of resistance"),
+        ({"R [Ohm]": ohm() + 9.9e37}, {"winding_degC": "R [Ohm]"}, "got none"),
     ],
 )
 def test_a_resistance_is_never_read_as_degrees(tmp_path, columns, lines, said):

@@ -30,6 +30,9 @@ LEADS_SD = 0.2
 LEAST_CURRENT = 0.1
 """In parts of the largest current [1]: below, the offsets of class 0.5 are some ten kelvin."""
 
+OPEN_OHM = 1e9
+"""No winding has it; meters that are open write 9.9e37 [ohm]."""
+
 SAME = 0.04
 """A cold winding and its sink agree to this share of the resistance [1], 10 K."""
 
@@ -81,6 +84,12 @@ def with_winding(record: Record, motor: Motor) -> Record:
     if measured is None:
         return record
     ohm, how = measured
+    if not np.isfinite(ohm).any():
+        raise InputError(
+            f"Expected resistances of the winding above 0 ({how}), got none.",
+            where=record.name,
+            remedy="Check the columns in [columns], or leave them out and map winding_degC.",
+        )
     reference = _reference(record, motor, ohm)
     B, leads = motor.resistance_coefficient_degC, motor.lead_resistance_ohm
     winding = (ohm - leads) / reference.ohm * (B + motor.reference_temperature_degC) - B
@@ -145,7 +154,7 @@ def _measured(record: Record) -> tuple[Float[np.ndarray, " time"], str] | None:
     """Return the resistance [ohm], NaN where it is none, and how it was measured."""
     if "winding_resistance_ohm" in record:
         ohm = record["winding_resistance_ohm"]
-        return np.where(ohm > 0.0, ohm, np.nan), "as the meter shows it"
+        return _possible(ohm), "as the meter shows it"
     current = next((n for n in ("dc_current_A", "phase_current_A") if n in record), None)
     if "winding_voltage_V" not in record or current is None:
         return None
@@ -154,7 +163,12 @@ def _measured(record: Record) -> tuple[Float[np.ndarray, " time"], str] | None:
     ohm = np.divide(
         record["winding_voltage_V"], amperes, out=np.full(amperes.shape, np.nan), where=flows
     )
-    return np.where(ohm > 0.0, ohm, np.nan), f"winding_voltage_V over {current}"
+    return _possible(ohm), f"winding_voltage_V over {current}"
+
+
+def _possible(ohm: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
+    """Return resistances [ohm], NaN for what is none: an open meter, a wire that is off."""
+    return np.where((ohm > 0.0) & (ohm < OPEN_OHM), ohm, np.nan)
 
 
 def _reference(record: Record, motor: Motor, ohm: Float[np.ndarray, " time"]) -> Reference:
@@ -178,20 +192,23 @@ def _reference(record: Record, motor: Motor, ohm: Float[np.ndarray, " time"]) ->
                     f"reference {known:.5g} ohm {at}: phase_resistance_ohm times {factor:.3g} "
                     f"({circuit}), which the cold reading of {first:.5g} ohm shows",
                 )
+    is_cold_known = np.isfinite(ratio)
     problem = "The winding's resistance was measured, and nothing says what it is cold."
-    if motor.phase_resistance_ohm is not None:
+    if motor.phase_resistance_ohm is not None and is_cold_known:
         problem = (
             f"The first reading is {first:.5g} ohm; phase_resistance_ohm gives "
             f"{motor.phase_resistance_ohm * ratio:.5g} ohm for one phase at the "
             f"{sink_degC:.1f} °C of the {motor.sink}, and no circuit of phases has that ratio."
         )
-    line = f"{LINE} = {(first - motor.lead_resistance_ohm) / ratio + motor.lead_resistance_ohm:.5g}"
+    leads = motor.lead_resistance_ohm
+    line = f"{LINE} = {(first - leads) / ratio + leads:.5g}"
+    soaked = f" If the winding was as cold as the {motor.sink} at first: {line}."
     raise InputError(
         problem,
         where=f"{record.name}, winding_resistance_ohm",
-        remedy=f"State the resistance of the same circuit, leads included, {at}: {LINE}. If the "
-        f"winding was as cold as the {motor.sink} at first: {line}. The resistance of a Pt100 or "
-        "an NTC is no winding's: have the logger convert it.",
+        remedy=f"State the resistance of the same circuit, leads included, {at}: {LINE}."
+        f"{soaked if is_cold_known else ''} The resistance of a Pt100 or an NTC is no winding's: "
+        "have the logger convert it.",
     )
 
 
