@@ -52,6 +52,9 @@ class Adequacy:
     heat_time_s: float = 1200.0
 
 
+GapLoad = Literal["held", "zero", "unknown"]
+
+
 @dataclass(frozen=True)
 class PartsOfTest:
     """What `[tests.NAME]` says: which parts of a record count.
@@ -60,11 +63,13 @@ class PartsOfTest:
         use: Stretches that are used, each as a test of its own; none for the whole record.
         mask: Windows whose readings are not compared, first and last time [s].
         bridge: Windows whose loads are interpolated, likewise.
+        gap_load: The load in gaps of the logger; None where the record is to tell.
     """
 
     use: tuple[Stretch, ...] = ()
     mask: tuple[tuple[float, float], ...] = ()
     bridge: tuple[tuple[float, float], ...] = ()
+    gap_load: GapLoad | None = None
 
 
 @dataclass(frozen=True)
@@ -84,6 +89,9 @@ class Motor:
         resistance_coefficient_degC: B of R(T) = R (B + T)/(B + Tref) [degC].
         phase_resistance_ohm: Rs0 at the reference temperature [ohm], or None if not known.
         reference_temperature_degC: Temperature that Rs0 holds for [degC].
+        measured_resistance_ohm: Of the circuit whose resistance tells the winding temperature, with
+            leads, at the reference temperature [ohm], or None.
+        lead_resistance_ohm: Of the leads in it [ohm].
         gear_ratio: Motor speed over wheel speed [1], or None.
         wheel_radius_m: Rolling radius [m], or None.
         columns: Canonical channel to `"column in the file [unit]"`.
@@ -115,6 +123,8 @@ class Motor:
     resistance_coefficient_degC: float = 234.5
     phase_resistance_ohm: float | None = None
     reference_temperature_degC: float = 25.0
+    measured_resistance_ohm: float | None = None
+    lead_resistance_ohm: float = 0.0
     gear_ratio: float | None = None
     wheel_radius_m: float | None = None
     columns: Mapping[str, str] = field(default_factory=dict)

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .bench.channels.derive import DERIVATIONS
+from .bench.channels.by_resistance import tells_winding
+from .bench.channels.derive import ELECTRICAL, SHAFT
 from .bench.channels.likely_names import LIKELY
 from .bench.channels.schema import CHANNEL, REQUIRED
 from .bench.channels.units import find_unit
@@ -23,10 +24,13 @@ WHY = {
     "time_s": "no sample has a time. Name the column of times, or the sampling rate: "
     'time_s = "rate 10 Hz".',
     "phase_current_A": "the copper loss, which heats the winding itself, follows from the current.",
-    "losses_W": "they are the heat that the temperatures answer to. They may also follow from",
+    "losses_W": "they are the heat that the temperatures answer to. They may also follow from the "
+    "power that goes in ({}), less that of the shaft (mechanical_power_W; or torque_Nm and "
+    "speed_rpm). With the rotor locked, or under direct current, write speed_rpm = 0 under "
+    "[constants]: the power that goes in is then all of them.",
     "ambient_degC": "heat flows by the difference to it. Name its column, or write its mean under "
     '[constants]; a liquid-cooled machine takes sink = "coolant" under [motor].',
-    "winding_degC": "it is what the network is fitted to.",
+    "winding_degC": "it is what the network is fitted to. The winding's resistance in ohm will do.",
 }
 """Why a channel that a calibration needs matters."""
 
@@ -72,6 +76,7 @@ def gaps(surveys: Sequence[Survey]) -> tuple[Gap, ...]:
         surveys: What the files hold.
     """
     have = frozenset().union(*(one.channels for one in surveys))
+    have |= {"winding_degC"} if tells_winding(have) else set()
     found = [] if found_resistance(surveys) else [_resistance(surveys)]
     return (*found, *(_channel(name, surveys) for name in REQUIRED if name not in have))
 
@@ -115,14 +120,14 @@ def _resistance(surveys: Sequence[Survey]) -> Gap:
 def _channel(name: str, surveys: Sequence[Survey]) -> Gap:
     sentence = WHY[name]
     if name == "losses_W":
-        ways = [" and ".join(way.needs) for way in DERIVATIONS if way.channel == name]
-        sentence = f"{sentence} {'; or '.join(ways)}."
+        sentence = sentence.format("; or ".join(" and ".join(way.needs) for way in ELECTRICAL))
     found = [candidate for one in surveys for candidate in _candidates(name, one)]
     candidates = ranked(name, [one for one in found if len(one.line) <= LONGEST_LINE])
     constants = _constants(name, surveys)
     silent = [sentence for one in surveys for sentence in _silent(name, one)]
     sentence = " ".join((sentence, *silent))
-    if not candidates and not constants and not silent and name != "time_s":
+    offered = constants if name == "ambient_degC" else ()
+    if not candidates and not offered and not silent and name != "time_s":
         sentence += " No column has a unit or a name that speaks for it."
     return Gap(name, "", sentence, tuple(candidates[:MOST_CANDIDATES]), constants)
 
@@ -148,7 +153,8 @@ def _proposal(name: str, column: FreeColumn) -> Proposal | None:
     """Return how a column may be a channel; one whose name speaks of another is none of it."""
     is_others = any(one.is_likely for one in column.proposals)
     for one in column.proposals:
-        if one.channel == name and (one.is_likely or not is_others):
+        is_winding = name == "winding_degC" and one.channel == "winding_resistance_ohm"
+        if (one.channel == name or is_winding) and (one.is_likely or not is_others):
             return one
     return None
 
@@ -198,7 +204,9 @@ def _note(column: FreeColumn) -> str:
 
 
 def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
-    """Return lines of `[constants]` with what the files hold for a room that was not recorded."""
+    """Return lines of `[constants]` for a shaft or a room that was not recorded."""
+    if name == "losses_W" and not any(_has_shaft(one) for one in surveys):
+        return ("# speed_rpm = 0  # rotor locked, or direct current: all power that goes in heats",)
     if name != "ambient_degC":
         return ()
     lines = []
@@ -217,6 +225,13 @@ def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
             lines += [f"# {name} = {value!r}  # from the line '{printable(flat(line))[:80]}'"
                       for value in values if _is_room(value)]  # fmt: skip
     return tuple(dict.fromkeys(lines))
+
+
+def _has_shaft(one: Survey) -> bool:
+    """Return whether a file has, or may have, what tells the power at the shaft."""
+    proposals = [one for column in one.free for one in column.proposals]
+    proposed = {one.channel for one in proposals if one.is_likely or one.channel in SHAFT}
+    return not {*SHAFT, "mechanical_power_W"}.isdisjoint(one.channels | proposed)
 
 
 def _is_room(value: float) -> bool:

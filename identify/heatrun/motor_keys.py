@@ -88,6 +88,13 @@ WINDING = Section(
             "none: a calibration needs it, unless the current is 0 throughout"),
         Key("reference_temperature_degC", "Temperature at which the resistance was measured [°C].",
             "25.0", "25"),
+        Key("measured_resistance_ohm", "Resistance of the circuit that winding_resistance_ohm (or "
+            "winding_voltage_V over the current) measures, leads included, at the reference "
+            "temperature [Ω]. The winding temperature follows by R(T).", "0.0134",
+            "phase_resistance_ohm times what the cold reading shows: 1 for a phase, 2 between "
+            "terminals of a star, 2/3 of a delta"),
+        Key("lead_resistance_ohm", "Part of it that stays cold: leads and contacts [Ω].", "0.0004",
+            "0: four wires"),
         Key("conductor_mass_kg", "Mass of the bare copper or aluminium of the winding [kg], end "
             "windings included: the heat capacity of the winding is then known to a factor of 1.5.",
             "4.2", "capacity from how fast the tests warm"),
@@ -147,6 +154,10 @@ TESTS = Section(
         Key("bridge", "Windows whose current, losses, powers, voltages, torque and speed are "
             "interpolated between the samples on either side: for values that the logger made up, "
             "such as 65535.", "[[1495, 1510]]", "none"),
+        Key("gap", 'load: the load while the logger stood still: "held" as before the gap, "zero", '
+            'or "unknown": before and after are then calibrated together, each from start '
+            "temperatures of its own.", '{ load = "held" }',
+            "held where both sides and the winding say so; else unknown for gaps over 300 s"),
     ),
 )  # fmt: skip
 

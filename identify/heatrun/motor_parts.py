@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
 from .bench.stretch import Stretch, in_order, parse_time
 from .errors import InputError
 from .io.toml_text import check_keys
-from .motor import PartsOfTest
+from .motor import GapLoad, PartsOfTest
 
-PARTS_KEYS = ("use", "use_rows", "mask", "bridge")
+PARTS_KEYS = ("use", "use_rows", "mask", "bridge", "gap")
 
 MOST_PARTS = 200
 """Of one test; each stretch becomes a test with temperatures of its own at the start."""
@@ -48,8 +48,21 @@ def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest
         )
         if any(math.isinf(end) for _, end in (*mask, *bridge)):
             raise InputError("mask and bridge need both ends of a window.", where=at)
-        parts[name] = PartsOfTest(use, mask, bridge)
+        parts[name] = PartsOfTest(use, mask, bridge, _gap_load(keys, at))
     return parts
+
+
+def _gap_load(keys: Mapping[str, Any], where: str) -> GapLoad | None:
+    """Return the load in gaps."""
+    section = keys.get("gap")
+    load = section.get("load") if isinstance(section, dict) else section
+    if section is None or (load in get_args(GapLoad) and section == {"load": load}):
+        return load
+    raise InputError(
+        f"Expected the load in the gaps of the logger, got {str(section)[:80]}.",
+        where=f"{where}, gap",
+        remedy='Write gap.load = "held", "zero" or "unknown".',
+    )
 
 
 def _stretches(keys: Mapping[str, Any], key: str, where: str) -> tuple[Stretch, ...]:

@@ -44,6 +44,8 @@ KEYS: dict[str, tuple[str, ...]] = {
         "resistance_coefficient_degC",
         "phase_resistance_ohm",
         "reference_temperature_degC",
+        "measured_resistance_ohm",
+        "lead_resistance_ohm",
         "conductor_mass_kg",
     ),
     "vehicle": ("gear_ratio", "wheel_radius_m"),
@@ -61,6 +63,7 @@ MOST_PHASES = 99
 
 Limits = tuple[float, float, str]
 POSITIVE: Limits = (0.0, math.inf, "above 0")
+NOT_NEGATIVE: Limits = (-1e-12, math.inf, "at least 0")
 ANY_NUMBER: Limits = (-1e30, 1e30, "between -1e30 and 1e30")
 COEFFICIENT_RANGE: Limits = (100.0, 400.0, "between 100 and 400 degC (copper 234.5)")
 HEAT_RANGE: Limits = (
@@ -134,6 +137,8 @@ def parse_motor(data: bytes, where: str) -> Motor:
             _number(winding, "reference_temperature_degC", REFERENCE_RANGE, at_winding),
             Motor.reference_temperature_degC,
         ),
+        measured_resistance_ohm=_number(winding, "measured_resistance_ohm", POSITIVE, at_winding),
+        lead_resistance_ohm=_leads(winding, at_winding),
         gear_ratio=_number(vehicle, "gear_ratio", POSITIVE, at_vehicle),
         wheel_radius_m=_number(vehicle, "wheel_radius_m", POSITIVE, at_vehicle),
         columns=_columns(_section(content, "columns", where), where),
@@ -245,6 +250,20 @@ def _conductor_mass(
             remedy="Write both in kg; mass_kg is that of the whole machine.",
         )
     return conductor
+
+
+def _leads(winding: Mapping[str, Any], where: str) -> float:
+    """Return the resistance of the leads [ohm], which is a part of the measured one."""
+    leads = _number(winding, "lead_resistance_ohm", NOT_NEGATIVE, where) or 0.0
+    whole = _number(winding, "measured_resistance_ohm", POSITIVE, where)
+    if whole is not None and leads >= whole:
+        raise InputError(
+            f"Expected lead_resistance_ohm below measured_resistance_ohm, got {leads:g} of "
+            f"{whole:g} ohm.",
+            where=where,
+            remedy="Write both in ohm; measured_resistance_ohm is that of winding and leads.",
+        )
+    return leads
 
 
 def _effects(section: Mapping[str, Any], where: str) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .bench import Record, require
+from .bench.checks.samples import needed_channels
 from .bench.joined import read_test
 from .inference.catalogue import known_effects
 from .inference.draws import NUM_NOISE, Draws
@@ -99,7 +100,7 @@ def read_driven(path: Path, motor: Motor) -> Record:
         InputError: If it cannot be read, or lacks one of these channels.
     """
     record = read_test(path, motor)
-    require(record, ["phase_current_A", "losses_W", f"{motor.sink}_degC"])
+    require(record, [name for name in needed_channels(record, motor) if name != "winding_degC"])
     return record
 
 

@@ -17,7 +17,7 @@ def read(course, rng):
     return np.round(course + 0.05 * rng.standard_normal(course.size), 1)
 
 
-def heater(folder):
+def heater(folder, more=""):
     """A block with a heater: no current, no resistance. Returns motor file and test."""
     rng = np.random.default_rng(5)
     t = np.arange(5400.0)
@@ -31,7 +31,7 @@ def heater(folder):
     (folder / "heater.toml").write_text(
         '[motor]\nname = "block"\n'
         '[columns]\nlosses_W = "heater [W]"\nwinding_degC = "block [degC]"\n'
-        "[constants]\nphase_current_A = 0\n"
+        f"[constants]\n{more}\n"
     )
     return folder / "heater.toml", folder / "heater.csv"
 

@@ -13,7 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 from pypdf import PdfReader
 
-from heatrun.bench.joined import BY_CONSTANTS
+from heatrun.bench.channels.derive import BY_CONSTANTS
 from heatrun.bench.record import Finding
 from heatrun.certificate import Certificate, Instrument
 from heatrun.reports.sheet import printed as printed_module

@@ -45,7 +45,7 @@ def test_a_measurement_of_unknown_names_lists_them_and_says_what_comes_next(here
     assert code == 1
     assert "No channel claims, in rec: T_coil, Pump" in out
     assert "No channel of the file is known" in out
-    assert "it has no phase_current_A, losses_W, ambient_degC, winding_degC." in out
+    assert "it has no losses_W, ambient_degC, winding_degC." in out
     assert out.endswith(
         "Next: name the missing channels in motor.toml (heatrun init rec.mf4 --out draft.toml "
         "proposes), then: heatrun check motor.toml rec.mf4\n"

@@ -111,3 +111,41 @@ def test_the_motor_decides_on_a_record(tmp_path):
     record = read_record(path, Motor("M", losses="map"))
     assert "losses_W" not in record
     assert any("phase_current_A is derived" in note for note in record.notes)
+
+
+POWER = {"electrical_power_W": np.array([80.0, 95.0])}
+LINK = {"dc_voltage_V": np.array([24.0, 25.0]), "dc_current_A": np.array([2.0, 4.0])}
+
+
+@pytest.mark.parametrize(
+    ("columns", "constants", "expected"),
+    [
+        (POWER, {"mechanical_power_W": 0.0}, [80.0, 95.0]),
+        (POWER, {"torque_Nm": 0.0, "speed_rpm": 0.0}, [80.0, 95.0]),
+        (POWER, {"speed_rpm": 0.0}, [80.0, 95.0]),  # a shaft that stands, whatever it holds
+        (POWER, {"torque_Nm": 0.0}, [80.0, 95.0]),
+        (POWER, {"torque_Nm": 0.02, "speed_rpm": 1500.0 / np.pi}, [79.0, 94.0]),
+        (POWER | {"speed_rpm": np.zeros(2)}, {}, [80.0, 95.0]),
+        (POWER | {"speed_rpm": np.array([0.0, 3.0])}, {}, None),
+        (POWER, {"speed_rpm": 900.0}, None),
+        (LINK, {"speed_rpm": 0.0}, [48.0, 100.0]),
+        ({"dc_power_W": LINK["dc_voltage_V"]}, {"mechanical_power_W": 4.0}, [20.0, 21.0]),
+        (LINK | {"dc_current_A": np.array([2.0, np.nan])}, {"speed_rpm": 0.0}, [48.0, np.nan]),
+        ({"dc_current_A": LINK["dc_current_A"]}, {"dc_voltage_V": 6.0, "torque_Nm": 0.0},
+         [12.0, 24.0]),
+        ({"winding_voltage_V": np.array([3.0, 4.0]), "phase_current_A": np.array([5.0, 6.0])},
+         {"speed_rpm": 0.0}, [15.0, 24.0]),
+        (DQ, {"mechanical_power_W": 0.0}, [0.0, 4500.0]),
+        ({}, {"electrical_power_W": 30.0, "speed_rpm": 0.0, "time_s": 0.0}, None),
+        # what is measured goes before what is stated
+        (POWER | SHAFT, {"losses_W": 1.0}, [80.0, 95.0 - SHAFT_W[1]]),
+        (POWER | SHAFT, {"mechanical_power_W": 0.0}, [80.0, 95.0 - SHAFT_W[1]]),
+        (POWER, {"losses_W": 7.0, "speed_rpm": 0.0}, [7.0, 7.0]),
+    ],
+)  # fmt: skip
+def test_what_follows_from_columns_follows_from_constants(columns, constants, expected):
+    channels, _ = derive(columns, constants=constants)
+    if expected is None:
+        assert channels.get("losses_W", np.empty(0)).size == 0
+    else:
+        np.testing.assert_allclose(channels["losses_W"], expected, rtol=1e-14)

@@ -32,6 +32,7 @@ COLUMNS = {
     "torque": ("torque_Nm", "M"),
     "flow": ("coolant_flow_L_per_min", "Vdot"),
     "velocity": ("vehicle_speed_km_per_h", "v"),
+    "resistance": ("winding_resistance_ohm", "R_wdg"),
     "fraction": ("fan", "blower"),
 }
 
@@ -144,6 +145,7 @@ WHOLE = {
     "power": ("Pd", "P_loss", "Pv", "Pol", "P_h", "P_s", "losses", "P_el", "P_min", "P_ms"),
     "torque": ("M", "torque", "Torque (shaft)", "M_n", "T_sh", "M_h"),
     "time": ("t", "time", "Zeit", "timestamp", "Time Tag", "t_1", "Time of day", "t_d"),
+    "resistance": ("R", "R_U", "Rs", "R_mess", "Widerstand", "winding resistance"),
     "fraction": ("fan", "fan_state", "Lüfter"),
 }  # fmt: skip
 """Names of benches in which nothing is a unit, whatever they look like."""

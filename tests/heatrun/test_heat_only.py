@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from heated_bodies import BLOCK, COIL, LEADS_SHARE, coil, heater
 
 import heatrun
+from heatrun.bench import Record
+from heatrun.bench.checks import check_record
+from heatrun.bench.checks.crude_fit import crude_fit
+from heatrun.bench.checks.excitation import single_step
 from heatrun.bench.joined import read_test
 from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
@@ -15,6 +21,7 @@ from heatrun.inference.model import Model
 from heatrun.inference.posterior import normal_draws
 from heatrun.inference.predict import predict
 from heatrun.inference.problem import Problem
+from heatrun.motor import Motor
 from heatrun.motorfile import load_motor
 
 
@@ -45,7 +52,44 @@ def test_a_block_with_a_heater_needs_no_current_and_no_resistance(tmp_path):
     found = fit(problem(files, "first"), num_starts=4)
     holds(found, BLOCK)
     assert "current_gain" not in found.problem.parameters.names
+    assert crude_fit(read_test(files[1], load_motor(files[0])), load_motor(files[0])) is not None
+    with pytest.raises(InputError, match="phase_current_A is missing"):
+        problem(files, "second")
+    files = heater(tmp_path, "phase_current_A = 0")
+    assert not [f for f in heatrun.check(*files) if f.severity != "note"]
     assert "Rs0" not in problem(files, "second").parameters.names
+
+
+@pytest.mark.parametrize("losses", ["map", "balance"])
+def test_a_current_is_asked_for_where_it_heats(tmp_path, losses):
+    motor_file, table = heater(tmp_path)
+    motor = replace(load_motor(motor_file), losses=losses, phase_resistance_ohm=0.3)
+    found = [f.id for f in check_record(read_test(table, motor), motor) if f.severity == "error"]
+    assert found == (["missing_channel"] if losses == "map" else [])
+
+
+STEPS, LEVEL = (30.0, 12.0, 45.0), (30.0, 30.0, 30.0)
+
+
+@pytest.mark.parametrize(
+    ("watts", "held", "is_single"),
+    [
+        (STEPS, {}, False),
+        (STEPS, {"phase_current_A": 0.0}, False),
+        (STEPS, {"phase_current_A": 0.0, "speed_rpm": 1500.0}, False),
+        (LEVEL, {}, True),
+        (LEVEL, {"phase_current_A": 0.0, "speed_rpm": 1500.0}, True),
+        (LEVEL, {"phase_current_A": 7.0}, True),
+    ],
+)
+def test_load_steps_are_counted_on_what_heats(watts, held, is_single):
+    time_s = np.arange(0.0, 3600.0, 5.0)
+    channels = {"time_s": time_s, "losses_W": np.repeat(watts, time_s.size // 3)}
+    channels |= {name: np.full(time_s.size, value) for name, value in held.items()}
+    found = single_step(Record("block", channels), Motor("block"))
+    assert [f.id for f in found] == ["single_step"] * is_single
+    heats = "phase_current_A" if held.get("phase_current_A") else "losses_W"
+    assert all(heats in f.where for f in found)
 
 
 def test_a_coil_under_direct_current_needs_no_losses_and_no_room_sensor(direct):
@@ -64,7 +108,7 @@ def test_leads_are_named_where_the_meter_sees_more_than_the_copper(tmp_path):
 
 
 def test_a_constant_is_told_and_does_not_replace_a_column(tmp_path):
-    motor_file, test = heater(tmp_path)
+    motor_file, test = heater(tmp_path, "phase_current_A = 0")
     motor_file.write_text(motor_file.read_text() + "ambient_degC = 99\n")
     record = read_test(test, load_motor(motor_file))
     assert np.max(record["ambient_degC"]) < 22.0

@@ -117,3 +117,13 @@ def test_two_columns_of_one_name_are_told_apart(tmp_path):
     book.save(tmp_path / "test.xlsx")
     free = survey(tmp_path / "test.xlsx").free
     assert [(one.low, one.high) for one in free] == [(0.0, 19.0), (100.0, 119.0)]
+
+
+@pytest.mark.parametrize(
+    ("column", "is_offered"),
+    [("P_el [W]", True), ("coppia [Nm]", False), ("P_mech [kW]", False), ("n [1/min]", False)],
+)
+def test_a_shaft_that_stands_is_offered_where_none_was_recorded(tmp_path, column, is_offered):
+    columns = {name: BASE[name] for name in BASE if name != "losses_W"}
+    text = text_of(named(tmp_path, columns | {column: CURRENT}))
+    assert ("# speed_rpm = 0  # rotor locked" in text) == is_offered

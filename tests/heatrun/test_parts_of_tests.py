@@ -213,7 +213,7 @@ def test_a_mask_over_the_start_is_refused(bench):
 def test_what_the_finding_about_a_gap_advises_can_be_done(bench):
     table = pd.read_csv(bench / "drive.csv")
     table[(table.time_s < 1500) | (table.time_s > 2200)].to_csv(bench / "drive.csv", index=False)
-    record = read_test(bench / "drive.csv", machine())
+    record = read_whole_test(str(bench / "drive.csv"), machine())
     (gap,) = findings(record, machine(), "time_gap")
     assert gap.severity == "error"
     advice = gap.remedy.split(": ", 1)[1].removesuffix(" in the motor file.")

@@ -132,6 +132,22 @@ def test_products_are_formed_before_averaging(path):
     assert "derived_from_means" in {finding.id for finding in read_record(path).findings}
 
 
+def test_products_are_formed_before_averaging_beside_a_stated_shaft(path):
+    current = 2.0 + 2.0 * np.sign(np.sin(2.0 * np.pi * FAST / 0.4 + 0.1))
+    link = [signal("dc_voltage_V", 12.0 * current, FAST), signal("dc_current_A", current, FAST)]
+    slow = [signal("winding_degC", SLOW)]
+    stands = Motor("M", constants={"speed_rpm": 0.0})
+    written(path, ("Supply", link), ("Rig", slow))
+    record = read_record(path, stands)
+    # half the time 48 V and 4 A; straight lines between 4 samples per period hold 5/6 of it
+    assert record["losses_W"][1:-1] == pytest.approx(96.0, rel=0.2)
+    assert record["losses_W"][1:-1].min() > 1.3 * 12.0 * 2.0**2
+    assert not record.findings
+    written(path, ("U", link[:1]), ("I", [signal("dc_current_A", current[::2], FAST[::2])]),
+            ("Rig", slow))  # fmt: skip
+    assert "derived_from_means" in {finding.id for finding in read_record(path, stands).findings}
+
+
 def test_few_channels_of_many_need_a_fraction_of_the_file(tmp_path):
     path = tmp_path / "many.mf4"
     time = np.arange(50_000) * 0.01

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from heatrun.bench.channels.derive import BY_CONSTANTS
 from heatrun.bench.checks import check_record, current_scale_unchecked
 from heatrun.bench.record import ColumnReading, Record
 from heatrun.motor import Motor, ParameterOverride
@@ -68,6 +69,16 @@ def test_a_wrong_unit_is_said_as_a_factor_and_not_in_thousands_of_per_cent(power
         assert finding.remedy.startswith("Check the units of ")
         assert "too high" not in finding.remedy
         assert "Leads" not in finding.remedy
+
+
+@pytest.mark.parametrize(("power_gain", "severity"), [(1.5, "note"), (0.8, "warning")])
+def test_a_rotor_said_to_be_locked_may_take_its_part_under_alternating_current(
+    power_gain, severity
+):
+    record = locked(power_gain=power_gain)
+    (finding,) = seen(replace(record, notes=(f"speed_rpm = 0 {BY_CONSTANTS}",)))
+    assert finding.severity == severity
+    assert ("alternating current" in finding.remedy) == (severity == "note")
 
 
 def test_a_current_off_by_one_percent_is_within_the_instruments():

@@ -113,7 +113,7 @@ def here(tmp_path, monkeypatch):
     table["spare"] = 1
     table["door\n"] = "open"
     table.to_csv("duty.csv", index=False)
-    table.drop(columns="Is").to_csv("no current.csv", index=False)
+    table.drop(columns="Pd").to_csv("no losses.csv", index=False)
     return tmp_path
 
 
@@ -135,11 +135,11 @@ def test_a_good_record_ends_with_the_command_that_calibrates_it(here, capsys):
 
 
 def test_a_record_that_lacks_a_channel_says_so_for_itself(here, capsys):
-    code, out = said(capsys, "duty.csv", "no current.csv")
+    code, out = said(capsys, "duty.csv", "no losses.csv")
     assert code == 1
     assert "duty: This record will do for a second-order calibration." in out
-    assert "no current: This record will not do for a second-order calibration: it has no " in out
-    assert out.rstrip("\n").endswith("then: heatrun check motor.toml duty.csv 'no current.csv'")
+    assert "no losses: This record will not do for a second-order calibration: it has no " in out
+    assert out.rstrip("\n").endswith("then: heatrun check motor.toml duty.csv 'no losses.csv'")
 
 
 def test_the_same_stands_in_the_json(here, capsys):

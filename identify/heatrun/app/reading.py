@@ -11,9 +11,11 @@ from pathlib import Path
 from ..bench.channels.column_mapping import HEAD, describe_columns, grouped
 from ..bench.checks import check_record
 from ..bench.following import NotFollowed
+from ..bench.gaps import over_gaps
+from ..bench.record import Finding, Record
 from ..errors import InputError
 from ..io.opening import Opener, opening_by
-from ..motor import Motor
+from ..motor import Motor, PartsOfTest
 from ..motorfile import load_motor
 from .folder import Stamp
 from .store import Opened, RecordStore
@@ -102,7 +104,7 @@ class Reader:
                     path = self.path(name)
                     stamp = Stamp.of(path)
                     test = self._open(path, motor, stamp)
-                    findings += check_record(test.record, motor) if motor else []
+                    findings += _found(test.record, motor) if motor else []
                     opened[name] = test
                 except Exception as error:
                     refused[name] = Refused(stamp, problem(name, error))
@@ -182,6 +184,12 @@ def problem(name: str, error: Exception) -> str:
     traceback.print_exception(error)
     words = f"{name}: internal error ({error!r:.200}); the details are in the terminal."
     return message("error", words)
+
+
+def _found(record: Record, motor: Motor) -> list[Finding]:
+    """Return what is to be said about a record, as a calibration takes its gaps."""
+    load = motor.tests.get(record.name, PartsOfTest()).gap_load
+    return [f for part in over_gaps(record, load, splits=True) for f in check_record(part, motor)]
 
 
 def _checks(opened: Sequence[Opened], motor: Motor | None, findings: Sequence) -> str:

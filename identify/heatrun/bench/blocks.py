@@ -104,6 +104,9 @@ class Blocks:
         fitted: Channels of those whose rows follow the winding's.
         sensor: Column of the file that holds the readings; empty where it is not known.
         first_s: Time on the record's own axis at which the grid begins [s].
+        has_current: Whether the phase current was recorded or stated; if not, it enters as 0.
+        sensor_sd: Standard uncertainty of a winding temperature that no sensor reads: offset [K],
+            and relative error of the rise [1]; None for a sensor.
         load_variance: Variance of each block's mean of the winding, from load steps at unknown
             moments between two samples [K^2], shape (block,); None for none. What `load_columns`
             holds is not in it.
@@ -129,6 +132,8 @@ class Blocks:
     fitted: tuple[str, ...] = ()
     sensor: str = ""
     first_s: float = 0.0
+    has_current: bool = True
+    sensor_sd: tuple[float, float] | None = None
     load_variance: Float[np.ndarray, " block"] | None = None
     load_columns: Float[np.ndarray, "block column"] | None = None
     notes: tuple[str, ...] = ()

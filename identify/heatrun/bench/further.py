@@ -111,9 +111,7 @@ class Conversion:
                 shift_s = last_s - here_s
             found["time_s"] = found["time_s"] + shift_s
         losses = "map" if self.losses == "map" else "balance"
-        found, _ = derive(found, phases=self.phases, losses=losses)
-        for name, value in self.constants.items():
-            found.setdefault(name, np.full(rows.num_rows, value))
+        found, _ = derive(found, phases=self.phases, losses=losses, constants=self.constants)
         return found, shift_s
 
 

@@ -6,11 +6,12 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from ..errors import InputError
-from ..motor import Motor
+from ..motor import Motor, PartsOfTest
+from .channels.by_resistance import with_winding
+from .channels.derive import derive
 from .clocks.align import join
+from .gaps import over_gaps
 from .own_files import refuse_own_file
 from .readers.read import read_record
 from .record import Record
@@ -20,16 +21,14 @@ RATE = re.compile(r"^(?P<path>.*)@(?P<rate>[^@/\\]*)Hz$", re.DOTALL)
 SHEET = re.compile(r"^(?P<path>.+\.xls[xm](?:\.gz)?)#(?P<sheet>.+)$", re.DOTALL | re.IGNORECASE)
 NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?|\.[0-9]+")
 
-BY_CONSTANTS = "throughout: [constants] of the motor file"
-"""End of the note on a channel that was not measured."""
 
-
-def read_tests(path: Path | str, motor: Motor) -> tuple[Record, ...]:
+def read_tests(path: Path | str, motor: Motor, *, at_gaps: bool = True) -> tuple[Record, ...]:
     """Read a test, in as many records as `[tests.NAME]` of the motor file has stretches of it.
 
     Args:
         path: As `read_test`.
         motor: The machine.
+        at_gaps: As `parts_of`.
 
     Returns:
         One record; or one for each of several stretches, named `NAME_1`, `NAME_2` and so on.
@@ -38,37 +37,38 @@ def read_tests(path: Path | str, motor: Motor) -> tuple[Record, ...]:
         InputError: As `read_test`.
     """
     text, stretch = _with_stretch(str(path))
-    return parts_of(read_whole_test(text, motor), motor, stretch)
+    return parts_of(read_whole_test(text, motor), motor, stretch, at_gaps=at_gaps)
 
 
-def parts_of(record: Record, motor: Motor, stretch: Stretch | None = None) -> tuple[Record, ...]:
-    """Return the parts of a record that count.
+def parts_of(
+    record: Record, motor: Motor, stretch: Stretch | None = None, *, at_gaps: bool = False
+) -> tuple[Record, ...]:
+    """Return the parts of a record that count, their gaps bridged where the load is known.
 
     Args:
         record: The whole.
         motor: Its `[tests.NAME]` say which parts are used, and what is masked.
         stretch: The part that is asked for in place of those.
+        at_gaps: Whether a gap of unknown load parts a record too.
 
     Raises:
         InputError: If a part or a mask holds no sample, or a mask covers the first one.
     """
-    parts = motor.tests.get(record.name)
-    if parts is None and stretch is None:
-        return (record,)
+    parts = motor.tests.get(record.name, PartsOfTest())
     said_by = f"[tests.{record.name}] of the motor file"
-    windows = parts.mask if parts is not None else ()
+    windows = parts.mask
     mask(record, windows, f"mask in {said_by}")  # a window without a sample is an error
     if parts is not None:
         record = bridge(record, parts.bridge, f"bridge in {said_by}")
     if stretch is not None:
         found = [cut(record, stretch, "asked for with the file")]
     else:
-        used = parts.use if parts is not None else ()
-        found = [cut(record, one, f"use in {said_by}") for one in used] or [record]
+        found = [cut(record, one, f"use in {said_by}") for one in parts.use] or [record]
+    found = [part for one in found for part in over_gaps(one, parts.gap_load, splits=at_gaps)]
     found = [mask(one, windows_in(one, windows), f"mask in {said_by}") for one in found]
     if len(found) > 1:
         found = [replace(one, name=f"{one.name}_{n}") for n, one in enumerate(found, start=1)]
-    return tuple(with_seen_start(one) for one in found)
+    return tuple(with_seen_start(one, windows) for one in found)
 
 
 def read_test(path: Path | str, motor: Motor) -> Record:
@@ -88,7 +88,7 @@ def read_test(path: Path | str, motor: Motor) -> Record:
         InputError: If a file cannot be read, the two cannot be joined, a stretch is empty, or the
             motor file uses several stretches and none of them is named.
     """
-    first, *others = read_tests(path, motor)
+    first, *others = read_tests(path, motor, at_gaps=False)
     if others:
         raise InputError(
             f"The motor file uses {1 + len(others)} stretches of this test: "
@@ -165,14 +165,12 @@ def _read_files(text: str, motor: Motor) -> Record:
 
 
 def _with_constants(record: Record, motor: Motor) -> Record:
-    """Return the record with the constants of the motor file for channels that it does not have."""
-    added = {name: value for name, value in motor.constants.items() if name not in record}
-    if not added:
-        return record
-    size = record.time_s.size
-    channels = {name: np.full(size, value) for name, value in added.items()}
-    notes = [f"{name} = {value:g} {BY_CONSTANTS}" for name, value in added.items()]
-    return replace(record, channels={**record.channels, **channels}, notes=(*record.notes, *notes))
+    """Return the record with the constants of the motor file, and what follows with them."""
+    channels, notes = derive(
+        record.channels, phases=motor.phases, losses=motor.losses, constants=motor.constants
+    )
+    held = replace(record, channels=channels, notes=(*record.notes, *notes))
+    return with_winding(held, motor)
 
 
 def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:

@@ -13,9 +13,11 @@ from lptn import Inputs
 from ..errors import InputError
 from ..motor import Motor
 from .blocks import BLOCK_S, Blocks, Body
+from .channels.by_resistance import sensor_sd
 from .channels.derive import recorded_shaft_power
 from .channels.schema import BODIES
 from .checks.balance_errors import own_errors
+from .checks.samples import needed_channels
 from .record import Record
 from .rounding import rounding_step
 
@@ -104,14 +106,15 @@ def reduce(
         bodies=tuple(_bodies(record, edges, shape)),
         sensor=_column(record, "winding_degC"),
         first_s=float(time[0]),
+        has_current="phase_current_A" in record,
+        sensor_sd=sensor_sd(record, motor),
         notes=notes,
         told=own_errors(record, motor),
     )
 
 
 def _require(record: Record, motor: Motor) -> None:
-    needed = ("phase_current_A", "losses_W", f"{motor.sink}_degC", "winding_degC")
-    missing = [channel for channel in needed if channel not in record]
+    missing = [channel for channel in needed_channels(record, motor) if channel not in record]
     if missing:
         raise InputError(
             f"channel {', '.join(missing)} is missing; the record has "
@@ -174,7 +177,9 @@ def _inputs(
         shaft = _interval_means(record.time_s[finite], shaft[finite], edges)
     fastest = 1.0 if speed is None else max(float(np.max(np.abs(speed))), 1e-9)
     rated = motor.rated_speed_rpm
-    current_squared = mean("phase_current_A", power=2)
+    current_squared = np.zeros(edges.size - 1)
+    if "phase_current_A" in record:
+        current_squared = mean("phase_current_A", power=2)
     inputs = Inputs(
         step=jnp.asarray(step, dtype=float),
         current_squared=jnp.asarray(current_squared),

@@ -188,7 +188,7 @@ def mask(record: Record, windows: Sequence[tuple[float, float]], said_by: str) -
                 where=f"{record.name}, {said_by}",
                 remedy="Times are counted from the first sample of the file.",
             )
-    hidden = replace(record, masks=tuple(windows))
+    hidden = replace(record, masks=(*record.masks, *windows))
     is_hidden = masked(hidden)
     channels = {
         name: np.where(is_hidden, np.nan, values)
@@ -253,13 +253,13 @@ def masked(record: Record) -> np.ndarray:
     return hidden
 
 
-def with_seen_start(record: Record) -> Record:
-    """Return a record whose first reading no mask covers: the temperatures start from it.
+def with_seen_start(record: Record, windows: Sequence[tuple[float, float]]) -> Record:
+    """Return a record whose first reading no window [s] covers: the temperatures start from it.
 
     Raises:
         InputError: If one does.
     """
-    if masked(record)[:1].any():
+    if any(low <= record.time_s[0] <= high for low, high in windows):
         raise InputError(
             "The mask covers the first sample, from which the temperatures start.",
             where=f"{record.name}, [tests.NAME] mask of the motor file",

@@ -10,6 +10,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..motor import Motor
+from .channels.by_resistance import tells_winding
+from .channels.derive import derive
 from .channels.schema import CHANNEL
 from .checks.presence import missing_channel
 from .joined import files_of, has_rate
@@ -65,10 +67,13 @@ def unread_test(path: Path | str, motor: Motor, error: InputError) -> UnreadTest
         Finding("not_read", "error", one.problem, one.where or str(path), one.remedy)
         for one in faults.values()
     ]
-    channels = {channel for each in found for channel in each.channels} | set(motor.constants)
+    channels = {channel for each in found for channel in each.channels}
     if has_rate(path) or any(each.mapped.rate_Hz is not None for each in found):
         channels.add("time_s")
     held = {channel: np.ones(1) for channel in CHANNEL if channel in channels}
+    held, _ = derive(held, phases=motor.phases, losses=motor.losses, constants=motor.constants)
+    if tells_winding(held):
+        held.setdefault("winding_degC", np.ones(1))
     lacking = missing_channel(Record(name, held), motor)
     return UnreadTest(
         name,

@@ -47,6 +47,28 @@ def refuse_lacking(kinds: Sequence[type[AbstractEffect]], tests: Sequence[Blocks
                 )
 
 
+def refuse_unmeasured_current(tests: Sequence[Blocks], network: str) -> None:
+    """Refuse tests without a current where it says how much of the losses heats the winding.
+
+    Args:
+        tests: The reduced records.
+        network: The network as the subject of a sentence.
+
+    Raises:
+        InputError: With the test.
+    """
+    for test in tests:
+        if not test.has_current:
+            raise InputError(
+                f"phase_current_A is missing, from which the copper loss of the {network} follows.",
+                where=test.name,
+                remedy='Map it in the motor file: [columns] phase_current_A = "COLUMN [A]"; the '
+                "current of a DC link is none. Where no current flows, as beside a heater: "
+                "[constants] phase_current_A = 0. Or calibrate with --model first, which needs "
+                "none.",
+            )
+
+
 def refuse_unmeasured_sink(sink: str, tests: Sequence[Blocks], title: str) -> None:
     """Refuse tests that do not say how warm the second sink of a network is.
 

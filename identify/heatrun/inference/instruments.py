@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -27,6 +28,22 @@ INSTRUMENTS = (
               0.5, "one point of the room or duct stands for the whole sink"),
 )  # fmt: skip
 """Type B uncertainties: temperatures alone cannot tell them, so they enter C and R."""
+
+BY_RESISTANCE = "winding by resistance: meter, reference resistance, leads"
+
+
+def instruments(tests: Sequence[Blocks]) -> list[Parameter]:
+    """Return `INSTRUMENTS`, with the errors of a winding temperature by resistance where it is."""
+    known = [test.sensor_sd for test in tests if test.sensor_sd is not None]
+    if not known:
+        return list(INSTRUMENTS)
+    offset, gain = (max(each) for each in zip(*known, strict=True))
+    sd = {"sensor_gain": gain, "sensor_offset": offset}
+    return [
+        replace(each, sd=sd[each.name], basis=BY_RESISTANCE) if each.name in sd else each
+        for each in INSTRUMENTS
+    ]
+
 
 CURRENT_GAIN = Parameter(
     "current_gain", "1", "relative error of the current", "instrument", "linear", 0.0, 0.005,

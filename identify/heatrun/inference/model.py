@@ -20,6 +20,7 @@ from ..motor import Adequacy, Motor
 from .catalogue import effects_named
 from .effect_needs import (
     refuse_lacking,
+    refuse_unmeasured_current,
     refuse_unmeasured_sink,
     refuse_unmeasured_speed,
     refuse_unplaced,
@@ -165,6 +166,8 @@ class Model:
             InputError: With the effect, and the channel and the test or the links of the network;
                 or with the test that lacks the temperature of a sink, or the speed.
         """
+        if self.needs_resistance:
+            refuse_unmeasured_current(tests, self.words)
         refuse_unmeasured_sink(self.form.second_sink, tests, self.title)
         refuse_unmeasured_speed([loss.kind for loss in self.form.by_speed], tests, self.title)
         kinds = [kind for kind in self.effects if kind not in searched]

@@ -16,8 +16,8 @@ from .effect_parameters import CATALOGUE, Size, effect_names, effect_parameters
 from .instruments import (
     BODY_PARTS,
     CURRENT_GAIN,
-    INSTRUMENTS,
     body_errors,
+    instruments,
     own_errors,
     second_sink_error,
     shaft_errors,
@@ -60,7 +60,7 @@ def parameters(
     """
     model.refuse_unusable(tests, searched)
     check_names((*override_names(model.form), *effect_names(model.effects)), motor)
-    shared = [*model.form.parameters, *_resistance(model, motor, tests), *INSTRUMENTS]
+    shared = [*model.form.parameters, *_resistance(model, motor, tests), *instruments(tests)]
     shared += body_errors(tests)
     shared += shaft_errors(motor, tests)
     if model.form.second_sink:

@@ -66,7 +66,8 @@ def virtual_record(found: Prediction, record: Record, motor: Motor) -> pd.DataFr
     step = float(blocks.inputs.step)
     middle = np.asarray(trace.time[1:]) - 0.5 * step
     columns: dict[str, Any] = {"time_s": middle + blocks.first_s}
-    columns["phase_current_A"] = np.sqrt(np.asarray(blocks.inputs.current_squared))
+    if blocks.has_current:
+        columns["phase_current_A"] = np.sqrt(np.asarray(blocks.inputs.current_squared))
     columns["losses_W"] = np.asarray(blocks.inputs.losses)
     columns[f"{motor.sink}_degC"] = np.asarray(blocks.inputs.ambient)
     if model.form.second_sink and blocks.inputs.second_sink is not None:

@@ -32,7 +32,9 @@ def band_table(predictions: Mapping[str, Prediction]) -> pd.DataFrame:
     columns: dict[str, np.ndarray] = {
         "time_s": test.time + test.first_s,
         "measured_degC": test.measured,
-        "phase_current_A": np.sqrt(mean(test.inputs.current_squared)),
+        "phase_current_A": np.sqrt(mean(test.inputs.current_squared))
+        if test.has_current
+        else np.full(test.time.shape, np.nan),
         "losses_W": mean(test.inputs.losses),
         "sink_degC": mean(test.inputs.ambient),
     }

@@ -1,6 +1,6 @@
 """The motor file as TOML again, so that a run folder stands for itself.
 
-All but `[tests.NAME]`: a run knows the parts of its tests by itself.
+Of `[tests.NAME]` only the load in gaps: a run knows the parts of its tests by itself.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from ..motor import Adequacy, Motor
 MOTOR = ("name", "phases", "losses", "sink", "insulation_class", "rated_speed_rpm", "mass_kg",
          "raster_s", "decimal")  # fmt: skip
 WINDING = ("resistance_coefficient_degC", "phase_resistance_ohm", "reference_temperature_degC",
-           "conductor_mass_kg")  # fmt: skip
+           "measured_resistance_ohm", "lead_resistance_ohm", "conductor_mass_kg")  # fmt: skip
 VEHICLE = ("gear_ratio", "wheel_radius_m")
 
 
@@ -30,6 +30,11 @@ def motor_text(motor: Motor) -> bytes:
         content["adequacy"] = asdict(motor.adequacy)
     content["columns"] = dict(motor.columns)
     content["constants"] = dict(motor.constants)
+    content["tests"] = {
+        name: {"gap": {"load": parts.gap_load}}
+        for name, parts in motor.tests.items()
+        if parts.gap_load is not None
+    }
     content["sensors"] = dict(motor.sensors)
     content["parameters"] = {
         name: {key: value for key, value in asdict(said).items() if value is not None}

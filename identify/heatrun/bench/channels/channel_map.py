@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from .labels import columns_of, is_sure, named_unit
 from .mapping import Assignment
 from .maps import COLUMN_MAPS, ColumnMap
 from .schema import CHANNEL, REQUIRED
-from .units import require_unit
+from .units import find_unit, require_unit
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,7 @@ def map_columns(
         if column is None:
             mapping.notes.append(f"{claim.channel}: no column '{claim.text}' in this file.")
             continue
+        claim = _by_resistance(claim, column, where)
         _add_claimed(mapping, claim, column)
     _add_canonical(mapping, table.columns)
     for column_map in COLUMN_MAPS:
@@ -189,6 +190,33 @@ def _claimed(
         where=where,
         remedy=f"Columns are: {', '.join(names)}.",
     )
+
+
+def _by_resistance(claim: Claim, column: Column, where: str) -> Claim:
+    """Return the claim of a winding's resistance for what is claimed as its temperature in ohm.
+
+    Raises:
+        InputError: If a resistance is claimed as a temperature in degrees.
+    """
+    if CHANNEL[claim.channel].quantity != "temperature":
+        return claim
+    said = claim.bracket if column.name == claim.base else claim.unit
+    units = [one.text for one in statements(column)]
+    is_ohmic = any(find_unit(unit, "resistance") for unit in units)
+    if said is not None and find_unit(said, "resistance"):
+        is_ohmic, said = True, None
+    if not is_ohmic:
+        return claim
+    if said is not None or claim.channel != "winding_degC":
+        raise InputError(
+            f"The column is a resistance in {units[0] if units else 'ohm'}, which no unit turns "
+            "into a temperature.",
+            where=f"{where}, column '{column.name}' as {claim.channel}",
+            remedy="Of the winding, write [columns] winding_resistance_ohm = "
+            f'"{column.name}": its temperature follows by R(T). Of a Pt100 or an NTC, have the '
+            "logger convert it.",
+        )
+    return replace(claim, channel="winding_resistance_ohm")
 
 
 def _stem(column: Column, quantity: str) -> str | None:

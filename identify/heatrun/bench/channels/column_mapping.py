@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ..record import ColumnReading, Record
-from .derive import formulas
+from .by_resistance import by_resistance
+from .derive import constants_of, formulas
 from .schema import CHANNEL
 
 KNOWN_BY = {
@@ -63,7 +64,9 @@ def describe_mapping(record: Record) -> list[ColumnReading]:
     if not record.mapping:
         return []
     read = {one.channel for one in record.mapping}
-    derived = formulas(record.channels, read)
+    derived = formulas(record.channels, read | constants_of(record.notes))
+    if by_resistance(record):
+        derived = {"winding_degC": "R(T), see the notes", **derived}
     if "time_s" not in read:
         derived = {"time_s": "sampling rate", **derived}
     more = [

@@ -56,6 +56,18 @@ CHANNELS: tuple[Channel, ...] = (
     Channel("u_q_V", "voltage", "V", "q-axis voltage, amplitude-invariant"),
     Channel("i_d_A", "dq current", "A", "d-axis current, amplitude-invariant"),
     Channel("i_q_A", "dq current", "A", "q-axis current, amplitude-invariant"),
+    Channel(
+        "winding_resistance_ohm",
+        "resistance",
+        "ohm",
+        "Resistance of the winding, from which winding_degC follows",
+    ),
+    Channel(
+        "winding_voltage_V",
+        "voltage",
+        "V",
+        "Direct voltage over the winding, which with the current gives its resistance",
+    ),
     Channel("vehicle_speed_km_per_h", "velocity", "km/h", "Speed of the vehicle"),
 )
 """Every channel that heatrun knows, those that a fit needs first."""

@@ -183,6 +183,13 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
                      "meters per second"), 3.6),
         Unit("mph", ("mi/h", "miles/h", "miles per hour"), 1.609344),
     ),
+    "resistance": (
+        Unit("ohm", ("Ω", "ohms")),
+        Unit("mohm", ("mΩ", "mOhm", "mohms", "mOhms", "milliohm", "milliohms"), 1e-3),
+        Unit("µohm", ("µΩ", "µOhm", "uohm", "uOhm", "uΩ", "microohm", "microohms"), 1e-6),
+        Unit("kohm", ("kΩ", "kohms", "kiloohm", "kilohm"), 1e3),
+        Unit("Mohm", ("MΩ", "MOhm", "megohm", "megaohm"), 1e6),
+    ),
     "fraction": (
         Unit("1", ("-", "on/off", "0/1", "bool", "p.u.", "p.u", "pu")),
         Unit("%", ("percent", "pct", "per cent", "Prozent", "percento", "pour cent"), 1e-2),

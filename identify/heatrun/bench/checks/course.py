@@ -149,7 +149,7 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...
         with_all_heat(record, motor), "winding_degC", sink_name, "losses_W"
     )
     lead = lead_in(time_s, losses)
-    if lead == 0:
+    if lead == 0 or _begins_at_gap(record):
         return ()
     step = rounding_step(winding) or 0.0
     excess = float(np.median(winding[:lead] - sink[:lead]))
@@ -188,6 +188,12 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...
     )
 
 
+def _begins_at_gap(record: Record) -> bool:
+    """Return whether a record is the part behind a gap, of which the finding on the gap speaks."""
+    begin_s = record.time_s[0]
+    return any(f.id == "time_gap" and f.values.get("to_s") == begin_s for f in record.findings)
+
+
 def cut_while_warm(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Say of a test that is cut out of a record while warm that the part before it may tell more.
 
@@ -195,7 +201,7 @@ def cut_while_warm(record: Record, motor: Motor) -> tuple[Finding, ...]:
     was cut off, only the bench knows. Where they can, a mask in place of the cut lets the network
     run up to that time: the stator is then known as well as the parameters allow.
     """
-    if not record.stretch or any(body in record for body in STATOR):
+    if not record.stretch or _begins_at_gap(record) or any(body in record for body in STATOR):
         return ()
     sink_name = sink_channel(motor)
     time_s, winding, sink = samples(record, "winding_degC", sink_name)

@@ -79,25 +79,29 @@ def crude_fit(
 
     Args:
         record: Any record.
-        motor: Says what the losses are, and the phase resistance; without that the share of copper
-            in the losses is fitted too.
+        motor: Says what the losses are, and the phase resistance; without that, or a current, the
+            share of copper in the losses is fitted too.
         left_out_s: Time spans whose temperatures do not count [s].
         most_blocks: Block means of the record, at most.
 
     Returns:
         The fit, or None where the record has too little, or the network does not describe it.
     """
-    channels = ("winding_degC", sink_channel(motor), "losses_W", "phase_current_A")
+    has_current = "phase_current_A" in record
+    channels = ["winding_degC", sink_channel(motor), "losses_W"]
+    channels += ["phase_current_A"] * has_current
     time_s, *columns = samples(record, *channels)
     heat_W = samples(with_all_heat(record, motor), *channels)[3]
     if time_s.size < 2 * MIN_BLOCKS or np.ptp(columns[0]) == 0.0:
         return None
-    if motor.losses == "map" and motor.phase_resistance_ohm is None:
+    if motor.losses == "map" and not (has_current and motor.phase_resistance_ohm):
         return None
+    is_copper_known = has_current and motor.phase_resistance_ohm is not None
     lead = lead_in(time_s, heat_W)
     excess = float(np.median((columns[0] - columns[1])[:lead]))
     edges = np.linspace(time_s[0], time_s[-1], min(most_blocks, time_s.size // 2) + 1)
-    winding, sink, losses, current_squared = _on_grid(time_s, edges, *columns[:3], columns[3] ** 2)
+    squares = (current**2 for current in columns[3:])
+    winding, sink, losses, *current_squared = _on_grid(time_s, edges, *columns[:3], *squares)
     counted = np.ones(winding.size, dtype=bool)
     for from_s, to_s in left_out_s:
         counted &= (edges[1:] < from_s) | (edges[:-1] > to_s)
@@ -108,8 +112,8 @@ def crude_fit(
         winding=winding,
         sink=sink,
         losses=losses,
-        copper=_copper(motor, winding, losses, current_squared),
-        is_copper_known=motor.phase_resistance_ohm is not None,
+        copper=_copper(motor, winding, losses, *current_squared) if has_current else losses,
+        is_copper_known=is_copper_known,
         is_balance=motor.losses == "balance",
         start=float(np.median(columns[0][:lead])),
         stator_sd_K=COLD_STATOR_SD_K if abs(excess) < EQUILIBRIUM_K else WARM_STATOR_SD_K,

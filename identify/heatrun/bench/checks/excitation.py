@@ -41,39 +41,43 @@ degC."""
 
 
 def single_step(record: Record, motor: Motor) -> tuple[Finding, ...]:
-    """Warn if current and speed hold one level from the moment the load comes to the end.
+    """Warn if what heats holds one level from the moment the load comes to the end.
 
     Idle time before the load is no second level, since nothing is warm; idle time after it is one.
-    Without a speed channel a step of the losses at the same current counts as a change of speed.
+    Current and speed hold theirs while the copper loss grows; steps of the losses count besides.
     """
-    time_s, current, losses = samples(with_all_heat(record, motor), "phase_current_A", "losses_W")
+    time_s, losses = samples(with_all_heat(record, motor), "losses_W")
     loaded = is_loaded(losses)
     if not loaded.any():
         return ()
-    start = int(np.argmax(loaded))
-    from_s, to_s = float(time_s[start]), float(time_s[-1])
-    _, levels, powers = block_means(time_s[start:], BLOCK_S, current[start:], losses[start:])
-    # The first and last block may be cut by an edge of the load.
-    levels, powers = levels[1:-1], powers[1:-1]
-    speed_s, speed = samples(record, "speed_rpm")
-    later = speed_s >= from_s
-    speeds = block_means(speed_s[later], BLOCK_S, speed[later])[1][1:-1]
-    if levels.size < 2 or np.ptp(levels) > SAME_LEVEL * np.max(np.abs(levels)):
+    from_s, to_s = float(time_s[np.argmax(loaded)]), float(time_s[-1])
+
+    def levels(times: np.ndarray, values: np.ndarray) -> np.ndarray:
+        later = times >= from_s
+        # the first and last block may be cut by an edge of the load
+        return block_means(times[later], BLOCK_S, values[later])[1][1:-1]
+
+    powers = levels(time_s, losses)
+    held = [levels(*samples(record, name)) for name in ("phase_current_A", "speed_rpm")]
+    if powers.size < 2 or np.any(np.abs(np.diff(powers)) > LOSS_STEP * np.max(np.abs(powers))):
         return ()
-    if speeds.size and np.ptp(speeds) > SAME_LEVEL * np.max(np.abs(speeds)):
+    if any(np.ptp(each) > SAME_LEVEL * np.max(np.abs(each)) for each in held if each.size):
         return ()
-    if not speeds.size and np.any(np.abs(np.diff(powers)) > LOSS_STEP * np.max(np.abs(powers))):
-        return ()
+    has_current = held[0].size > 0 and bool(np.any(held[0]))
+    channel, what, unit = (
+        ("phase_current_A", "current is", "A") if has_current else ("losses_W", "losses are", "W")
+    )
+    level = float(np.mean(held[0] if has_current else powers))
     return (
         Finding(
             "single_step",
             "warning",
-            f"Expected several levels of load; the current is {np.mean(levels):.4g} A throughout. "
+            f"Expected several levels of load; the {what} {level:.4g} {unit} throughout. "
             "A single load step hardly separates winding from stator parameters, and missing "
             "effects cannot be distinguished.",
-            place(record, "phase_current_A", from_s, to_s),
+            place(record, channel, from_s, to_s),
             "Add a cool-down, or steps in which current and speed change independently.",
-            values={"current_A": float(np.mean(levels)), "from_s": from_s, "to_s": to_s},
+            values={channel.removeprefix("phase_"): level, "from_s": from_s, "to_s": to_s},
         ),
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...motor import Motor
+from ..channels.derive import recorded_shaft_power
 from ..record import Finding, Record
 from .advice import use_line
 from .balance_errors import BLOCK_S
@@ -105,17 +106,22 @@ def losses_of_dc_link(record: Record, motor: Motor) -> tuple[Finding, ...]:
         is_link = np.std(voltage) < HELD_VOLTAGE * np.mean(voltage) and high > FOLLOWS * low
         if not is_link or np.quantile(np.abs(ratio - 1.0), 0.9) > SAME_POWER:
             continue
+        is_shaft_known = recorded_shaft_power(record.channels) is not None
+        shaft = "" if is_shaft_known else " and what the shaft takes out"
+        remedy = "Record torque_Nm and speed_rpm beside the DC power, or the phase current; where "
+        remedy += "the rotor is locked, subtract the losses of the inverter."
+        if is_shaft_known:
+            remedy = "Record electrical_power_W at the motor's terminals, or subtract the losses "
+            remedy += "of the inverter."
         return (
             Finding(
                 "losses_of_dc_link",
                 "warning",
                 f"Expected the heat of the machine; losses_W is all the power of the DC link "
-                f"(dc_voltage_V·{name}), with the losses of the inverter and what the shaft takes "
-                "out. Capacities come out too large and resistances too small by as much: bounds, "
-                "no estimates.",
+                f"(dc_voltage_V·{name}), with the losses of the inverter{shaft}. Capacities come "
+                "out too large and resistances too small by as much: bounds, no estimates.",
                 place(record, "losses_W", float(time_s[0]), float(time_s[-1])),
-                "Record torque_Nm and speed_rpm beside the DC power, or the phase current; where "
-                "the rotor is locked, subtract the losses of the inverter.",
+                remedy,
                 values={"ratio": float(np.median(ratio))},
             ),
         )

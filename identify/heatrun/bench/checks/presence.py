@@ -6,6 +6,7 @@ import numpy as np
 
 from ...motor import Motor
 from ..blocks import BLOCK_S
+from ..channels.derive import ELECTRICAL
 from ..channels.schema import BODIES
 from ..record import Finding, Record, Severity
 from ..stretch import masked
@@ -23,9 +24,6 @@ are averaged anyway."""
 CONSTANT = ("phase_current_A", "losses_W", "ambient_degC", "coolant_degC")
 """Needed channels that may be the same all the time: no current under a heater, no losses but
 copper under direct current, a room that is held."""
-
-LINK_POWER = ("dc_power_W", "dc_current_A")
-"""What a speed controller records of its supply."""
 
 MAX_MISSING_SHARE = 0.1
 """Share of missing samples above which even isolated ones are an error [1]: the logger failed."""
@@ -48,7 +46,7 @@ def missing_channel(record: Record, motor: Motor) -> tuple[Finding, ...]:
     length.
     """
     found = []
-    for channel in needed_channels(motor):
+    for channel in needed_channels(record, motor):
         if channel not in record:
             have = ", ".join(record.channels) or "none"
             message = f"Channel `{channel}` is needed for a fit; the record has {have}."
@@ -64,18 +62,22 @@ def missing_channel(record: Record, motor: Motor) -> tuple[Finding, ...]:
         remedy = f'Name its column in the motor file: [columns] {channel} = "column [unit]".'
         if channel in CONSTANT:
             remedy += f" Where it is the same all the time: [constants] {channel} = NUMBER."
-        remedy += _beside_a_link(channel, record)
+        if channel == "winding_degC":
+            remedy += " A resistance of the winding in ohm will do, or winding_voltage_V under "
+            remedy += "direct current: the temperature follows by R(T)."
+        remedy += _beside_a_power(channel, record)
         where = ", ".join(part for part in (record.name, channel) if part)
         found.append(Finding("missing_channel", "error", message, where, remedy))
     return tuple(found)
 
 
-def _beside_a_link(channel: str, record: Record) -> str:
-    """Return what a record of the DC link lacks, empty without one."""
-    if channel == "losses_W" and any(name in record for name in LINK_POWER):
+def _beside_a_power(channel: str, record: Record) -> str:
+    """Return what a record of the power that goes in lacks, empty without one."""
+    if channel == "losses_W" and any(way.is_open(record.channels) for way in ELECTRICAL):
         return (
-            " The power of the DC link is not the loss: inverter and shaft take their part. With "
-            "torque_Nm and speed_rpm beside it heatrun forms the losses."
+            " The power that goes in is not the loss: the shaft takes its part, behind a DC link "
+            "the inverter too. With torque_Nm and speed_rpm beside it heatrun forms the losses; "
+            "where the rotor is locked, or the current direct: [constants] speed_rpm = 0."
         )
     if channel == "phase_current_A" and "dc_current_A" in record:
         return " dc_current_A is not the current of a phase."
@@ -84,9 +86,10 @@ def _beside_a_link(channel: str, record: Record) -> str:
 
 def too_few_samples(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report a record with fewer usable samples than unknowns can be drawn from."""
-    if any(channel not in record for channel in needed_channels(motor)):
+    needed = needed_channels(record, motor)
+    if any(channel not in record for channel in needed):
         return ()  # `missing_channel` says why there are none
-    usable = samples(record, *needed_channels(motor)[1:])[0].size
+    usable = samples(record, *needed[1:])[0].size
     if usable >= MIN_SAMPLES:
         return ()
     total = len(record.time_s)
@@ -109,7 +112,7 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
     Infinities and numbers of 1e12 and more count as missing. In channels that no fit needs any
     missing value is a note.
     """
-    needed = needed_channels(motor)
+    needed = needed_channels(record, motor)
     step_s = median_step(samples(record)[0])
     found = []
     for channel, column in record.channels.items():

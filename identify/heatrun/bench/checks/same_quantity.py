@@ -18,11 +18,10 @@ from ...motor import Motor
 from ..channels.derive import (
     AMPLITUDE_INVARIANT,
     DERIVATIONS,
-    DQ,
+    ELECTRICAL,
     SHAFT,
     WITH_INVERTER,
     Derivation,
-    dq_power,
     recorded_shaft_power,
     shaft_power,
 )
@@ -101,12 +100,8 @@ def _derived(channel: str, factors: Mapping[float, str]) -> tuple[Twice, ...]:
 POWERS: tuple[Twice, ...] = (
     Twice(Derivation("mechanical_power_W", SHAFT, lambda c, _: shaft_power(c), "torque·omega"),
           SPEEDS),
-    Twice(Derivation("electrical_power_W", DQ, dq_power, "phases/2·(u_d·i_d + u_q·i_q)"),
-          {1.5: "d and q come from the power-invariant transform", **THOUSANDS}),
-    Twice(Derivation("dc_power_W", ("dc_voltage_V", "dc_current_A"),
-                     lambda c, _: c["dc_voltage_V"] * c["dc_current_A"],
-                     "dc_voltage_V·dc_current_A"),
-          THOUSANDS),
+    Twice(ELECTRICAL[1], {1.5: "d and q come from the power-invariant transform", **THOUSANDS}),
+    Twice(ELECTRICAL[-1], THOUSANDS),
 )  # fmt: skip
 """Powers are never derived for a record, only compared."""
 
@@ -145,6 +140,8 @@ def _compared(
     if time_s.size < FEWEST_BLOCKS:
         return None
     parts = dict(zip(way.needs, others, strict=True))
+    if not way.holds(parts):
+        return None
     computed = way.compute(parts, motor.phases)
     # a difference of two powers takes the error of the shaft's along
     part = recorded_shaft_power(parts) if way.channel == "losses_W" else None

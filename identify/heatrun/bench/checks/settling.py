@@ -86,13 +86,14 @@ def settling_constants(record: Record, motor: Motor) -> float:
         Length of the stretch over the time constant in it [1]; inf where it has settled, 0 where
         there is no such stretch or it does not approach an end.
     """
-    channels = ("winding_degC", sink_channel(motor), "losses_W", "phase_current_A")
-    time_s, winding, sink, losses, current = samples(record, *channels)
-    means_s, excess, power, level = block_means(time_s, BLOCK_S, winding - sink, losses, current)
+    channels = ["winding_degC", sink_channel(motor), "losses_W"]
+    channels += ["phase_current_A"] * ("phase_current_A" in record)
+    time_s, winding, sink, *loads = samples(record, *channels)
+    means_s, excess, *levels = block_means(time_s, BLOCK_S, winding - sink, *loads)
     if means_s.size < MIN_BLOCKS:
         return 0.0
     steps = np.zeros(means_s.size - 1, dtype=bool)
-    for values in (power, level):
+    for values in levels:
         steps |= np.abs(np.diff(values)) > STEP_SHARE * np.max(np.abs(values))
     edges = np.concatenate(([0], np.flatnonzero(steps) + 1, [means_s.size]))
     longest = int(np.argmax(np.diff(edges)))

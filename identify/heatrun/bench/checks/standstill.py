@@ -14,7 +14,8 @@ import numpy as np
 
 from ...io.quantities import off_by, part_of
 from ...motor import Motor
-from ..channels.derive import WITH_INVERTER, dq_power, formulas
+from ..channels.by_resistance import resistance_sd
+from ..channels.derive import WITH_INVERTER, constants_of, dq_power, formulas
 from ..record import Finding, Record
 from .balance_errors import BLOCK_S, STANDSTILL_RPM
 from .samples import block_means, is_loaded, place, runs, samples
@@ -32,9 +33,6 @@ voltage that a machine at standstill needs."""
 RANGE_SD = 0.0005
 """Of power, in parts of the largest power of the record [1]: offset of an analyser of class 0.05
 that keeps the range which the loaded machine needs."""
-
-RESISTANCE_SD = 0.01
-"""Of Rs0 [1]: four-wire measurement, winding temperature known to 2 K (0.4 %/K)."""
 
 SENSOR_SD_K, SENSOR_SD_SHARE = 1.0, 0.05
 """Winding sensor against the mean of the winding [K], and in parts of the rise over the lowest
@@ -89,11 +87,11 @@ def standstill_losses(record: Record, motor: Motor) -> tuple[Finding, ...]:
     if losses is not None:
         # in losses from d and q the same current stands once more
         power = 1.0 if DQ in _formula(record) else 2.0
-        found.append(_finding(record, losses, "losses_W", "the losses", "phases·R(T)·I²", power))
+        found.append(_finding(record, motor, losses, "losses_W", "the losses", power))
     quotient = _of_voltage(record, motor)
     if quotient is not None:
         what = "the powers of voltage and current in d and q"
-        found.append(_finding(record, quotient, "u_q_V", what, "phases·R(T)·I²", 1.0))
+        found.append(_finding(record, motor, quotient, "u_q_V", what, 1.0))
     return tuple(found)
 
 
@@ -158,8 +156,9 @@ def _of_voltage(record: Record, motor: Motor) -> Agreement | None:
 
 def _formula(record: Record) -> str:
     """Return how the losses were derived, empty if they were measured."""
-    read = [one.channel for one in record.mapping if one.unit_from != "derived"]
-    return formulas(record.channels, read).get("losses_W", "")
+    read = {one.channel for one in record.mapping if one.unit_from != "derived"}
+    given = read | constants_of(record.notes)
+    return formulas(record.channels, given).get("losses_W", "")
 
 
 def _agreement(
@@ -195,7 +194,7 @@ def _agreement(
     warm = temperature[kept].mean() - temperature.min()
     sensor_K = np.hypot(SENSOR_SD_K, SENSOR_SD_SHARE * warm)
     of_temperature = sensor_K / (motor.resistance_coefficient_degC + temperature[kept].mean())
-    parts = (instruments, _resistance_sd(motor), of_temperature, RANGE_SD * largest / mean, scatter)
+    parts = (instruments, resistance_sd(motor), of_temperature, RANGE_SD * largest / mean, scatter)
     sd = float(np.sqrt(sum(part**2 for part in parts)))
     if not np.isfinite([ratio, sd]).all():
         return None
@@ -219,18 +218,6 @@ def _largest_power(record: Record, measured: np.ndarray) -> np.ndarray:
     return measured
 
 
-def _resistance_sd(motor: Motor) -> float:
-    """Return the standard deviation of Rs0 [1], as the motor file has it."""
-    said = motor.parameters.get("Rs0")
-    if said is None or motor.phase_resistance_ohm is None:
-        return RESISTANCE_SD
-    if said.fixed is not None:
-        return 0.0
-    if said.relative_sd is not None:
-        return said.relative_sd
-    return RESISTANCE_SD if said.sd is None else said.sd / motor.phase_resistance_ohm
-
-
 def _leads(ratio: float) -> str:
     """Return what leads would take of the power, empty where there is none to take."""
     if ratio <= 1.0:
@@ -243,8 +230,9 @@ def _leads(ratio: float) -> str:
 
 
 def _finding(
-    record: Record, seen: Agreement, channel: str, what: str, expected: str, power: float
+    record: Record, motor: Motor, seen: Agreement, channel: str, what: str, power: float
 ) -> Finding:
+    expected = "phases·R(T)·I²"
     band = 100.0 * DECISIVE * seen.sd
     stretch = f"over {seen.lasts_s / 60.0:.0f} min at {seen.current_A:.4g} A"
     where = place(record, channel, seen.from_s, seen.to_s)
@@ -274,9 +262,17 @@ def _finding(
         f"{off_by(seen.ratio ** (-1.0 / power))} explains this: {power:.0f} % per 1 %)."
     )
     leads = "" if is_of_units else _leads(seen.ratio)
+    # a rotor that is said to be locked says nothing of direct current
+    is_said = "speed_rpm" in constants_of(record.notes) and motor.phases > 1
+    may_alternate = is_said and seen.ratio > 1.0 and not is_of_units
+    if may_alternate:
+        first = (
+            "Nothing need be done where the rotor is locked under alternating current: its bars "
+            f"and the iron take the rest. Under direct current: {first[:1].lower()}{first[1:]}"
+        )
     return Finding(
         "standstill_losses",
-        "warning",
+        "note" if may_alternate else "warning",
         f"Expected {what} equal to {expected} at standstill within {band:.1f} % (95 %, of the "
         f"instruments and Rs0); {stretch} they are {they_are}. The copper loss of the "
         "loaded tests, and with it Ceq_w and Req_w, is off by as much if the current or "

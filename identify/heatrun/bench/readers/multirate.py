@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
 from ...errors import InputError
 from ..channels.channel_map import MappedColumns, map_columns
-from ..channels.derive import derive
+from ..channels.derive import constants_of, derive
 from ..channels.schema import CHANNEL
 from ..clocks.axes import averaged, axes_of, common_times, raster_note
 from ..record import Finding
@@ -37,6 +38,7 @@ def read_measurement(
     raster_s: float | None = None,
     phases: int = 3,
     losses: Literal["balance", "map"] = "balance",
+    constants: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[Table, MappedColumns]:
     """Read the channels that a record needs, onto one time axis.
 
@@ -50,6 +52,7 @@ def read_measurement(
             are.
         phases: As `heatrun.bench.channels.derive.derive`.
         losses: As `heatrun.bench.channels.derive.derive`.
+        constants: As `heatrun.bench.channels.derive.derive`; they do not become channels here.
 
     Returns:
         What the file says about itself, as a table without its samples, and the channels: in
@@ -94,11 +97,11 @@ def read_measurement(
     channels = own[0]
     time_s = axes[0].time_s
     if len(axes) > 1 or (raster_s is not None and axes[0].has_times):
-        own, notes = _derive_at_full_rate(own, phases, losses)
+        own, notes = _derive_at_full_rate(own, phases, losses, constants)
         lead = next((one for one, held in zip(axes, own, strict=True) if OUTPUT in held), None)
         time_s, base = common_times(axes, lead, raster_s, where)
         channels, found_gaps = averaged(axes, own, time_s, base, where)
-        findings = (*found_gaps, *_late_products(channels, phases, losses, where))
+        findings = (*found_gaps, *_late_products(channels, phases, losses, constants, where))
         notes = (*notes, raster_note(axes, time_s, base))
     if "time_s" not in channels and "time_s" in mapped.columns:
         channels = {"time_s": time_s} | channels
@@ -193,35 +196,57 @@ def _nothing_known(header: Header, where: str) -> InputError:
 
 
 def _derive_at_full_rate(
-    own: Sequence[Mapping[str, np.ndarray]], phases: int, losses: Literal["balance", "map"]
+    own: Sequence[Mapping[str, np.ndarray]],
+    phases: int,
+    losses: Literal["balance", "map"],
+    constants: Mapping[str, float],
 ) -> tuple[list[dict[str, np.ndarray]], tuple[str, ...]]:
     """Return the channels of each axis with those that follow from one axis alone.
 
     Only the way that the whole record would take is taken, so that a better one is not lost.
     """
-    every = {key: np.ones(1) for channels in own for key in channels}
-    planned, plan_notes = derive(every, phases=phases, losses=losses)
-    plan = set(zip([key for key in planned if key not in every], plan_notes, strict=True))
+    every = {key: _sketch(values) for channels in own for key, values in channels.items()}
+    # what another axis holds is no constant
+    constants = {name: value for name, value in constants.items() if name not in every}
+    plan = _followed(every, phases, losses, constants)[1].items()
     extended, notes = [], []
     for channels in own:
         with np.errstate(over="ignore", invalid="ignore"):
-            derived, its_notes = derive(channels, phases=phases, losses=losses)
-        new = [key for key in derived if key not in channels]
-        taken = [pair for pair in zip(new, its_notes, strict=True) if pair in plan]
-        extended.append({**channels, **{key: derived[key] for key, _ in taken}})
-        notes += [note for _, note in taken]
+            derived, followed = _followed(channels, phases, losses, constants)
+        taken = dict(pair for pair in followed.items() if pair in plan)
+        extended.append({**channels, **{key: derived[key] for key in taken}})
+        notes += taken.values()
     return extended, tuple(notes)
+
+
+def _followed(
+    channels: Mapping[str, np.ndarray],
+    phases: int,
+    losses: Literal["balance", "map"],
+    constants: Mapping[str, float],
+) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Return channels with all that follows, and the note on each that follows from others."""
+    derived, notes = derive(channels, phases=phases, losses=losses, constants=constants)
+    new = [key for key in derived if key not in channels]
+    stated = constants_of(notes)
+    return derived, {k: n for k, n in zip(new, notes, strict=True) if k not in stated}
+
+
+def _sketch(values: np.ndarray) -> np.ndarray:
+    """Return one sample, 0 where all are: all that a derivation asks of values."""
+    return np.full(1, float(np.any(values != 0.0)))
 
 
 def _late_products(
     channels: Mapping[str, np.ndarray],
     phases: int,
     losses: Literal["balance", "map"],
+    constants: Mapping[str, float],
     where: str,
 ) -> tuple[Finding, ...]:
     """Return a finding for each channel that can only follow from averages."""
-    derived, notes = derive({key: np.ones(1) for key in channels}, phases=phases, losses=losses)
-    new = [key for key in derived if key not in channels]
+    sketch = {key: _sketch(values) for key, values in channels.items()}
+    _, followed = _followed(sketch, phases, losses, constants)
     return tuple(
         Finding(
             id="derived_from_means",
@@ -231,5 +256,5 @@ def _late_products(
             where=where,
             remedy="Record the factors in one group, or the power itself.",
         )
-        for key, note in zip(new, notes, strict=True)
+        for key, note in followed.items()
     )

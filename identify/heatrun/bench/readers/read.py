@@ -135,6 +135,8 @@ def read_record(
     columns = motor.columns if motor else None
     phases, losses = (motor.phases, motor.losses) if motor else (3, "balance")
     raster_s = motor.raster_s if motor else None
+    # another part may hold what the motor file states for want of a column
+    constants = motor.constants if motor and not is_part else {}
     with open_input(path) as stream, opened(stream, where, columns) as measurement:
         if measurement is not None:
             sha256 = digest_of(stream)
@@ -146,6 +148,7 @@ def read_record(
                 raster_s=raster_s,
                 phases=phases,
                 losses=losses,
+                constants=constants,
             )
         else:
             data = read_stream(stream, where)

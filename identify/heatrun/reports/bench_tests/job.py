@@ -118,7 +118,8 @@ def make_report(
             say(f"{kind} report of {name}")
         work.at(number, f"report {number + 1} of {len(found.tests)}")
         try:
-            records = (test,) if isinstance(test, Record) else read_tests(test, motor)
+            is_record = isinstance(test, Record)
+            records = (test,) if is_record else read_tests(test, motor, at_gaps=False)
             for record in records:
                 is_file = not isinstance(test, Record)
                 when = date_of_test(test, record) if is_file else date_of_record(record)

@@ -205,8 +205,9 @@ def _measured(result: FitResult, fitted: list[DescribedTest]) -> str:
         "losses_W": "total losses"
         if result.motor.losses == "balance"
         else "losses other than copper",
-        "phase_current_A": "phase current",
     }
+    if any(test.current_A for test in fitted):
+        what["phase_current_A"] = "phase current"
     if any(test.speed_rpm for test in fitted):
         what["speed_rpm"] = "speed"
     what[f"{result.motor.sink}_degC"] = f"{result.motor.sink} temperature"

@@ -191,9 +191,11 @@ def _label(name: str, units: Mapping[str, str]) -> str:
 
 
 def _load(axis: Axes, minutes: pd.Series, table: pd.DataFrame) -> None:
-    axis.plot(minutes, table["phase_current_A"], color="#CC79A7", lw=0.9)
-    axis.set_ylabel("current [A]", color="#CC79A7")
-    second = axis.twinx()
+    second = axis
+    if table["phase_current_A"].notna().any():
+        axis.plot(minutes, table["phase_current_A"], color="#CC79A7", lw=0.9)
+        axis.set_ylabel("current [A]", color="#CC79A7")
+        second = axis.twinx()
     second.plot(minutes, table["losses_W"], color="#555555", lw=0.8)
     second.set_ylabel("losses [W]", color="#555555")
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....motor import Motor
-from ...channels.derive import DERIVATIONS, derive
+from ...channels.derive import constants_of, derive, formulas
 from ...channels.schema import CHANNEL
 from ...channels.unit_table import QUANTITIES, Unit
 from ...channels.units import find_unit, to_canonical
@@ -177,20 +177,12 @@ def _reread(
         raw = (np.asarray(channels[name], dtype=float) - as_read.offset) / as_read.factor
         channels[name] = to_canonical(raw, unit)
     if read:
-        for way in DERIVATIONS:
-            if (
-                way.channel not in read
-                and way.channel in channels
-                and _follows(way.needs, channels)
-            ):
-                del channels[way.channel]
+        given = read.keys() | constants_of(record.notes)
+        for name in formulas(channels, given):
+            del channels[name]
         channels, _ = derive(channels, phases=motor.phases, losses=motor.losses)
     return replace(record, channels=channels, findings=())
 
 
 def _num_measured(record: Record, name: str) -> int:
     return int(np.sum(is_measured(np.asarray(record[name], dtype=float))))
-
-
-def _follows(needs: Sequence[str], channels: dict[str, np.ndarray]) -> bool:
-    return all(need in channels for need in needs)

@@ -1,0 +1,176 @@
+"""Winding temperature by resistance: from ohms, or from direct voltage and current."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import heatrun
+from heatrun import cli
+from heatrun.bench.channels.by_resistance import METER_SD, REFERENCE_SD, sensor_sd
+from heatrun.bench.checks import check_record
+from heatrun.bench.joined import read_test
+from heatrun.bench.reduction import reduce
+from heatrun.errors import InputError
+from heatrun.inference.model import Model
+from heatrun.inference.model_parameters import parameters
+from heatrun.motorfile import load_motor, parse_motor
+from heatrun.runs.motor_text import motor_text
+
+TIME_S = np.arange(0.0, 2700.0, 3.0)
+ROOM = 19.0
+FLOWS = (TIME_S >= 90.0) & (TIME_S < 1800.0)
+TRUE = np.where(
+    TIME_S < 90.0,
+    ROOM,
+    np.where(
+        FLOWS,
+        ROOM + 55.0 * -np.expm1(-(TIME_S - 90.0) / 600.0),
+        ROOM + 51.8 * np.exp(-(TIME_S - 1800.0) / 600.0),
+    ),
+)
+AMPERES = np.where(FLOWS, 12.0, 0.0)
+PHASE, T_REF = 0.31, 20.0
+
+
+def ohm(times=1.0, *, leads=0.0, B=234.5, winding=TRUE):
+    return times * PHASE * (B + winding) / (B + T_REF) + leads
+
+
+def files(folder, columns, lines, winding="", more=""):
+    """A bench file with measured columns, and a motor file that names them."""
+    table = {"t [s]": TIME_S, "I [A]": AMPERES, "room [°C]": ROOM, **columns}
+    pd.DataFrame(table).to_csv(folder / "coil.csv", index=False)
+    mapped = "".join(f'{channel} = "{column}"\n' for channel, column in lines.items())
+    text = (
+        f'[motor]\nname = "coil"\nlosses = "map"\n'
+        f"[winding]\nphase_resistance_ohm = {PHASE}\nreference_temperature_degC = {T_REF}\n"
+        f'{winding}\n[columns]\ntime_s = "t [s]"\nphase_current_A = "I [A_rms]"\n'
+        f'ambient_degC = "room [°C]"\n{mapped}[constants]\nlosses_W = 0\n{more}'
+    )
+    (folder / "coil.toml").write_text(text)
+    return folder / "coil.toml", folder / "coil.csv"
+
+
+@pytest.mark.parametrize(
+    ("columns", "lines", "winding"),
+    [
+        ({"R [mΩ]": 1e3 * ohm()}, {"winding_degC": "R [mΩ]"}, ""),
+        ({"R [mΩ]": 1e3 * ohm()}, {"winding_resistance_ohm": "R [mΩ]"}, ""),
+        ({"R": 1e3 * ohm()}, {"winding_degC": "R [mOhm]"}, ""),
+        ({"R U-V (ohm)": ohm(2.0)}, {"winding_degC": "R U-V (ohm)"}, ""),
+        ({"R [kΩ]": 1e-3 * ohm(2.0 / 3.0)}, {"winding_degC": "R [kΩ]"}, ""),
+        ({"winding_resistance [milliohm]": 1e3 * ohm()}, {}, ""),
+        ({"R [Ω]": ohm(leads=0.02)}, {"winding_degC": "R [Ω]"}, "lead_resistance_ohm = 0.02"),
+        ({"R [Ω]": ohm(1.234, leads=0.02)}, {"winding_degC": "R [Ω]"},
+         f"measured_resistance_ohm = {1.234 * PHASE + 0.02}\nlead_resistance_ohm = 0.02"),
+        ({"R [Ω]": ohm(2.0, B=225.0)}, {"winding_degC": "R [Ω]"}, 'material = "aluminium"'),
+        ({"U [mV]": 1e3 * ohm(2.0) * AMPERES}, {"winding_voltage_V": "U [mV]"}, ""),
+        ({"U [V]": ohm(2.0) * AMPERES, "Idc": AMPERES},
+         {"winding_voltage_V": "U [V]", "dc_current_A": "Idc"}, ""),
+    ],
+)  # fmt: skip
+def test_the_winding_is_read_by_its_resistance(tmp_path, columns, lines, winding):
+    files_of = files(tmp_path, columns, lines, winding)
+    motor = load_motor(files_of[0])
+    record = read_test(files_of[1], motor)
+    known = np.isfinite(record["winding_degC"])
+    assert np.array_equal(known, FLOWS if "U [" in str(columns) else np.full(FLOWS.size, True))
+    # six digits of a CSV of doubles: rounding alone
+    np.testing.assert_allclose(record["winding_degC"][known], TRUE[known], atol=1e-6)
+    assert not [f for f in check_record(record, motor) if f.severity == "error"]
+    assert reduce(record, motor).start_degC == pytest.approx(ROOM, abs=1.0)
+    assert parse_motor(motor_text(motor), "again").lead_resistance_ohm == motor.lead_resistance_ohm
+
+
+@pytest.mark.parametrize(
+    ("columns", "lines", "said"),
+    [
+        ({"R [Ohm]": ohm()}, {"winding_degC": "R [Ohm] [degC]"}, "winding_resistance_ohm"),
+        ({"R [Ohm]": ohm()}, {"housing_degC": "R [Ohm]"}, "is a resistance in Ohm"),
+        ({"Pt [Ohm]": 100.0 + 0.39 * TRUE}, {"winding_degC": "Pt [Ohm]"}, "Pt100 or an NTC"),
+        ({"R [Ohm]": ohm(winding=TRUE + 45.0)}, {"winding_degC": "R [Ohm]"}, "no circuit of"),
+        ({"R [Ohm]": ohm()}, {"phase_current_A": "R [Ohm]"}, "a unit of resistance"),
+        ({"R [Ohm]": ohm() + 9.9e37}, {"winding_degC": "R [Ohm]"}, "got none"),
+    ],
+)
+def test_a_resistance_is_never_read_as_degrees(tmp_path, columns, lines, said):
+    motor_file, table = files(tmp_path, columns, {})
+    text = motor_file.read_text().replace('phase_current_A = "I [A_rms]"\n', "")
+    more = "".join(f'{channel} = "{column}"\n' for channel, column in lines.items())
+    motor_file.write_text(text.replace("[constants]", f"{more}[constants]"))
+    with pytest.raises(InputError, match=re.escape(said)):
+        read_test(table, load_motor(motor_file))
+
+
+def test_the_line_of_the_message_reads_the_file(tmp_path, capsys):
+    motor_file, table = files(tmp_path, {"R [Ohm]": ohm(4.7)}, {"winding_degC": "R [Ohm]"})
+    motor_file.write_text(motor_file.read_text().replace(f"phase_resistance_ohm = {PHASE}\n", ""))
+    assert cli.main(["check", str(motor_file), str(table)]) == 1
+    out = capsys.readouterr().out
+    assert "missing_channel" not in out  # a consequence
+    (line,) = set(re.findall(r"measured_resistance_ohm = [0-9.]+[0-9]", out))
+    motor_file.write_text(motor_file.read_text().replace("[winding]\n", f"[winding]\n{line}\n"))
+    winding = read_test(table, load_motor(motor_file))["winding_degC"]
+    # five digits of the line are some hundredths of a kelvin
+    np.testing.assert_allclose(winding, TRUE, atol=0.05)
+
+
+def test_the_uncertainty_is_that_of_meter_reference_and_leads(tmp_path):
+    leads = 0.03
+    motor_file, table = files(
+        tmp_path, {"R [Ω]": ohm(leads=leads)}, {"winding_degC": "R [Ω]"},
+        f"lead_resistance_ohm = {leads}",
+    )  # fmt: skip
+    motor = load_motor(motor_file)
+    record = read_test(table, motor)
+    rng = np.random.default_rng(4)
+    errors = []
+    for of_meter, of_reference, of_leads in rng.standard_normal((400, 3)):
+        R = ohm() * (1.0 + METER_SD * of_meter) + leads
+        R0 = PHASE * (1.0 + REFERENCE_SD * of_reference)
+        T = (R - leads * (1.0 + 0.2 * of_leads)) / R0 * (234.5 + T_REF) - 234.5
+        errors.append(np.polyfit(TRUE - ROOM, T - TRUE, 1))
+    gain, offset = np.std(errors, axis=0)
+    found = sensor_sd(record, motor)
+    # 400 draws know a standard deviation to 3.5 %; the offset is also that of a warm winding
+    assert found == pytest.approx((offset, gain), rel=0.15)
+    test = reduce(record, motor)
+    own = parameters(Model.of("second", motor), motor, [test]).by_test[0]
+    assert (own["sensor_offset"].sd, own["sensor_gain"].sd) == found
+    assert "resistance" in own["sensor_gain"].basis
+
+
+def test_a_sensor_goes_before_the_resistance(tmp_path):
+    columns = {"R [Ω]": ohm(), "Tw [°C]": TRUE + 1.0}
+    lines = {"winding_resistance_ohm": "R [Ω]", "winding_degC": "Tw [°C]"}
+    motor_file, table = files(tmp_path, columns, lines)
+    motor = load_motor(motor_file)
+    record = read_test(table, motor)
+    np.testing.assert_allclose(record["winding_degC"], TRUE + 1.0)
+    assert sensor_sd(record, motor) is None
+    assert not [f for f in heatrun.check(motor_file, table) if f.severity == "error"]
+
+
+def test_parts_keep_the_reference_and_the_windows_without_current(tmp_path):
+    motor_file, table = files(
+        tmp_path, {"U [V]": ohm() * AMPERES}, {"winding_voltage_V": "U [V]"},
+        more="[tests.coil]\nuse = [[600, 2400]]\nmask = [[900, 960]]\n",
+    )  # fmt: skip
+    motor = load_motor(motor_file)
+    record = read_test(table, motor)
+    assert record.time_s[0] == 600.0
+    assert not [f for f in check_record(record, motor) if f.id == "nan_block"]
+    assert reduce(record, motor).sensor_sd is not None
+
+
+@pytest.mark.parametrize("leads", ["-0.1", "0.5"])
+def test_leads_are_a_part_of_what_is_measured(tmp_path, leads):
+    motor_file, _ = files(
+        tmp_path, {}, {}, f"measured_resistance_ohm = 0.4\nlead_resistance_ohm = {leads}"
+    )
+    with pytest.raises(InputError, match="lead_resistance_ohm"):
+        load_motor(motor_file)
