@@ -119,6 +119,7 @@ TIME_NAMES = ColumnMap(
     dict.fromkeys(
         (
             *("t", "timestamp", "time stamp", "elapsed time", "date time", "datetime", "date/time"),
+            "x_value",  # of LabVIEW
             *("zeit", "uhrzeit", "tempo", "temps", "tiempo"),
         ),
         "time_s",

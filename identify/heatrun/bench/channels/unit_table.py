@@ -95,7 +95,8 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
              5.0 / 9.0, -160.0 / 9.0),
     ),
     "phase current": (
-        Unit("A_rms", (*AMPERE, *_kinds(AMPERE, RMS_WORDS))),
+        # the rms value of a direct current is the current
+        Unit("A_rms", (*AMPERE, *_kinds(AMPERE, RMS_WORDS), "A AC", "AAC", "A DC", "ADC")),
         Unit("A_peak", (*_kinds(AMPERE, PEAK_WORDS), "Â"), 1.0 / ROOT_2),
         Unit("mA_rms", (*MILLIAMPERE, *_kinds(MILLIAMPERE, RMS_WORDS)), 1e-3),
         Unit("mA_peak", _kinds(MILLIAMPERE, PEAK_WORDS), 1e-3 / ROOT_2),
@@ -118,7 +119,7 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         Unit("kA", (*KILOAMPERE[1:], *_kinds(KILOAMPERE, DIRECT_WORDS)), 1e3),
     ),
     "voltage": (
-        Unit("V", ("volt", "volts", *_kinds(("V",), DIRECT_WORDS))),
+        Unit("V", ("volt", "volts", "VDC", "V DC", "VAC", "V AC", *_kinds(("V",), DIRECT_WORDS))),
         Unit("mV", ("millivolt", "millivolts", *_kinds(("mV",), DIRECT_WORDS)), 1e-3),
         Unit("kV", ("kilovolt", "kilovolts", *_kinds(("kV",), DIRECT_WORDS)), 1e3),
     ),

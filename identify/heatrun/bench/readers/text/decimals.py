@@ -10,6 +10,9 @@ NUMBER = {
 }  # fmt: skip
 """What a number looks like, by decimal sign."""
 
+SIGN_APART = r"^([+-])\s+(?=[0-9.,])"
+"""A sign and the blanks behind it, as loggers write that fill a number up to a fixed width."""
+
 GROUPED = {
     ".": r"[+-]?[0-9]{1,3}(?:,[0-9]{3})+(?:\.[0-9]+)?",
     ",": r"[+-]?[0-9]{1,3}(?:\.[0-9]{3})+(?:,[0-9]+)?",

@@ -11,10 +11,13 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ....errors import InputError
 from .cells import filled, is_rule, is_text, is_value, num_values, split_line, trimmed
 from .decimals import GROUPED, is_unsettled
 from .header_lines import header_above, in_columns, names_above, units_above
+from .remarks import COMMENTS
 from .unit_rows import is_comment, units_of_row
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
@@ -26,6 +29,14 @@ GROUPED_CELL = {sign: re.compile(pattern) for sign, pattern in GROUPED.items()}
 
 GROUPED_WEIGHT = 0.9
 """Below 1, so that 1,234 in a file of such cells is a decimal comma before it is a thousand."""
+
+BLANK_WEIGHT = 0.8
+"""Below 1, since blanks also split what tabs separate, and a preamble with it."""
+
+DECIMAL_SEPARATOR = re.compile(
+    r"^[\s\"]*decimal[_ ]separator[\s\";:=]+(?P<sign>[.,])[\s\"]*$", re.IGNORECASE | re.MULTILINE
+)
+"""A line of the preamble that states the decimal sign, as LabVIEW writes it."""
 
 HEAD_LINES = 2000  # the header is sought in these; longer preambles are not in use
 SCORED_LINES = 200
@@ -43,6 +54,9 @@ class Layout:
         units: Rows of units, each with the unit text by column, None where a cell is empty.
         preamble: Lines above the header, and comments below it.
         first_line: Index of the first line of data, counted from 0.
+        header: The line of names as it stands in the file.
+        above: How the lines above the data begin.
+        num_optional: Columns at the end that a line may leave out, such as one of comments.
         is_unsettled: Every number with the decimal sign may be a whole one with a separator of
             thousands.
     """
@@ -55,6 +69,9 @@ class Layout:
     preamble: tuple[str, ...]
     first_line: int
     is_unsettled: bool = False
+    header: str = ""
+    above: frozenset[str] = frozenset()
+    num_optional: int = 0
 
     @property
     def description(self) -> str:
@@ -84,6 +101,8 @@ def find_layout(
         lines.pop()
     if not lines:
         raise InputError("Expected a table, got an empty file.", where=where, remedy=_COPY_AGAIN)
+    said = DECIMAL_SEPARATOR.search("\n".join(lines))
+    stated_decimal = stated_decimal or (said["sign"] if said else None)
     signs = (".", ",") if stated_decimal is None else (stated_decimal,)
     delimiter, decimal, width = _best_split(lines, signs, delimiters, where)
     if (
@@ -97,9 +116,10 @@ def find_layout(
 
     rows = [split_line(line, delimiter) for line in lines]
     numeric = _numeric_columns(rows, width, decimal)
-    start = next((i for i, row in enumerate(rows) if _is_data(row, numeric, decimal)), None)
-    if start is None:
+    data = [i for i, row in enumerate(rows) if _is_data(row, numeric, decimal)]
+    if not data:
         raise _no_table(where)
+    start = _first_of_table(lines, rows, data, numeric, decimal)
     header = header_above(lines, rows, start, numeric, decimal)
     if header is None and any(not is_value(cell, decimal) for cell in rows[start]):
         header = start  # numbers as names: "Time;1;2;3"
@@ -121,6 +141,10 @@ def find_layout(
         elif row is None and not is_rule(rows[first]):
             break
         first += 1
+    num_optional = int(
+        len(trimmed(rows[header])) == width + 1 and rows[header][width].casefold() in COMMENTS
+    )
+    width += num_optional
     return Layout(
         delimiter,
         decimal,
@@ -130,7 +154,16 @@ def find_layout(
         tuple(said for line in above if (said := line.strip(' \t",;|'))),
         first,
         stated_decimal is None and is_unsettled(text, first, delimiter, decimal),
+        lines[header].rstrip(),
+        frozenset(filter(None, map(first_word, lines[:first]))),
+        num_optional,
     )
+
+
+def first_word(line: str) -> str:
+    """Return what a line begins with up to the first delimiter, empty for a number or nothing."""
+    word = re.split(r"[\t;,|]", line, maxsplit=1)[0].strip(' "')
+    return word if re.search(r"[^\W\d_]|[*#]", word) and not is_value(word, ".") else ""
 
 
 _COPY_AGAIN = "Copy the file again from the bench; it may have been cut."
@@ -160,6 +193,7 @@ def _best_split(
             if not score_of:
                 continue
             width, score = max(score_of.items(), key=lambda item: item[1])
+            score *= BLANK_WEIGHT if delimiter == " " else 1.0
             single = single or width == 1
             if width > 1 and score > best_score:
                 best, best_score = (delimiter, decimal, width), score
@@ -194,6 +228,42 @@ def _numeric_columns(rows: Sequence[list[str]], width: int, decimal: str) -> lis
         cells = filled([row[column] for row in likely])
         numeric.append(2 * num_values(cells, decimal) > len(cells))
     return numeric
+
+
+def _first_of_table(
+    lines: Sequence[str],
+    rows: Sequence[list[str]],
+    data: Sequence[int],
+    numeric: Sequence[bool],
+    decimal: str,
+) -> int:
+    """Return the first row of the table, which holds the longest block of equal lines.
+
+    Lines of a preamble may hold numbers, too. Above the names of the block, a row is one of the
+    table only if it has names of its own above it, and in each column what stands there in the
+    block: number, text or nothing.
+    """
+    runs = np.split(data, np.flatnonzero(np.diff(data) > 1) + 1)
+    block = max(runs, key=len)
+    names = [
+        i for i in range(block[0])
+        if len(filled(rows[i])) >= 2 and not is_rule(rows[i]) and is_text(rows[i], decimal)
+        and not is_comment(lines[i])
+    ]  # fmt: skip
+    if not names:
+        return data[0]
+    held = [{"", *(_kind(rows[i][k], decimal) for i in block)} for k in range(len(numeric))]
+
+    def is_alike(row: Sequence[str]) -> bool:
+        return all(_kind(cell, decimal) in kinds for cell, kinds in zip(row, held, strict=True))
+
+    return next(i for i in data if i > names[-1] or (i > names[0] and is_alike(rows[i])))
+
+
+def _kind(cell: str, decimal: str) -> str:
+    if not filled([cell]):
+        return ""
+    return "number" if num_values([cell], decimal) else "text"
 
 
 def _is_data(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> bool:
