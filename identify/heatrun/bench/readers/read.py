@@ -19,6 +19,7 @@ from ..channels.constants import constant_notes, resistance_conflict
 from ..channels.derive import derive
 from ..clocks.day import CLOCK, HEADER, day_of
 from ..clocks.header_date import HeaderDay, header_day
+from ..clocks.own_rates import at_own_rates
 from ..clocks.timegrid import exact_grid, from_first_sample
 from ..record import Finding, Record, Source
 from .formats import MDF, TDMS, opened
@@ -162,6 +163,9 @@ def read_record(
     if time_s.size > table.num_rows and table.sample_numbers is not None:
         channels = with_missing_rows(channels, table.sample_numbers)
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
+    if measurement is None:
+        channels, joined = at_own_rates(channels, where)
+        missing = (*missing, *joined)
     channels, derived = derive(channels, phases=phases, losses=losses)
     test = name or name_of_test(Path(path), sheet)
     conflict = resistance_conflict(table.constants, motor, where)
