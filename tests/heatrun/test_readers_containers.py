@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.io
 
+from heatrun.bench.readers.bus_frames import kind_of_frames
 from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.bench.survey import survey
 from heatrun.errors import InputError
@@ -210,3 +211,81 @@ def test_what_hdf5_nests(tmp_path, write):
         write(file)
     channels = ("time_s", "winding_degC", "phase_current_A")
     holds_the_run(path, dict(zip(channels, HDF5[write], strict=True)))
+
+
+FRAMES = {
+    "candump": "({t:.6f}) vcan0 {id:03X}#{data}\n",
+    "candump, CAN FD": "({t:.6f}) can1 {id:08X}##1{data}\n",
+    "candump on the screen": "  can0  {id:03X}   [8]  {bytes}\n",
+    "ASC": "   {t:.6f} 1  {id:X}             Rx   d 8 {bytes}  Length = 245000 BitCount = 126\n",
+    "TRC 1.1": "{i:6d})  {t:10.1f}  Rx     {id:04X}  8  {bytes}\n",
+    "TRC 2.1": "{i:7d} {t:13.3f} DT 1     {id:04X} Rx -  8    {bytes}\n",
+    "BUSMASTER": "16:58:41:{i:04d} Rx 1 0x{id:X} s 8 {bytes}\n",
+    "Kvaser": "0    {id:08X}       8  {bytes}    {t:12.6f} R\n",
+    "bytes as cells": "{t:.6f},{id:08X},false,Rx,0,8,{cells},\n",
+    "a cell of bytes": "{t:.4f};1;{id:X};0;8;8;0;0;0;{data}\n",
+}
+HEADS = {
+    "ASC": "date Mon Mar 17 09:00:00.000 am 2025\nbase hex  timestamps absolute\n",
+    "TRC 1.1": ";$FILEVERSION=1.1\n;$STARTTIME=45733.3751\n;\n",
+    "TRC 2.1": ";$FILEVERSION=2.1\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n",
+    "BUSMASTER": "***BUSMASTER Ver 3.2.2***\n***PROTOCOL CAN***\n",
+    "bytes as cells": "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n",
+    "a cell of bytes": "TimestampEpoch;BusChannel;ID;IDE;DLC;DataLength;Dir;EDL;BRS;DataBytes\n",
+}
+
+
+@pytest.mark.parametrize("member", FRAMES)
+def test_a_log_of_bus_frames_must_be_decoded_first(tmp_path, member):
+    rng = np.random.default_rng(3)
+    text = HEADS.get(member, "")
+    for i in range(40):
+        data = rng.integers(0, 256, 8).astype("u1").tobytes().hex(" ").upper()
+        forms = {"data": data.replace(" ", ""), "cells": data.replace(" ", ","), "bytes": data}
+        text += FRAMES[member].format(i=i, t=1742201.5 + 0.01 * i, id=0x120 + i % 5, **forms)
+    path = tmp_path / "log.txt"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"raw bus frames .*extract_bus_logging"):
+        survey(path)
+
+
+def test_a_binary_log_of_bus_frames_must_be_decoded_first(tmp_path):
+    path = tmp_path / "log.blf"
+    path.write_bytes(b"LOGG" + bytes(140))
+    with pytest.raises(InputError, match=r"raw bus frames \(BLF\).*can_logconvert"):
+        survey(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "No,n,a,b,c\n"
+        + "".join(f"{i},{100 + i},3,{10 + i},{20 + i},{30 + i}\n" for i in range(40)),
+        "t,id,T1,T2\n" + "".join(f"{i},7,2,{20 + i},{30 + i}\n" for i in range(40)),
+    ],
+)
+def test_a_table_of_whole_numbers_is_no_log_of_frames(text):
+    assert kind_of_frames(text) == ""
+
+
+def frames_and_signals(path, *, with_signals):
+    asammdf = pytest.importorskip("asammdf")
+    file = asammdf.MDF(version="4.10")
+    names = ("CAN_DataFrame.ID", "CAN_DataFrame.DLC", "CAN_DataFrame.Dir", "LIN_Frame.ID")
+    file.append([asammdf.Signal(np.arange(N) % 7, T, name=name) for name in names])
+    if with_signals:
+        file.append([asammdf.Signal(COIL, T, name="winding_degC", unit="degC")])
+    file.save(path)
+    file.close()
+    return path
+
+
+def test_an_mdf_of_frames_must_be_decoded_first(tmp_path):
+    with pytest.raises(InputError, match=r"raw bus frames \(MDF\).*extract_bus_logging"):
+        survey(frames_and_signals(tmp_path / "raw.mf4", with_signals=False))
+
+
+def test_frames_beside_signals_are_offered_for_no_channel(tmp_path):
+    found = survey(frames_and_signals(tmp_path / "both.mf4", with_signals=True))
+    assert [one.channel for one in found.recognised if one.channel != "time_s"] == ["winding_degC"]
+    assert not any(one.proposals for one in found.free)

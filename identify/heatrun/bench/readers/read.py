@@ -22,6 +22,7 @@ from ..clocks.header_date import HeaderDay, header_day
 from ..clocks.own_rates import at_own_rates
 from ..clocks.timegrid import exact_grid, from_first_sample
 from ..record import Finding, Record, Source
+from .bus_frames import BLF, no_signals
 from .formats import MDF, TDMS, opened
 from .hints import NO_HINTS, Hints, hints_of
 from .multirate import read_all, read_measurement
@@ -210,6 +211,8 @@ def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Tab
                 where=where,
                 remedy=REMEDIES.get(start, "Export the recording as CSV; only gzip is unpacked."),
             )
+    if data.startswith(BLF):
+        raise no_signals("BLF", where)
     if data.startswith(ZIP):
         from .excel import read_excel
 

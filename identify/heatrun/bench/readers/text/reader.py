@@ -16,6 +16,7 @@ from ...channels.header import split_name
 from ...channels.units import find_unit, is_unit
 from ...clocks.time_format import TimeFormat, parse_time_format, stated_format
 from ...record import Finding
+from ..bus_frames import kind_of_frames, no_signals
 from ..hints import NO_HINTS, Hints
 from ..table import PREAMBLE, Column, Question, Stated, Table
 from .cells import MISSING
@@ -27,6 +28,8 @@ from .values import doubtful, read_values, unreadable_cells, unsettled_cells
 
 HOTTEST = 5000.0
 """Above it no bench works in any unit of temperature: tungsten melts at 3422 degC."""
+
+HEAD_BYTES = 2**16  # in which a log of bus frames shows itself
 
 PARSED_AS_MISSING = sorted({mark for word in MISSING for mark in (word, word.upper(), "NaN")})
 
@@ -62,6 +65,8 @@ def read_text(
         InputError: If the file holds no table with a header and at least one line of numbers.
     """
     text, encoding = decode(data, where)
+    if kind := kind_of_frames(text[:HEAD_BYTES]):
+        raise no_signals(kind, where)
     layout = find_layout(text, where, hints.decimal, delimiters)
     body = data_lines(text, layout, where)
     del text  # a gigabyte of it would be held while the cells are read
