@@ -72,6 +72,17 @@ def test_a_channel_of_its_own_rate_is_no_gap(tmp_path, member, ending):
     assert "nan_block" not in {one.id for one in found if one.values.get("num_missing", 0) > 10}
 
 
+def test_rows_of_one_stamp_are_one_sample(tmp_path):
+    tables = [union({name: steps(2.0)}) for name in SIGNALS]
+    table = pd.concat(tables).sort_values("time_s", kind="stable")
+    path = tmp_path / "test.csv"
+    table.to_csv(path, index=False)
+    record = read_record(path)
+    np.testing.assert_array_equal(record.time_s, steps(2.0))
+    for name, truth in SIGNALS.items():
+        np.testing.assert_allclose(record[name], truth(record.time_s))
+
+
 def test_a_sensor_that_fails_for_a_while_still_does(tmp_path):
     table = union({name: steps(2.0) for name in SIGNALS})
     table.loc[300:420, "ambient_degC"] = np.nan

@@ -44,6 +44,7 @@ SIGNS_APART = {
     "in quotes": ('"{time}","+  {T:.2f}","+   {I:.1f}"', ","),
     "minus alone": ("{time},{T:.2f},-    {I:.1f}", ","),
     "full-width digits": ("{time},+ {T:.2f},{I:.1f}", ","),
+    "columns of one width": ("{time:>6}  +{T:>8.2f}  -{I:>8.1f}", "  "),
 }
 
 
@@ -57,7 +58,7 @@ def test_blanks_between_sign_and_digits(tmp_path, member):
         text = text.translate({ord(c): ord(c) + 0xFEE0 for c in "0123456789.+-"})
     found = by_name(written(tmp_path, delimiter.join(("t [s]", "CH1", "CH2")) + "\n" + text))
     np.testing.assert_array_equal(found["CH1"].values, TEMPERATURE)
-    sign = -1.0 if "- " in form or "-  " in form else 1.0
+    sign = -1.0 if "- " in form or "-{I:>" in form else 1.0
     np.testing.assert_array_equal(found["CH2"].values, sign * CURRENT)
 
 
@@ -74,6 +75,7 @@ ENCODED = {
     "Mac Roman": ("mac_roman", "Nr,Zeit,Wicklung [°C],Strom über U [A]\n"),
     "Windows-1252 stays": ("cp1252", "Nr,Zeit,Kühlung Größe [°C],Höhe [A]\n"),
     "full-width forms": ("utf-8", "Ｎｏ,時刻,巻線温度［℃］,電流（Ａ）\n"),
+    "units in words": ("gb18030", "序号,时间,绕组温度(摄氏度),相电流(安培)\n"),
 }
 
 
@@ -128,6 +130,8 @@ CLOCKS = {
     "Japanese": "2025年3月17日 {h:02d}:{m:02d}:{s:02d}.{ms:03d}",
     "Korean": "2025년 3월 17일 {word} {h}:{m:02d}:{s:02d}.{ms:03d}",
     "letters": "{h}h {m:02d}m {s:02d}.{ms:03d}s",
+    "a zone behind the thousandths": "2025-03-17T{h:02d}:{m:02d}:{s:02d}:{ms:03d}Z",
+    "without zeros": "3/17/2025 {h}:{m}:{s}.{ms:03d}",
 }
 
 
@@ -138,8 +142,16 @@ def test_clocks_of_many_makes(tmp_path, member):
     np.testing.assert_allclose(record.time_s, 0.25 * np.arange(N), atol=1e-9)
 
 
-def test_a_text_that_looks_like_a_clock_is_offered_for_the_time(tmp_path):
-    text = rows(clocks("{h:02d}:{m:02d}:{s:02d}:{cs:02d}"), "{i},{time},{T}")
+@pytest.mark.parametrize(
+    "form",
+    [
+        "{h:02d}:{m:02d}:{s:02d}:{cs:02d}",
+        "{h:02d}.{m:02d}.{s:02d}.{ms:03d}",
+        "{h:02d}-{m:02d}-{s:02d}.{ms:03d}",
+    ],
+)
+def test_a_text_that_looks_like_a_clock_is_offered_for_the_time(tmp_path, form):
+    text = rows(clocks(form), "{i},{time},{T}")
     path = written(tmp_path, f"No,Clock,T1 [degC]\n{text}")
     column = next(one for one in survey(path).free if one.name == "Clock")
     line = column.proposals[0].line
@@ -221,6 +233,36 @@ def test_labview_measurement_with_its_second_header(tmp_path, sign, kind, form):
     np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
     assert record.start == "2025-03-04"
     assert all(reading.unit_from == "stated" for reading in record.mapping)
+
+
+def test_labview_measurement_with_a_time_for_each_channel(tmp_path):
+    text = LVM.format(sign=".", kind="Multi", n=N).replace("degC\tA", "degC\t\tA\t")
+    text += "X_Value\tCoil\tX_Value\tPhase\tComment\n" + rows(SECONDS, "{time}\t{T}\t{time}\t{I}")
+    path = written(tmp_path, text, "test.lvm")
+    record = read_record(
+        path, Motor("M", columns={"winding_degC": "Coil", "phase_current_A": "Phase"})
+    )
+    np.testing.assert_array_equal(record.time_s, 5.0 * np.arange(N))
+    np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
+    assert all(reading.unit_from == "stated" for reading in record.mapping)
+
+
+def test_full_width_commas_between_the_cells(tmp_path):
+    text = "t [s]，T [°C]，I [A]\n" + rows(SECONDS, "{time}，{T}，{I}")
+    found = by_name(written(tmp_path, text.encode("gb18030")))
+    np.testing.assert_array_equal(found["T [°C]"].values, TEMPERATURE)
+
+
+@pytest.mark.parametrize(
+    "footer", ["\nMin;20;1\nMax;80;2\n", "Average;50;1.5\n", "\nEnd of data;;\n"]
+)
+def test_words_below_the_table_are_no_samples(tmp_path, footer):
+    path = written(
+        tmp_path, "t [s];T [degC];I [A]\n" + rows(SECONDS, "{time};{T};{I}") + "\n" + footer
+    )
+    record = read_record(path, Motor("M", columns={"winding_degC": "T"}))
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    assert [finding.id for finding in record.findings] == ["ragged_rows"]
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,7 @@ def plain_clock(cell: str) -> str:
     for pattern, plain in LETTERED:
         cell = pattern.sub(plain, cell)
     found = FRACTION.search(cell)
-    if found is None or (found.end() < len(cell) and not cell[found.end()].isspace()):
+    if found is None or re.match("[0-9:.,]", cell[found.end() :]):
         return cell
     return f"{cell[: found.end('clock')]}.{cell[found.start('digits') :]}"
 

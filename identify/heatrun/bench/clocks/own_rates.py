@@ -63,6 +63,7 @@ def at_own_rates(
         channels: Canonical name to values, with `time_s`, NaN where empty, shape (time,).
         where: The file, for messages.
     """
+    channels = _merged(channels)
     time_s = channels["time_s"]
     held = {name: np.isfinite(values) for name, values in channels.items() if name != "time_s"}
     slow = {name for name in held if own_step(channels[name]) > 1}
@@ -90,6 +91,18 @@ def at_own_rates(
             findings.append(_joined(name, step_s, int(empty.sum()), time_s.size, where))
     kept = read | dense if dense.any() else ~nothing
     return {name: values[kept] for name, values in filled.items()}, tuple(findings)
+
+
+def _merged(channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return channels with one row for each time stamp, where no two rows of it fill one cell."""
+    steps = np.diff(channels["time_s"])
+    starts = np.concatenate(([0], np.flatnonzero(steps != 0.0) + 1))
+    if starts.size > steps.size or not (steps >= 0.0).all():
+        return dict(channels)
+    held = [np.isfinite(values) for name, values in channels.items() if name != "time_s"]
+    if any((np.add.reduceat(one.astype(int), starts) > 1).any() for one in held):
+        return dict(channels)
+    return {name: np.fmax.reduceat(values, starts) for name, values in channels.items()}
 
 
 def _joined(name: str, step_s: float, count: int, size: int, where: str) -> Finding:

@@ -198,9 +198,12 @@ def table_of(
     arrays = [one.value.values for one in found if isinstance(one.value, Stored)]
     lengths = Counter(max(one.shape) for one in arrays if one.size > 1)
     if not lengths:
-        held = ", ".join(variables) or "nothing"
+        kinds = {one.name: one.value for one in found if isinstance(one.value, str)}
+        held = ", ".join(
+            f"{name} ({_kind(kinds[name])})" if name in kinds else name for name in variables
+        )
         raise InputError(
-            f"Expected numeric vectors, found none; the file holds {held}.",
+            f"Expected numeric vectors, found none; the file holds {held or 'nothing'}.",
             where=where,
             remedy=_remedy(found),
         )

@@ -56,7 +56,7 @@ def _leaves(name: str, heading: str, value: Nested, joint: str) -> list[Leaf]:
         return [Leaf(name, heading, value)]
     if isinstance(value, Mapping):
         found = list(_of_struct(name, heading, value, joint))
-        kind = "struct"
+        kind = f"struct with the fields {', '.join(value)}"
     else:
         found = [
             leaf

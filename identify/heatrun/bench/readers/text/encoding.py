@@ -75,6 +75,8 @@ def decode(data: bytes, where: str) -> tuple[str, str]:
     before, found, behind = text.partition("\x1a")
     if found and not behind.strip("\x1a\0 \t\n"):
         text = before
+    if "\uff0c" in text and not re.search("[,;\t|]", text):
+        text = text.replace("\uff0c", ",")  # the full-width comma between the cells
     if CONTROL.search(text):
         raise InputError(
             "Expected a table as text, got bytes that are no text.",

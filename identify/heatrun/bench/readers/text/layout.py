@@ -155,14 +155,15 @@ def find_layout(
         first,
         stated_decimal is None and is_unsettled(text, first, delimiter, decimal),
         lines[header].rstrip(),
-        frozenset(filter(None, map(first_word, lines[:first]))),
+        frozenset(filter(None, (first_word(line, delimiter) for line in lines[:first]))),
         num_optional,
     )
 
 
-def first_word(line: str) -> str:
-    """Return what a line begins with up to the first delimiter, empty for a number or nothing."""
-    word = re.split(r"[\t;,|]", line, maxsplit=1)[0].strip(' "')
+def first_word(line: str, delimiter: str) -> str:
+    """Return what a line begins with up to a delimiter, empty for a number or nothing."""
+    word = line.partition("\t" if delimiter == " " else delimiter)[0].strip(' "')
+    word = word.split(maxsplit=1)[0] if delimiter == " " and word else word
     return word if re.search(r"[^\W\d_]|[*#]", word) and not is_value(word, ".") else ""
 
 

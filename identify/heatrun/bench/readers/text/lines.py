@@ -7,6 +7,7 @@ without a word.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,8 @@ LEAST_SPACED = 3
 
 MOST_TEXTS, LONGEST_TEXT = 100, 200
 """So many ragged lines are looked into, and so many letters of each."""
+
+MOST_FOOTERS = 10  # lines of words below a table; more of them are a first column that failed
 
 NUM_NAMED = 5  # so many line numbers stand in a message
 
@@ -73,9 +76,12 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
     ends, num_cells, is_empty, is_blank = count_by_pieces(body, layout.delimiter)
     repeated = header_again(body, ends, is_blank, layout)
     good = is_whole(num_cells, layout) & ~is_empty & ~repeated
+    footer = _footer(good, _first_cells(body, ends, layout))
+    good[footer] = False
     ragged = ~good & ~is_empty & ~repeated
     numbers = np.arange(ends.size) + layout.first_line + 1
-    if not good.any() or ragged.sum() > max(1, RAGGED_LIMIT * good.sum()):
+    num_odd = int(ragged.sum()) - len(footer)
+    if not good.any() or num_odd > max(1, RAGGED_LIMIT * good.sum()):
         first = f", the first in line {numbers[ragged][0]}" if ragged.any() else ""
         raise InputError(
             f"Expected {layout.width} cells in each line of data; {ragged.sum()} of "
@@ -99,6 +105,20 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
         body, numbers[good], numbers[ragged], None if is_gapless else sample, is_double_spaced,
         texts, restarts,
     )  # fmt: skip
+
+
+def _footer(good: np.ndarray, word: Callable[[int], str]) -> list[int]:
+    """Return the lines at the end of a table that begin with a word, as "Maximum;81.2;40.0".
+
+    Args:
+        good: Lines with as many cells as the table is wide, shape (line,).
+        word: What a line begins with.
+    """
+    rows = np.flatnonzero(good)
+    if rows.size == 0 or word(rows[0]):
+        return []
+    words = list(itertools.takewhile(word, rows[: -MOST_FOOTERS - 2 : -1]))
+    return words if len(words) <= MOST_FOOTERS else []
 
 
 def is_whole(num_cells: np.ndarray, layout: Layout) -> np.ndarray:
@@ -125,6 +145,7 @@ def header_again(body: bytes, ends: np.ndarray, is_blank: np.ndarray, layout: La
         layout: The layout of the text.
     """
     found = np.zeros(ends.size, dtype=bool)
+    first = _first_cells(body, ends, layout)
     names = layout.header.encode()
     starts = np.concatenate(([0], ends[:-1] + 1))
     position = body.find(names) if names else -1
@@ -135,16 +156,21 @@ def header_again(body: bytes, ends: np.ndarray, is_blank: np.ndarray, layout: La
     for line in np.flatnonzero(found):
         for step in (-1, 1):
             near = line + step
-            while 0 <= near < ends.size and (
-                is_blank[near] or _first_cell(body[starts[near] : ends[near]]) in layout.above
-            ):
+            while 0 <= near < ends.size and (is_blank[near] or first(near) in layout.above):
                 found[near] = True
                 near += step
     return found
 
 
-def _first_cell(line: bytes) -> str:
-    return first_word(line[:LONGEST_TEXT].decode("utf-8", "replace"))
+def _first_cells(body: bytes, ends: np.ndarray, layout: Layout) -> Callable[[int], str]:
+    """Return what gives the word that a line begins with, empty for a number."""
+
+    def word(line: int) -> str:
+        start = int(ends[line - 1]) + 1 if line else 0
+        text = body[start : min(int(ends[line]), start + LONGEST_TEXT)].decode("utf-8", "replace")
+        return first_word(text, layout.delimiter)
+
+    return word
 
 
 def restarted(lines: DataLines, where: str) -> list[Finding]:
@@ -191,8 +217,8 @@ def ragged_lines(lines: DataLines, layout: Layout, where: str) -> list[Finding]:
         Finding(
             id="ragged_rows",
             severity="warning",
-            message=f"Lines without exactly {layout.width} cells hold no sample "
-            f"({count}): line {first}{more}; the first is "
+            message=f"Lines without exactly {layout.width} cells, or of words below the table, "
+            f"hold no sample ({count}): line {first}{more}; the first is "
             f"'{printable(lines.ragged_texts[0][:60])}'.",
             where=where,
             remedy="Export again if these samples matter.",

@@ -20,6 +20,7 @@ from ..bus_frames import kind_of_frames, no_signals
 from ..hints import NO_HINTS, Hints
 from ..table import PREAMBLE, Column, Question, Stated, Table
 from .cells import MISSING
+from .decimals import signs_joined
 from .encoding import decode
 from .layout import DELIMITERS, Layout, find_layout
 from .lines import DataLines, data_lines, ragged_lines, restarted
@@ -67,6 +68,7 @@ def read_text(
     text, encoding = decode(data, where)
     if kind := kind_of_frames(text[:HEAD_BYTES]):
         raise no_signals(kind, where)
+    text = signs_joined(text)
     layout = find_layout(text, where, hints.decimal, delimiters)
     body = data_lines(text, layout, where)
     del text  # a gigabyte of it would be held while the cells are read

@@ -106,8 +106,12 @@ def units_of_remarks(lines: Sequence[str], names: Sequence[str]) -> tuple[tuple[
         _add_kind(found, text, known, source)
         head, *units = PIECE.split(line)  # blanks are part of units here, as in "Deg C"
         key = head.strip().casefold()
-        if key == Y_UNITS and _add_list(_of_channels(found, names), ";".join(units), source):
-            continue
+        if key == Y_UNITS:
+            channels = _of_channels(found, names)
+            # where each channel has a time of its own, an empty cell stands for that
+            said = units if len(units) == len(channels) else filter(str.strip, units)
+            if _add_list(channels, ";".join(said), source):
+                continue
         if key == X_KIND and units[:1] == ["Time"]:
             for said, name in zip(found, names, strict=True):
                 said += [Stated("s", source)] if name.casefold() == X_NAME else []
