@@ -65,6 +65,10 @@ LETTERED = (
 )
 
 
+MOST_LOOKED_AT = 1000
+"""Cells of a column of which one must need it, before all are gone through."""
+
+
 def plain_clock(cell: str) -> str:
     """Return a time or date with the signs that a clock has: 9h05m10s as 9:05:10.
 
@@ -93,6 +97,9 @@ def plain_clocks(cells: pd.Series) -> pd.Series:
     Args:
         cells: Texts without blanks around them, shape (time,).
     """
+    first = cells[cells != ""].iloc[:MOST_LOOKED_AT]
+    if first.map(plain_clock).equals(first) and not first.str.fullmatch(SHORT_FRACTION).any():
+        return cells
     cells = cells.map(plain_clock)
     digits = cells.str.extract(f"^{SHORT_FRACTION.pattern}$")
     short = digits["digits"].notna()

@@ -137,7 +137,9 @@ def _value(file: Any, item: Any, room: _Room, depth: int = 0) -> Nested:
         return "struct or object"
     kind = _text(item.attrs.get("MATLAB_class", b"double"))
     if "MATLAB_empty" in item.attrs:
-        return kind
+        return {"char": "text"}.get(kind, kind)
+    if "MATLAB_object_decode" in item.attrs:  # numbers that point into a table of objects
+        return f"{kind} object"
     if str(_text(item.attrs.get("NAME", ""))).startswith(DIMENSION_ALONE):
         return "dimension without values"
     room.take(item)

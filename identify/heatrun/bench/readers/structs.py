@@ -22,6 +22,9 @@ NAMES = ("label", "name", "signalname", "title")
 UNITS = ("unit", "units", "unitstring")
 """Fields of a struct of one signal, in lower case."""
 
+TIME = "time"
+"""What dSPACE calls X beside Y, whatever name it gives it."""
+
 MOST_COLUMNS = 200
 """A matrix with more columns holds no channels."""
 
@@ -58,11 +61,10 @@ def _leaves(name: str, heading: str, value: Nested, joint: str) -> list[Leaf]:
         found = list(_of_struct(name, heading, value, joint))
         kind = f"struct with the fields {', '.join(value)}"
     else:
-        found = [
-            leaf
-            for number, one in enumerate(value, 1)
-            for leaf in _leaves(f"{name}({number})", f"{heading} {number}", one, joint)
-        ]
+        found = []
+        for number, one in enumerate(value, 1):
+            called = f"{heading} {number}" if len(value) > 1 else heading
+            found += _leaves(f"{name}({number})", called, one, joint)
         kind = "cell"
     return found if any(isinstance(one.value, Stored) for one in found) else [Leaf(name, "", kind)]
 
@@ -70,20 +72,25 @@ def _leaves(name: str, heading: str, value: Nested, joint: str) -> list[Leaf]:
 def _of_struct(name: str, heading: str, fields: Mapping[str, Nested], joint: str) -> Iterator[Leaf]:
     texts = {key.casefold(): one.strip() for key, one in fields.items() if isinstance(one, Text)}
     is_signal = any(key.casefold() in VALUES and _is_course(one) for key, one in fields.items())
-    label = next(filter(None, (texts.get(key) for key in NAMES)), heading) if is_signal else ""
+    named = None if heading == TIME else next(filter(None, map(texts.get, NAMES)), None)
     unit = next(filter(None, (texts.get(key) for key in UNITS)), None) if is_signal else None
     for key, one in fields.items():
         path = f"{name}{joint}{key}"
         if key.casefold() in VALUES and isinstance(one, Stored) and is_signal:
-            yield Leaf(path, label, replace(one, unit=one.unit or unit))
-        elif not is_signal or _is_course(one) or not isinstance(one, Stored | str):
-            # dSPACE: X is the time of Y, whether or not it has a name
-            word = "time" if key == "X" and "Y" in fields else key
+            yield Leaf(path, named or heading, replace(one, unit=one.unit or unit))
+        elif isinstance(one, Text) or (is_signal and _is_said(one)):
+            continue  # what is said of the signal beside its values
+        else:
+            word = TIME if key == "X" and "Y" in fields else key
             yield from _leaves(path, word, one, joint)
 
 
 def _is_course(value: Nested) -> bool:
     return isinstance(value, Stored) and value.values.size > 1
+
+
+def _is_said(value: Nested) -> bool:
+    return isinstance(value, Stored | str) and not _is_course(value)
 
 
 def courses(leaf: Leaf, length: int) -> list[tuple[str, str, np.ndarray]] | None:

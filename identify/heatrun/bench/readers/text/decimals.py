@@ -25,7 +25,8 @@ def signs_joined(text: str) -> str:
     Args:
         text: The whole text.
     """
-    return BETWEEN_BLANKS.sub(r"\1", text) if PLUS_APART.search(text) else text
+    is_apart = "+ " in text and PLUS_APART.search(text) is not None
+    return BETWEEN_BLANKS.sub(r"\1", text) if is_apart else text
 
 
 GROUPED = {
