@@ -74,6 +74,7 @@ ENCODED = {
     "code page 850": ("cp850", "Nr,Zeit,Wicklung [°C],Strom für Phase U [A]\n"),
     "Mac Roman": ("mac_roman", "Nr,Zeit,Wicklung [°C],Strom über U [A]\n"),
     "Windows-1252 stays": ("cp1252", "Nr,Zeit,Kühlung Größe [°C],Höhe [A]\n"),
+    "ISO-2022-JP": ("iso2022_jp", "番号,時刻,巻線温度[°C],電流[A]\n"),
     "full-width forms": ("utf-8", "Ｎｏ,時刻,巻線温度［℃］,電流（Ａ）\n"),
     "units in words": ("gb18030", "序号,时间,绕组温度(摄氏度),相电流(安培)\n"),
 }
@@ -94,7 +95,9 @@ def test_encodings_of_the_world(tmp_path, member):
     assert record.mapping[0].unit_from == "stated"
 
 
-@pytest.mark.parametrize("sign", ["°C", "℃", "ﾟC", "゜C", "ºC", "˚C", "∘C", "°Ｃ", "Â°C"])
+@pytest.mark.parametrize(
+    "sign", ["°C", "℃", "ﾟC", "゜C", "ºC", "˚C", "∘C", "°Ｃ", "Â°C", "°С", "&deg;C"]
+)
 def test_every_form_of_the_degree_celsius(tmp_path, sign):
     head = f"Time,T 1,I 1\ns,{sign},A\n"
     path = written(tmp_path, head + rows(SECONDS))
@@ -131,6 +134,9 @@ CLOCKS = {
     "Korean": "2025년 3월 17일 {word} {h}:{m:02d}:{s:02d}.{ms:03d}",
     "letters": "{h}h {m:02d}m {s:02d}.{ms:03d}s",
     "a zone behind the thousandths": "2025-03-17T{h:02d}:{m:02d}:{s:02d}:{ms:03d}Z",
+    "in brackets": "[{h:02d}:{m:02d}:{s:02d}.{ms:03d}]",
+    "behind a plus": "T+{h:02d}:{m:02d}:{s:02d}.{ms:03d}",
+    "with days by letter": "2d {h:02d}:{m:02d}:{s:02d}.{ms:03d}",
     "without zeros": "3/17/2025 {h}:{m}:{s}.{ms:03d}",
 }
 
@@ -148,6 +154,7 @@ def test_clocks_of_many_makes(tmp_path, member):
         "{h:02d}:{m:02d}:{s:02d}:{cs:02d}",
         "{h:02d}.{m:02d}.{s:02d}.{ms:03d}",
         "{h:02d}-{m:02d}-{s:02d}.{ms:03d}",
+        "3.{h:02d}:{m:02d}:{s:02d}.{ms:03d}",
     ],
 )
 def test_a_text_that_looks_like_a_clock_is_offered_for_the_time(tmp_path, form):
@@ -272,6 +279,7 @@ def test_words_below_the_table_are_no_samples(tmp_path, footer):
         "Unit 7\n1;2;3\n4;5;6\n",
         "Serial;204;118;\nSlope;0.5;0.25;\nRange;20;20;\nZero;0;0;\n",
         "[Setup]\nRate;0.2\nLimits;100;200;300\n[Data]\n",
+        "Channel;Gain;Offset\n1;0.5;0\n\n",
     ],
 )
 def test_a_preamble_of_numbers_is_not_the_table(tmp_path, preamble):

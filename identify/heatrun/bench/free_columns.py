@@ -20,7 +20,8 @@ from .column_course import Course, course_of
 from .readers.table import Column
 from .record import UnitSource
 
-CLOCK_FORMATS = ("hh:mm:ss:ff", "d:hh:mm:ss", "hh:mm:ss", "hh.mm.ss", "hh-mm-ss")
+CLOCK_FORMATS = ("hh:mm:ss:ff", "d:hh:mm:ss", "d.hh:mm:ss", "d hh:mm:ss", "hh:mm:ss",
+                 "hh.mm.ss", "hh-mm-ss")  # fmt: skip
 """What a text that looks like a clock may be written in."""
 
 

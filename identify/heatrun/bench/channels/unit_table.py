@@ -89,6 +89,7 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
                       "degré Celsius", "degrés Celsius", "degres Celsius", "degrés C",
                       "grados Celsius", "摄氏度", "攝氏度", "摂氏", "섭씨", "centigrade",
                       "degrees centigrade", "Cel", "oC", "Â°C",
+                      "°\u0421", "&deg;C",  # a Cyrillic letter; a page of the web
                       "\ufffdC", "?C")),
         Unit("K", ("kelvin", "kelvins", "degK", "deg K", "deg_K", "°K", "degrees kelvin",
                    "Grad Kelvin", "gradi Kelvin"), 1.0, -273.15),

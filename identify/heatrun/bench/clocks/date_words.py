@@ -52,6 +52,8 @@ SHORT_FRACTION = re.compile(
 """Behind a date, where the first of four numbers is no day."""
 
 LETTERED = (
+    (re.compile(r"^[\[(]\s*(.*)[\])]$"), r"\1"),
+    (re.compile(r"^T?\+\s*(?=[0-9]+:)|\s*Uhr$"), ""),
     (re.compile(r"^(?:mon|tue|wed|thu|fri|sat|sun)[a-z]*[.,]?\s+(?=[0-9A-Z])", re.IGNORECASE), ""),
     (re.compile(r"([0-9]+)[年년]\s*([0-9]+)[月월]\s*([0-9]+)[日일]\s*"), r"\1-\2-\3 "),
     (re.compile(r"(?:上午|午前|오전)\s*(\S+)"), r"\1 AM"),

@@ -21,6 +21,8 @@ CONTROL = re.compile(r"[\x00-\x08\x0e-\x19\x1b-\x1f\x7f]")
 LONGEST_UTF8_CHARACTER = 4
 SAMPLE_BYTES = 65536
 MOST_LINES = 200
+ISO_2022_JP = re.compile(rb"\x1b\$[@B(]|\x1b\(I")
+"""Where it switches to its characters of two bytes, or to half-width ones."""
 
 LATIN = re.compile(
     r"(?<![^\x00-\x7f])[\u00c0-\u00ff]{1,3}(?![^\x00-\x7f])|[\u00b0-\u00b5\u00b7\u00d7\u2013\u2019]"
@@ -90,6 +92,8 @@ def _decode(data: bytes, where: str) -> tuple[str, str]:
     for mark, name, codec in BYTE_ORDER_MARKS:
         if data.startswith(mark):
             return _strict(data[len(mark) :], codec, name, where), name
+    if ISO_2022_JP.search(data, 0, SAMPLE_BYTES):
+        return _strict(data, "iso2022_jp_ext", "ISO-2022-JP", where), "ISO-2022-JP"
     half = _utf16_without_mark(data)
     if half:
         return _strict(data, half, "UTF-16", where), "UTF-16"

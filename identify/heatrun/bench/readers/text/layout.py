@@ -33,6 +33,9 @@ GROUPED_WEIGHT = 0.9
 BLANK_WEIGHT = 0.8
 """Below 1, since blanks also split what tabs separate, and a preamble with it."""
 
+SETTINGS_SHARE = 0.1
+"""A block of fewer lines [1] than this share of the table, under other names, is of settings."""
+
 DECIMAL_SEPARATOR = re.compile(
     r"^[\s\"]*decimal[_ ]separator[\s\";:=]+(?P<sign>[.,])[\s\"]*$", re.IGNORECASE | re.MULTILINE
 )
@@ -241,8 +244,9 @@ def _first_of_table(
     """Return the first row of the table, which holds the longest block of equal lines.
 
     Lines of a preamble may hold numbers, too. Above the names of the block, a row is one of the
-    table only if it has names of its own above it, and in each column what stands there in the
-    block: number, text or nothing.
+    table only if in each column stands what stands there in the block (number, text or nothing),
+    and it has names of its own above it: the same ones, or it begins a block that is no list of
+    settings either.
     """
     runs = np.split(data, np.flatnonzero(np.diff(data) > 1) + 1)
     block = max(runs, key=len)
@@ -251,14 +255,22 @@ def _first_of_table(
         if len(filled(rows[i])) >= 2 and not is_rule(rows[i]) and is_text(rows[i], decimal)
         and not is_comment(lines[i])
     ]  # fmt: skip
-    if not names:
-        return data[0]
     held = [{"", *(_kind(rows[i][k], decimal) for i in block)} for k in range(len(numeric))]
+
+    def over(i: int) -> str:
+        return lines[max((name for name in names if name < i), default=i)].strip()
 
     def is_alike(row: Sequence[str]) -> bool:
         return all(_kind(cell, decimal) in kinds for cell, kinds in zip(row, held, strict=True))
 
-    return next(i for i in data if i > names[-1] or (i > names[0] and is_alike(rows[i])))
+    for run in runs:
+        is_long = len(run) > SETTINGS_SHARE * len(block)
+        for i in map(int, run):
+            if not names or i > names[-1]:
+                return i
+            if i > names[0] and is_alike(rows[i]) and (is_long or over(i) == over(block[0])):
+                return i
+    return int(block[0])
 
 
 def _kind(cell: str, decimal: str) -> str:

@@ -31,6 +31,8 @@ MOST_TEXTS, LONGEST_TEXT = 100, 200
 
 MOST_FOOTERS = 10  # lines of words below a table; more of them are a first column that failed
 
+MOST_RESTARTS = 8  # parts of more of them are not written out
+
 NUM_NAMED = 5  # so many line numbers stand in a message
 
 
@@ -156,7 +158,7 @@ def header_again(body: bytes, ends: np.ndarray, is_blank: np.ndarray, layout: La
     for line in np.flatnonzero(found):
         for step in (-1, 1):
             near = line + step
-            while 0 <= near < ends.size and (is_blank[near] or first(near) in layout.above):
+            while 0 <= near < ends.size and (is_blank[near] or first(int(near)) in layout.above):
                 found[near] = True
                 near += step
     return found
@@ -186,6 +188,8 @@ def restarted(lines: DataLines, where: str) -> list[Finding]:
     first = ", ".join(str(row) for row in lines.restarts[:NUM_NAMED])
     more = " and more" if len(lines.restarts) > NUM_NAMED else ""
     rows = ", ".join(f"[{a + 1}, {b}]" for a, b in itertools.pairwise((0, *ends)))
+    if len(lines.restarts) > MOST_RESTARTS:
+        rows = "[FIRST, LAST], …"
     return [
         Finding(
             id="logger_restarted",
@@ -193,8 +197,8 @@ def restarted(lines: DataLines, where: str) -> list[Finding]:
             message=f"The header stands there again, word for word, behind sample {first}{more}: "
             "the logger was started again. Nothing says how long it was off.",
             where=where,
-            remedy="If it was off for long, read the parts as tests of their own, in the motor "
-            f"file: [tests.NAME] use_rows = [{rows}].",
+            remedy="Where the times go on, nothing need be done. If it was off for long, read the "
+            f"parts as tests of their own, in the motor file: [tests.NAME] use_rows = [{rows}].",
             values={"count": len(lines.restarts), "first_sample": lines.restarts[0]},
         )
     ]
