@@ -166,6 +166,15 @@ def test_a_text_that_looks_like_a_clock_is_offered_for_the_time(tmp_path, form):
     np.testing.assert_allclose(record.time_s, 0.25 * np.arange(N), atol=1e-9)
 
 
+def test_a_rate_that_is_said_goes_before_a_clock_that_was_found(tmp_path):
+    clock = [f"2025/03/04 13:{i:02d}:30" for i in range(N)]
+    path = written(tmp_path, "No,Stamp,Coil [degC]\n" + rows(clock, "{i},{time},{T}"))
+    by_rate = read_record(path, rate_Hz=2.0).time_s
+    by_columns = read_record(path, Motor("M", columns={"time_s": "rate 2 Hz"})).time_s
+    np.testing.assert_array_equal(by_rate, 0.5 * np.arange(N))
+    np.testing.assert_array_equal(by_columns, by_rate)
+
+
 UNITS_OF_TIME = {
     "time": "No.,Date&Time,Coil,Room\nNO.,time,degC,degC\n",
     "Time in brackets": "No.,Start,Coil,Room\n[No.],[Time],[degC],[degC]\n",
@@ -284,8 +293,10 @@ def test_words_below_the_table_are_no_samples(tmp_path, footer):
 )
 def test_a_preamble_of_numbers_is_not_the_table(tmp_path, preamble):
     text = f"{preamble}t [s];T [degC];I [A]\n" + rows(SECONDS, "{time};{T};{I}")
-    found = by_name(written(tmp_path, text))
-    np.testing.assert_array_equal(found["T [degC]"].values, TEMPERATURE)
+    path = written(tmp_path, text)
+    np.testing.assert_array_equal(by_name(path)["T [degC]"].values, TEMPERATURE)
+    told = [finding.id for finding in survey(path).findings]
+    assert told == (["rows_above"] if preamble.startswith("Channel;") else [])
 
 
 HEAD_AGAIN = {

@@ -120,6 +120,13 @@ def test_columns_of_a_matrix_keep_the_unit_of_its_name(tmp_path):
     np.testing.assert_allclose(record["winding_degC"], COIL)
 
 
+def test_many_short_settings_do_not_outvote_the_signals(tmp_path):
+    path = tmp_path / "run.mat"
+    settings = {f"k{i}": np.arange(3.0) for i in range(8)}
+    scipy.io.savemat(path, {"t": T, "T_coil": COIL, "I": PHASE, "P": PHASE, "cfg": settings})
+    assert read_raw(path).num_rows == N
+
+
 def test_what_is_left_out_is_said_before_there_is_a_motor_file(tmp_path):
     path = tmp_path / "run.mat"
     scipy.io.savemat(path, {"t": T, "T_coil": COIL, "map": np.ones((7, 9)), "late": {"T": T[1:]}})

@@ -19,6 +19,9 @@ from .maps import COLUMN_MAPS, ColumnMap
 from .schema import CHANNEL, REQUIRED
 from .units import require_unit
 
+ONLY_CLOCK = "the one column of times"
+"""What says that a column is the time where its name does not."""
+
 
 @dataclass(frozen=True)
 class MappedColumns:
@@ -100,7 +103,8 @@ def map_columns(
     for column_map in COLUMN_MAPS:
         if _num_present(column_map, pool) >= column_map.num_needed:
             _add_by_map(mapping, column_map, pool)
-    _add_only_clock(mapping, pool)
+    if rate_Hz is None:
+        _add_only_clock(mapping, pool)
     used = mapping.used
     unused = [column.name for column in table.columns if id(column) not in used]
     mapping.findings += mapping.used_twice()
@@ -291,7 +295,7 @@ def _add_only_clock(mapping: Assignment, pool: Iterable[Column]) -> None:
         if is_clock and id(column) not in mapping.used and (steps >= 0.0).all() and steps.any():
             clocks.append(column)
     if len(clocks) == 1:
-        mapping.add(CHANNEL["time_s"], clocks[0], "s", "the one column of times", "stated")
+        mapping.add(CHANNEL["time_s"], clocks[0], "s", ONLY_CLOCK, "stated")
 
 
 def _num_present(column_map: ColumnMap, pool: Iterable[Column]) -> int:

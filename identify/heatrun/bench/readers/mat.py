@@ -209,8 +209,8 @@ def table_of(
             where=where,
             remedy=_remedy(found),
         )
-    # The length that most variables have; of two, the longer one.
-    length = max(lengths, key=lambda size: (lengths[size], size))
+    # The length that most variables have; settings are short, so that a long one weighs more.
+    length = max(lengths, key=lambda size: (lengths[size] * math.log(size), size))
     columns, constants, left_out = [], {}, []
     for leaf in found:
         value = leaf.value

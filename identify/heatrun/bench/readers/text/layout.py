@@ -60,6 +60,7 @@ class Layout:
         header: The line of names as it stands in the file.
         above: How the lines above the data begin.
         num_optional: Columns at the end that a line may leave out, such as one of comments.
+        num_settings: Lines of as many numbers above the names, under other names.
         is_unsettled: Every number with the decimal sign may be a whole one with a separator of
             thousands.
     """
@@ -75,6 +76,7 @@ class Layout:
     header: str = ""
     above: frozenset[str] = frozenset()
     num_optional: int = 0
+    num_settings: int = 0
 
     @property
     def description(self) -> str:
@@ -122,7 +124,7 @@ def find_layout(
     data = [i for i, row in enumerate(rows) if _is_data(row, numeric, decimal)]
     if not data:
         raise _no_table(where)
-    start = _first_of_table(lines, rows, data, numeric, decimal)
+    start, num_settings = _first_of_table(lines, rows, data, numeric, decimal)
     header = header_above(lines, rows, start, numeric, decimal)
     if header is None and any(not is_value(cell, decimal) for cell in rows[start]):
         header = start  # numbers as names: "Time;1;2;3"
@@ -160,6 +162,7 @@ def find_layout(
         lines[header].rstrip(),
         frozenset(filter(None, (first_word(line, delimiter) for line in lines[:first]))),
         num_optional,
+        num_settings,
     )
 
 
@@ -240,8 +243,10 @@ def _first_of_table(
     data: Sequence[int],
     numeric: Sequence[bool],
     decimal: str,
-) -> int:
-    """Return the first row of the table, which holds the longest block of equal lines.
+) -> tuple[int, int]:
+    """Return the first row of the table, and how many such rows stand above it.
+
+    The table holds the longest block of equal lines.
 
     Lines of a preamble may hold numbers, too. Above the names of the block, a row is one of the
     table only if in each column stands what stands there in the block (number, text or nothing),
@@ -263,14 +268,17 @@ def _first_of_table(
     def is_alike(row: Sequence[str]) -> bool:
         return all(_kind(cell, decimal) in kinds for cell, kinds in zip(row, held, strict=True))
 
+    num_settings = 0
     for run in runs:
         is_long = len(run) > SETTINGS_SHARE * len(block)
         for i in map(int, run):
             if not names or i > names[-1]:
-                return i
-            if i > names[0] and is_alike(rows[i]) and (is_long or over(i) == over(block[0])):
-                return i
-    return int(block[0])
+                return i, num_settings
+            if i > names[0] and is_alike(rows[i]):
+                if is_long or over(i) == over(block[0]):
+                    return i, num_settings
+                num_settings += 1
+    return int(block[0]), num_settings
 
 
 def _kind(cell: str, decimal: str) -> str:

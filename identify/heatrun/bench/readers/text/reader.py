@@ -79,6 +79,7 @@ def read_text(
     if body.is_double_spaced:
         notes.append("A blank line follows each line; blank lines are no samples.")
     findings = [*ragged_lines(body, layout, where), *restarted(body, where)]
+    findings += _settings(layout, where)
     _refuse_units_between(body, layout, where)
     heads = column_heads(layout, hints, where)
     unreadable: list[np.ndarray] = []
@@ -279,6 +280,23 @@ def _refuse_second_header(unreadable: Sequence[np.ndarray], lines: np.ndarray, w
         where=where,
         remedy="Split the file there, or delete the line if the units stay the same.",
     )
+
+
+def _settings(layout: Layout, where: str) -> list[Finding]:
+    count = layout.num_settings
+    if count == 0:
+        return []
+    return [
+        Finding(
+            id="rows_above",
+            severity="note",
+            message=f"{count} lines of numbers stand above the names, under other names: they are "
+            "no samples of this table.",
+            where=where,
+            remedy="If they are a test, save them as a file of their own.",
+            values={"count": count},
+        )
+    ]
 
 
 def _taken_as_decimal(question: Question, name: str, where: str) -> Finding:
