@@ -225,6 +225,7 @@ FRAMES = {
     "candump, CAN FD": "({t:.6f}) can1 {id:08X}##1{data}\n",
     "candump on the screen": "  can0  {id:03X}   [8]  {bytes}\n",
     "ASC": "   {t:.6f} 1  {id:X}             Rx   d 8 {bytes}  Length = 245000 BitCount = 126\n",
+    "ASC, CAN FD": "   {t:.6f} CANFD   1 Rx  {id:X}  Msg  0 0 8  8 {bytes}  130000  130   303000\n",
     "TRC 1.1": "{i:6d})  {t:10.1f}  Rx     {id:04X}  8  {bytes}\n",
     "TRC 2.1": "{i:7d} {t:13.3f} DT 1     {id:04X} Rx -  8    {bytes}\n",
     "BUSMASTER": "16:58:41:{i:04d} Rx 1 0x{id:X} s 8 {bytes}\n",

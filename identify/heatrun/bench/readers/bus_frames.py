@@ -12,7 +12,7 @@ BLF = b"LOGG"
 """First bytes of a log of Vector's binary format."""
 
 FRAME_CHANNEL = re.compile(
-    r"(?:CAN|LIN|FLX|ETH|MOST|K_LINE|USB)_(?:\w*Frame|\w*Error|\w*Message|Pdu|WakeUp|Spike)(?:\..*)?"
+    r"(?:CAN|LIN|FLX|ETH|MOST|K_LINE|USB)_\w*(?:Frame|Error|Message|Pdu|WakeUp|Spike)\w*(?:\..*)?"
 )
 """Names that ASAM MDF, bus logging, gives to channels of frames."""
 
@@ -22,6 +22,9 @@ LENGTH = re.compile(r"[\[(]?([0-9]{1,2})[\])]?")
 BYTE = re.compile(r"(?:0x)?[0-9A-Fa-f]{2}")
 BYTE_ALONE = re.compile(r"0[0-9A-Fa-f]|[0-9A-Fa-f]?[A-Fa-f][0-9A-Fa-f]?|0x..")
 """A byte that no number of a table is written as."""
+
+FIRST_LINES = re.compile(r"base (?:hex|dec)\s+timestamps|;\$FILEVERSION=|\*+BUSMASTER")
+"""Of ASC, TRC and BUSMASTER."""
 
 CANDUMP = re.compile(r"^\(?[0-9.]+\)?\s+\w+\s+[0-9A-Fa-f]{3,8}##?[0-9A-Fa-fR]")
 NAMES_OF_FRAMES = (
@@ -59,6 +62,8 @@ def kind_of_frames(text: str) -> str:
     lines = list(itertools.islice((line for line in filled if line), NUM_LINES))
     if any(_names_frames(line) for line in lines[:10]):
         return "a table of frames"
+    if any(FIRST_LINES.match(line) for line in lines[:10]):
+        return "a log of a bus analyser"
     frames = sum(CANDUMP.match(line) is not None for line in lines)
     if 2 * frames > len(lines):
         return "candump"
@@ -72,8 +77,8 @@ def _bytes_of(cells: Sequence[str]) -> Sequence[str]:
     for place, cell in enumerate(cells[1:], 1):
         length = LENGTH.fullmatch(cell)
         data = list(itertools.takewhile(BYTE.fullmatch, cells[place + 1 :]))
-        if length and len(data) == int(length[1]) > 1:
-            return data
+        if length and len(data) >= int(length[1]) > 1:
+            return data[: int(length[1])]
     return ()
 
 

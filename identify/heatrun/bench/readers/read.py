@@ -48,6 +48,7 @@ OTHER_FORMATS = {
     b"\xfd7zXZ\x00": "an xz archive",
     b"CDF\x05": "a netCDF file with 64-bit data",
     b"BZh": "a bzip2 archive",
+    b"SQLite format 3": "an SQLite data base",
     b"\x28\xb5\x2f\xfd": "a zstd archive",
     b"7z\xbc\xaf\x27\x1c": "a 7z archive",
     b"Rar!": "a RAR archive",

@@ -260,6 +260,8 @@ def _first_of_table(
         if len(filled(rows[i])) >= 2 and not is_rule(rows[i]) and is_text(rows[i], decimal)
         and not is_comment(lines[i])
     ]  # fmt: skip
+    if not names or data[0] > names[-1]:
+        return data[0], 0
     held = [{"", *(_kind(rows[i][k], decimal) for i in block)} for k in range(len(numeric))]
 
     def over(i: int) -> str:
@@ -272,7 +274,7 @@ def _first_of_table(
     for run in runs:
         is_long = len(run) > SETTINGS_SHARE * len(block)
         for i in map(int, run):
-            if not names or i > names[-1]:
+            if i > names[-1]:
                 return i, num_settings
             if i > names[0] and is_alike(rows[i]):
                 if is_long or over(i) == over(block[0]):
