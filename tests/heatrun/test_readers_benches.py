@@ -316,7 +316,7 @@ def test_the_same_header_again_is_a_restart_of_the_logger(tmp_path, member):
     np.testing.assert_array_equal(record.time_s, 5.0 * np.arange(N))
     (finding,) = record.findings
     assert (finding.id, finding.values["first_sample"]) == ("logger_restarted", 7)
-    assert "[[1, 7], [8, 12]]" in finding.remedy
+    assert "[tests.test] use_rows = [[1, 7], [8, 12]]" in finding.remedy
     assert survey(path).findings[0].id == "logger_restarted"
 
 

@@ -9,11 +9,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from ....errors import InputError
 from ....io.printable import printable
+from ....io.toml_text import table_header
 from ...record import Finding
 from .decimals import start_of_line
 from .layout import Layout, first_word
@@ -188,6 +190,7 @@ def restarted(lines: DataLines, where: str) -> list[Finding]:
     first = ", ".join(str(row) for row in lines.restarts[:NUM_NAMED])
     more = " and more" if len(lines.restarts) > NUM_NAMED else ""
     rows = ", ".join(f"[{a + 1}, {b}]" for a, b in itertools.pairwise((0, *ends)))
+    section = table_header("tests", Path(where.removesuffix(".gz")).stem)
     if len(lines.restarts) > MOST_RESTARTS:
         rows = "[FIRST, LAST], …"
     return [
@@ -198,7 +201,7 @@ def restarted(lines: DataLines, where: str) -> list[Finding]:
             "the logger was started again. Nothing says how long it was off.",
             where=where,
             remedy="Where the times go on, nothing need be done. If it was off for long, read the "
-            f"parts as tests of their own, in the motor file: [tests.NAME] use_rows = [{rows}].",
+            f"parts as tests of their own, in the motor file: {section} use_rows = [{rows}].",
             values={"count": len(lines.restarts), "first_sample": lines.restarts[0]},
         )
     ]
