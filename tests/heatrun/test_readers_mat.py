@@ -63,7 +63,7 @@ def test_what_is_no_vector_is_left_out_with_a_finding(tmp_path):
     for name in (
         "run (1x7 numbers)",
         "matrix (4x4",
-        "info (struct)",
+        "info (struct with the fields bench)",
         "text (text)",
         "wave (complex)",
     ):

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from ..errors import InputError
 from ..io.printable import printable
@@ -13,9 +14,15 @@ from .channels.column_unit import statements, unit_of
 from .channels.likely_names import ELECTRICAL_SPEED, NOT_THE_SHAFTS, likely_channels
 from .channels.schema import CHANNEL, Channel
 from .channels.units import find_unit, refusal
+from .clocks.clock import read_stated
+from .clocks.time_format import parse_time_format
 from .column_course import Course, course_of
 from .readers.table import Column
 from .record import UnitSource
+
+CLOCK_FORMATS = ("hh:mm:ss:ff", "d:hh:mm:ss", "d.hh:mm:ss", "d hh:mm:ss", "hh:mm:ss",
+                 "hh.mm.ss", "hh-mm-ss")  # fmt: skip
+"""What a text that looks like a clock may be written in."""
 
 
 def flat(text: str) -> str:
@@ -129,6 +136,22 @@ def free_column(
         course=course_of(numbers),
         remark=reason,
     )
+
+
+def text_column(name: str, text: str) -> FreeColumn:
+    """Look at a column without a number: one that holds clock times in some format may be the time.
+
+    Args:
+        name: As it stands in the file.
+        text: What stands in its first cell.
+    """
+    cell = pd.Series([text])
+    lines = [
+        Proposal("time_s", f"{name} [{form}]", "assumed", is_likely=True)
+        for form in CLOCK_FORMATS
+        if (stated := parse_time_format(form)) and np.isfinite(read_stated(cell, stated).seconds[0])
+    ]
+    return FreeColumn(name, None, None, None, 0, text or "nothing", tuple(lines))
 
 
 def _is_remark(values: np.ndarray) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .channels.schema import REQUIRED
-from .free_columns import FreeColumn, free_column
+from .free_columns import FreeColumn, free_column, text_column
 from .own_files import refuse_own_file
 from .partial_mapping import PartialMapping, map_as_far
 from .phase_means import PhaseMean, phase_means
@@ -20,7 +20,7 @@ from .readers.multirate import read_all
 from .readers.open_file import open_input
 from .readers.read import read_whole
 from .readers.table import Table, preamble_of
-from .record import ColumnReading
+from .record import ColumnReading, Finding
 
 MOST_SAMPLED = 200
 """Channels of a measurement file of which values are looked at; each is read whole."""
@@ -66,6 +66,7 @@ class Survey:
         silent: Columns that are recognised and hold nothing, for channels that a calibration
             needs.
         means: Columns of three phases that a channel may be the mean of.
+        findings: What the reader left out or doubts.
     """
 
     path: str
@@ -78,6 +79,7 @@ class Survey:
     preamble: tuple[str, ...] = ()
     silent: tuple[SilentColumn, ...] = ()
     means: tuple[PhaseMean, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def channels(self) -> frozenset[str]:
@@ -107,10 +109,15 @@ def _of_table(table: Table, where: str) -> Survey:
     # two columns of a worksheet may have one name
     values = {id(column): column.values for column in table.columns}
     found = _surveyed(table, values, map_as_far(table, where=where), where)
-    texts = [FreeColumn(name, None, None, None, 0, text or "nothing")
-             for name, text in table.text_columns.items()]  # fmt: skip
+    texts = [text_column(name, text) for name, text in table.text_columns.items()]
     preamble = preamble_of(table.notes)
-    return replace(found, free=(*found.free, *texts), constants=table.constants, preamble=preamble)
+    return replace(
+        found,
+        free=(*found.free, *texts),
+        constants=table.constants,
+        preamble=preamble,
+        findings=table.findings,
+    )
 
 
 def _of_measurement(measurement: Measurement, where: str) -> Survey:
@@ -132,8 +139,8 @@ def _of_measurement(measurement: Measurement, where: str) -> Survey:
     }
     found = _surveyed(table, values, mapped, where)
     free = [one for one in found.free if one.name in header.channels]
-    texts = [FreeColumn(name, None, None, None, 0, text) for name, text in header.texts.items()]
-    return replace(found, free=(*free, *texts))
+    texts = [text_column(name, text) for name, text in header.texts.items()]
+    return replace(found, free=(*free, *texts), findings=measurement.findings)
 
 
 def _surveyed(

@@ -63,6 +63,8 @@ def run(options: argparse.Namespace) -> int:
         found = survey(file, sheet)
         say(f"{file}: {found.reader}, {len(found.recognised)} columns recognised, "
             f"{len(found.free)} not")  # fmt: skip
+        for finding in found.findings:
+            say(f"  {finding.message} {finding.remedy}")
         surveys.append(found)
     content = draft(_name_of(files[0][0]), surveys).encode()
     parse_motor(content, str(out))  # what is written can be read

@@ -19,6 +19,9 @@ from .maps import COLUMN_MAPS, ColumnMap
 from .schema import CHANNEL, REQUIRED
 from .units import find_unit, require_unit
 
+ONLY_CLOCK = "the one column of times"
+"""What says that a column is the time where its name does not."""
+
 
 @dataclass(frozen=True)
 class MappedColumns:
@@ -101,6 +104,8 @@ def map_columns(
     for column_map in COLUMN_MAPS:
         if _num_present(column_map, pool) >= column_map.num_needed:
             _add_by_map(mapping, column_map, pool)
+    if rate_Hz is None:
+        _add_only_clock(mapping, pool)
     used = mapping.used
     unused = [column.name for column in table.columns if id(column) not in used]
     mapping.findings += mapping.used_twice()
@@ -305,6 +310,20 @@ def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:
         where = f"{mapping.where}, column '{column.name}' as {channel.name}"
         unit, unit_from = unit_of(column, channel, where)
         mapping.add(channel, column, unit, "canonical name", unit_from)
+
+
+def _add_only_clock(mapping: Assignment, pool: Iterable[Column]) -> None:
+    """Take the one column that holds times of day for the time, whatever it is called."""
+    if not mapping.wants("time_s"):
+        return
+    clocks = []
+    for column in pool:
+        steps = np.diff(column.values[np.isfinite(column.values)])
+        is_clock = bool(column.note) and column.is_seconds and column.question is None
+        if is_clock and id(column) not in mapping.used and (steps >= 0.0).all() and steps.any():
+            clocks.append(column)
+    if len(clocks) == 1:
+        mapping.add(CHANNEL["time_s"], clocks[0], "s", ONLY_CLOCK, "stated")
 
 
 def _num_present(column_map: ColumnMap, pool: Iterable[Column]) -> int:

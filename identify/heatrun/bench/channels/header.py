@@ -33,7 +33,7 @@ from functools import lru_cache
 
 from ...errors import InputError
 from .name_words import EFFECTIVE, MEANS, PEAKS, STATISTICS, is_name
-from .units import LONGEST_UNIT, find_unit, is_unit, looks_like_unit
+from .units import DEGREES, LONGEST_UNIT, find_unit, is_unit, looks_like_unit
 
 LONGEST_NAME = 1000
 """Characters; names of a bench are below 100, paths of a model below 300."""
@@ -51,6 +51,7 @@ PLAIN: dict[int, int | str | None] = {
     **{ord(sign): "]" for sign in "】〕」"},
     **{ord(sign): "<" for sign in "⟨〈"},
     **{ord(sign): ">" for sign in "⟩〉"},
+    **DEGREES,
 }
 
 CLOCK_FORMAT = re.compile(

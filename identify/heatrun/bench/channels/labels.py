@@ -39,7 +39,8 @@ NAME_WORDS = frozenset(
      "Std.", "ora", "ore", "Cel", "oC", "oF", "C", "Grad", "grad C", "gradi", "deg", "amp", "amps",
      "A_dc", "Adc", "V_dc", "Vdc", "Arms", "A_rms", "Aeff", "A_eff", "Apk", "A_pk", "App", "A_pp",
      "bool", "pu", "pct", "MW", "volt", "kpm", "N_m", "PS", "CV", "var", "mps", "days", "degrees",
-     "tours", "giri", "uA", "V-dc", "V.dc", "A-dc", "A.dc", "-", "1")
+     "tours", "giri", "uA", "V-dc", "V.dc", "A-dc", "A.dc", "ADC", "AAC",
+     "VAC", "-", "1")
 )  # fmt: skip
 """Spellings that are also parts of names: a minimum, a stator voltage, the second winding."""
 

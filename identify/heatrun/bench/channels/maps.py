@@ -119,6 +119,8 @@ TIME_NAMES = ColumnMap(
     dict.fromkeys(
         (
             *("t", "timestamp", "time stamp", "elapsed time", "date time", "datetime", "date/time"),
+            "x_value",  # of LabVIEW
+            *("时间", "时刻", "時間", "時刻", "経過時間", "시간", "время"),
             *("zeit", "uhrzeit", "tempo", "temps", "tiempo"),
         ),
         "time_s",

@@ -40,7 +40,8 @@ def _kinds(symbols: Iterable[str], words: Iterable[str]) -> tuple[str, ...]:
     )
 
 
-AMPERE = ("A", "amp", "amps", "ampere", "amperes", "ampère", "ampères")
+AMPERE = ("A", "amp", "amps", "ampere", "amperes", "ampère", "ampères", "安", "安培", "アンペア",
+          "암페어")  # fmt: skip
 MILLIAMPERE = ("mA", "milliamp", "milliamps", "milliampere", "milliamperes")
 MICROAMPERE = ("µA", "uA", "microamp", "microamps", "microampere", "microamperes")
 KILOAMPERE = ("kA", "kiloamp", "kiloamps", "kiloampere", "kiloamperes")
@@ -68,15 +69,16 @@ REVOLUTION = ("rev", "revs", "revolutions", "turns", "Umdrehungen", "Umdr.", "gi
 QUANTITIES: dict[str, tuple[Unit, ...]] = {
     "time": (
         Unit("s", ("sec", "secs", "sec.", "second", "seconds", "sek", "sek.", "Sekunde",
-                   "Sekunden", "secondo", "secondi", "seconde", "secondes", "segundos")),
+                   "Sekunden", "secondo", "secondi", "seconde", "secondes", "segundos", "秒",
+                   "초")),
         Unit("ms", ("msec", "msecs", "millisecond", "milliseconds", "millisec", "Millisekunde",
-                    "Millisekunden", "millisecondi", "millisecondes"), 1e-3),
+                    "Millisekunden", "millisecondi", "millisecondes", "毫秒", "ミリ秒"), 1e-3),
         Unit("us", ("µs", "usec", "µsec", "microsecond", "microseconds", "Mikrosekunden"), 1e-6),
         Unit("ns", ("nsec", "nanosecond", "nanoseconds", "Nanosekunden"), 1e-9),
         Unit("min", ("mins", "min.", "minute", "minutes", "Minuten", "minuto", "minuti",
-                     "minutos"), 60.0),
+                     "minutos", "分", "分钟", "분"), 60.0),
         Unit("h", ("hr", "hrs", "hour", "hours", "Std", "Std.", "Stunde", "Stunden", "ora", "ore",
-                   "heure", "heures", "horas"), 3600.0),
+                   "heure", "heures", "horas", "小时", "小時"), 3600.0),
         # no "day" and no "Tag": "time of day" and "time tag" name times of other units
         Unit("days", ("d", "Tage", "giorni", "jours"), 86400.0),
     ),
@@ -85,7 +87,9 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
                       "degrees C", "degree Celsius", "degrees Celsius", "deg Celsius", "°Celsius",
                       "grad C", "Grad Celsius", "Grad", "gradi Celsius", "gradi C", "gradi",
                       "degré Celsius", "degrés Celsius", "degres Celsius", "degrés C",
-                      "grados Celsius", "centigrade", "degrees centigrade", "Cel", "oC", "Â°C",
+                      "grados Celsius", "摄氏度", "攝氏度", "摂氏", "섭씨", "centigrade",
+                      "degrees centigrade", "Cel", "oC", "Â°C",
+                      "°\u0421", "&deg;C",  # a Cyrillic letter; a page of the web
                       "\ufffdC", "?C")),
         Unit("K", ("kelvin", "kelvins", "degK", "deg K", "deg_K", "°K", "degrees kelvin",
                    "Grad Kelvin", "gradi Kelvin"), 1.0, -273.15),
@@ -95,7 +99,8 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
              5.0 / 9.0, -160.0 / 9.0),
     ),
     "phase current": (
-        Unit("A_rms", (*AMPERE, *_kinds(AMPERE, RMS_WORDS))),
+        # the rms value of a direct current is the current
+        Unit("A_rms", (*AMPERE, *_kinds(AMPERE, RMS_WORDS), "A AC", "AAC", "A DC", "ADC")),
         Unit("A_peak", (*_kinds(AMPERE, PEAK_WORDS), "Â"), 1.0 / ROOT_2),
         Unit("mA_rms", (*MILLIAMPERE, *_kinds(MILLIAMPERE, RMS_WORDS)), 1e-3),
         Unit("mA_peak", _kinds(MILLIAMPERE, PEAK_WORDS), 1e-3 / ROOT_2),
@@ -118,14 +123,16 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         Unit("kA", (*KILOAMPERE[1:], *_kinds(KILOAMPERE, DIRECT_WORDS)), 1e3),
     ),
     "voltage": (
-        Unit("V", ("volt", "volts", *_kinds(("V",), DIRECT_WORDS))),
+        Unit("V", ("volt", "volts", "伏", "伏特", "ボルト", "볼트", "VDC", "V DC", "VAC", "V AC",
+                   *_kinds(("V",), DIRECT_WORDS))),
         Unit("mV", ("millivolt", "millivolts", *_kinds(("mV",), DIRECT_WORDS)), 1e-3),
         Unit("kV", ("kilovolt", "kilovolts", *_kinds(("kV",), DIRECT_WORDS)), 1e3),
     ),
     "power": (
-        Unit("W", ("watt", "watts")),
+        Unit("W", ("watt", "watts", "瓦", "瓦特", "ワット", "와트")),
         Unit("mW", ("milliwatt", "milliwatts", "mWatt", "mWatts"), 1e-3),
-        Unit("kW", ("kilowatt", "kilowatts", "kWatt", "kWatts", "chilowatt", "kilovatios"), 1e3),
+        Unit("kW", ("kilowatt", "kilowatts", "kWatt", "kWatts", "chilowatt", "kilovatios",
+                    "千瓦"), 1e3),
         Unit("MW", ("megawatt", "megawatts", "MWatt", "MWatts"), 1e6),
     ),
     "speed": (
@@ -134,6 +141,7 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
                      "rev per min", "rev per minute", "revs per minute", "revolutions per minute",
                      "revolutions per min", "turns per minute", "Umdrehungen pro Minute",
                      "giri al minuto", "tours par minute", "tr/mn", "rev_per_min",
+                     "转/分", "轉/分", "转每分钟", "回転/分", "회전/분",
                      *_per(REVOLUTION, ("min", "minute")))),
         Unit("krpm", ("k rpm", "kRPM", "1000 U/min", "1000 r/min", "1000 rpm", "1000/min",
                       "1000 1/min", "10^3 rpm", "10³ rpm",
@@ -149,7 +157,7 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         Unit("deg/s", ("°/s", "deg/sec", "degrees per second", "Grad/s"), 1.0 / 6.0),
     ),
     "torque": (
-        Unit("Nm", ("N·m", "N*m", "N m", "N.m", "N-m", "N_m", *_newton(""))),
+        Unit("Nm", ("牛·米", "牛米", "N·m", "N*m", "N m", "N.m", "N-m", "N_m", *_newton(""))),
         Unit("mNm", ("mN·m", "mN*m", "mN m", "mN.m", "mN-m", *_newton("milli")), 1e-3),
         Unit("kNm", ("kN·m", "kN*m", "kN m", "kN.m", "kN-m", *_newton("kilo")), 1e3),
         Unit("Ncm", ("N·cm", "N cm", "N.cm", "N-cm", *_newton("", "centi")), 1e-2),

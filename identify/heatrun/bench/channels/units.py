@@ -46,12 +46,17 @@ FOREIGN = frozenset(
 """Units of quantities that are no channel of heatrun, or in none of its tables."""
 
 
+DEGREES: dict[int, str] = dict.fromkeys(map(ord, "º˚ﾟ゜\u309a∘◦⁰ᵒ"), "°") | {
+    ord("℃"): "°C",
+    ord("℉"): "°F",
+}
+"""Signs that stand for the degree of a temperature, to the plain one."""
+
+
 @lru_cache(maxsize=4096)
 def _key(spelling: str) -> str:
     """Return a spelling without what carries no meaning: blanks, signs of degree and product."""
-    text = spelling.strip()
-    for sign in ("º", "˚"):  # NFKC would turn them into letters
-        text = text.replace(sign, "°")
+    text = spelling.strip().translate(DEGREES)  # NFKC would turn some of them into letters
     text = unicodedata.normalize("NFKC", text)
     return re.sub(r"[\s·∙⋅*]+", "", text.replace("−", "-").replace("μ", "µ"))
 

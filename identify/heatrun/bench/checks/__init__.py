@@ -30,7 +30,14 @@ from .shaft_power import losses_of_shaft
 from .standstill import current_scale_unchecked, standstill_losses
 from .stillness import saturation, sensor_stuck
 from .suspicion import unit_suspected
-from .time_axis import sampling, time_backwards, time_duplicate, time_gap, time_jitter
+from .time_axis import (
+    is_sorted_otherwise,
+    sampling,
+    time_backwards,
+    time_duplicate,
+    time_gap,
+    time_jitter,
+)
 from .units import ambient_implausible, unit_assumed, units_temperature
 
 Check = Callable[[Record, Motor], tuple[Finding, ...]]
@@ -106,6 +113,8 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
     shapes = {np.shape(column) for column in record.channels.values()}
     # Without a clock, or with columns of different length, no other check has anything to stand on.
     checks = CHECKS if "time_s" in record and len(shapes) == 1 else (missing_channel,)
+    if checks is CHECKS and is_sorted_otherwise(record):
+        checks = (missing_channel, time_backwards)  # all others follow from it
     findings = list(record.findings)
     # Overflow of absurd values yields inf or NaN, and comparisons with those say no.
     with np.errstate(all="ignore"):

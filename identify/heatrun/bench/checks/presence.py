@@ -8,6 +8,7 @@ from ...motor import Motor
 from ..blocks import BLOCK_S
 from ..channels.derive import ELECTRICAL
 from ..channels.schema import BODIES
+from ..clocks.own_rates import between_samples
 from ..record import Finding, Record, Severity
 from ..stretch import masked
 from .advice import MOST_WINDOWS, mask_line, use_line
@@ -120,7 +121,7 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
         missing = ~is_measured(values)
         is_reading = channel == "winding_degC" or channel in BODIES
         if is_reading:
-            missing &= ~masked(record)
+            missing &= ~masked(record) & ~between_samples(np.asarray(column, dtype=float))
         first, past = runs(missing)
         if first.size == 0:
             continue

@@ -8,7 +8,7 @@ from ...motor import Motor
 from ..blocks import SLOW_LOGGER_S
 from ..channels.header import split_name
 from ..record import Finding, Record
-from .advice import section_of, use_line
+from .advice import MOST_WINDOWS, section_of, use_line
 from .samples import is_measured, median_step, place, samples
 
 GAP_STEPS = 3.0
@@ -30,6 +30,9 @@ average over time to better than about 1 % in blocks of 100 samples."""
 COARSE_S = 10.0
 """A winding's time constant is about 100 s; its answer to a step needs ten samples."""
 
+FOLLOWS = 0.8
+"""Correlation with the place of the row [1] from which a column is what the rows are sorted by."""
+
 CREEPS_S = 100.0
 """No logger of a heat run is as slow, but one of 10 Hz whose milliseconds are read as seconds
 looks so."""
@@ -49,6 +52,8 @@ def time_backwards(record: Record, motor: Motor) -> tuple[Finding, ...]:
     back = np.flatnonzero(steps < 0.0)
     if back.size == 0:
         return ()
+    if is_sorted_otherwise(record):
+        return (_sorted_otherwise(record, back.size),)
     first = int(back[0])
     measured = np.flatnonzero(is_measured(np.asarray(record.time_s, dtype=float)))
     row, rows = int(measured[first]) + 1, len(record.time_s)
@@ -70,6 +75,36 @@ def time_backwards(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 "largest_s": float(-steps.min()),
             },
         ),
+    )
+
+
+def is_sorted_otherwise(record: Record) -> bool:
+    """Return whether time falls so often that the rows stand in another order than that of time."""
+    return int(np.sum(np.diff(_clock(record)) < 0.0)) > MOST_WINDOWS
+
+
+def _sorted_otherwise(record: Record, num_steps: int) -> Finding:
+    place_of_row = np.arange(len(record.time_s))
+    follows = {}
+    for name, values in record.channels.items():
+        known = is_measured(np.asarray(values, dtype=float))
+        if name != "time_s" and known.sum() > 2 and np.ptp(values[known]) > 0.0:
+            follows[name] = abs(np.corrcoef(place_of_row[known], values[known])[0, 1])
+    by = max(follows, key=lambda name: follows[name], default="")
+    column = next((f", column '{one.column}'" for one in record.mapping if one.channel == by), "")
+    order = (
+        f"they follow {by}{column}"
+        if by and follows[by] > FOLLOWS
+        else "they stand in another order"
+    )
+    return Finding(
+        "time_backwards",
+        "error",
+        f"Expected rows in the order of time; time falls {num_steps} times in {place_of_row.size} "
+        f"rows: {order}, as in a map of operating points.",
+        place(record, "time_s", float(_clock(record)[0])),
+        "Sort the rows by time, or take the logger's own file.",
+        values={"num_steps": float(num_steps)},
     )
 
 

@@ -18,7 +18,10 @@ CLOCK = r"(?:(?P<hour>[0-9]+):)?(?P<minute>[0-9]+):(?P<second>[0-5]?[0-9](?:[.,]
 CLOCK_CELL = re.compile(CLOCK)
 
 OF_DAY = r"(?P<hour>[0-9]{1,2}):(?P<minute>[0-5][0-9]):(?P<second>[0-5][0-9](?:\.[0-9]*)?)"
-DAYS = r"(?P<day>[0-9]+) days?,?\s+(?P<clock>[0-9]{1,2}:[0-5][0-9]:[0-5][0-9](?:\.[0-9]*)?)"
+DAYS = (
+    r"(?P<day>[0-9]+)\s*(?:days?|d|Tage?),?\s+"
+    r"(?P<clock>[0-9]{1,2}:[0-5][0-9]:[0-5][0-9](?:\.[0-9]*)?)"
+)
 DAYS_CELL = re.compile(DAYS)
 """Durations as Python and pandas write them: "0 days 00:00:10", "1 day, 0:00:10"."""
 

@@ -1,4 +1,6 @@
-"""Dates that are written without signs between their numbers or with the month in letters."""
+"""Clocks and dates with words or other signs in them: the month in letters, no signs at all, a
+colon before the thousandths, hours and minutes by their letter, years and days by their character.
+"""
 
 from __future__ import annotations
 
@@ -41,6 +43,76 @@ FORMS = {
     "the year comes first": (COMPACT,),
 }
 CELLS = tuple(re.compile(form) for forms in FORMS.values() for form in forms)
+
+
+FRACTION = re.compile(r"(?P<clock>[0-9]+:[0-5]?[0-9]:[0-5]?[0-9])[: ](?P<digits>[0-9]{6}|[0-9]{3})")
+SHORT_FRACTION = re.compile(
+    r"(?P<clock>[0-9]+[-/.][0-9]+[-/.][0-9]+[T ,_-]+[0-9]+:[0-9]+:[0-9]+):(?P<digits>[0-9]{1,2})"
+)
+"""Behind a date, where the first of four numbers is no day."""
+
+LETTERED = (
+    (re.compile(r"^[\[(]\s*(.*)[\])]$"), r"\1"),
+    (re.compile(r"^T?\+\s*(?=[0-9]+:)|\s*Uhr$"), ""),
+    (re.compile(r"^(?:mon|tue|wed|thu|fri|sat|sun)[a-z]*[.,]?\s+(?=[0-9A-Z])", re.IGNORECASE), ""),
+    (re.compile(r"([0-9]+)[年년]\s*([0-9]+)[月월]\s*([0-9]+)[日일]\s*"), r"\1-\2-\3 "),
+    (re.compile(r"(?:上午|午前|오전)\s*(\S+)"), r"\1 AM"),
+    (re.compile(r"(?:下午|午後|오후)\s*(\S+)"), r"\1 PM"),
+    (
+        re.compile(
+            r"([0-9]+)\s*(?:h|[時时点시])\s*([0-9]+)\s*(?:m|min|[分분])\s*([0-9]+(?:[.,][0-9]+)?)\s*[s秒초]?"
+        ),
+        r"\1:\2:\3",
+    ),
+)
+
+
+MOST_LOOKED_AT = 1000
+"""Cells of a column of which one must need it, before all are gone through."""
+
+
+def plain_clock(cell: str) -> str:
+    """Return a time or date with the signs that a clock has: 9h05m10s as 9:05:10.
+
+    Args:
+        cell: Any text.
+
+    Example:
+        >>> plain_clock("01/26/2024 08:07:12:237")
+        '01/26/2024 08:07:12.237'
+        >>> plain_clock("2024年9月27日 下午 1:05:00")
+        '2024-9-27 1:05:00 PM'
+    """
+    for pattern, plain in LETTERED:
+        cell = pattern.sub(plain, cell)
+    found = FRACTION.search(cell)
+    if found is None or re.match("[0-9:.,]", cell[found.end() :]):
+        return cell
+    return f"{cell[: found.end('clock')]}.{cell[found.start('digits') :]}"
+
+
+def plain_clocks(cells: pd.Series) -> pd.Series:
+    """Return such times and dates; as `plain_clock`, and with fractions of one or two digits.
+
+    A fraction that is as long in every cell is one; else it counts thousandths.
+
+    Args:
+        cells: Texts without blanks around them, shape (time,).
+    """
+    first = cells[cells != ""].iloc[:MOST_LOOKED_AT]
+    if first.map(plain_clock).equals(first) and not first.str.fullmatch(SHORT_FRACTION).any():
+        return cells
+    cells = cells.map(plain_clock)
+    digits = cells.str.extract(f"^{SHORT_FRACTION.pattern}$")
+    short = digits["digits"].notna()
+    if not short.any():
+        return cells
+    counts = (
+        digits["digits"].str.len()[short].nunique() > 1
+        or cells[~short].str.contains(r":[0-9]+\.[0-9]{3}$").any()
+    )
+    fraction = digits["digits"].str.zfill(3) if counts else digits["digits"]
+    return cells.where(~short, digits["clock"] + "." + fraction)
 
 
 def is_worded_date(cell: str) -> bool:

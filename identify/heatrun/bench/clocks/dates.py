@@ -14,7 +14,7 @@ from .clock import DAY_S, HOUR_S, ClockColumn, decimals, numbers, rises, spoken_
 
 DATE = r"(?P<first>[0-9]{1,4})(?P<sign>[-/.])(?P<middle>[0-9]{1,2})[-/.](?P<last>[0-9]{1,4})"
 DATE_TIME = (
-    DATE + r"[T ,_]\s*(?P<hour>[0-9]{1,2}):(?P<minute>[0-5][0-9])"
+    DATE + r"(?:\s*[T,_/-]\s*|\s+)(?P<hour>[0-9]{1,2}):(?P<minute>[0-5]?[0-9])"
     r"(?::(?P<second>[0-5]?[0-9](?:[.,][0-9]*)?))?\s*(?P<half>[AaPp][Mm])?"
     r"\s*(?P<zone>Z|[+-][0-9]{2}:?[0-9]{2})?"
 )

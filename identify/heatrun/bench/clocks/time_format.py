@@ -83,7 +83,7 @@ def parse_time_format(text: str) -> TimeFormat | None:
             return None
         return TimeFormat(text, letters, separators, DATES[date])
     parts = _clock(letters)
-    if parts is None or ":" not in separators:
+    if parts is None or not (":" in separators or parts.startswith("hms")):
         return None
     return TimeFormat(text, parts, separators)
 

@@ -6,15 +6,17 @@ import io
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
 from ..record import Finding
-from .mat5 import DamagedFileError, read_variables
+from .mat5 import DEEPEST, DamagedFileError, Text, Value, read_variables
 from .open_file import LARGEST_NUMBERS
 from .stored import Stored, as_stated, wanted
+from .structs import Leaf, Nested, courses, leaves
 from .table import Table
 
 DIMENSION_ALONE = "This is a netCDF dimension but not a netCDF variable"
@@ -31,8 +33,9 @@ def read_mat(data: bytes, where: str) -> Table:
         where: The file, for messages.
 
     Returns:
-        Numeric vectors of one common length as columns, scalars as constants. What is neither
-        (structs, cells, timeseries, matrices) is left out with a finding.
+        Numeric vectors of one common length as columns, also those in structs
+        (`log.winding_degC`) and cells, and the columns of matrices (`T(:,2)`); scalars as
+        constants. What is neither (timeseries and other objects) is left out with a finding.
 
     Raises:
         InputError: If the file is damaged, of another version or holds no numeric vector.
@@ -47,15 +50,20 @@ def read_mat(data: bytes, where: str) -> Table:
         variables = read_variables(data)
     except DamagedFileError as error:
         raise _damaged(where, str(error)) from error
-    plain = {
-        name: Stored(value) if isinstance(value, np.ndarray) else value
-        for name, value in variables.items()
-    }
-    return table_of(plain, "MAT 5", where)
+    return table_of({name: _plain(value) for name, value in variables.items()}, "MAT 5", where)
+
+
+def _plain(value: Value) -> Nested:
+    """Return a variable of MATLAB 5, beside whose numbers nothing stands."""
+    if isinstance(value, np.ndarray):
+        return Stored(value)
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    return [_plain(one) for one in value] if isinstance(value, list) else value
 
 
 def read_hdf5(data: bytes, where: str) -> Table:
-    """Read a MAT file of version 7.3, or another HDF5 file with vectors at its top level.
+    """Read a MAT file of version 7.3, or another HDF5 file with vectors in it or in its groups.
 
     Args:
         data: As `read_mat`.
@@ -72,16 +80,18 @@ def read_hdf5(data: bytes, where: str) -> Table:
 
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
+            room = _Room(LARGEST_NUMBERS)
             # names that begin so are MATLAB's own tables of references
             names = [name for name in map(str, file) if not name.startswith("#")]
-            _check_size(file, names)
-            variables = {name: _value(file, name) for name in names}
+            items = {name: _own(file, name) for name in names}
+            variables = {name: _value(file, item, room) for name, item in items.items()}
+            is_matlab = any("MATLAB_class" in one.attrs for one in items.values() if one)
     except Exception as error:  # a damaged file raises nearly anything in there
         raise _damaged(where, f"{type(error).__name__}: {error}") from error
-    return table_of(variables, "MAT 7.3 (HDF5)", where)
+    return table_of(variables, "MAT 7.3 (HDF5)", where, joint="." if is_matlab else "/")
 
 
-def _own(file: Any, name: str) -> Any:
+def _own(group: Any, name: str) -> Any:
     """Return the item of a name if all of it lies in this file, else None.
 
     Links, virtual and external data sets name other files, which whoever wrote this one may not
@@ -89,106 +99,163 @@ def _own(file: Any, name: str) -> Any:
     """
     import h5py
 
-    if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+    if not isinstance(group.get(name, getlink=True), h5py.HardLink):
         return None
-    item = file[name]
-    is_elsewhere = isinstance(item, h5py.Dataset) and (item.is_virtual or item.external)
-    return None if is_elsewhere else item
+    item = group[name]
+    return None if _is_elsewhere(item) else item
 
 
-def _check_size(file: Any, names: Sequence[str]) -> None:
-    """Refuse data sets that are larger unpacked than memory is meant to hold."""
+def _is_elsewhere(item: Any) -> bool:
     import h5py
 
-    items = [_own(file, name) for name in names]
-    size = sum(math.prod(item.shape or (0,)) for item in items if isinstance(item, h5py.Dataset))
-    if size > LARGEST_NUMBERS:
-        raise ValueError(f"{size} numbers, more than the {LARGEST_NUMBERS} that are read")
+    return isinstance(item, h5py.Dataset) and bool(item.is_virtual or item.external)
 
 
-def _value(file: Any, name: str) -> Stored | str:
-    """Return the numbers of an HDF5 item, or what it is instead."""
+@dataclass
+class _Room:
+    """How many numbers may still be read; data sets may be larger unpacked than memory."""
+
+    numbers: int
+
+    def take(self, item: Any) -> None:
+        """Take the room of a data set, or refuse it."""
+        size = math.prod(item.shape or (0,))
+        self.numbers -= size + 1
+        if self.numbers < 0:
+            raise ValueError(f"{size} numbers, with which it is more than {LARGEST_NUMBERS} in all")
+
+
+def _value(file: Any, item: Any, room: _Room, depth: int = 0) -> Nested:
+    """Return the numbers of an HDF5 item, what it holds, or what it is instead."""
     import h5py
 
-    item = _own(file, name)
     if item is None:
         return "link to another file"
+    if isinstance(item, h5py.Group):
+        return _fields(file, item, room, depth) if depth < DEEPEST else "struct or object"
     if not isinstance(item, h5py.Dataset):
         return "struct or object"
-    kind = item.attrs.get("MATLAB_class", b"double")
-    kind = kind.decode("ascii", "replace") if isinstance(kind, bytes) else str(kind)
-    if kind in ("char", "cell", "struct") or "MATLAB_empty" in item.attrs:
+    kind = _text(item.attrs.get("MATLAB_class", b"double"))
+    if "MATLAB_empty" in item.attrs:
         return {"char": "text"}.get(kind, kind)
+    if "MATLAB_object_decode" in item.attrs:  # numbers that point into a table of objects
+        return f"{kind} object"
     if str(_text(item.attrs.get("NAME", ""))).startswith(DIMENSION_ALONE):
         return "dimension without values"
+    room.take(item)
+    if h5py.check_ref_dtype(item.dtype) is h5py.Reference and depth < DEEPEST:
+        found = [file[one] for one in item[()].ravel(order="F") if one]
+        return [_value(file, None if _is_elsewhere(one) else one, room, depth + 1) for one in found]
+    if kind == "char":
+        return Text("".join(map(chr, item[()].ravel())))
+    if item.dtype.names:
+        rows = item[()]
+        columns = {name: rows[name] for name in item.dtype.names}
+        return {
+            name: Stored(values.astype(float)) if values.dtype.kind in "fiub" else "text"
+            for name, values in columns.items()
+        }
+    if kind in ("cell", "struct"):
+        return kind
     if item.dtype.kind not in "fiub":
         return "complex or other"
-    return as_stated(item[()], {key: item.attrs[key] for key in wanted(list(item.attrs))})
+    raw = item[()]
+    stated = {key: item.attrs[key] for key in wanted(list(item.attrs))}
+    # MATLAB stores its columns one behind the other
+    return as_stated(raw.T if "MATLAB_class" in item.attrs else raw, stated)
+
+
+def _fields(file: Any, group: Any, room: _Room, depth: int) -> Nested:
+    """Return the fields of a group; of MATLAB's array of structs the elements."""
+    room.numbers -= len(group)
+    fields = {str(name): _value(file, _own(group, name), room, depth + 1) for name in group}
+    lists = {name: one for name, one in fields.items() if isinstance(one, list)}
+    is_array = _text(group.attrs.get("MATLAB_class", "")) == "struct" and len(lists) == len(fields)
+    if not is_array or len({len(one) for one in lists.values()}) != 1:
+        return fields
+    rows = zip(*lists.values(), strict=True)
+    return [dict(zip(lists, row, strict=True)) for row in rows]
 
 
 def _text(value: Any) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-def table_of(variables: Mapping[str, Stored | str], reader: str, where: str) -> Table:
-    """Return the vectors of one common length as columns, and scalars as constants.
+def table_of(
+    variables: Mapping[str, Nested], reader: str, where: str, *, joint: str = "."
+) -> Table:
+    """Return the courses of one common length as columns, and scalars as constants.
 
     Args:
-        variables: Name to numbers, or to what the variable is instead.
+        variables: By name the numbers, the fields of a struct or a group, or what a variable is
+            instead.
         reader: Format, for the record.
         where: The file, for messages.
+        joint: What stands between the names of a struct and of its field.
 
     Raises:
         InputError: If there is no numeric vector.
     """
-    numeric = {name: value for name, value in variables.items() if isinstance(value, Stored)}
-    vectors = {name: one.values.ravel() for name, one in numeric.items() if _is_vector(one.values)}
-    lengths = Counter(value.size for value in vectors.values())
+    found = leaves(variables, joint)
+    arrays = [one.value.values for one in found if isinstance(one.value, Stored)]
+    lengths = Counter(max(one.shape) for one in arrays if one.size > 1)
     if not lengths:
-        held = ", ".join(variables) or "nothing"
-        raise InputError(
-            f"Expected numeric vectors, found none; the file holds {held}.",
-            where=where,
-            remedy=REMEDY,
+        kinds = {one.name: one.value for one in found if isinstance(one.value, str)}
+        held = ", ".join(
+            f"{name} ({_kind(kinds[name])})" if name in kinds else name for name in variables
         )
-    # The length that most vectors have; of two, the longer one.
-    length = max(lengths, key=lambda size: (lengths[size], size))
+        raise InputError(
+            f"Expected numeric vectors, found none; the file holds {held or 'nothing'}.",
+            where=where,
+            remedy=_remedy(found),
+        )
+    # The length that most variables have; settings are short, so that a long one weighs more.
+    length = max(lengths, key=lambda size: (lengths[size] * math.log(size), size))
     columns, constants, left_out = [], {}, []
-    for name, value in variables.items():
-        if isinstance(value, Stored) and name in vectors and vectors[name].size == length:
-            columns.append(value.column(name, vectors[name]))
+    for leaf in found:
+        value = leaf.value
+        parts = courses(leaf, length)
+        if parts is not None and isinstance(value, Stored):
+            columns += [value.column(name, part, heading=head) for name, head, part in parts]
         elif isinstance(value, Stored) and value.values.size == 1:
             number = float(value.values.ravel()[0])
             if value.is_plain:
-                constants[name] = number
+                constants[leaf.name] = number
             else:  # a constant has no unit of its own
-                columns.append(value.column(name, np.full(length, number)))
+                columns.append(value.column(leaf.name, np.full(length, number)))
         else:
-            left_out.append(f"{name} ({_kind(value)})")
+            left_out.append(leaf)
     findings = _left_out(left_out, length, where)
     return Table(tuple(columns), {}, constants, (), findings, reader)
 
 
-def _is_vector(value: np.ndarray) -> bool:
-    return value.size > 1 and value.size == max(value.shape)
-
-
 def _kind(value: Stored | str) -> str:
     if isinstance(value, str):
-        return value
+        return "text" if isinstance(value, Text) else value
     return f"{'x'.join(str(size) for size in value.values.shape)} numbers"
 
 
-def _left_out(names: list[str], length: int, where: str) -> tuple[Finding, ...]:
-    if not names:
+def _remedy(found: Sequence[Leaf]) -> str:
+    is_object = any(isinstance(one.value, str) and "object" in one.value for one in found)
+    return (
+        "Save times and values of an object as vectors: t = run.Time; T = run.Data; "
+        "save('test.mat', 't', 'T', …)."
+        if is_object
+        else REMEDY
+    )
+
+
+def _left_out(found: Sequence[Leaf], length: int, where: str) -> tuple[Finding, ...]:
+    if not found:
         return ()
+    names = [f"{one.name} ({_kind(one.value)})" for one in found]
     return (
         Finding(
             id="variables_left_out",
             severity="warning",
             message=f"Not vectors of {length} numbers and left out: {', '.join(names)}.",
             where=where,
-            remedy=REMEDY,
+            remedy=_remedy(found),
             values={"count": len(names), "length": length},
         ),
     )

@@ -1,7 +1,8 @@
 """The numeric variables of a MATLAB 5 file (versions 5 to 7 of `save`).
 
 SciPy reads these files too, but a damaged one can end the process in its compiled part, where no
-error can be caught. What a bench stores is real numeric arrays, and those take few lines.
+error can be caught. What a bench stores is real numeric arrays, alone or in structs and cells, and
+those take few lines.
 
 Reference: The MathWorks, MAT-File Format, chapter 1, "Level 5 MAT-file format".
 """
@@ -35,9 +36,10 @@ STORED = {
 
 NUMERIC_CLASSES = range(6, 16)  # double, single and the integers
 OPAQUE_CLASS = 17
-CLASSES = {1: "cell", 2: "struct", 3: "object", 4: "text", 5: "sparse", 16: "function"} | {
-    OPAQUE_CLASS: "object such as a timeseries"
-}
+CELL, STRUCT, TEXT = 1, 2, 4
+CLASSES = {3: "object", 5: "sparse", 16: "function", OPAQUE_CLASS: "object such as a timeseries"}
+LETTERS = {16: "utf-8", 17: "utf-16", 18: "utf-32"}
+DEEPEST = 8  # structs within structs; what lies deeper is left out
 COMPLEX_FLAG = 0x0800
 
 
@@ -45,15 +47,23 @@ class DamagedFileError(ValueError):
     """The bytes are no whole MATLAB 5 file; the text says what is wrong."""
 
 
-def read_variables(data: bytes) -> dict[str, np.ndarray | str]:
+class Text(str):
+    """What a variable of letters says."""
+
+
+Value = np.ndarray | str | list["Value"] | dict[str, "Value"]
+"""A variable: real numbers, `Text`, the elements of an array of structs or of cells, the fields of
+a struct; for all others a plain string says of what kind they are."""
+
+
+def read_variables(data: bytes) -> dict[str, Value]:
     """Return the variables of a MATLAB 5 file.
 
     Args:
         data: The bytes of the file.
 
     Returns:
-        By name a real numeric array, float64 in the shape that MATLAB shows; for what is none,
-        the kind of variable in words.
+        By name the values, numbers as float64 in the shape that MATLAB shows.
 
     Raises:
         DamagedFileError: If the file is cut or damaged.
@@ -63,7 +73,7 @@ def read_variables(data: bytes) -> dict[str, np.ndarray | str]:
     order = {b"IM": "<", b"MI": ">"}.get(data[HEADER_BYTES - 2 : HEADER_BYTES])
     if order is None:
         raise DamagedFileError("its header names no byte order")
-    variables: dict[str, np.ndarray | str] = {}
+    variables: dict[str, Value] = {}
     room = LARGEST_BYTES
     for kind, content in _elements(memoryview(data)[HEADER_BYTES:], order):
         if kind == COMPRESSED:
@@ -114,7 +124,7 @@ def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
         raise DamagedFileError("it ends within the head of a variable")
 
 
-def _variable(content: memoryview, order: str) -> tuple[str, np.ndarray | str]:
+def _variable(content: memoryview, order: str, depth: int = 0) -> tuple[str, Value]:
     """Return name and value of a matrix element."""
     parts = _elements(content, order)
     flags = _integers(parts, order, "flags")
@@ -124,6 +134,10 @@ def _variable(content: memoryview, order: str) -> tuple[str, np.ndarray | str]:
     opaque = array_class == OPAQUE_CLASS
     shape = np.empty(0) if opaque else _integers(parts, order, "shape")
     name = _integers(parts, order, "name").astype(np.uint8).tobytes().decode("ascii", "replace")
+    if array_class in (STRUCT, CELL):
+        return name, _nested(parts, order, array_class, depth)
+    if array_class == TEXT:
+        return name, _text(parts, order)
     if array_class not in NUMERIC_CLASSES:
         return name, CLASSES.get(array_class, "object")
     if int(flags[0]) & COMPLEX_FLAG:
@@ -133,6 +147,52 @@ def _variable(content: memoryview, order: str) -> tuple[str, np.ndarray | str]:
     if len(sizes) < 2 or min(sizes) < 0 or np.prod(sizes, dtype=float) != values.size:
         raise DamagedFileError(f"variable {name} has {values.size} numbers for a shape {sizes}")
     return name, values.reshape(sizes, order="F")
+
+
+def _nested(
+    parts: Iterator[tuple[int, memoryview]], order: str, array_class: int, depth: int
+) -> Value:
+    """Return the fields of a struct, or the elements of an array of structs or cells."""
+    kind = "struct" if array_class == STRUCT else "cell"
+    if depth == DEEPEST:
+        return kind
+    fields: list[str] = []
+    if array_class == STRUCT:
+        length = _integers(parts, order, "field names")
+        names = _integers(parts, order, "field names").astype(np.uint8).tobytes()
+        step = int(length[0]) if length.size else 0
+        if step < 1 or len(names) % step:
+            raise DamagedFileError("the names of the fields of a struct are damaged")
+        fields = [
+            names[i : i + step].partition(b"\0")[0].decode("utf-8", "replace")
+            for i in range(0, len(names), step)
+        ]
+        if not fields:
+            return kind
+    values: list[Value] = []
+    for element, content in parts:
+        if element != MATRIX:
+            raise DamagedFileError(
+                f"expected a value of a {kind}, found an element of type {element}"
+            )
+        values.append(_variable(content, order, depth + 1)[1] if len(content) else "nothing")
+    if not fields:
+        return values
+    if len(values) % len(fields):
+        raise DamagedFileError("a struct does not hold a value for each of its fields")
+    structs = [
+        dict(zip(fields, values[i : i + len(fields)], strict=True))
+        for i in range(0, len(values), len(fields))
+    ]
+    return structs[0] if len(structs) == 1 else [*structs]
+
+
+def _text(parts: Iterator[tuple[int, memoryview]], order: str) -> Text:
+    """Return the letters of the next element."""
+    kind, content = next(parts, (0, memoryview(b"")))
+    codec = LETTERS.get(kind) or {1: "latin-1", 2: "latin-1"}.get(kind, "utf-16")
+    codec += {"<": "-le", ">": "-be"}[order] if codec in ("utf-16", "utf-32") else ""
+    return Text(bytes(content).decode(codec, "replace"))
 
 
 def _integers(parts: Iterator[tuple[int, memoryview]], order: str, what: str) -> np.ndarray:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 
-from .table import Table
+import numpy as np
+
+from .table import Column, Table
 
 
 def told_apart(table: Table) -> Table:
@@ -17,6 +19,7 @@ def told_apart(table: Table) -> Table:
     Args:
         table: What a reader returned.
     """
+    table = _without_repeats(table)
     counts = Counter(column.name for column in table.columns)
     shared = {name: number for name, number in counts.items() if number > 1}
     if not shared:
@@ -40,3 +43,17 @@ def told_apart(table: Table) -> Table:
         for name, names in named.items()
     )
     return replace(table, columns=tuple(columns), notes=(*table.notes, *notes))
+
+
+def _without_repeats(table: Table) -> Table:
+    """Leave out columns that repeat another one, name and numbers, such as a time by channel."""
+    kept: list[Column] = []
+    for column in table.columns:
+        same = (one for one in kept if one.name == column.name)
+        if not any(np.array_equal(one.values, column.values, equal_nan=True) for one in same):
+            kept.append(column)
+    if len(kept) == len(table.columns):
+        return table
+    count = len(table.columns) - len(kept)
+    note = f"{count} columns repeat another one of the same name and are left out."
+    return replace(table, columns=tuple(kept), notes=(*table.notes, note))

@@ -13,14 +13,16 @@ import numpy as np
 
 from ...errors import InputError
 from ...motor import Motor
-from ..channels.channel_map import MappedColumns, map_columns
+from ..channels.channel_map import ONLY_CLOCK, MappedColumns, map_columns
 from ..channels.claims import positive_rate
 from ..channels.constants import constant_notes, resistance_conflict
 from ..channels.derive import derive
 from ..clocks.day import CLOCK, HEADER, day_of
 from ..clocks.header_date import HeaderDay, header_day
+from ..clocks.own_rates import at_own_rates
 from ..clocks.timegrid import exact_grid, from_first_sample
 from ..record import Finding, Record, Source
+from .bus_frames import BLF, no_signals
 from .formats import MDF, TDMS, opened
 from .hints import NO_HINTS, Hints, hints_of
 from .multirate import read_all, read_measurement
@@ -46,6 +48,7 @@ OTHER_FORMATS = {
     b"\xfd7zXZ\x00": "an xz archive",
     b"CDF\x05": "a netCDF file with 64-bit data",
     b"BZh": "a bzip2 archive",
+    b"SQLite format 3": "an SQLite data base",
     b"\x28\xb5\x2f\xfd": "a zstd archive",
     b"7z\xbc\xaf\x27\x1c": "a 7z archive",
     b"Rar!": "a RAR archive",
@@ -165,6 +168,9 @@ def read_record(
     if time_s.size > table.num_rows and table.sample_numbers is not None:
         channels = with_missing_rows(channels, table.sample_numbers)
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
+    if measurement is None:
+        channels, joined = at_own_rates(channels, where)
+        missing = (*missing, *joined)
     channels, derived = derive(channels, phases=phases, losses=losses)
     test = name or name_of_test(Path(path), sheet)
     conflict = resistance_conflict(table.constants, motor, where)
@@ -209,6 +215,8 @@ def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Tab
                 where=where,
                 remedy=REMEDIES.get(start, "Export the recording as CSV; only gzip is unpacked."),
             )
+    if data.startswith(BLF):
+        raise no_signals("BLF", where)
     if data.startswith(ZIP):
         from .excel import read_excel
 
@@ -264,6 +272,8 @@ def _time(
     """Return the time axis [s], the notes on how it came about, and what is missing on it."""
     rows = table.sample_numbers
     measured = mapped.channels.get("time_s")
+    if rate_Hz is not None and any(one.found_by == ONLY_CLOCK for one in mapped.readings):
+        measured = None  # what is said goes before what was found
     if measured is not None:
         if rate_Hz is not None:
             raise InputError(

@@ -93,7 +93,12 @@ class Stored:
         return self.unit is None and not self.note and self.question is None
 
     def column(
-        self, name: str, values: np.ndarray, source: str = "the attribute beside it"
+        self,
+        name: str,
+        values: np.ndarray,
+        source: str = "the attribute beside it",
+        *,
+        heading: str = "",
     ) -> Column:
         """Return the variable as a column, with the unit that stands beside it.
 
@@ -101,12 +106,15 @@ class Stored:
             name: Name of the variable.
             values: Its values, shape (time,).
             source: Where the unit stands, for messages.
+            heading: What it is called, where `name` says more than that.
         """
-        label, by_name = split_name(name)
+        heading = "" if heading == name else heading
+        label, by_name = split_name(heading or name)
         beside = () if self.unit is None else (Stated(self.unit, source),)
         return Column(
-            name, label, self.unit or by_name, values, self.note, beside, question=self.question
-        )
+            name, label, self.unit or by_name, values, self.note, beside, heading,
+            question=self.question,
+        )  # fmt: skip
 
 
 @dataclass

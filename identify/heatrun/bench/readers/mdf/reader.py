@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ....errors import InputError
+from ..bus_frames import FRAME_CHANNEL, no_signals
 from ..foreign import damaged, reading
 from ..measurement import Measurement, Series, StoredChannel
 from .blocks import check_blocks, check_unpacked_size
@@ -30,6 +31,8 @@ TEXTS = {6: "text", 7: "text", 8: "text", 9: "text", 17: "text", 10: "bytes", 11
          12: "bytes", 13: "dates", 14: "times of day", 15: "complex numbers",
          16: "complex numbers"}  # fmt: skip
 """Data types that are no numbers (ASAM MCD-4 MDF 4.2, CNBLOCK, cn_data_type)."""
+
+FRAME = "raw bus frames"
 
 VALUE, MASTER, VIRTUAL_MASTER, VIRTUAL = 0, 2, 3, 6  # cn_type
 PLAIN_CONVERSIONS = (0, 1, 2, 4, 5, 6)  # none, linear, rational, tables of numbers
@@ -78,6 +81,8 @@ def open_mdf(stream: BinaryIO, where: str) -> Iterator[Measurement]:
         with reading(WHAT, where):
             channels, masters = _channels(file)
             start = file.header.start_time.isoformat()
+        if channels and all(one.text == FRAME for one in channels):
+            raise no_signals("MDF", where)
         yield Measurement(
             channels=channels,
             read=lambda wanted: _read(file, stream, wanted, where),
@@ -132,7 +137,8 @@ def _channels(file: Any) -> tuple[tuple[StoredChannel, ...], tuple[str, ...]]:
             if channel.channel_type in (MASTER, VIRTUAL_MASTER):
                 masters[channel.name] = None
                 continue
-            text = _text(channel, group.channel_dependencies[index])
+            is_frame = FRAME_CHANNEL.fullmatch(channel.name)
+            text = FRAME if is_frame else _text(channel, group.channel_dependencies[index])
             unit = (channel.unit or "").strip() or _unit_of_conversion(channel)
             channels.append(
                 StoredChannel(channel.name, label, unit, (number, index), text, _refusal(channel))

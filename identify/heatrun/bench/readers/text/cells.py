@@ -6,10 +6,11 @@ import csv
 import re
 from collections.abc import Sequence
 
+from ...channels.header import plain
 from ...clocks.clock import CLOCK_CELL, DAYS_CELL
-from ...clocks.date_words import is_worded_date
+from ...clocks.date_words import SHORT_FRACTION, is_worded_date, plain_clock
 from ...clocks.dates import DATE_TIME_CELL
-from .decimals import NUMBER
+from .decimals import NUMBER, SIGN_APART
 
 MISSING = frozenset(
     ("", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "nil", "-", "--", "---", "?")
@@ -45,17 +46,26 @@ def split_line(line: str, delimiter: str) -> list[str]:
 
 def is_time(cell: str) -> bool:
     """Return whether a cell is a clock time or a date with a time."""
+    cell = plain_clock(cell)
     return bool(
         CLOCK_CELL.fullmatch(cell)
         or DATE_TIME_CELL.fullmatch(cell)
         or DAYS_CELL.fullmatch(cell)
+        or SHORT_FRACTION.fullmatch(cell)
         or is_worded_date(cell)
     )
 
 
 def is_number(cell: str, decimal: str) -> bool:
     """Return whether a cell is a number under a decimal sign."""
-    return NUMBER_CELL[decimal].fullmatch(cell) is not None
+    return NUMBER_CELL[decimal].fullmatch(bare(cell)) is not None
+
+
+def bare(cell: str) -> str:
+    """Return a cell with plain signs and digits, the sign of a number next to its digits."""
+    if cell[:1] in "+-" or not cell.isascii():
+        return re.sub(SIGN_APART, r"\1", plain(cell))
+    return cell
 
 
 def is_value(cell: str, decimal: str) -> bool:

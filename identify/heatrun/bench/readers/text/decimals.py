@@ -10,6 +10,25 @@ NUMBER = {
 }  # fmt: skip
 """What a number looks like, by decimal sign."""
 
+SIGN_APART = r"^([+-])\s+(?=[0-9.,])"
+"""A sign and the blanks behind it, as loggers write that fill a number up to a fixed width."""
+
+PLUS_APART = re.compile(r"(?<![^\s\"])\+ +(?=[0-9.])")
+BETWEEN_BLANKS = re.compile(r"(?<![^\s\"])([+-]) +(?=[0-9.])")
+
+
+def signs_joined(text: str) -> str:
+    """Return a table of blanks with the signs next to their digits.
+
+    A minus alone may also be the mark of no value; where a plus stands apart, it is a sign, too.
+
+    Args:
+        text: The whole text.
+    """
+    is_apart = "+ " in text and PLUS_APART.search(text) is not None
+    return BETWEEN_BLANKS.sub(r"\1", text) if is_apart else text
+
+
 GROUPED = {
     ".": r"[+-]?[0-9]{1,3}(?:,[0-9]{3})+(?:\.[0-9]+)?",
     ",": r"[+-]?[0-9]{1,3}(?:\.[0-9]{3})+(?:,[0-9]+)?",

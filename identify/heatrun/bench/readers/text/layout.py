@@ -11,10 +11,13 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ....errors import InputError
 from .cells import filled, is_rule, is_text, is_value, num_values, split_line, trimmed
 from .decimals import GROUPED, is_unsettled
 from .header_lines import header_above, in_columns, names_above, units_above
+from .remarks import COMMENTS
 from .unit_rows import is_comment, units_of_row
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
@@ -26,6 +29,17 @@ GROUPED_CELL = {sign: re.compile(pattern) for sign, pattern in GROUPED.items()}
 
 GROUPED_WEIGHT = 0.9
 """Below 1, so that 1,234 in a file of such cells is a decimal comma before it is a thousand."""
+
+BLANK_WEIGHT = 0.8
+"""Below 1, since blanks also split what tabs separate, and a preamble with it."""
+
+SETTINGS_SHARE = 0.1
+"""A block of fewer lines [1] than this share of the table, under other names, is of settings."""
+
+DECIMAL_SEPARATOR = re.compile(
+    r"^[\s\"]*decimal[_ ]separator[\s\";:=]+(?P<sign>[.,])[\s\"]*$", re.IGNORECASE | re.MULTILINE
+)
+"""A line of the preamble that states the decimal sign, as LabVIEW writes it."""
 
 HEAD_LINES = 2000  # the header is sought in these; longer preambles are not in use
 SCORED_LINES = 200
@@ -43,6 +57,10 @@ class Layout:
         units: Rows of units, each with the unit text by column, None where a cell is empty.
         preamble: Lines above the header, and comments below it.
         first_line: Index of the first line of data, counted from 0.
+        header: The line of names as it stands in the file.
+        above: How the lines above the data begin.
+        num_optional: Columns at the end that a line may leave out, such as one of comments.
+        num_settings: Lines of as many numbers above the names, under other names.
         is_unsettled: Every number with the decimal sign may be a whole one with a separator of
             thousands.
     """
@@ -55,6 +73,10 @@ class Layout:
     preamble: tuple[str, ...]
     first_line: int
     is_unsettled: bool = False
+    header: str = ""
+    above: frozenset[str] = frozenset()
+    num_optional: int = 0
+    num_settings: int = 0
 
     @property
     def description(self) -> str:
@@ -84,6 +106,8 @@ def find_layout(
         lines.pop()
     if not lines:
         raise InputError("Expected a table, got an empty file.", where=where, remedy=_COPY_AGAIN)
+    said = DECIMAL_SEPARATOR.search("\n".join(lines))
+    stated_decimal = stated_decimal or (said["sign"] if said else None)
     signs = (".", ",") if stated_decimal is None else (stated_decimal,)
     delimiter, decimal, width = _best_split(lines, signs, delimiters, where)
     if (
@@ -97,9 +121,10 @@ def find_layout(
 
     rows = [split_line(line, delimiter) for line in lines]
     numeric = _numeric_columns(rows, width, decimal)
-    start = next((i for i, row in enumerate(rows) if _is_data(row, numeric, decimal)), None)
-    if start is None:
+    data = [i for i, row in enumerate(rows) if _is_data(row, numeric, decimal)]
+    if not data:
         raise _no_table(where)
+    start, num_settings = _first_of_table(lines, rows, data, numeric, decimal)
     header = header_above(lines, rows, start, numeric, decimal)
     if header is None and any(not is_value(cell, decimal) for cell in rows[start]):
         header = start  # numbers as names: "Time;1;2;3"
@@ -121,6 +146,10 @@ def find_layout(
         elif row is None and not is_rule(rows[first]):
             break
         first += 1
+    num_optional = int(
+        len(trimmed(rows[header])) == width + 1 and rows[header][width].casefold() in COMMENTS
+    )
+    width += num_optional
     return Layout(
         delimiter,
         decimal,
@@ -130,7 +159,18 @@ def find_layout(
         tuple(said for line in above if (said := line.strip(' \t",;|'))),
         first,
         stated_decimal is None and is_unsettled(text, first, delimiter, decimal),
+        lines[header].rstrip(),
+        frozenset(filter(None, (first_word(line, delimiter) for line in lines[:first]))),
+        num_optional,
+        num_settings,
     )
+
+
+def first_word(line: str, delimiter: str) -> str:
+    """Return what a line begins with up to a delimiter, empty for a number or nothing."""
+    word = line.partition("\t" if delimiter == " " else delimiter)[0].strip(' "')
+    word = word.split(maxsplit=1)[0] if delimiter == " " and word else word
+    return word if re.search(r"[^\W\d_]|[*#]", word) and not is_value(word, ".") else ""
 
 
 _COPY_AGAIN = "Copy the file again from the bench; it may have been cut."
@@ -160,6 +200,7 @@ def _best_split(
             if not score_of:
                 continue
             width, score = max(score_of.items(), key=lambda item: item[1])
+            score *= BLANK_WEIGHT if delimiter == " " else 1.0
             single = single or width == 1
             if width > 1 and score > best_score:
                 best, best_score = (delimiter, decimal, width), score
@@ -194,6 +235,58 @@ def _numeric_columns(rows: Sequence[list[str]], width: int, decimal: str) -> lis
         cells = filled([row[column] for row in likely])
         numeric.append(2 * num_values(cells, decimal) > len(cells))
     return numeric
+
+
+def _first_of_table(
+    lines: Sequence[str],
+    rows: Sequence[list[str]],
+    data: Sequence[int],
+    numeric: Sequence[bool],
+    decimal: str,
+) -> tuple[int, int]:
+    """Return the first row of the table, and how many such rows stand above it.
+
+    The table holds the longest block of equal lines.
+
+    Lines of a preamble may hold numbers, too. Above the names of the block, a row is one of the
+    table only if in each column stands what stands there in the block (number, text or nothing),
+    and it has names of its own above it: the same ones, or it begins a block that is no list of
+    settings either.
+    """
+    runs = np.split(data, np.flatnonzero(np.diff(data) > 1) + 1)
+    block = max(runs, key=len)
+    names = [
+        i for i in range(block[0])
+        if len(filled(rows[i])) >= 2 and not is_rule(rows[i]) and is_text(rows[i], decimal)
+        and not is_comment(lines[i])
+    ]  # fmt: skip
+    if not names or data[0] > names[-1]:
+        return data[0], 0
+    held = [{"", *(_kind(rows[i][k], decimal) for i in block)} for k in range(len(numeric))]
+
+    def over(i: int) -> str:
+        return lines[max((name for name in names if name < i), default=i)].strip()
+
+    def is_alike(row: Sequence[str]) -> bool:
+        return all(_kind(cell, decimal) in kinds for cell, kinds in zip(row, held, strict=True))
+
+    num_settings = 0
+    for run in runs:
+        is_long = len(run) > SETTINGS_SHARE * len(block)
+        for i in map(int, run):
+            if i > names[-1]:
+                return i, num_settings
+            if i > names[0] and is_alike(rows[i]):
+                if is_long or over(i) == over(block[0]):
+                    return i, num_settings
+                num_settings += 1
+    return int(block[0]), num_settings
+
+
+def _kind(cell: str, decimal: str) -> str:
+    if not filled([cell]):
+        return ""
+    return "number" if num_values([cell], decimal) else "text"
 
 
 def _is_data(row: Sequence[str], numeric: Sequence[bool], decimal: str) -> bool:

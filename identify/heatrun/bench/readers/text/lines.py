@@ -6,15 +6,19 @@ without a word.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from ....errors import InputError
 from ....io.printable import printable
+from ....io.toml_text import table_header
 from ...record import Finding
 from .decimals import start_of_line
-from .layout import Layout
+from .layout import Layout, first_word
 
 RAGGED_LIMIT = 0.1
 """Share of lines with another number of cells beyond which the layout was not understood."""
@@ -26,6 +30,10 @@ LEAST_SPACED = 3
 
 MOST_TEXTS, LONGEST_TEXT = 100, 200
 """So many ragged lines are looked into, and so many letters of each."""
+
+MOST_FOOTERS = 10  # lines of words below a table; more of them are a first column that failed
+
+MOST_RESTARTS = 8  # parts of more of them are not written out
 
 NUM_NAMED = 5  # so many line numbers stand in a message
 
@@ -41,6 +49,7 @@ class DataLines:
         sample_numbers: As `heatrun.bench.readers.table.Table`.
         ragged_texts: The first of these lines themselves.
         is_double_spaced: A blank line stands behind each line.
+        restarts: Which of them, from 0, come first behind a line of names that stands there again.
     """
 
     text: bytes
@@ -49,6 +58,7 @@ class DataLines:
     sample_numbers: np.ndarray | None = None
     is_double_spaced: bool = False
     ragged_texts: tuple[str, ...] = ()
+    restarts: tuple[int, ...] = ()
 
 
 def data_lines(text: str, layout: Layout, where: str) -> DataLines:
@@ -68,10 +78,14 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
     """
     body = text[start_of_line(text, layout.first_line) :].encode() + b"\n"
     ends, num_cells, is_empty, is_blank = count_by_pieces(body, layout.delimiter)
-    good = (num_cells == layout.width) & ~is_empty
-    ragged = ~good & ~is_empty
+    repeated = header_again(body, ends, is_blank, layout)
+    good = is_whole(num_cells, layout) & ~is_empty & ~repeated
+    footer = _footer(good, _first_cells(body, ends, layout))
+    good[footer] = False
+    ragged = ~good & ~is_empty & ~repeated
     numbers = np.arange(ends.size) + layout.first_line + 1
-    if not good.any() or ragged.sum() > max(1, RAGGED_LIMIT * good.sum()):
+    num_odd = int(ragged.sum()) - len(footer)
+    if not good.any() or num_odd > max(1, RAGGED_LIMIT * good.sum()):
         first = f", the first in line {numbers[ragged][0]}" if ragged.any() else ""
         raise InputError(
             f"Expected {layout.width} cells in each line of data; {ragged.sum()} of "
@@ -85,13 +99,112 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
     body = joined(body, ends, good)
     held = np.flatnonzero(~is_blank)
     is_double_spaced = held.size >= LEAST_SPACED and bool(np.all(np.diff(held) == 2))
-    counted = ~is_blank if is_double_spaced else np.ones_like(good)
+    counted = ~repeated & (~is_blank if is_double_spaced else np.ones_like(good))
     sample = (np.cumsum(counted) - 1)[good]
     sample -= sample[0]
-    is_whole = sample[-1] == sample.size - 1
+    is_gapless = sample[-1] == sample.size - 1
+    before = np.cumsum(good)[np.flatnonzero(repeated)]  # rows above each repeated line
+    restarts = tuple(int(row) for row in np.unique(before) if 0 < row < good.sum())
     return DataLines(
-        body, numbers[good], numbers[ragged], None if is_whole else sample, is_double_spaced, texts
-    )
+        body, numbers[good], numbers[ragged], None if is_gapless else sample, is_double_spaced,
+        texts, restarts,
+    )  # fmt: skip
+
+
+def _footer(good: np.ndarray, word: Callable[[int], str]) -> list[int]:
+    """Return the lines at the end of a table that begin with a word, as "Maximum;81.2;40.0".
+
+    Args:
+        good: Lines with as many cells as the table is wide, shape (line,).
+        word: What a line begins with.
+    """
+    rows = np.flatnonzero(good)
+    if rows.size == 0 or word(rows[0]):
+        return []
+    words = list(itertools.takewhile(word, rows[: -MOST_FOOTERS - 2 : -1]))
+    return words if len(words) <= MOST_FOOTERS else []
+
+
+def is_whole(num_cells: np.ndarray, layout: Layout) -> np.ndarray:
+    """Return which lines have as many cells as the table is wide, shape (line,).
+
+    Args:
+        num_cells: Cells of each line, shape (line,).
+        layout: The layout of the text.
+    """
+    return (num_cells <= layout.width) & (num_cells >= layout.width - layout.num_optional)
+
+
+def header_again(body: bytes, ends: np.ndarray, is_blank: np.ndarray, layout: Layout) -> np.ndarray:
+    """Return which lines among the data are the header again, shape (line,).
+
+    They are the line of names, word for word, and the lines around it that are blank or begin as
+    a line above the table does: a logger writes them when it starts again. The units are the same
+    then.
+
+    Args:
+        body: Lines with their ends.
+        ends: Where each line ends, shape (line,).
+        is_blank: Which lines hold nothing, shape (line,).
+        layout: The layout of the text.
+    """
+    found = np.zeros(ends.size, dtype=bool)
+    first = _first_cells(body, ends, layout)
+    names = layout.header.encode()
+    starts = np.concatenate(([0], ends[:-1] + 1))
+    position = body.find(names) if names else -1
+    while position >= 0:
+        line = int(np.searchsorted(ends, position))
+        found[line] = body[starts[line] : ends[line]].rstrip() == names
+        position = body.find(names, int(ends[line]))
+    for line in np.flatnonzero(found):
+        for step in (-1, 1):
+            near = line + step
+            while 0 <= near < ends.size and (is_blank[near] or first(int(near)) in layout.above):
+                found[near] = True
+                near += step
+    return found
+
+
+def _first_cells(body: bytes, ends: np.ndarray, layout: Layout) -> Callable[[int], str]:
+    """Return what gives the word that a line begins with, empty for a number."""
+
+    def word(line: int) -> str:
+        start = int(ends[line - 1]) + 1 if line else 0
+        text = body[start : min(int(ends[line]), start + LONGEST_TEXT)].decode("utf-8", "replace")
+        return first_word(text, layout.delimiter)
+
+    return word
+
+
+def restarted(lines: DataLines, where: str) -> list[Finding]:
+    """Return the finding about a header that stands among the data again, if any.
+
+    Args:
+        lines: What `data_lines` returned.
+        where: The file.
+    """
+    if not lines.restarts:
+        return []
+    ends = (*lines.restarts, lines.numbers.size)
+    first = ", ".join(str(row) for row in lines.restarts[:NUM_NAMED])
+    more = " and more" if len(lines.restarts) > NUM_NAMED else ""
+    rows = ", ".join(f"[{a + 1}, {b}]" for a, b in itertools.pairwise((0, *ends)))
+    section = table_header("tests", Path(where.removesuffix(".gz")).stem)
+    if len(lines.restarts) > MOST_RESTARTS:
+        rows = "[FIRST, LAST], …"
+    return [
+        Finding(
+            id="logger_restarted",
+            severity="warning",
+            message=f"The header stands there again, word for word, behind sample {first}{more}: "
+            "the logger was started again. Nothing says how long it was off.",
+            where=where,
+            remedy="Where the times go on, nothing need be done. If it was off for long, read the "
+            f"parts as tests of their own, in the motor file: {section} use_rows = [{rows}].",
+            values={"count": len(lines.restarts), "first_sample": lines.restarts[0]},
+        )
+    ]
 
 
 def ragged_lines(lines: DataLines, layout: Layout, where: str) -> list[Finding]:
@@ -111,8 +224,8 @@ def ragged_lines(lines: DataLines, layout: Layout, where: str) -> list[Finding]:
         Finding(
             id="ragged_rows",
             severity="warning",
-            message=f"Lines without exactly {layout.width} cells hold no sample "
-            f"({count}): line {first}{more}; the first is "
+            message=f"Lines without exactly {layout.width} cells, or of words below the table, "
+            f"hold no sample ({count}): line {first}{more}; the first is "
             f"'{printable(lines.ragged_texts[0][:60])}'.",
             where=where,
             remedy="Export again if these samples matter.",

@@ -13,20 +13,24 @@ import pandas as pd
 from ....errors import InputError
 from ....io.printable import printable
 from ...channels.header import split_name
-from ...channels.units import find_unit
+from ...channels.units import find_unit, is_unit
 from ...clocks.time_format import TimeFormat, parse_time_format, stated_format
 from ...record import Finding
+from ..bus_frames import kind_of_frames, no_signals
 from ..hints import NO_HINTS, Hints
 from ..table import PREAMBLE, Column, Question, Stated, Table
 from .cells import MISSING
+from .decimals import signs_joined
 from .encoding import decode
 from .layout import DELIMITERS, Layout, find_layout
-from .lines import DataLines, data_lines, ragged_lines
-from .remarks import units_of_remarks
+from .lines import DataLines, data_lines, ragged_lines, restarted
+from .remarks import X_NAME, stated_raster, units_of_remarks
 from .values import doubtful, read_values, unreadable_cells, unsettled_cells
 
 HOTTEST = 5000.0
 """Above it no bench works in any unit of temperature: tungsten melts at 3422 degC."""
+
+HEAD_BYTES = 2**16  # in which a log of bus frames shows itself
 
 PARSED_AS_MISSING = sorted({mark for word in MISSING for mark in (word, word.upper(), "NaN")})
 
@@ -62,6 +66,9 @@ def read_text(
         InputError: If the file holds no table with a header and at least one line of numbers.
     """
     text, encoding = decode(data, where)
+    if kind := kind_of_frames(text[:HEAD_BYTES]):
+        raise no_signals(kind, where)
+    text = signs_joined(text)
     layout = find_layout(text, where, hints.decimal, delimiters)
     body = data_lines(text, layout, where)
     del text  # a gigabyte of it would be held while the cells are read
@@ -71,7 +78,8 @@ def read_text(
     notes = [f"{PREAMBLE}{line}" for line in layout.preamble]
     if body.is_double_spaced:
         notes.append("A blank line follows each line; blank lines are no samples.")
-    findings = ragged_lines(body, layout, where)
+    findings = [*ragged_lines(body, layout, where), *restarted(body, where)]
+    findings += _settings(layout, where)
     _refuse_units_between(body, layout, where)
     heads = column_heads(layout, hints, where)
     unreadable: list[np.ndarray] = []
@@ -87,7 +95,11 @@ def read_text(
                 texts[name] = values
             continue
         if values.unreadable is None and not np.isfinite(values.numbers).any():
-            if named:
+            raster = stated_raster(layout.preamble) if name.casefold() == X_NAME else None
+            if raster is not None:
+                times = raster[0] + raster[1] * _samples(body)
+                columns.append(Column(name, label, "s", times, f"every {raster[1]:g} s, as stated"))
+            elif named:
                 texts[name] = ""
             continue
         if index >= len(layout.names):
@@ -103,7 +115,8 @@ def read_text(
             unreadable.append(np.zeros(values.numbers.size, dtype=bool))
         if layout.is_unsettled and values.question is None and not values.is_time:
             unsettled[len(columns)] = unsettled_cells(cells, layout.decimal)
-        if values.is_time and (stated is not None or unit is None or find_unit(unit, "time")):
+        # a word that is no unit, such as "time" in the row of units, says nothing against a clock
+        if values.is_time and (stated is not None or unit is None or not _is_foreign(unit)):
             unit = "s"
         columns.append(
             Column(
@@ -120,6 +133,7 @@ def read_text(
         found = (unreadable_cells(values, name, body.numbers, where), doubtful(values, name, where))
         findings += [finding for finding in found if finding is not None]
     _refuse_second_header(unreadable, body.numbers, where)
+    columns = _with_milliseconds(columns)
     settled = next(
         (columns[i] for i, asks in unsettled.items() if asks and _is_hot(columns[i])), None
     )
@@ -206,6 +220,34 @@ def _label_and_unit(
     return label, unit, claimed or stated
 
 
+def _samples(body: DataLines) -> np.ndarray:
+    """Return which sample each line is, from 0, shape (time,)."""
+    return np.arange(body.numbers.size) if body.sample_numbers is None else body.sample_numbers
+
+
+def _with_milliseconds(columns: list[Column]) -> list[Column]:
+    """Add a column of milliseconds to the clock beside it that counts whole seconds."""
+    clocks = [i for i, one in enumerate(columns) if one.note and one.is_seconds]
+    parts = [one for one in columns if find_unit(one.name, "time") == find_unit("ms", "time")]
+    if len(clocks) != 1 or len(parts) != 1 or not np.nan_to_num(parts[0].values).any():
+        return columns
+    clock, part = columns[clocks[0]], parts[0]
+    whole = clock.values + 1e-3 * part.values
+    known = np.isfinite(whole)
+    is_part = np.all((part.values[known] >= 0.0) & (part.values[known] < 1e3))
+    is_whole = np.all(clock.values[known] % 1.0 == 0.0) and np.all(np.diff(whole[known]) >= 0.0)
+    if not (is_part and is_whole):
+        return columns
+    note = f"{clock.note}, with the milliseconds of '{part.name}'"
+    columns[clocks[0]] = replace(clock, values=whole, note=note)
+    return columns
+
+
+def _is_foreign(unit: str) -> bool:
+    """Return whether a text is a unit, and of another quantity than time."""
+    return is_unit(unit) and find_unit(unit, "time") is None
+
+
 def _is_hot(column: Column) -> bool:
     """Return whether a temperature would be none of this world with its sign left out."""
     stated = find_unit(column.unit, "temperature") if column.unit else None
@@ -238,6 +280,23 @@ def _refuse_second_header(unreadable: Sequence[np.ndarray], lines: np.ndarray, w
         where=where,
         remedy="Split the file there, or delete the line if the units stay the same.",
     )
+
+
+def _settings(layout: Layout, where: str) -> list[Finding]:
+    count = layout.num_settings
+    if count == 0:
+        return []
+    return [
+        Finding(
+            id="rows_above",
+            severity="note",
+            message=f"{count} lines of numbers stand above the names, under other names: they are "
+            "no samples of this table.",
+            where=where,
+            remedy="If they are a test, save them as a file of their own.",
+            values={"count": count},
+        )
+    ]
 
 
 def _taken_as_decimal(question: Question, name: str, where: str) -> Finding:

@@ -34,6 +34,12 @@ UNIT_LIST = re.compile(rf"(?:column\s+)?{UNIT_WORDS}\s*[:=;,\t| ]\s*(?P<rest>\S.
 Y_UNITS = "y_unit_label"
 """Begins the units of a LabVIEW measurement file, whose first column is the time."""
 
+X_NAME, X_KIND, X_START, X_STEP = "x_value", "x_dimension", "x0", "delta_x"
+"""Name of the time in such a file, and the lines that say what it counts and how it runs."""
+
+COMMENTS = frozenset(("comment", "comments", "remark", "remarks", "kommentar", "bemerkung"))
+"""Names of a column of remarks, in lower case, which lines of data may leave out."""
+
 PIECE = re.compile(r"[;,\t|]")
 CELL = re.compile(r"\s*[;,:=\t|]\s*")
 SINCE = re.compile(r"(?P<unit>[A-Za-zµ]+)\s+since\b.*", re.IGNORECASE)
@@ -99,7 +105,16 @@ def units_of_remarks(lines: Sequence[str], names: Sequence[str]) -> tuple[tuple[
             known = _index(names)
         _add_kind(found, text, known, source)
         head, *units = PIECE.split(line)  # blanks are part of units here, as in "Deg C"
-        if head.strip().casefold() == Y_UNITS and _add_list(found[1:], ";".join(units), source):
+        key = head.strip().casefold()
+        if key == Y_UNITS:
+            channels = _of_channels(found, names)
+            # where each channel has a time of its own, an empty cell stands for that
+            said = units if len(units) == len(channels) else filter(str.strip, units)
+            if _add_list(channels, ";".join(said), source):
+                continue
+        if key == X_KIND and units[:1] == ["Time"]:
+            for said, name in zip(found, names, strict=True):
+                said += [Stated("s", source)] if name.casefold() == X_NAME else []
             continue
         _add_described(found, text, known, source)
         listed = UNIT_LIST.fullmatch(text)
@@ -108,6 +123,29 @@ def units_of_remarks(lines: Sequence[str], names: Sequence[str]) -> tuple[tuple[
         for label, unit in _pairs(listed["rest"] if listed else text):
             _add_pair(found, label, unit, known, source)
     return tuple(tuple(said) for said in found)
+
+
+def stated_raster(lines: Sequence[str]) -> tuple[float, float] | None:
+    """Return start and step of the time [s] where a LabVIEW file states them in place of a column.
+
+    Args:
+        lines: Comment lines and the preamble.
+    """
+    found = {}
+    for line in lines:
+        head, *cells = PIECE.split(line)
+        key = head.strip().casefold()
+        numbers = {cell.strip() for cell in cells if NUMBER.fullmatch(cell.strip())}
+        if key in (X_START, X_STEP) and len(numbers) == 1:
+            found[key] = float(numbers.pop().replace(",", "."))
+    return (found.get(X_START, 0.0), found[X_STEP]) if found.get(X_STEP, 0.0) > 0.0 else None
+
+
+def _of_channels(found: list[list[Stated]], names: Sequence[str]) -> list[list[Stated]]:
+    """Return what is said of the columns that are neither a time nor remarks."""
+    folded = [name.casefold() for name in names]
+    times = {X_NAME} if X_NAME in folded else set(folded[:1])
+    return [said for said, name in zip(found, folded, strict=True) if name not in times | COMMENTS]
 
 
 def is_remark(line: str, above: Sequence[str]) -> bool:

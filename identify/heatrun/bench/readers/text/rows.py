@@ -9,14 +9,11 @@ import numpy as np
 import pandas as pd
 
 from ..hints import Hints
-from .encoding import decode
+from .encoding import CODECS, decode
 from .layout import Layout, find_layout
-from .lines import count_by_pieces, joined
+from .lines import count_by_pieces, header_again, is_whole, joined
 from .reader import ColumnHead, column_heads, parsed_cells
 from .values import read_values
-
-CODECS = {"UTF-8": "utf-8", "Windows-1252": "cp1252", "Latin-1": "latin-1"}
-"""Encodings in which a line end is one byte, so that a file can be cut there."""
 
 
 @dataclass(frozen=True)
@@ -89,9 +86,10 @@ def further_rows(data: bytes, form: TextForm, where: str) -> Rows:
     """
     text = data.decode(form.codec, "replace").replace("\r\n", "\n").replace("\r", "\n")
     body = text.encode()
-    ends, num_cells, is_empty, _ = count_by_pieces(body, form.layout.delimiter)
-    good = (num_cells == form.layout.width) & ~is_empty
-    num_lost = int(np.count_nonzero(~good & ~is_empty))
+    ends, num_cells, is_empty, is_blank = count_by_pieces(body, form.layout.delimiter)
+    is_data = ~is_empty & ~header_again(body, ends, is_blank, form.layout)
+    good = is_whole(num_cells, form.layout) & is_data
+    num_lost = int(np.count_nonzero(~good & is_data))
     if not good.any():
         return Rows({}, 0, num_lost, frozenset(), b"")
     lines = joined(body, ends, good)

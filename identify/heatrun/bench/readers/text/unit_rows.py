@@ -12,6 +12,12 @@ COMMENT = re.compile(r"\s*(?:#+|%+(?=\s|%)|//+|!+)\s*")
 LEAD_WORDS = frozenset(
     ("unit", "units", "einheit", "einheiten", "unità", "unita", "unité", "unités", "unidad")
 )
+NO_UNITS = frozenset(
+    ("time", "date", "date/time", "datetime", "date&time", "clock", "zeit", "datum", "uhrzeit",
+     "ora", "data", "heure", "时间", "時間", "時刻", "시간", "no", "no.", "nr", "nr.", "#")
+)  # fmt: skip
+"""What loggers write in a row of units over columns that have none."""
+
 RULE = frozenset("-=_")
 
 
@@ -40,8 +46,12 @@ def units_of_row(row: Sequence[str], names: Sequence[str] | None = None) -> list
             names all of them.
     """
     cells = [plain(cell) for cell in uncommented(row)]
+    if names is not None and len(cells) < len(row) == len(names):
+        cells = ["", *cells]  # the sign is a cell of its own, over a column of numbers of samples
     if cells and cells[0].strip("[]():").casefold() in LEAD_WORDS:
         cells[0] = ""
+    if names is not None:
+        cells = ["" if cell.strip("[]()").casefold() in NO_UNITS else cell for cell in cells]
     units = [unit_of_cell(cell) for cell in cells]
     filled = [cell for cell in cells if cell and not set(cell) <= RULE]
     unknown = [

@@ -9,12 +9,12 @@ import pandas as pd
 
 from ....io.printable import printable
 from ...clocks.clock import CLOCK, DAYS, ClockColumn, read_clock, read_days, read_stated
-from ...clocks.date_words import numbered_dates
+from ...clocks.date_words import numbered_dates, plain_clocks
 from ...clocks.dates import DATE_TIME, read_dates
 from ...clocks.time_format import TimeFormat
 from ...record import Finding
 from ..table import Question
-from .cells import MISSING, STATES
+from .cells import MISSING, STATES, bare
 from .decimals import GROUPED, NUMBER, SPACED, SPACES, SURELY_GROUPED, THOUSANDS_OR_DECIMALS
 
 
@@ -66,16 +66,17 @@ def read_values(
         return Values(cells.to_numpy(dtype=float), note="true and false read as 1 and 0")
     if pd.api.types.is_numeric_dtype(cells.dtype):
         return _finite(cells.to_numpy(dtype=float, na_value=np.nan))
-    texts = cells.astype(object).where(cells.notna(), "").astype(str).str.strip()
+    texts = cells.astype(object).where(cells.notna(), "").astype(str).str.strip().map(bare)
     lower = texts.str.lower()
     missing = lower.isin(list(MISSING)).to_numpy()
     if stated is not None and not missing.all():
         best = _read_stated(texts, missing, stated, name)
     else:
+        clocks = plain_clocks(texts)
         candidates = (
             _read_numbers(texts, decimal, has_thousands),
-            _read_clock(texts, name),
-            _read_dates(texts, name),
+            _read_clock(clocks, name),
+            _read_dates(clocks, name),
             _read_states(texts),
         )
         found = [one for one in candidates if one is not None]
@@ -177,7 +178,6 @@ def _finite(numbers: np.ndarray) -> Values:
 
 
 def _read_numbers(texts: pd.Series, decimal: str, has_thousands: bool) -> Values | None:
-    texts = texts.str.replace("\u2212", "-", regex=False)  # the minus sign of typesetters
     spaced = texts.str.fullmatch(SPACED[decimal])
     texts = texts.where(~spaced, texts.str.replace(SPACES, "", regex=True))
     if has_thousands or texts.str.fullmatch(SURELY_GROUPED[decimal]).any():
@@ -222,7 +222,7 @@ def _times(column: ClockColumn) -> Values:
 def _read_stated(texts: pd.Series, missing: np.ndarray, stated: TimeFormat, name: str) -> Values:
     """Return times in the format that is stated; where most are not of it, that is a question."""
     if stated.order:
-        numbered, known_by = numbered_dates(texts)
+        numbered, known_by = numbered_dates(plain_clocks(texts))
         order = "year-month-day" if known_by else stated.order
         column = read_dates(numbered, name, order, known_by=known_by)
     else:

@@ -1,0 +1,328 @@
+"""Text tables as loggers of many makes write them: each kind in several of its members."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heatrun.bench.readers.read import read_record
+from heatrun.bench.readers.text.reader import read_text
+from heatrun.bench.survey import survey
+from heatrun.errors import InputError
+from heatrun.motor import Motor
+
+N = 12
+TEMPERATURE = np.round(23.4 + 31.0 * (1.0 - np.exp(-np.arange(N) / 5.0)), 2)
+CURRENT = np.where(np.arange(N) < 8, 17.5, 0.0)
+
+
+def rows(times, form="{time},{T:.2f},{I:.1f}", **more):
+    """Return lines of data."""
+    return "\n".join(
+        form.format(i=i + 1, time=time, T=TEMPERATURE[i], I=CURRENT[i], **more)
+        for i, time in enumerate(times)
+    )
+
+
+def written(tmp_path, content, name="test.csv"):
+    path = tmp_path / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def by_name(path):
+    table = read_text(path.read_bytes(), str(path))
+    return {column.name: column for column in table.columns}
+
+
+SECONDS = [f"{5 * i}" for i in range(N)]
+
+SIGNS_APART = {
+    "filled up behind the sign": ("{time},+{T:>9.2f},{I:.1f}", ","),
+    "a tab behind the column": ("{time}\t+   {T:.2f}\t+ {I:.1f}", "\t"),
+    "decimal comma": ("{time};+   {T:.2f};-  {I:.1f}", ";"),
+    "in quotes": ('"{time}","+  {T:.2f}","+   {I:.1f}"', ","),
+    "minus alone": ("{time},{T:.2f},-    {I:.1f}", ","),
+    "full-width digits": ("{time},+ {T:.2f},{I:.1f}", ","),
+    "columns of one width": ("{time:>6}  +{T:>8.2f}  -{I:>8.1f}", "  "),
+}
+
+
+@pytest.mark.parametrize("member", SIGNS_APART)
+def test_blanks_between_sign_and_digits(tmp_path, member):
+    form, delimiter = SIGNS_APART[member]
+    text = rows(SECONDS, form)
+    if member == "decimal comma":
+        text = text.replace(".", ",")
+    if member == "full-width digits":
+        text = text.translate({ord(c): ord(c) + 0xFEE0 for c in "0123456789.+-"})
+    found = by_name(written(tmp_path, delimiter.join(("t [s]", "CH1", "CH2")) + "\n" + text))
+    np.testing.assert_array_equal(found["CH1"].values, TEMPERATURE)
+    sign = -1.0 if "- " in form or "-{I:>" in form else 1.0
+    np.testing.assert_array_equal(found["CH2"].values, sign * CURRENT)
+
+
+ENCODED = {
+    "Shift-JIS, units in a row": ("cp932", "番号,日時,測点1,測点2\n,,℃,A\n"),
+    "Shift-JIS, half-width": ("cp932", "No,ｼﾞｶﾝ,ﾓｰﾀ温度[ﾟC],ﾃﾞﾝﾘｭｳ[A]\n"),
+    "EUC-JP": ("euc_jp", "番号,時刻,コイル温度(℃),電流(A)\n"),
+    "GB18030": ("gb18030", "序号,时间,绕组温度(℃),相电流(A)\n"),
+    "GB18030, units alone": ("gb18030", "No,Time,CH1,CH2\n,,℃,A\n"),
+    "EUC-KR": ("cp949", "번호,시각,권선온도[℃],상전류[A]\n"),
+    "Big5": ("big5", "編號,時間,線圈溫度(℃),電流(A)\n"),
+    "Windows-1251": ("cp1251", "Номер,Время,Температура обмотки [°C],Ток [A]\n"),
+    "code page 850": ("cp850", "Nr,Zeit,Wicklung [°C],Strom für Phase U [A]\n"),
+    "Mac Roman": ("mac_roman", "Nr,Zeit,Wicklung [°C],Strom über U [A]\n"),
+    "Windows-1252 stays": ("cp1252", "Nr,Zeit,Kühlung Größe [°C],Höhe [A]\n"),
+    "ISO-2022-JP": ("iso2022_jp", "番号,時刻,巻線温度[°C],電流[A]\n"),
+    "full-width forms": ("utf-8", "Ｎｏ,時刻,巻線温度［℃］,電流（Ａ）\n"),
+    "units in words": ("gb18030", "序号,时间,绕组温度(摄氏度),相电流(安培)\n"),
+}
+
+
+@pytest.mark.parametrize("member", ENCODED)
+def test_encodings_of_the_world(tmp_path, member):
+    codec, head = ENCODED[member]
+    clock = [f"2025/03/04 13:{i:02d}:30" for i in range(N)]
+    text = head + rows(clock, "{i},{time},{T:.2f},{I:.1f}")
+    path = written(tmp_path, text.encode(codec))
+    found = by_name(path)
+    assert list(found) == head.partition("\n")[0].split(",")
+    temperature = list(found.values())[2]
+    record = read_record(path, Motor("M", columns={"winding_degC": temperature.name}))
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    np.testing.assert_array_equal(record.time_s, 60.0 * np.arange(N))
+    assert record.mapping[0].unit_from == "stated"
+
+
+@pytest.mark.parametrize(
+    "sign", ["°C", "℃", "ﾟC", "゜C", "ºC", "˚C", "∘C", "°Ｃ", "Â°C", "°С", "&deg;C"]
+)
+def test_every_form_of_the_degree_celsius(tmp_path, sign):
+    head = f"Time,T 1,I 1\ns,{sign},A\n"
+    path = written(tmp_path, head + rows(SECONDS))
+    record = read_record(path, Motor("M", columns={"winding_degC": "T 1"}))
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    assert any("in degC" in note for note in record.notes)
+
+
+def clocks(form):
+    """Return times of 0.25 s steps from 11:59:58 on, by means that the reader does not share."""
+    out = []
+    for i in range(N):
+        ms = 250 * i
+        second = 58 + ms // 1000
+        hour, minute = (12, 0) if second >= 60 else (11, 59)
+        out.append(form.format(h=hour, m=minute, s=second % 60, ms=ms % 1000, us=1000 * (ms % 1000),
+                               cs=ms % 1000 // 10, half="PM" if hour == 12 else "AM",
+                               word="오후" if hour == 12 else "오전"))  # fmt: skip
+    return out
+
+
+CLOCKS = {
+    "US date": "03/17/2025 {h:02d}:{m:02d}:{s:02d}:{ms:03d}",
+    "ISO date": "2025-03-17 {h:02d}:{m:02d}:{s:02d}:{ms:03d}",
+    "microseconds": "17.03.2025 {h:02d}:{m:02d}:{s:02d}:{us:06d}",
+    "hundredths behind a date": "2025/03/17 {h:02d}:{m:02d}:{s:02d}:{cs:02d}",
+    "thousandths without zeros": "2025/03/17 {h:02d}:{m:02d}:{s:02d}:{ms}",
+    "clock alone": "{h:02d}:{m:02d}:{s:02d}:{ms:03d}",
+    "a blank before the thousandths": "2025/03/17 {h:02d}:{m:02d}:{s:02d} {ms:03d}",
+    "half days": "3/17/2025 {h}:{m:02d}:{s:02d}:{ms:03d} {half}",
+    "a hyphen behind the date": "2025/03/17-{h:02d}:{m:02d}:{s:02d}.{ms:03d}",
+    "day of the week": "Mon 17-Mar-2025 {h:02d}:{m:02d}:{s:02d}.{ms:03d}",
+    "Japanese": "2025年3月17日 {h:02d}:{m:02d}:{s:02d}.{ms:03d}",
+    "Korean": "2025년 3월 17일 {word} {h}:{m:02d}:{s:02d}.{ms:03d}",
+    "letters": "{h}h {m:02d}m {s:02d}.{ms:03d}s",
+    "a zone behind the thousandths": "2025-03-17T{h:02d}:{m:02d}:{s:02d}:{ms:03d}Z",
+    "in brackets": "[{h:02d}:{m:02d}:{s:02d}.{ms:03d}]",
+    "behind a plus": "T+{h:02d}:{m:02d}:{s:02d}.{ms:03d}",
+    "with days by letter": "2d {h:02d}:{m:02d}:{s:02d}.{ms:03d}",
+    "without zeros": "3/17/2025 {h}:{m}:{s}.{ms:03d}",
+}
+
+
+@pytest.mark.parametrize("member", CLOCKS)
+def test_clocks_of_many_makes(tmp_path, member):
+    text = "Scan,When,101 (C),301 (AAC)\n" + rows(clocks(CLOCKS[member]), "{i},{time},{T},{I}")
+    record = read_record(written(tmp_path, text))
+    np.testing.assert_allclose(record.time_s, 0.25 * np.arange(N), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        "{h:02d}:{m:02d}:{s:02d}:{cs:02d}",
+        "{h:02d}.{m:02d}.{s:02d}.{ms:03d}",
+        "{h:02d}-{m:02d}-{s:02d}.{ms:03d}",
+        "3.{h:02d}:{m:02d}:{s:02d}.{ms:03d}",
+    ],
+)
+def test_a_text_that_looks_like_a_clock_is_offered_for_the_time(tmp_path, form):
+    text = rows(clocks(form), "{i},{time},{T}")
+    path = written(tmp_path, f"No,Clock,T1 [degC]\n{text}")
+    column = next(one for one in survey(path).free if one.name == "Clock")
+    line = column.proposals[0].line
+    record = read_record(path, Motor("M", columns={"time_s": line}))
+    np.testing.assert_allclose(record.time_s, 0.25 * np.arange(N), atol=1e-9)
+
+
+def test_a_rate_that_is_said_goes_before_a_clock_that_was_found(tmp_path):
+    clock = [f"2025/03/04 13:{i:02d}:30" for i in range(N)]
+    path = written(tmp_path, "No,Stamp,Coil [degC]\n" + rows(clock, "{i},{time},{T}"))
+    by_rate = read_record(path, rate_Hz=2.0).time_s
+    by_columns = read_record(path, Motor("M", columns={"time_s": "rate 2 Hz"})).time_s
+    np.testing.assert_array_equal(by_rate, 0.5 * np.arange(N))
+    np.testing.assert_array_equal(by_columns, by_rate)
+
+
+UNITS_OF_TIME = {
+    "time": "No.,Date&Time,Coil,Room\nNO.,time,degC,degC\n",
+    "Time in brackets": "No.,Start,Coil,Room\n[No.],[Time],[degC],[degC]\n",
+    "date and time": "No.,Stamp,Coil,Room\n#,Date/Time,°C,°C\n",
+    "clock": "Nr,Uhr,Coil,Room\nNr.,Uhrzeit,°C,°C\n",
+    "a word that is no unit": "No,Moment,Coil,Room\n-,local,degC,degC\n",
+}
+
+
+@pytest.mark.parametrize("member", UNITS_OF_TIME)
+def test_words_of_time_in_the_row_of_units(tmp_path, member):
+    clock = [f"2025/03/04 13:{i:02d}:30" for i in range(N)]
+    path = written(tmp_path, UNITS_OF_TIME[member] + rows(clock, "{i},{time},{T},22.5"))
+    record = read_record(path, Motor("M", columns={"winding_degC": "Coil"}))
+    np.testing.assert_array_equal(record.time_s, 60.0 * np.arange(N))
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+
+
+def test_a_column_of_milliseconds_belongs_to_the_clock_beside_it(tmp_path):
+    ms = 200 * np.arange(N)
+    clock = [f"2025/03/04 13:00:{k // 1000:02d},{k % 1000}" for k in ms]
+    head = "No.,Date&Time,ms,Coil\nNO.,time,ms,degC\n"
+    record = read_record(written(tmp_path, head + rows(clock, "{i},{time},{T}")))
+    np.testing.assert_allclose(record.time_s, 1e-3 * ms)
+
+
+def test_clock_times_under_a_unit_of_temperature_are_no_time(tmp_path):
+    path = written(
+        tmp_path, "a,Start\ns,degC\n" + "\n".join(f"{i},12:00:{i:02d}" for i in range(N))
+    )
+    assert by_name(path)["Start"].unit == "degC"
+
+
+LVM = """LabVIEW Measurement\t
+Writer_Version\t2
+Separator\tTab
+Decimal_Separator\t{sign}
+X_Columns\t{kind}
+Date\t2025/03/04
+***End_of_Header***\t
+\t
+Channels\t2\t\t
+Samples\t{n}\t{n}\t
+Date\t2025/03/04\t2025/03/04\t
+Y_Unit_Label\tdegC\tA\t
+X_Dimension\tTime\tTime\t
+X0\t0{sign}0E+0\t0{sign}0E+0\t
+Delta_X\t5{sign}000000\t5{sign}000000\t
+***End_of_Header***\t\t\t
+"""
+
+
+@pytest.mark.parametrize(
+    ("sign", "kind", "form"),
+    [
+        (".", "One", "{time}\t{T}\t{I}\t"),
+        (".", "One", "{time}\t{T}\t{I}"),
+        (",", "One", "{time}\t{T}\t{I}\t"),
+        (".", "No", "\t{T}\t{I}"),
+    ],
+)
+def test_labview_measurement_with_its_second_header(tmp_path, sign, kind, form):
+    text = LVM.format(sign=sign, kind=kind, n=N) + "X_Value\tCoil\tPhase\tComment\n"
+    text += rows(SECONDS, form).replace(".", sign)
+    if form.endswith("{I}"):
+        text = text.replace("\t17.5\n", "\t17.5\tload on\n", 1)
+    path = written(tmp_path, text, "test.lvm")
+    motor = Motor("M", columns={"winding_degC": "Coil", "phase_current_A": "Phase"})
+    record = read_record(path, motor)
+    np.testing.assert_array_equal(record.time_s, 5.0 * np.arange(N))
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
+    assert record.start == "2025-03-04"
+    assert all(reading.unit_from == "stated" for reading in record.mapping)
+
+
+def test_labview_measurement_with_a_time_for_each_channel(tmp_path):
+    text = LVM.format(sign=".", kind="Multi", n=N).replace("degC\tA", "degC\t\tA\t")
+    text += "X_Value\tCoil\tX_Value\tPhase\tComment\n" + rows(SECONDS, "{time}\t{T}\t{time}\t{I}")
+    path = written(tmp_path, text, "test.lvm")
+    record = read_record(
+        path, Motor("M", columns={"winding_degC": "Coil", "phase_current_A": "Phase"})
+    )
+    np.testing.assert_array_equal(record.time_s, 5.0 * np.arange(N))
+    np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
+    assert all(reading.unit_from == "stated" for reading in record.mapping)
+
+
+def test_full_width_commas_between_the_cells(tmp_path):
+    text = "t [s]，T [°C]，I [A]\n" + rows(SECONDS, "{time}，{T}，{I}")
+    found = by_name(written(tmp_path, text.encode("gb18030")))
+    np.testing.assert_array_equal(found["T [°C]"].values, TEMPERATURE)
+
+
+@pytest.mark.parametrize(
+    "footer", ["\nMin;20;1\nMax;80;2\n", "Average;50;1.5\n", "\nEnd of data;;\n"]
+)
+def test_words_below_the_table_are_no_samples(tmp_path, footer):
+    path = written(
+        tmp_path, "t [s];T [degC];I [A]\n" + rows(SECONDS, "{time};{T};{I}") + "\n" + footer
+    )
+    record = read_record(path, Motor("M", columns={"winding_degC": "T"}))
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    assert [finding.id for finding in record.findings] == ["ragged_rows"]
+
+
+@pytest.mark.parametrize(
+    "preamble",
+    [
+        "Channels;2;;\nGain;1;1;1\nOffset;0;0;0\n\n",
+        "Unit 7\n1;2;3\n4;5;6\n",
+        "Serial;204;118;\nSlope;0.5;0.25;\nRange;20;20;\nZero;0;0;\n",
+        "[Setup]\nRate;0.2\nLimits;100;200;300\n[Data]\n",
+        "Channel;Gain;Offset\n1;0.5;0\n\n",
+    ],
+)
+def test_a_preamble_of_numbers_is_not_the_table(tmp_path, preamble):
+    text = f"{preamble}t [s];T [degC];I [A]\n" + rows(SECONDS, "{time};{T};{I}")
+    path = written(tmp_path, text)
+    np.testing.assert_array_equal(by_name(path)["T [degC]"].values, TEMPERATURE)
+    told = [finding.id for finding in survey(path).findings]
+    assert told == (["rows_above"] if preamble.startswith("Channel;") else [])
+
+
+HEAD_AGAIN = {
+    "names alone": "t [s]\tT [degC]\tI [A]\n",
+    "names and units": "t\tT\tI\ns\tdegC\tA\n",
+    "a preamble of another length": "Analyzer 3\nlog restarted\nt [s]\tT [degC]\tI [A]\n",
+    "blank lines around": "\nt [s]\tT [degC]\tI [A]\n\n",
+}
+
+
+@pytest.mark.parametrize("member", HEAD_AGAIN)
+def test_the_same_header_again_is_a_restart_of_the_logger(tmp_path, member):
+    head, lines = HEAD_AGAIN[member], rows(SECONDS, "{time}\t{T}\t{I}").split("\n")
+    text = head + "\n".join(lines[:7]) + "\n" + head + "\n".join(lines[7:]) + "\n"
+    path = written(tmp_path, text)
+    record = read_record(path)
+    np.testing.assert_array_equal(record.time_s, 5.0 * np.arange(N))
+    (finding,) = record.findings
+    assert (finding.id, finding.values["first_sample"]) == ("logger_restarted", 7)
+    assert "[tests.test] use_rows = [[1, 7], [8, 12]]" in finding.remedy
+    assert survey(path).findings[0].id == "logger_restarted"
+
+
+def test_another_header_among_the_data_is_refused(tmp_path):
+    lines = rows(SECONDS, "{time}\t{T}\t{I}").split("\n")
+    lines.insert(7, "t [s]\tT [degF]\tI [A]")
+    path = written(tmp_path, "t [s]\tT [degC]\tI [A]\n" + "\n".join(lines))
+    with pytest.raises(InputError, match="Line 9 holds text in every column"):
+        read_record(path)
