@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .bench.channels.derive import DERIVATIONS
-from .bench.channels.likely_names import LIKELY
+from .bench.channels.likely_names import read_name
 from .bench.channels.schema import CHANNEL, REQUIRED
 from .bench.channels.units import find_unit
 from .bench.column_course import Course
@@ -212,7 +212,7 @@ def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
                 column_name = printable(flat(column.name))
                 lines.append(f"# {name} = {value!r}  # {what} column '{column_name}'")
         for line in one.preamble:
-            numbers = NUMBER.findall(line) if LIKELY[name].search(line) else []
+            numbers = NUMBER.findall(line) if "ambient" in read_name(line).meanings else []
             values = [float(number.replace(",", ".")) for number in numbers]
             lines += [f"# {name} = {value!r}  # from the line '{printable(flat(line))[:80]}'"
                       for value in values if _is_room(value)]  # fmt: skip

@@ -13,11 +13,13 @@ from ..record import ColumnReading, Finding, Record
 from .claims import NOT_RECORDED, Claim, parse_claims
 from .column_unit import overridden, statements, unit_of, unit_wanted
 from .header import read_heading
-from .labels import columns_of, is_sure, named_unit
+from .labels import columns_of, is_sure, named_unit, speaks_of
+from .likely_names import SURE, read_name
 from .mapping import Assignment
 from .maps import COLUMN_MAPS, ColumnMap
 from .schema import CHANNEL, REQUIRED
-from .units import require_unit
+from .unit_table import QUANTITIES
+from .units import quantities_of, require_unit
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,8 @@ def map_columns(
     """Return the canonical channels of a table.
 
     The motor file's `[columns]` come first, then exact canonical names, then the built-in maps in
-    their order; a channel found earlier is not looked for again.
+    their order, then names of which every word speaks for one channel; a channel found earlier is
+    not looked for again.
 
     Args:
         table: What a reader returned.
@@ -100,6 +103,9 @@ def map_columns(
     for column_map in COLUMN_MAPS:
         if _num_present(column_map, pool) >= column_map.num_needed:
             _add_by_map(mapping, column_map, pool)
+    if rate_Hz is not None:
+        mapping.excluded.add("time_s")  # a rate that is stated goes before a word
+    _add_by_words(mapping, table.columns)
     used = mapping.used
     unused = [column.name for column in table.columns if id(column) not in used]
     mapping.findings += mapping.used_twice()
@@ -327,6 +333,36 @@ def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Colum
         for column in columns_of(label, "", free):
             mapping.notes.append(f"Column '{column.name}' is not mapped: {reason}.")
             mapping.refused[column.name] = reason
+
+
+def _add_by_words(mapping: Assignment, columns: Iterable[Column]) -> None:
+    """Take the columns whose every word speaks for one channel, where no other column does."""
+    used = mapping.used
+    speaking: dict[str, list[Column]] = {}
+    for column in columns:
+        is_open = column.name in mapping.refused or column.question is not None
+        # a column of zeros may not have been recorded
+        if id(column) in used or is_open or not np.nan_to_num(column.values).any():
+            continue
+        stated = statements(column)
+        quantities = quantities_of(stated[0].text) if stated else tuple(QUANTITIES)
+        for quantity in quantities:
+            spoken = speaks_of(column.label, quantity, stated[0].text if stated else None)
+            for name in [name for name, score in spoken.items() if score == SURE]:
+                if CHANNEL[name].quantity == quantity and mapping.wants(name):
+                    speaking.setdefault(name, []).append(column)
+    for name, (column, *others) in speaking.items():
+        channel = CHANNEL[name]
+        named = named_unit(column.label, channel.quantity)
+        if others or not read_name(named.stem if named else column.label).is_clear:
+            continue
+        where = f"{mapping.where}, column '{column.name}' as {name}"
+        try:
+            unit, unit_from = unit_of(column, channel, where)
+        except InputError:
+            continue
+        if unit is not None:
+            mapping.add(channel, column, unit, "its words", unit_from)
 
 
 def _two_columns(channel: str, columns: Sequence[Column], where: str) -> InputError:
