@@ -98,7 +98,7 @@ def test_what_does_not_grow_is_no_time(tmp_path):
 
 
 def test_a_short_cold_record_says_nothing_of_the_order(tmp_path):
-    columns = {"CH1 [degC]": ROOM, "T_Wicklung [degC]": ZERO + 22.0}
-    columns["T_Wicklung [degC]"][5] = 23.0
+    columns = {"CH1 [degC]": ROOM, "T_Wckl [degC]": ZERO + 22.0}
+    columns["T_Wckl [degC]"][5] = 23.0
     text = text_of(named(tmp_path, BASE | columns))
-    assert offered(text, "winding_degC")[0] == "T_Wicklung [degC]"
+    assert offered(text, "winding_degC")[0] == "T_Wckl [degC]"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -49,6 +49,21 @@ class Proposal:
 
 
 @dataclass(frozen=True)
+class Evidence:
+    """What the values of a column say of it as a channel.
+
+    Attributes:
+        speaks: For the channel, or against it.
+        words: Why.
+        is_alone: For this channel and no other.
+    """
+
+    speaks: bool
+    words: str
+    is_alone: bool = False
+
+
+@dataclass(frozen=True)
 class FreeColumn:
     """A column that no channel claims.
 
@@ -62,6 +77,7 @@ class FreeColumn:
         proposals: What it may be, likely ones first.
         course: How its values run, in the file's unit; None where they were not looked at.
         remark: Why it is no channel although it looks like one, or empty.
+        evidence: Channel to what the other columns of the file say of it as that.
     """
 
     name: str
@@ -73,6 +89,7 @@ class FreeColumn:
     proposals: tuple[Proposal, ...] = ()
     course: Course | None = None
     remark: str = ""
+    evidence: Mapping[str, Evidence] = field(default_factory=dict)
 
     @property
     def is_silent(self) -> bool:
