@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 if TYPE_CHECKING:
+    from .bench.channels.claims import Columns
     from .bench.stretch import Stretch
 
 from .certificate import Certificate
@@ -59,10 +60,12 @@ class PartsOfTest:
     Attributes:
         use: Stretches that are used, each as a test of its own; none for the whole record.
         mask: Windows whose readings are not compared, first and last time [s].
+        columns: Its own `[columns]`, before those of the motor file.
     """
 
     use: tuple[Stretch, ...] = ()
     mask: tuple[tuple[float, float], ...] = ()
+    columns: Columns = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,8 @@ class Motor:
         reference_temperature_degC: Temperature that Rs0 holds for [degC].
         gear_ratio: Motor speed over wheel speed [1], or None.
         wheel_radius_m: Rolling radius [m], or None.
-        columns: Canonical channel to `"column in the file [unit]"`.
+        columns: Canonical channel to `"column in the file [unit]"`, or to several of which the
+            first counts whose column a file has.
         constants: Value of a channel that holds for a whole test, in the channel's unit, for
             records that do not have it.
         parameters: Overrides of prior or value by parameter name.
@@ -115,7 +119,7 @@ class Motor:
     reference_temperature_degC: float = 25.0
     gear_ratio: float | None = None
     wheel_radius_m: float | None = None
-    columns: Mapping[str, str] = field(default_factory=dict)
+    columns: Columns = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)
     parameters: Mapping[str, ParameterOverride] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
@@ -127,6 +131,11 @@ class Motor:
     decimal: Literal[".", ","] | None = None
     sha256: str = ""
     path: str = ""
+
+    def columns_of(self, test: str) -> Columns:
+        """Return the `[columns]` of a test by its name: its own before those of the machine."""
+        parts = self.tests.get(test)
+        return self.columns if parts is None else {**self.columns, **parts.columns}
 
     def resistance_ratio(self, winding_degC: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
         """Return R(T)/Rs0 = (B + T)/(B + Tref) at winding temperatures [1]."""

@@ -153,11 +153,11 @@ def _offered(missing: Sequence[Gap], mark: str, most: int) -> list[str]:
     rows = []
     for gap in missing:
         lines = []
-        if len(gap.best) > 1:
+        if gap.best and gap.is_of_some and gap.channel:
             side = f"[{', '.join(map(toml_text, gap.best))}]"
             lines.append(_line(gap.channel, side, "of each logger its own", mark))
         for side, note in gap.candidates:
-            if len(gap.best) < 2 or side not in gap.best:
+            if not gap.is_of_some or side not in gap.best:
                 is_best = gap.best[:1] == (side,)
                 lines.append(_line(gap.channel, toml_text(side), note, mark if is_best else "# "))
         rows.append(lines)

@@ -58,6 +58,7 @@ class Gap:
         best: Right-hand sides of which the tests need one each, in the order of the tests; empty
             where what speaks for the first candidate is contradicted.
         of_tests: By file those for which the first of `best` that it has is another channel.
+        is_of_some: Other tests have the channel, or another of `best`.
         number: Example of a number that takes the place of a column, or empty.
     """
 
@@ -69,6 +70,7 @@ class Gap:
     lines: tuple[str, ...] = ()
     best: tuple[str, ...] = ()
     of_tests: Mapping[str, str] = field(default_factory=dict)
+    is_of_some: bool = False
     number: str = ""
 
     @property
@@ -239,6 +241,7 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
         constants,
         best=tuple(dict.fromkeys(one.candidate.line for one in best.values())),
         of_tests=_of_tests(name, best, tests),
+        is_of_some=len(best) < len(tests) or len({one.candidate.line for one in best.values()}) > 1,
         number=number,
     )
 

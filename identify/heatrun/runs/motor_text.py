@@ -1,6 +1,6 @@
 """The motor file as TOML again, so that a run folder stands for itself.
 
-All but `[tests.NAME]`: a run knows the parts of its tests by itself.
+Of `[tests.NAME]` the columns alone: a run knows the parts of its tests by itself.
 """
 
 from __future__ import annotations
@@ -29,6 +29,11 @@ def motor_text(motor: Motor) -> bytes:
     if motor.adequacy != Adequacy():
         content["adequacy"] = asdict(motor.adequacy)
     content["columns"] = dict(motor.columns)
+    content["tests"] = {
+        name: {"columns": dict(parts.columns)}
+        for name, parts in motor.tests.items()
+        if parts.columns
+    }
     content["constants"] = dict(motor.constants)
     content["sensors"] = dict(motor.sensors)
     content["parameters"] = {

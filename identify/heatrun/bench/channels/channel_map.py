@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import InputError, did_you_mean
 from ..readers.table import Column, Table
 from ..record import ColumnReading, Finding, Record
-from .claims import NOT_RECORDED, Claim, parse_claims
+from .claims import NOT_RECORDED, Claim, Columns, parse_claims
 from .column_unit import overridden, statements, unit_of, unit_wanted
 from .header import read_heading
 from .labels import columns_of, is_sure, named_unit, speaks_of
@@ -59,7 +59,7 @@ class MappedColumns:
 
 def map_columns(
     table: Table,
-    columns: Mapping[str, str] | None = None,
+    columns: Columns | None = None,
     *,
     where: str,
     is_part: bool = False,
@@ -85,6 +85,9 @@ def map_columns(
     pool = table.columns + _constants(table)
     rate_Hz = None
     for claim in parse_claims(columns or {}, where):
+        may_lack = is_part or claim.is_choice
+        if claim.is_choice and claim.channel in mapping.channels:
+            continue  # the first of several counts
         if claim.rate_Hz is not None:
             rate_Hz = claim.rate_Hz
             continue
@@ -92,9 +95,9 @@ def map_columns(
             mapping.excluded.add(claim.channel)
             continue
         if claim.parts and all(column.name != claim.text for column in pool):
-            _add_combined(mapping, claim, pool, table, is_part)
+            _add_combined(mapping, claim, pool, table, may_lack)
             continue
-        column = _claimed(claim, pool, table, where, is_part)
+        column = _claimed(claim, pool, table, where, may_lack)
         if column is None:
             mapping.notes.append(f"{claim.channel}: no column '{claim.text}' in this file.")
             continue

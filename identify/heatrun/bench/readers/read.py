@@ -132,7 +132,7 @@ def read_record(
     where = str(path)
     if rate_Hz is not None:
         positive_rate(rate_Hz, where)
-    columns = motor.columns if motor else None
+    columns = motor.columns_of(name_of_test(Path(path), sheet)) if motor else None
     phases, losses = (motor.phases, motor.losses) if motor else (3, "balance")
     raster_s = motor.raster_s if motor else None
     with open_input(path) as stream, opened(stream, where, columns) as measurement:
