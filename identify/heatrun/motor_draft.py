@@ -8,7 +8,7 @@ read from the files is set: a line holds once a person has removed the # in fron
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from itertools import zip_longest
 from pathlib import Path
 
@@ -27,39 +27,60 @@ WIDTH = 160
 MOST_OPEN = 3
 """Questions and lines on what is recognised, of each kind."""
 
+LEAST_FREE = 4
+"""Lines that candidates leave to columns that no channel claims."""
+
 PLEASE_CHECK = "please check"
 INSULATION = '# insulation_class = "F"    # with it: continuous current and time to the limit'
 
 
-def draft(name: str, surveys: Sequence[Survey], *, is_accepted: bool = False) -> str:
+def draft(
+    name: str,
+    surveys: Sequence[Survey],
+    *,
+    is_accepted: bool = False,
+    numbers: Mapping[str, float] | None = None,
+) -> str:
     """Return the text of a commented motor file that loads as it is.
 
     Args:
         name: Of the machine; a blank one becomes "motor".
         surveys: What the files hold, from `heatrun.bench.survey.survey`.
         is_accepted: The best candidates hold.
+        numbers: What a person has said, by key or channel; of `time_s` the rate [Hz].
     """
+    numbers = numbers or {}
     missing = gaps(surveys)
     mark = "" if is_accepted else "# "
-    head = _head(surveys, [gap for gap in missing if not (is_accepted and gap.is_answered)])
+    unsaid = [gap for gap in missing if (gap.channel or gap.key) not in numbers]
+    head = _head(surveys, [gap for gap in unsaid if not (is_accepted and gap.is_answered)])
     motor = ["", "[motor]", f"name = {toml_text(name.strip() or 'motor')}", INSULATION]
     winding = ["", "[winding]", *_winding(surveys, missing, mark)]
     constants = ["", "[constants]", *_constants(missing, mark)]
     columns = ["", "[columns]", *_remarks(surveys)]
     overrides = _overrides(missing, mark)
     fixed = (*head, *motor, *winding, *columns, *constants, *overrides)
-    left = MOST_LINES - len(fixed)
-    offered = _offered(missing, mark, left)
     shown = {side for gap in missing for side, _ in gap.candidates}
     free = _free(surveys, {gap.channel for gap in missing}, shown)
+    left = MOST_LINES - len(fixed)
+    offered = _offered(missing, mark, left - min(len(free), LEAST_FREE))
     left -= len(offered)
     if len(free) > left:
         rest = f"#   … and {len(free) - left + 1} more columns: heatrun check lists them"
         free = [*free[: left - 1], rest] if left else []
-    return (
-        "\n".join((*head, *motor, *winding, *columns, *offered, *free, *constants, *overrides))
-        + "\n"
-    )
+    lines = (*head, *motor, *winding, *columns, *offered, *free, *constants, *overrides)
+    text = "\n".join(lines) + "\n"
+    for said, number in numbers.items():
+        text = _with_number(text, said, number)
+    return text
+
+
+def _with_number(text: str, name: str, number: float) -> str:
+    """Return a draft with a number in the line that waits for it."""
+    if name == "time_s":
+        return text.replace("[columns]\n", f'[columns]\ntime_s = "rate {number:g} Hz"\n', 1)
+    line = f"{name} = {number!r}"
+    return re.sub(rf"^# {name} = .*$", line, text, count=1, flags=re.MULTILINE)
 
 
 def toml_text(text: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import shlex
 import sys
 from collections.abc import Sequence
@@ -147,14 +146,11 @@ def motor_of_tests(tests: Sequence[Path], command: str) -> Path:
     if os.path.lexists(out):
         raise InputError("There is a motor file already.", where=str(out), remedy=f"{again}")
     surveys = look_at(tests, out)
-    text = draft(name_of(surveys), surveys, is_accepted=True)
     missing = [gap for gap in gaps(surveys) if not gap.is_answered]
-    write(out, text)
-    if all(gap.number for gap in missing) and sys.stdin.isatty():
-        for gap in missing:
-            text = _filled(text, gap, _asked(gap))
-        write(out, text)
-    elif missing:
+    may_ask = all(gap.number for gap in missing) and sys.stdin.isatty()
+    numbers = {gap.channel or gap.key: _asked(gap) for gap in missing if may_ask}
+    write(out, draft(name_of(surveys), surveys, is_accepted=True, numbers=numbers))
+    if missing and not may_ask:
         numbers = [gap.channel or gap.key for gap in missing if gap.number]
         columns = [gap.channel for gap in missing if not gap.number]
         said = [*(["a number for " + ", ".join(numbers)] if numbers else []),
@@ -184,14 +180,6 @@ def _asked(gap: Gap) -> float:
             return float(line.replace(",", "."))
         except ValueError:
             print(f"Expected a number, got {line.strip()[:40]!r}.", file=sys.stderr)
-
-
-def _filled(text: str, gap: Gap, number: float) -> str:
-    """Return a draft with a number in the line that waits for it."""
-    if gap.channel == "time_s":
-        return text.replace("[columns]\n", f'[columns]\ntime_s = "rate {number:g} Hz"\n', 1)
-    name = gap.channel or gap.key
-    return re.sub(rf"^# {name} = .*$", f"{name} = {number!r}", text, count=1, flags=re.MULTILINE)
 
 
 def next_command(command: str, motor: Path, tests: Sequence[Path]) -> str:
