@@ -176,7 +176,9 @@ def _offered(missing: Sequence[Gap], mark: str, most: int) -> list[str]:
         lines = []
         if gap.best and gap.is_of_some and gap.channel:
             side = f"[{', '.join(map(toml_text, gap.best))}]"
-            lines.append(_line(gap.channel, side, "of each logger its own", mark))
+            own = dict(gap.candidates).get(gap.best[0], "")
+            note = own if len(gap.best) == 1 else "of each logger its own"
+            lines.append(_line(gap.channel, side, note, mark))
         for side, note in gap.candidates:
             if not gap.is_of_some or side not in gap.best:
                 is_best = gap.best[:1] == (side,)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from .bench.channels.derive import DERIVATIONS, Derivation
@@ -58,6 +58,7 @@ class Gap:
         best: Right-hand sides of which the tests need one each, in the order of the tests; empty
             where what speaks for the first candidate is contradicted.
         of_tests: By file those for which the first of `best` that it has is another channel.
+        is_zero: A column that is read for it holds 0 throughout, which may have been measured.
         is_of_some: Other tests have the channel, or another of `best`.
         number: Example of a number that takes the place of a column, or empty.
     """
@@ -70,6 +71,7 @@ class Gap:
     lines: tuple[str, ...] = ()
     best: tuple[str, ...] = ()
     of_tests: Mapping[str, str] = field(default_factory=dict)
+    is_zero: bool = False
     is_of_some: bool = False
     number: str = ""
 
@@ -83,7 +85,7 @@ class Gap:
     @property
     def is_answered(self) -> bool:
         """The tests themselves say what may stand there, for a person to check."""
-        return bool(self.best or self.constants)
+        return bool(self.best or self.constants or self.is_zero)
 
 
 def gaps(surveys: Sequence[Survey]) -> tuple[Gap, ...]:
@@ -109,8 +111,14 @@ def gaps(surveys: Sequence[Survey]) -> tuple[Gap, ...]:
             for need, formula in _needed(name, files, have) if name not in have else ():
                 wanted.setdefault(need, {})[test] = formula
     found = [] if found_resistance(surveys) else [_resistance(surveys)]
+    if "phase_current_A" in _zeros(surveys) - somewhere:  # no copper loss
+        found = [replace(gap, is_zero=True) for gap in found]
     order = [*REQUIRED, *(name for name in CHANNEL if name not in REQUIRED)]
     return (*found, *(_channel(name, wanted[name], tests) for name in order if name in wanted))
+
+
+def _zeros(surveys: Sequence[Survey]) -> set[str]:
+    return {each.channel for one in surveys for each in one.silent if not each.is_empty}
 
 
 def _needed(name: str, files: Sequence[Survey], have: Set[str]) -> list[tuple[str, str]]:
@@ -145,7 +153,8 @@ def _way(
             return None
     is_turning = bool(AT_REST & (have | found.keys()))
     is_sure = all(one.candidate.is_likely for one in found.values())
-    if not found or (at_rest and (is_turning or not is_sure)):
+    is_fed = bool(found or {*way.needs} & have - AT_REST)
+    if not is_fed or (at_rest and (is_turning or not is_sure)):
         return None
     return at_rest, [(need, way.formula) for need in way.needs if need not in have]
 
@@ -224,9 +233,12 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
         candidates.setdefault(one.candidate.line, one.note)
     constants = _constants(name, surveys)
     silent = [sentence for one in surveys for sentence in _silent(name, one)]
-    # the cause goes first
-    sentence = " ".join((*silent, sentence))
+    if silent:  # the cause goes first
+        sentence = " ".join((*silent, sentence[:1].upper() + sentence[1:]))
     number = NUMBERS.get(name, "")
+    if name == "phase_current_A" and not candidates and not silent:
+        number = "0.0"
+        sentence += " Write 0 where no current heats, and calibrate --model first."
     if not any(one.candidate.is_likely for one in firsts) and name in AT_REST and formula:
         number, candidates, each = "0.0", {}, {}
         sentence += " No column holds it: 0 where the rotor stands."
@@ -241,6 +253,7 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
         constants,
         best=tuple(dict.fromkeys(one.candidate.line for one in best.values())),
         of_tests=_of_tests(name, best, tests),
+        is_zero=name in _zeros(surveys),
         is_of_some=len(best) < len(tests) or len({one.candidate.line for one in best.values()}) > 1,
         number=number,
     )

@@ -13,7 +13,7 @@ from ..record import ColumnReading, Finding, Record
 from .claims import NOT_RECORDED, Claim, Columns, parse_claims
 from .column_unit import overridden, statements, unit_of, unit_wanted
 from .header import read_heading
-from .labels import columns_of, is_sure, named_unit, speaks_of
+from .labels import columns_of, is_sure, named_unit, speaks_of, words_in
 from .likely_names import SURE, read_name
 from .mapping import Assignment
 from .maps import COLUMN_MAPS, ColumnMap
@@ -308,6 +308,7 @@ def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Colum
             raise _two_columns(name, [column for column, _ in found], mapping.where)
         (column, label) = found[0]
         if label in column_map.zero_means_absent and not np.nan_to_num(column.values).any():
+            mapping.absent.add(id(column))
             mapping.findings.append(
                 Finding(
                     id="not_recorded",
@@ -344,8 +345,7 @@ def _add_by_words(mapping: Assignment, columns: Iterable[Column]) -> None:
     speaking: dict[str, list[Column]] = {}
     for column in columns:
         is_open = column.name in mapping.refused or column.question is not None
-        # a column of zeros may not have been recorded
-        if id(column) in used or is_open or not np.nan_to_num(column.values).any():
+        if is_open or id(column) in used | mapping.absent:
             continue
         stated = statements(column)
         quantities = quantities_of(stated[0].text) if stated else tuple(QUANTITIES)
@@ -356,8 +356,7 @@ def _add_by_words(mapping: Assignment, columns: Iterable[Column]) -> None:
                     speaking.setdefault(name, []).append(column)
     for name, (column, *others) in speaking.items():
         channel = CHANNEL[name]
-        named = named_unit(column.label, channel.quantity)
-        if others or not read_name(named.stem if named else column.label).is_clear:
+        if others or not read_name(words_in(column.label, channel.quantity)).is_clear:
             continue
         where = f"{mapping.where}, column '{column.name}' as {name}"
         try:

@@ -160,10 +160,17 @@ def speaks_of(label: str, quantity: str = "", unit: str | None = None) -> dict[s
         unit: What the file states; by default what the label names.
     """
     named = named_unit(label, quantity) if quantity else None
+    is_unit = named is not None and find_unit(named.unit, quantity)
+    sure = named.unit if named and is_unit and named.is_sure and not named.doubt else None
+    return likely_channels(words_in(label, quantity), unit or sure)
+
+
+def words_in(label: str, quantity: str = "") -> str:
+    """Return a label without the unit of a quantity that it names, with all that is no unit."""
+    named = named_unit(label, quantity) if quantity else None
     if named is None or not find_unit(named.unit, quantity):
-        return likely_channels(label, unit)
-    sure = named.unit if named.is_sure and not named.doubt else None
-    return likely_channels(named.stem or label, unit or sure)
+        return label
+    return " ".join((named.stem, *named.behind)) if named.stem else label
 
 
 def without_sure_unit(label: str) -> str:

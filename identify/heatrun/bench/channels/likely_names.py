@@ -25,8 +25,8 @@ MEANINGS: dict[str, str] = {
     # quantities
     "temperature": "temp temperature temperatures temperatur temperaturen temperatura temps tmp "
     "tc 温度 温 溫度 溫 thermistor ntc ptc kty thermocouple thermal",
-    "time": "time times zeit zeitstempel uhrzeit tempo temps tiempo elapsed clock timestamp stamp "
-    "datetime date datum ora heure hora fecha today 時間 時刻 日時 経過 时间 日期",
+    "time": "time times zeit zeitstempel uhrzeit tempo temps tiempo elapsed clock timestamp "
+    "timestamps stamp datetime date datum ora heure hora fecha today 時間 時刻 日時 経過 时间 日期",
     "current": "current currents curr cur strom strome stroeme corrente corrent courant corriente "
     "amps intensidad 電流 电流",
     "voltage": "voltage volt volts spannung tensione tension voltaje 電圧 电压 電壓",
@@ -44,11 +44,11 @@ MEANINGS: dict[str, str] = {
     "rendement slip schlupf power_factor wind_speed windgeschwindigkeit 周波数 频率 効率 效率 皮相 "
     "無効 无功 视在 風速 风速",
     # what no channel is
-    "bookkeeping": "status state error err fault faults warn warning alarm count counter counts "
+    "bookkeeping": "status state error fault faults warn warning alarm count counter counts "
     "zaehler zahler flag flags mode limit limits lim grenz grenze grenzwert threshold set setpoint "
     "soll sollwert target ref reference demand cmd command version serial crc checksum valid "
     "quality index idx id dlc dir data_frame dataframe ueber uber over derating percent konstante "
-    "constant gain kp 目標 設定 指令 设定 異常 报警 状態 状态",
+    "constant gain kp std sd stdev 目標 設定 指令 设定 異常 报警 状態 状态",
     "other_body": "gearbox getriebe gear brake bremse exhaust cell transformer trafo transformator "
     "hydraulic hyd nacelle nac gondel hub nabe blade pitch tire tyre cylinder intake cpu mcu board "
     "wall wand slip_ring spinner spin fuel battery_temp 変圧器 变压器 齿轮箱",
@@ -215,7 +215,7 @@ class Spoken:
 
     Attributes:
         meanings: Of its words.
-        is_clear: Each of its words is known, and none is a number.
+        is_clear: Each of its words is known, and none is a number or takes a part of the values.
         is_symbol: Its quantity is said by a symbol alone.
     """
 
@@ -305,7 +305,7 @@ def read_name(name: str) -> Spoken:
             meanings.add(key)
         else:
             is_clear = False
-        is_clear &= not key.isdigit() or key == "0"
+        is_clear &= key not in EXTREMES and (not key.isdigit() or key == "0")
     is_symbol = bool(by_symbol) and not meanings & QUANTITY.keys()
     said = meanings | {by_symbol} if is_symbol else meanings
     return Spoken(frozenset(said), is_clear, is_symbol)
@@ -373,6 +373,12 @@ def _known() -> dict[str, frozenset[str]]:
 
 
 KNOWN = _known()
+EXTREMES = frozenset(
+    ("min", "max", "minimum", "maximum", "median", "med", "raw", "corr", "corrected", "sum", "abs",
+     "peak", "pk", "ampl", "amplitude")
+)  # fmt: skip
+"""Words behind which a column is another than the one that is meant, or not quite that."""
+
 SYMBOL_WORDS = tuple(sorted({one.casefold() for one in SYMBOLS} | {"m"}, key=len, reverse=True))
 LONGEST_WORD = 8
 LONGEST = 300
