@@ -33,7 +33,9 @@ WHY = {
 
 NUMBER = re.compile(r"(?<![\w.,])[+-]?[0-9]{1,4}(?:[.,][0-9]+)?(?![\w.,]*[0-9])")
 AT_REST = frozenset(("mechanical_power_W", "torque_Nm", "speed_rpm"))
-"""Channels that are 0 where the rotor stands, and that nobody records then."""
+ZERO = {**dict.fromkeys(AT_REST, "where the rotor stands"),
+        "i_d_A": "where the field is not weakened"}  # fmt: skip
+"""Channels that nobody records where they are 0, with when they are."""
 
 NUMBERS = {"time_s": "10", "ambient_degC": "22.0"}
 """Channels that a number may take the place of, with an example [Hz, °C]."""
@@ -147,13 +149,13 @@ def _way(
         )
         if one is not None and is_told and not is_taken:
             found[need] = one
-        elif need in AT_REST:
+        elif need in ZERO:
             at_rest += 1  # without a shaft recorded, the rotor may have stood
         else:
             return None
     is_turning = bool(AT_REST & (have | found.keys()))
     is_sure = all(one.candidate.is_likely for one in found.values())
-    is_fed = bool(found or {*way.needs} & have - AT_REST)
+    is_fed = bool(found or {*way.needs} & have - ZERO.keys())
     if not is_fed or (at_rest and (is_turning or not is_sure)):
         return None
     return at_rest, [(need, way.formula) for need in way.needs if need not in have]
@@ -239,9 +241,9 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
     if name == "phase_current_A" and not candidates and not silent:
         number = "0.0"
         sentence += " Write 0 where no current heats, and calibrate --model first."
-    if not any(one.candidate.is_likely for one in firsts) and name in AT_REST and formula:
+    if not any(one.candidate.is_likely for one in firsts) and name in ZERO and formula:
         number, candidates, each = "0.0", {}, {}
-        sentence += " No column holds it: 0 where the rotor stands."
+        sentence += f" No column holds it: 0 {ZERO[name]}."
     elif not candidates and not constants and not silent and name != "time_s":
         sentence += " No column has a unit or a name that speaks for it."
     best = {test: found[0] for test, found in each.items() if found and found[0].is_open}
@@ -287,7 +289,9 @@ def _candidates(name: str, one: Survey) -> Iterator[Candidate]:
     held: dict[str, Candidate] = {}
     for column in one.free:
         proposal = _proposal(name, column)
-        if proposal is not None and not column.is_silent:
+        # a speed of 0 may have been measured, a current of 0 is none
+        is_held = bool(column.num_values) if name in ZERO else not column.is_silent
+        if proposal is not None and is_held:
             held[column.name] = Candidate(
                 proposal.line,
                 _note(column),

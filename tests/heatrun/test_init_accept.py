@@ -124,6 +124,21 @@ def test_currents_of_d_and_q_go_before_a_motor_current(tmp_path):
     }
 
 
+def test_a_q_current_alone_asks_for_that_of_d(tmp_path):
+    columns = {"t": TIME_S, "axis0.motor.current_control.Iq_measured": CURRENT,
+               "axis0.motor.motor_thermistor.temperature": COIL}  # fmt: skip
+    text = accepted(named(tmp_path, columns))
+    assert live(text)["i_q_A"] == "axis0.motor.current_control.Iq_measured [A]"
+    assert "# i_d_A =    # put in the number, such as 0.0" in text
+
+
+def test_a_shaft_that_was_recorded_at_rest_asks_for_nothing(tmp_path):
+    zero = 0.0 * TIME_S
+    columns = {"t [s]": TIME_S, "P_in [W]": INPUT, "Aux M2 [Nm]": zero, "Aux n2 [rpm]": zero}
+    said = live(accepted(named(tmp_path, columns)))
+    assert (said["torque_Nm"], said["speed_rpm"]) == ("Aux M2 [Nm]", "Aux n2 [rpm]")
+
+
 def test_what_warms_with_the_load_is_a_temperature_without_name_and_unit(tmp_path):
     noise = np.random.default_rng(4).normal(50.0, 20.0, TIME_S.size)
     columns = {"t [s]": TIME_S, "A1": noise, "A2": COIL, "A3": ROOM, "I_rms [A]": CURRENT}

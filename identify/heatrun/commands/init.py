@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 USUAL_NAME = "motor.toml"
 UNITS = {"phase_resistance_ohm": "Ω at 25 °C", "time_s": "samples per second",
          "phase_current_A": "A", "ambient_degC": "°C", "mechanical_power_W": "W",
-         "torque_Nm": "Nm", "speed_rpm": "rpm"}  # fmt: skip
+         "torque_Nm": "Nm", "speed_rpm": "rpm", "i_d_A": "A"}  # fmt: skip
 """What a number is asked in."""
 
 

@@ -33,7 +33,7 @@ MEANINGS: dict[str, str] = {
     "power": "power pwr leistung potenza puissance potencia 電力 功率",
     "speed": "speed spd drehzahl drehz velocita vitesse velocidad velocity vel rpm omega giri "
     "tours regime revs geschwindigkeit 回転数 回転速度 转速 轉速 速度",
-    "torque": "torque torq trq tq drehmoment moment coppia couple par momento トルク "
+    "torque": "torque torq trq tq drehmoment drehmom moment coppia couple par momento トルク "
     "转矩 扭矩 轉矩",
     "flow": "flow durchfluss durchfl volumenstrom portata debit caudal 流量",
     "resistance": "resistance widerstand resistenza resistencia ohm 抵抗 电阻 電阻",
@@ -54,14 +54,14 @@ MEANINGS: dict[str, str] = {
     "wall wand slip_ring spinner spin fuel battery_temp 変圧器 变压器 齿轮箱",
     # where
     "winding": "winding windings wdg wndg wnd wickl wicklung wicklungen spule coil coils avv "
-    "avvolgimento avvolg bobina bobine bobinage enroulement enroul devanado bobinado arrollamiento "
-    "copper kupfer rame cuivre cobre hotspot hot_spot slot 巻線 巻き線 捲線 "
+    "avvolgimento avvolgimenti avvolg bobina bobine bobinage enroulement enroul devanado "
+    "bobinado arrollamiento copper kupfer rame cuivre cobre hotspot hot_spot slot 巻線 巻き線 捲線 "
     "コイル 绕组 繞組 线圈 線圈",
     "winding_short": "sw cu nut wind wck wckl windg",
     "end_winding": "endwinding end_winding endwdg end_wdg end_turn winding_head wickelkopf "
     "wickelkopfe wickelkoepfe overhang testata tete_de_bobine コイルエンド 端部绕组",
-    "ambient": "ambient amb room raum environment environ environnement umgebung umgebungs umg "
-    "umluft luft air aria ambiente ambiante ambiance stanza sala piece lab labor laboratorio "
+    "ambient": "ambient amb room raum environment environ environnement umgebung umgebungs umgeb "
+    "umg umluft luft air aria ambiente ambiante ambiance stanza sala piece lab labor laboratorio "
     "hall halle aussen outside outdoor env 室温 室溫 周囲 外気 雰囲気 环境 環境 室内 气温 気温",
     "coolant": "coolant cool cooling kuhlmittel kuhlwasser kuehlmittel kuehlwasser kuhl kuehl "
     "water wasser acqua eau agua refrigerant refrigerante refroidissement raffreddamento glycol "
