@@ -39,7 +39,9 @@ LEAST_FIT = 0.5
 LEAST_RISE_K, COLDEST, HOTTEST = 5.0, -40.0, 300.0
 """Of a column that nothing but its course calls a temperature [K, °C]."""
 
-MOST_PRODUCTS = 24
+MOST_PRODUCTS, MOST_LOADS = 24, 3
+"""So many are held against each column: files have thousands."""
+
 LOADS = ("phase_current_A", "losses_W", "electrical_power_W", "dc_current_A", "torque_Nm", "i_q_A")
 
 
@@ -81,7 +83,9 @@ def with_evidence(
         if voltage.shape == current.shape
     }
     loads = [one for name in LOADS for one in by_channel.get(name, {}).items()]
-    return tuple(_looked_at(one, values.get(one.name), known, products, loads) for one in free)
+    return tuple(
+        _looked_at(one, values.get(one.name), known, products, loads[:MOST_LOADS]) for one in free
+    )
 
 
 def _converted(values: np.ndarray, channel: str, symbol: str) -> np.ndarray:
@@ -188,8 +192,8 @@ def warms_with(temperature: np.ndarray, load: np.ndarray) -> bool:
     if np.max(np.abs(change)) > 0.3 * np.ptp(level):  # it jumps
         return False
     columns = np.column_stack((heat[1:] / np.ptp(heat), level[:-1], np.ones(change.size)))
-    (a, b, _), *_ = np.linalg.lstsq(columns, change, rcond=None)
-    left = change - columns @ np.linalg.lstsq(columns, change, rcond=None)[0]
+    a, b, c = np.linalg.lstsq(columns, change, rcond=None)[0]
+    left = change - columns @ np.array((a, b, c))
     return bool(a > 0.0 > b and np.var(left) <= (1.0 - LEAST_FIT) * np.var(change))
 
 
