@@ -1,4 +1,4 @@
-"""What each key of the motor file means: the one text behind `heatrun init` and the reference page.
+"""What each key of the motor file means: the text of the reference page.
 
 `heatrun.motorfile` decides what is accepted; a test holds the two together.
 """
