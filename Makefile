@@ -140,7 +140,7 @@ notebooks: $(VENV)/ready
 schemas: $(VENV)/ready
 	$(BIN)/python -m heatrun.results.schema
 
-# The reference page of the motor file, from the meanings that `heatrun init` writes.
+# The reference page of the motor file, from the meanings of its keys.
 docs: $(VENV)/ready
 	$(BIN)/python -m heatrun.motor_page notebooks/motor_file.md
 

@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _call(options: argparse.Namespace) -> int:
     """Run the command of the options and turn what it raises into messages and exit codes."""
     from .commands.console import print_error, printable, say
-    from .commands.words import cut_tests
+    from .commands.words import cut_tests, tell_tests
 
     use_caches(say)
     one_thread_for_small_matrices()
@@ -58,6 +58,7 @@ def _call(options: argparse.Namespace) -> int:
         sys.stdout.reconfigure(encoding=encoding, errors="backslashreplace")
     try:
         check_stated_moment()
+        tell_tests(options)
         cut_tests(options)
         prepare_for_limit(options.command)
         with damaged_are_replaced(say):

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 if TYPE_CHECKING:
+    from .bench.channels.claims import Columns
     from .bench.stretch import Stretch
 
 from .certificate import Certificate
@@ -64,12 +65,14 @@ class PartsOfTest:
         mask: Windows whose readings are not compared, first and last time [s].
         bridge: Windows whose loads are interpolated, likewise.
         gap_load: The load in gaps of the logger; None where the record is to tell.
+        columns: Its own `[columns]`, before those of the motor file.
     """
 
     use: tuple[Stretch, ...] = ()
     mask: tuple[tuple[float, float], ...] = ()
     bridge: tuple[tuple[float, float], ...] = ()
     gap_load: GapLoad | None = None
+    columns: Columns = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -94,7 +97,8 @@ class Motor:
         lead_resistance_ohm: Of the leads in it [ohm].
         gear_ratio: Motor speed over wheel speed [1], or None.
         wheel_radius_m: Rolling radius [m], or None.
-        columns: Canonical channel to `"column in the file [unit]"`.
+        columns: Canonical channel to `"column in the file [unit]"`, or to several of which the
+            first counts whose column a file has.
         constants: Value of a channel that holds for a whole test, in the channel's unit, for
             records that do not have it.
         parameters: Overrides of prior or value by parameter name.
@@ -127,7 +131,7 @@ class Motor:
     lead_resistance_ohm: float = 0.0
     gear_ratio: float | None = None
     wheel_radius_m: float | None = None
-    columns: Mapping[str, str] = field(default_factory=dict)
+    columns: Columns = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)
     parameters: Mapping[str, ParameterOverride] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
@@ -139,6 +143,11 @@ class Motor:
     decimal: Literal[".", ","] | None = None
     sha256: str = ""
     path: str = ""
+
+    def columns_of(self, test: str) -> Columns:
+        """Return the `[columns]` of a test by its name: its own before those of the machine."""
+        parts = self.tests.get(test)
+        return self.columns if parts is None else {**self.columns, **parts.columns}
 
     def resistance_ratio(self, winding_degC: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
         """Return R(T)/Rs0 = (B + T)/(B + Tref) at winding temperatures [1]."""

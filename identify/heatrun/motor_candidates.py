@@ -7,8 +7,9 @@
 - Phase current: an rms value is never negative; the one that moves the most with the load.
 - Losses: positive in the mean. Time: never falls.
 
-A name that speaks for the channel goes before values, unless they contradict it. Columns that stay
-at one number come last, except for the ambient, which may be one.
+A name that speaks for the channel goes before values, unless they contradict it, as a power that is
+torque·omega and a little more contradicts its name of losses. Columns that stay at one number come
+last, except for the ambient, which may be one.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from .bench.channels.likely_names import LIKELY
+from .bench.channels.schema import REQUIRED
 from .bench.column_course import Course
+from .bench.free_columns import Evidence
 
 LEAST_MOVE_K = 5.0
 """Below it, temperatures of a record do not tell bodies apart [K]."""
@@ -42,18 +46,30 @@ class Candidate:
     Attributes:
         line: Right-hand side.
         shown: What its column holds, in words.
-        is_likely: The name speaks for the channel.
+        score: How surely the name speaks for the channel, as `likely_names`.
         is_assumed: Its unit is not known.
         course: In the channel's unit; None where the values were not looked at.
-        is_mean: It is the mean of the sensors of three phases.
+        columns: Its column, or those of the three phases that it is the mean of.
+        evidence: What other columns say of it, or None.
     """
 
     line: str
     shown: str
-    is_likely: bool
+    score: int
     is_assumed: bool
     course: Course | None
-    is_mean: bool = False
+    columns: tuple[str, ...]
+    evidence: Evidence | None = None
+
+    @property
+    def is_mean(self) -> bool:
+        """It is the mean of the sensors of three phases."""
+        return len(self.columns) > 1
+
+    @property
+    def is_likely(self) -> bool:
+        """The name speaks for the channel, or the other columns do, and for no other one."""
+        return self.score >= LIKELY or (self.evidence is not None and self.evidence.is_alone)
 
     @property
     def move(self) -> float:
@@ -79,8 +95,23 @@ class _Verdict:
     praise: str = ""
 
 
-def ranked(channel: str, candidates: Sequence[Candidate]) -> list[tuple[str, str]]:
-    """Return lines with a note on each, the likely ones first.
+@dataclass(frozen=True)
+class Ranked:
+    """A candidate in its place.
+
+    Attributes:
+        candidate: The candidate.
+        note: What speaks for it or against it.
+        is_open: Nothing speaks against it.
+    """
+
+    candidate: Candidate
+    note: str
+    is_open: bool
+
+
+def ranked(channel: str, candidates: Sequence[Candidate]) -> list[Ranked]:
+    """Return candidates with a note on each, the likely ones first, each line once.
 
     Args:
         channel: Canonical name.
@@ -90,16 +121,18 @@ def ranked(channel: str, candidates: Sequence[Candidate]) -> list[tuple[str, str
     largest = max(moves, default=0.0)
     judged = [(one, _verdict(channel, one, largest)) for one in candidates]
     judged.sort(key=_place)
-    notes: dict[str, str] = {}
+    found: dict[str, Ranked] = {}
     for one, said in judged:
         words = [one.shown]
-        if len(judged) > 1 and not notes:
-            words += ["by its name"] if one.is_likely and not one.is_mean else []
+        if len(judged) > 1 and not found:
+            words += ["by its name"] if one.score >= LIKELY and not one.is_mean else []
             words.append(said.praise or said.words)
         elif len(judged) > 1 or said.grade > 1:
             words.append(said.words)
-        notes.setdefault(one.line, "; ".join(filter(None, words)))
-    return list(notes.items())
+        words.append(one.evidence.words if one.evidence and one.evidence.speaks else "")
+        note = "; ".join(filter(None, words))
+        found.setdefault(one.line, Ranked(one, note, said.grade <= 1))
+    return list(found.values())
 
 
 def _place(judged: tuple[Candidate, _Verdict]) -> tuple[float, ...]:
@@ -107,6 +140,7 @@ def _place(judged: tuple[Candidate, _Verdict]) -> tuple[float, ...]:
     return (
         said.grade if said.grade > 1 else 0,
         not one.is_likely,
+        -one.score if one.is_likely else 0,
         one.is_assumed,
         said.grade,
         not (one.is_mean and one.is_likely),
@@ -117,13 +151,15 @@ def _place(judged: tuple[Candidate, _Verdict]) -> tuple[float, ...]:
 
 def _verdict(channel: str, one: Candidate, largest: float) -> _Verdict:
     course = one.course
+    if one.evidence is not None and not one.evidence.speaks:
+        return _Verdict(2, words=one.evidence.words)
     if course is None:
         return _Verdict(1)
     if channel == "ambient_degC":
         return _ambient(one, course, largest)
     if channel == "winding_degC":
         return _winding(one, largest)
-    if course.low == course.high:
+    if course.low == course.high and channel in REQUIRED:
         return _Verdict(3)
     if channel == "phase_current_A":
         if course.low < -OFFSET_SHARE * abs(course.high):

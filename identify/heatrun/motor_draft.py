@@ -1,51 +1,86 @@
 """The text of a motor file for tests that nobody has described yet: what `heatrun init` writes.
 
-What is recognised, proposed or missing stands in comments, and nothing that was not read from the
-files is set: a line holds once a person has removed the # in front of it.
+What is recognised, proposed or missing stands in at most `MOST_LINES` lines. Nothing that was not
+read from the files is set: a line holds once a person has removed the # in front of it, or, with
+`is_accepted`, at once, marked to be checked. All keys are explained on the page of the motor file.
 """
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Sequence, Set
+import re
+from collections.abc import Iterator, Mapping, Sequence, Set
+from itertools import zip_longest
 from pathlib import Path
 
-from .bench.channels.schema import CHANNEL
 from .bench.free_columns import flat
 from .bench.survey import Survey
 from .io.printable import printable
 from .motor_gaps import LONGEST_LINE, Gap, found_resistance, gaps
-from .motor_keys import (
-    COLUMNS,
-    CONSTANTS,
-    INSTRUMENTS,
-    PARAMETERS,
-    SECTIONS,
-    SENSORS,
-    TESTS,
-    WINDING,
-    Key,
-    Section,
-)
+from .motor_keys import WINDING
 from .motor_stated import stated_resistance
 from .version import __version__
 
-WIDTH = 96
+MOST_LINES = 40
+WIDTH = 160
+"""Characters of a line of comment; longer ones are cut, `heatrun init` prints them whole."""
+
+MOST_OPEN = 3
+"""Questions and lines on what is recognised, of each kind."""
+
+LEAST_FREE = 4
+"""Lines that candidates leave to columns that no channel claims."""
+
+PLEASE_CHECK = "please check"
+INSULATION = '# insulation_class = "F"    # with it: continuous current and time to the limit'
 
 
-def draft(name: str, surveys: Sequence[Survey]) -> str:
+def draft(
+    name: str,
+    surveys: Sequence[Survey],
+    *,
+    is_accepted: bool = False,
+    numbers: Mapping[str, float] | None = None,
+) -> str:
     """Return the text of a commented motor file that loads as it is.
 
     Args:
         name: Of the machine; a blank one becomes "motor".
         surveys: What the files hold, from `heatrun.bench.survey.survey`.
+        is_accepted: The best candidates hold.
+        numbers: What a person has said, by key or channel; of `time_s` the rate [Hz].
     """
+    numbers = numbers or {}
     missing = gaps(surveys)
-    lines = [*_head(surveys, missing), ""]
-    for section in SECTIONS:
-        lines += _section(section, name, surveys, missing)
-        lines.append("")
-    return "\n".join(lines).rstrip("\n") + "\n"
+    mark = "" if is_accepted else "# "
+    unsaid = [gap for gap in missing if (gap.channel or gap.key) not in numbers]
+    head = _head(surveys, [gap for gap in unsaid if not (is_accepted and gap.is_answered)])
+    motor = ["", "[motor]", f"name = {toml_text(name.strip() or 'motor')}", INSULATION]
+    winding = ["", "[winding]", *_winding(surveys, missing, mark)]
+    constants = ["", "[constants]", *_constants(missing, mark)]
+    columns = ["", "[columns]", *_remarks(surveys)]
+    overrides = _overrides(missing, mark)
+    fixed = (*head, *motor, *winding, *columns, *constants, *overrides)
+    shown = {side for gap in missing for side, _ in gap.candidates}
+    free = _free(surveys, {gap.channel for gap in missing}, shown)
+    left = MOST_LINES - len(fixed)
+    offered = _offered(missing, mark, left - min(len(free), LEAST_FREE))
+    left -= len(offered)
+    if len(free) > left:
+        rest = f"#   … and {len(free) - left + 1} more columns: heatrun check lists them"
+        free = [*free[: left - 1], rest] if left else []
+    lines = (*head, *motor, *winding, *columns, *offered, *free, *constants, *overrides)
+    text = "\n".join(lines) + "\n"
+    for said, number in numbers.items():
+        text = _with_number(text, said, number)
+    return text
+
+
+def _with_number(text: str, name: str, number: float) -> str:
+    """Return a draft with a number in the line that waits for it."""
+    if name == "time_s":
+        return text.replace("[columns]\n", f'[columns]\ntime_s = "rate {number:g} Hz"\n', 1)
+    line = f"{name} = {number!r}"
+    return re.sub(rf"^# {name} = .*$", line, text, count=1, flags=re.MULTILINE)
 
 
 def toml_text(text: str) -> str:
@@ -64,64 +99,50 @@ def _code(character: str) -> str:
 def _head(surveys: Sequence[Survey], missing: Sequence[Gap]) -> list[str]:
     files = ", ".join(Path(one.path).name for one in surveys)
     lines = [
-        *_comment(f"Motor file for {files}, drafted by heatrun init (heatrun {__version__})."),
-        *_comment(
-            "What stands behind a # is a comment. To set something, remove the # in front of its "
-            "line and put in your value."
-        ),
-        "#",
+        _comment(f"Motor file for {files}, drafted by heatrun init (heatrun {__version__})."),
+        "# A line holds once its # is removed. All keys: notebooks/motor_file.md of heatrun.",
     ]
-    if not missing:
-        lines += _comment("All channels that a calibration needs are recognised.")
+    if missing:
+        lines.append("# Missing:")
+        lines += [_comment(f"{number}. {gap.place}: {_first(gap.sentence)}")
+                  for number, gap in enumerate(missing, 1)]  # fmt: skip
     else:
-        lines += _comment("Missing, and why it matters:")
-        for number, gap in enumerate(missing, 1):
-            lines += _comment(f"{number}. {gap.place}: {gap.sentence}", indent="   ")
-    for one in surveys:
-        for question in one.questions:
-            lines += _comment(f"Open: {question}")
-    return lines
+        lines.append("# All channels that a calibration needs are there.")
+    questions = [question for one in surveys for question in one.questions]
+    return lines + [_comment(f"Open: {question}") for question in questions[:MOST_OPEN]]
 
 
-def _section(
-    section: Section, name: str, surveys: Sequence[Survey], missing: Sequence[Gap]
-) -> list[str]:
-    lines = _comment(section.meaning)
-    # each of these stands once for each of several things
-    example = {PARAMETERS: "Ceq_w", TESTS: "NAME", INSTRUMENTS: ""}.get(section)
-    if example is not None:
-        lines.append(f"# {section.heading.replace('NAME', example)}")
-        for key in section.keys:
-            lines += _comment(f"{key.meaning} Default: {key.default}.")
-            lines.append(f"# {key.name} = {key.example}")
-        return lines
-    lines.append(section.heading)
-    if section is COLUMNS:
-        return lines + _columns(surveys, missing)
-    if section is CONSTANTS:
-        return lines + _constants(missing)
-    if section is SENSORS:
-        return [*lines, '# tooth_degC = "stator"', '# stator_degC = "none"']
-    known = {"name": toml_text(name.strip() or "motor")} | found_resistance(surveys)
-    stated = stated_resistance(surveys) if section is WINDING else {}
-    for key in section.keys:
-        gap = next((gap for gap in missing if gap.key == key.name), None)
-        lines += _comment(f"{key.meaning} Default: {key.default}.")
-        lines += gap.lines if gap else ()
-        if key.name not in known and stated.get(key.name):
-            lines += [
-                f"# {key.name} = {value!r}  # from {where}"
-                for value, where in stated[key.name].items()
-            ]
-        else:
-            lines.append(_key(key, known.get(key.name), is_missing=gap is not None))
-    return lines
+def _first(sentences: str) -> str:
+    """Return so many sentences, one at least, as have room on a line."""
+    kept, *others = re.split(r"(?<=\.) (?=[A-Z])", sentences)
+    for one in others:
+        if len(kept) + len(one) > WIDTH - 40:
+            break
+        kept = f"{kept} {one}"
+    return kept
 
 
-def _key(key: Key, value: str | None, *, is_missing: bool) -> str:
-    if value:
-        return f"{key.name} = {value}"
-    return _blank(key.name, key.example) if is_missing else f"# {key.name} = {key.example}"
+def _winding(surveys: Sequence[Survey], missing: Sequence[Gap], mark: str) -> Iterator[str]:
+    known = found_resistance(surveys)
+    stated = stated_resistance(surveys)
+    for gap in missing:
+        yield from gap.lines[:MOST_OPEN]
+    for key in WINDING.keys:
+        if key.name in known:
+            yield f"{key.name} = {known[key.name]}"
+        elif stated.get(key.name):
+            for place, (value, where) in enumerate(stated[key.name].items()):
+                if place < MOST_OPEN:
+                    yield _value(key.name, repr(value), f"from {where}", "# " if place else mark)
+        elif any(gap.key == key.name for gap in missing):
+            yield _blank(key.name, key.example)
+        elif key.name == "reference_temperature_degC":
+            yield f"# {key.name} = {key.example}"
+
+
+def _value(name: str, value: str, note: str, mark: str) -> str:
+    note = note if mark else f"{PLEASE_CHECK}: {note}"
+    return f"{mark}{name} = {value}  # {note}"
 
 
 def _blank(name: str, example: str) -> str:
@@ -129,78 +150,104 @@ def _blank(name: str, example: str) -> str:
     return f"# {name} =    # put in the number, such as {example}"
 
 
-def _columns(surveys: Sequence[Survey], missing: Sequence[Gap]) -> list[str]:
-    lines = []
-    for one in surveys:
-        if one.recognised or one.derived:
-            lines += ["#", *_comment(f"Recognised in {Path(one.path).name} (nothing to do):")]
-        for reading in one.recognised:
-            is_assumed = reading.unit_from == "assumed"
-            side = f"{reading.column} [{reading.unit}]" if is_assumed else reading.column
-            how = f"unit {reading.unit} ASSUMED: " if is_assumed else ""
-            more = "remove the # to state it; " if is_assumed else ""
-            lines.append(_line(reading.channel, side, f"{how}{more}{reading.found_by}"))
-        lines += [f"#   {channel} = {formula}" for channel, formula in one.derived.items()]
-        for silent in one.silent:
-            column = printable(flat(silent.column))
-            lines += _comment(
-                f"  {silent.channel} from column '{column}' of {Path(one.path).name}: "
-                f"{silent.held}. Name another column if this one was not recorded.",
-                indent="    ",
+def _remarks(surveys: Sequence[Survey]) -> Iterator[str]:
+    """Yield what was recognised: with a line to confirm where the unit is assumed."""
+    for one in surveys[:MOST_OPEN]:
+        where = Path(one.path).name
+        known = [f"{each.channel} = {each.column}" for each in one.recognised]
+        known += [f"{channel} = {formula}" for channel, formula in one.derived.items()]
+        if known:
+            yield _comment(f"Recognised in {where}: {', '.join(known)}")
+        assumed = [each for each in one.recognised if each.unit_from == "assumed"]
+        for each in assumed[:MOST_OPEN]:
+            how = f"unit {each.unit} ASSUMED: remove the # to state it; {each.found_by}"
+            yield _line(each.channel, toml_text(f"{each.column} [{each.unit}]"), how, "# ")
+        for silent in one.silent[:MOST_OPEN]:
+            yield _comment(
+                f"  {silent.channel} from column '{flat(silent.column)}' of {where}: "
+                f"{silent.held}. Name another column if this one was not recorded."
             )
+
+
+def _offered(missing: Sequence[Gap], mark: str, most: int) -> list[str]:
+    """Return lines of candidates: the best of each channel, then the others in turn."""
+    rows = []
     for gap in missing:
-        if gap.channel in CHANNEL and gap.candidates:
-            title = f"Candidates for {gap.channel} ({CHANNEL[gap.channel].meaning}), likely first:"
-            lines += ["#", *_comment(title)]
-            lines += [_line(gap.channel, side, note) for side, note in gap.candidates]
-    settled = {channel for one in surveys for channel in one.channels}
-    settled |= {gap.channel for gap in missing}
-    shown = {side for gap in missing for side, _ in gap.candidates}
-    for one in surveys:
-        lines += _free(one, settled, shown)
-    return lines
+        lines = []
+        if gap.best and gap.is_of_some and gap.channel:
+            side = f"[{', '.join(map(toml_text, gap.best))}]"
+            own = dict(gap.candidates).get(gap.best[0], "")
+            note = own if len(gap.best) == 1 else "of each logger its own"
+            lines.append(_line(gap.channel, side, note, mark))
+        for side, note in gap.candidates:
+            if not gap.is_of_some or side not in gap.best:
+                is_best = gap.best[:1] == (side,)
+                lines.append(_line(gap.channel, toml_text(side), note, mark if is_best else "# "))
+        rows.append(lines)
+    ranks = [(place, row) for place, row in enumerate(zip_longest(*rows))]
+    kept = {line for _, row in ranks for line in row if line is not None}
+    turn = [line for _, row in ranks for line in row if line in kept][: max(most, 0)]
+    return [line for lines in rows for line in lines if line in turn]
 
 
-def _free(one: Survey, settled: Set[str], shown: Set[str]) -> list[str]:
+def _free(surveys: Sequence[Survey], missing: Set[str], shown: Set[str]) -> list[str]:
     """Return the columns that no channel claims, with a line for what each may be.
 
     Args:
-        one: What a file holds.
-        settled: Channels that are recognised, or whose candidates stand above.
+        surveys: What the files hold.
+        missing: Channels whose candidates stand above.
         shown: Right-hand sides that stand above.
     """
-    free = [c for c in one.free if not shown & {c.name, *(p.line for p in c.proposals)}]
-    if not free:
-        return []
-    lines = ["#", *_comment(f"Columns of {Path(one.path).name} that no channel claims:")]
-    for column in free:
-        likely = [p for p in column.proposals if p.is_likely and p.channel not in settled]
-        if likely and not column.is_silent and len(likely[0].line) <= LONGEST_LINE:
-            lines.append(_line(likely[0].channel, likely[0].line, column.shown()))
-        else:
-            lines.append(f"#   {printable(flat(column.name))}: {column.shown()}")
+    lines = []
+    settled = {channel for one in surveys for channel in one.channels} | missing
+    for one in surveys:
+        for column in one.free:
+            if shown & {column.name, *(p.line for p in column.proposals)}:
+                continue
+            likely = [p for p in column.proposals if p.is_likely and p.channel not in settled]
+            if likely and not column.is_silent and len(likely[0].line) <= LONGEST_LINE:
+                best = likely[0]
+                lines.append(_line(best.channel, toml_text(best.line), column.shown(), "# "))
+            else:
+                lines.append(_comment(f"  {flat(column.name)}: {column.shown()}"))
+    return lines and ["# No channel claims:", *lines]
+
+
+def _constants(missing: Sequence[Gap], mark: str) -> list[str]:
+    lines = []
+    for gap in missing:
+        lines += gap.constants[:MOST_OPEN]
+        is_blank = gap.channel not in ("", "time_s") and not gap.constants
+        if gap.number and is_blank and (mark or not gap.best):
+            lines.append(_blank(gap.channel, gap.number))
+        if gap.constants and not gap.best and not mark:
+            lines[-len(gap.constants[:MOST_OPEN])] = _accepted(gap.constants[0])
+    if not any(line.lstrip("# ").startswith("ambient_degC") for line in lines):
+        lines.append("# ambient_degC = 22.0")
     return lines
 
 
-def _constants(missing: Sequence[Gap]) -> list[str]:
-    lines = [line for gap in missing for line in gap.constants]
-    if not any(line.startswith("# ambient_degC") for line in lines):
-        is_missing = any(gap.channel == "ambient_degC" for gap in missing)
-        lines.append(_blank("ambient_degC", "22.0") if is_missing else "# ambient_degC = 22.0")
-    return lines
+def _accepted(line: str) -> str:
+    return line.removeprefix("# ").replace("  # ", f"  # {PLEASE_CHECK}: ", 1)
 
 
-def _line(channel: str, side: str, note: str) -> str:
-    return f"# {channel} = {toml_text(side)}  # {printable(flat(note))}"
+def _overrides(missing: Sequence[Gap], mark: str) -> list[str]:
+    """Return `[tests.NAME.columns]` of files in which a line of `[columns]` is another channel."""
+    of_tests: dict[str, list[str]] = {}
+    for gap in missing:
+        for test, side in gap.of_tests.items():
+            note = "in this file another column is called so"
+            of_tests.setdefault(test, []).append(_line(gap.channel, toml_text(side), note, mark))
+    return [line for test, lines in of_tests.items()
+            for line in ("", f"{mark}[tests.{toml_text(test)}.columns]", *lines)]  # fmt: skip
 
 
-def _comment(text: str, indent: str = "") -> list[str]:
-    """Return a text as lines of comment; it may hold names out of a file."""
-    wrapped = textwrap.wrap(
-        printable(flat(text)),
-        WIDTH - 2,
-        subsequent_indent=indent,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
-    return [f"# {line}" for line in wrapped]
+def _line(channel: str, side: str, note: str, mark: str) -> str:
+    note = printable(flat(note))
+    return f"{mark}{channel} = {side}  # {note if mark else f'{PLEASE_CHECK}: {note}'}"
+
+
+def _comment(text: str) -> str:
+    """Return a text as one line of comment; it may hold names out of a file."""
+    line = f"# {printable(text.replace(chr(10), ' '))}"
+    return line if len(line) <= WIDTH else f"{line[: WIDTH - 1]}…"

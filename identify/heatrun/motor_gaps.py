@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from .bench.channels.by_resistance import tells_winding
-from .bench.channels.derive import ELECTRICAL, SHAFT
-from .bench.channels.likely_names import LIKELY
+from .bench.channels.derive import DERIVATIONS, SHAFT, Derivation
+from .bench.channels.likely_names import LIKELY, SURE, read_name
 from .bench.channels.schema import CHANNEL, REQUIRED
 from .bench.channels.units import find_unit
 from .bench.column_course import Course
 from .bench.free_columns import FreeColumn, Proposal, flat
 from .bench.phase_means import PhaseMean
+from .bench.readers.read import name_of_test
 from .bench.survey import Survey
 from .io.printable import printable
-from .motor_candidates import ROOM_RANGE, Candidate, ranked
+from .motor_candidates import ROOM_RANGE, Candidate, Ranked, ranked
 from .motor_stated import stated_ohms
 
 WHY = {
@@ -35,6 +36,14 @@ WHY = {
 """Why a channel that a calibration needs matters."""
 
 NUMBER = re.compile(r"(?<![\w.,])[+-]?[0-9]{1,4}(?:[.,][0-9]+)?(?![\w.,]*[0-9])")
+AT_REST = frozenset(("mechanical_power_W", "torque_Nm", "speed_rpm"))
+ZERO = {**dict.fromkeys(AT_REST, "where the rotor stands"),
+        "i_d_A": "where the field is not weakened"}  # fmt: skip
+"""Channels that nobody records where they are 0, with when they are."""
+
+NUMBERS = {"time_s": "10", "ambient_degC": "22.0"}
+"""Channels that a number may take the place of, with an example [Hz, °C]."""
+
 MOST_CANDIDATES = 12
 LONGEST_LINE = 450
 """Characters; the motor file takes 500 on a right-hand side."""
@@ -48,9 +57,16 @@ class Gap:
         channel: Canonical name, empty for a key.
         key: Key of the motor file, empty for a channel.
         sentence: Why it matters and what to do.
-        candidates: Right-hand sides of `[columns]` with a note on each.
+        candidates: Right-hand sides of `[columns]` with a note on each, the best first; of several
+            loggers the best of each before the others.
         constants: Lines of `[constants]`, commented.
         lines: Further lines of comment at the key.
+        best: Right-hand sides of which the tests need one each, in the order of the tests; empty
+            where what speaks for the first candidate is contradicted.
+        of_tests: By file those for which the first of `best` that it has is another channel.
+        is_zero: A column that is read for it holds 0 throughout, which may have been measured.
+        is_of_some: Other tests have the channel, or another of `best`.
+        number: Example of a number that takes the place of a column, or empty.
     """
 
     channel: str
@@ -59,26 +75,105 @@ class Gap:
     candidates: tuple[tuple[str, str], ...] = ()
     constants: tuple[str, ...] = ()
     lines: tuple[str, ...] = ()
+    best: tuple[str, ...] = ()
+    of_tests: Mapping[str, str] = field(default_factory=dict)
+    is_zero: bool = False
+    is_of_some: bool = False
+    number: str = ""
 
     @property
     def place(self) -> str:
         """Where it is to be written."""
-        return f"[columns] {self.channel}" if self.channel else f"[winding] {self.key}"
+        is_column = self.candidates or not self.number or self.channel == "time_s"
+        section = "columns" if is_column else "constants"
+        return f"[{section}] {self.channel}" if self.channel else f"[winding] {self.key}"
+
+    @property
+    def is_answered(self) -> bool:
+        """The tests themselves say what may stand there, for a person to check."""
+        return bool(self.best or self.constants or self.is_zero)
 
 
 def gaps(surveys: Sequence[Survey]) -> tuple[Gap, ...]:
     """Return what tests leave out, in the order of the motor file.
 
-    A channel counts as missing if one of the files has it neither as a column nor by a formula,
-    and no other file of the tests does either.
+    A channel is missing if a test has it neither as a column nor by a formula. Where a formula of
+    columns that are there says more than the best column, its channels are the missing ones.
 
     Args:
-        surveys: What the files hold.
+        surveys: What the files hold; those of one test bear its name.
     """
-    have = frozenset().union(*(one.channels for one in surveys))
-    have |= {"winding_degC"} if tells_winding(have) else set()
+    tests: dict[str, list[Survey]] = {}
+    for one in surveys:
+        tests.setdefault(one.test or one.path, []).append(one)
+    silent = {each.channel for one in surveys for each in one.silent}
+    somewhere = frozenset().union(*(one.channels for one in surveys))
+    wanted: dict[str, dict[str, str]] = {}
+    for test, files in tests.items():
+        have = frozenset().union(*(one.channels for one in files))
+        # zeros of a test beside one that has the channel were measured
+        have |= {name for name in silent if name in somewhere}
+        have |= {"winding_degC"} if tells_winding(have) else set()
+        for name in REQUIRED:
+            for need, formula in _needed(name, files, have) if name not in have else ():
+                wanted.setdefault(need, {})[test] = formula
     found = [] if found_resistance(surveys) else [_resistance(surveys)]
-    return (*found, *(_channel(name, surveys) for name in REQUIRED if name not in have))
+    if "phase_current_A" in _zeros(surveys) - somewhere:  # no copper loss
+        found = [replace(gap, is_zero=True) for gap in found]
+    order = [*REQUIRED, *(name for name in CHANNEL if name not in REQUIRED)]
+    return (*found, *(_channel(name, wanted[name], tests) for name in order if name in wanted))
+
+
+def _zeros(surveys: Sequence[Survey]) -> set[str]:
+    return {each.channel for one in surveys for each in one.silent if not each.is_empty}
+
+
+def _needed(name: str, files: Sequence[Survey], have: Set[str]) -> list[tuple[str, str]]:
+    """Return the channels that lead to one that is missing, each with the formula, or itself."""
+    direct = _best(name, files)
+    score = direct.candidate.score if direct else 0
+    if score >= (LIKELY if name == "losses_W" else SURE):
+        return [(name, "")]
+    ways = [_way(way, files, have) for way in DERIVATIONS if way.channel == name]
+    # what needs the fewest numbers of a person, then the fewest columns
+    told = sorted((way for way in ways if way), key=lambda way: (way[0], len(way[1])))
+    return told[0][1] if told else [(name, "")]
+
+
+def _way(
+    way: Derivation, files: Sequence[Survey], have: Set[str]
+) -> tuple[int, list[tuple[str, str]]] | None:
+    """Return how many numbers a formula asks for, and its missing channels; None if it is none."""
+    found: dict[str, Ranked] = {}
+    at_rest = 0
+    for need in (need for need in way.needs if need not in have):
+        one = _best(need, files)
+        is_told = one is not None and (one.candidate.is_likely or _is_only(need, files))
+        is_taken = one is not None and one.candidate.columns in (
+            other.candidate.columns for other in found.values()
+        )
+        if one is not None and is_told and not is_taken:
+            found[need] = one
+        elif need in ZERO:
+            at_rest += 1  # without a shaft recorded, the rotor may have stood
+        else:
+            return None
+    is_turning = bool(AT_REST & (have | found.keys()))
+    is_sure = all(one.candidate.is_likely for one in found.values())
+    is_fed = bool(found or {*way.needs} & have - ZERO.keys())
+    if not is_fed or (at_rest and (is_turning or not is_sure)):
+        return None
+    return at_rest, [(need, way.formula) for need in way.needs if need not in have]
+
+
+def _is_only(name: str, files: Sequence[Survey]) -> bool:
+    return sum(1 for one in files for _ in _candidates(name, one)) == 1
+
+
+def _best(name: str, files: Sequence[Survey]) -> Ranked | None:
+    """Return the best candidate of a test if nothing speaks against it."""
+    found = ranked(name, [each for one in files for each in _candidates(name, one)])
+    return found[0] if found and found[0].is_open else None
 
 
 def found_resistance(surveys: Sequence[Survey]) -> dict[str, str]:
@@ -105,7 +200,8 @@ def _resistance(surveys: Sequence[Survey]) -> Gap:
         for column in one.free
         if (column.unit or "").casefold() in ("ohm", "ω", "mohm", "mω") and column.low is not None
     )
-    offered = " or ".join(f"{ohm:g} Ω" for ohm in stated_ohms(surveys))
+    stated = [f"{ohm:g}" for ohm in stated_ohms(surveys)]
+    offered = " or ".join(f"{ohm} Ω" for ohm in stated)
     return Gap(
         "",
         "phase_resistance_ohm",
@@ -114,22 +210,83 @@ def _resistance(surveys: Sequence[Survey]) -> Gap:
         "shows between two of them), or stands on its data sheet."
         + (f" The tests state {offered}: confirm it in [winding]." if offered else ""),
         lines=notes,
+        best=tuple(stated[:1]),
+        number="0.0062",
     )
 
 
-def _channel(name: str, surveys: Sequence[Survey]) -> Gap:
-    sentence = WHY[name]
+def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[Survey]]) -> Gap:
+    """Return the gap of a channel.
+
+    Args:
+        name: Canonical name.
+        wanted: The tests that lack it, with the formula that it is needed for, or nothing.
+        tests: The files of each test.
+    """
+    surveys = [one for test in wanted for one in tests[test]]
+    formula = next((one for one in wanted.values() if one), "")
+    target = next((way.channel for way in DERIVATIONS if way.formula == formula), "")
+    sentence = WHY.get(name, "") if not formula else f"{target} is {formula}."
     if name == "losses_W":
-        sentence = sentence.format("; or ".join(" and ".join(way.needs) for way in ELECTRICAL))
-    found = [candidate for one in surveys for candidate in _candidates(name, one)]
-    candidates = ranked(name, [one for one in found if len(one.line) <= LONGEST_LINE])
+        ways = [" and ".join(way.needs) for way in DERIVATIONS if way.channel == name]
+        sentence = f"{sentence} {'; or '.join(ways)}."
+    each = {test: ranked(name, [one for file in tests[test] for one in _candidates(name, file)
+                                if len(one.line) <= LONGEST_LINE])
+            for test in wanted}  # fmt: skip
+    firsts = [found[0] for found in each.values() if found]
+    others = [one for found in each.values() for one in found[1:]]
+    candidates: dict[str, str] = {}
+    for one in (*firsts, *others):
+        candidates.setdefault(one.candidate.line, one.note)
     constants = _constants(name, surveys)
     silent = [sentence for one in surveys for sentence in _silent(name, one)]
-    sentence = " ".join((sentence, *silent))
-    offered = constants if name == "ambient_degC" else ()
-    if not candidates and not offered and not silent and name != "time_s":
+    if silent:  # the cause goes first
+        sentence = " ".join((*silent, sentence[:1].upper() + sentence[1:]))
+    number = NUMBERS.get(name, "")
+    if name == "phase_current_A" and not candidates and not silent:
+        number = "0.0"
+        sentence += " Write 0 where no current heats, and calibrate --model first."
+    if not any(one.candidate.is_likely for one in firsts) and name in ZERO and formula:
+        number, candidates, each = "0.0", {}, {}
+        sentence += f" No column holds it: 0 {ZERO[name]}."
+    elif not candidates and not constants and not silent and name != "time_s":
         sentence += " No column has a unit or a name that speaks for it."
-    return Gap(name, "", sentence, tuple(candidates[:MOST_CANDIDATES]), constants)
+    best = {test: found[0] for test, found in each.items() if found and found[0].is_open}
+    return Gap(
+        name,
+        "",
+        sentence,
+        tuple(candidates.items())[:MOST_CANDIDATES],
+        constants,
+        best=tuple(dict.fromkeys(one.candidate.line for one in best.values())),
+        of_tests=_of_tests(name, best, tests),
+        is_zero=name in _zeros(surveys),
+        is_of_some=len(best) < len(tests) or len({one.candidate.line for one in best.values()}) > 1,
+        number=number,
+    )
+
+
+def _of_tests(
+    name: str, best: Mapping[str, Ranked], tests: Mapping[str, Sequence[Survey]]
+) -> dict[str, str]:
+    """Return the right-hand sides of files that have a better one's columns for another channel."""
+    columns = {one.candidate.line: {*one.candidate.columns} for one in best.values()}
+    found = {}
+    for test, files in tests.items():
+        names = {each.name for one in files for each in one.free}
+        names |= {each.column for one in files for each in one.recognised}
+        read = next((line for line, needed in columns.items() if needed <= names), None)
+        own = (
+            best[test].candidate.line
+            if test in best
+            else next(
+                (each.column for one in files for each in one.recognised if each.channel == name),
+                None,
+            )
+        )
+        if read is not None and own is not None and read != own:
+            found |= {name_of_test(Path(one.path)): own for one in files}
+    return found
 
 
 def _candidates(name: str, one: Survey) -> Iterator[Candidate]:
@@ -137,13 +294,17 @@ def _candidates(name: str, one: Survey) -> Iterator[Candidate]:
     held: dict[str, Candidate] = {}
     for column in one.free:
         proposal = _proposal(name, column)
-        if proposal is not None and not column.is_silent:
+        # a speed of 0 may have been measured, a current of 0 is none
+        is_held = bool(column.num_values) if name in ZERO else not column.is_silent
+        if proposal is not None and is_held:
             held[column.name] = Candidate(
                 proposal.line,
                 _note(column),
-                proposal.is_likely,
+                proposal.score,
                 proposal.unit_from == "assumed",
                 _in_unit_of(name, proposal, column),
+                (column.name,),
+                column.evidence.get(name),
             )
     yield from (_mean(mean, held) for mean in one.means if mean.channel == name)
     yield from held.values()
@@ -152,9 +313,10 @@ def _candidates(name: str, one: Survey) -> Iterator[Candidate]:
 def _proposal(name: str, column: FreeColumn) -> Proposal | None:
     """Return how a column may be a channel; one whose name speaks of another is none of it."""
     is_others = any(one.is_likely for one in column.proposals)
+    speaks = name in column.evidence and column.evidence[name].speaks
     for one in column.proposals:
         is_winding = name == "winding_degC" and one.channel == "winding_resistance_ohm"
-        if (one.channel == name or is_winding) and (one.is_likely or not is_others):
+        if (one.channel == name or is_winding) and (one.is_likely or speaks or not is_others):
             return one
     return None
 
@@ -164,10 +326,10 @@ def _mean(mean: PhaseMean, held: Mapping[str, Candidate]) -> Candidate:
     return Candidate(
         mean.line,
         "three columns that move together",
-        any(part.is_likely for part in parts),
+        max(part.score for part in parts),
         any(part.is_assumed for part in parts),
         max(parts, key=lambda part: part.move).course,
-        is_mean=True,
+        mean.columns,
     )
 
 
@@ -220,7 +382,7 @@ def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
                 column_name = printable(flat(column.name))
                 lines.append(f"# {name} = {value!r}  # {what} column '{column_name}'")
         for line in one.preamble:
-            numbers = NUMBER.findall(line) if LIKELY[name].search(line) else []
+            numbers = NUMBER.findall(line) if "ambient" in read_name(line).meanings else []
             values = [float(number.replace(",", ".")) for number in numbers]
             lines += [f"# {name} = {value!r}  # from the line '{printable(flat(line))[:80]}'"
                       for value in values if _is_room(value)]  # fmt: skip

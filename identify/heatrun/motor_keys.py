@@ -1,4 +1,4 @@
-"""What each key of the motor file means: the one text behind `heatrun init` and the reference page.
+"""What each key of the motor file means: the text of the reference page.
 
 `heatrun.motorfile` decides what is accepted; a test holds the two together.
 """
@@ -119,8 +119,9 @@ COLUMNS = Section(
     'whole heading, as in "P [kW] [kW]", where the record speaks against it. Several sensors of '
     "one winding or body: mean(T_U, T_V, T_W), or hottest(…). Currents are rms; "
     'write [A_peak] for amplitudes. "none" leaves a channel out; time_s = "rate 10 Hz" stands for '
-    'a column of times. In MDF, TDMS and workbooks "GROUP/COLUMN" names a column of a group or '
-    "sheet.",
+    "a column of times. Several loggers: of a list, such as "
+    '["T_Wicklung [°C]", "coil [degC]"], the first counts whose column a file has. '
+    'In MDF, TDMS and workbooks "GROUP/COLUMN" names a column of a group or sheet.',
 )
 
 CONSTANTS = Section(
@@ -137,10 +138,10 @@ SENSORS = Section(
 
 TESTS = Section(
     "tests.NAME",
-    "Which parts of a test count; NAME is the file without its ending, in quotes where it has "
-    "other characters than letters, digits, - and _. Times are in seconds from the first sample "
-    'of the file, or texts such as "90 min". Behind a file on the command line, '
-    "FILE@10min..90min says the same for once.",
+    "Which parts of a test count, and how its columns are read; NAME is the file without its "
+    "ending, in quotes where it has other characters than letters, digits, - and _. Times are in "
+    'seconds from the first sample of the file, or texts such as "90 min". Behind a file on the '
+    "command line, FILE@10min..90min says the same for once.",
     (
         Key("use", "Stretches that are used. Each of several becomes a test with temperatures of "
             "its own at the start: so a record is split at a gap.", "[[600, 5400], [7200, 9000]]",
@@ -158,6 +159,9 @@ TESTS = Section(
             'or "unknown": before and after are then calibrated together, each from start '
             "temperatures of its own.", '{ load = "held" }',
             "held where both sides and the winding say so; else unknown for gaps over 300 s"),
+        Key("columns", "Lines as in `[columns]` for this file alone, before those of the motor "
+            "file; also as a section of its own, `[tests.NAME.columns]`.",
+            '{ winding_degC = "CH2 [degC]" }', "none"),
     ),
 )  # fmt: skip
 

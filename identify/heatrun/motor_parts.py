@@ -1,4 +1,4 @@
-"""`[tests.NAME]` of the motor file: which parts of a test count."""
+"""`[tests.NAME]` of the motor file: which parts of a test count, and its own `[columns]`."""
 
 from __future__ import annotations
 
@@ -6,12 +6,17 @@ import math
 from collections.abc import Mapping
 from typing import Any, get_args
 
+from .bench.channels.claims import parse_claims
 from .bench.stretch import Stretch, in_order, parse_time
 from .errors import InputError
 from .io.toml_text import check_keys
+from .io.toml_values import text_of
 from .motor import GapLoad, PartsOfTest
 
-PARTS_KEYS = ("use", "use_rows", "mask", "bridge", "gap")
+PARTS_KEYS = ("use", "use_rows", "mask", "bridge", "gap", "columns")
+
+MOST_CHOICES = 20
+"""Right-hand sides of one channel."""
 
 MOST_PARTS = 200
 """Of one test; each stretch becomes a test with temperatures of its own at the start."""
@@ -32,7 +37,7 @@ def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest
         at = f"{where}, [tests.{name}]"
         if not isinstance(keys, dict):
             raise InputError(
-                "Expected a section with use, use_rows, mask or bridge.",
+                "Expected a section with use, use_rows, mask, bridge, gap or columns.",
                 where=at,
                 remedy=f"Write [tests.{name}] and below it use = [[600, 5400]], for example.",
             )
@@ -48,7 +53,8 @@ def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest
         )
         if any(math.isinf(end) for _, end in (*mask, *bridge)):
             raise InputError("mask and bridge need both ends of a window.", where=at)
-        parts[name] = PartsOfTest(use, mask, bridge, _gap_load(keys, at))
+        columns = parse_columns(keys.get("columns", {}), at)
+        parts[name] = PartsOfTest(use, mask, bridge, _gap_load(keys, at), columns)
     return parts
 
 
@@ -63,6 +69,33 @@ def _gap_load(keys: Mapping[str, Any], where: str) -> GapLoad | None:
         where=f"{where}, gap",
         remedy='Write gap.load = "held", "zero" or "unknown".',
     )
+
+
+def parse_columns(section: Any, where: str) -> dict[str, str | tuple[str, ...]]:
+    """Return `[columns]`, or that of a test.
+
+    Args:
+        section: As parsed.
+        where: The motor file and what the section is under, for messages.
+
+    Raises:
+        InputError: If a channel is not known, or what stands behind it is no text and no list.
+    """
+    at = f"{where}, [columns]"
+    if not isinstance(section, dict):
+        raise InputError("Expected a section with lines such as winding_degC = …", where=at)
+    columns: dict[str, str | tuple[str, ...]] = {}
+    for key, said in section.items():
+        if not isinstance(said, list):
+            columns[key] = text_of(section, key, at)
+            continue
+        if not 0 < len(said) <= MOST_CHOICES:
+            raise InputError(
+                f"Expected 1 to {MOST_CHOICES} columns for {key}, got {len(said)}.", where=at
+            )
+        columns[key] = tuple(text_of({key: text}, key, at) for text in said)
+    parse_claims(columns, where)
+    return columns
 
 
 def _stretches(keys: Mapping[str, Any], key: str, where: str) -> tuple[Stretch, ...]:

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, cast
 
-from .bench.channels.claims import parse_claims
 from .bench.channels.schema import BODIES, CHANNEL
 from .bench.readers.open_file import read_start
 from .certificate_file import parse_certificate
@@ -16,7 +15,7 @@ from .errors import InputError, did_you_mean
 from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
 from .io.toml_values import shown, text_of
 from .motor import HEAT_LIMITS, Adequacy, Motor, ParameterOverride
-from .motor_parts import parse_parts
+from .motor_parts import parse_columns, parse_parts
 from .motor_population import next_of_population
 from .plausible import RANGES, UNITS, refuse_implausible
 
@@ -141,7 +140,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
         lead_resistance_ohm=_leads(winding, at_winding),
         gear_ratio=_number(vehicle, "gear_ratio", POSITIVE, at_vehicle),
         wheel_radius_m=_number(vehicle, "wheel_radius_m", POSITIVE, at_vehicle),
-        columns=_columns(_section(content, "columns", where), where),
+        columns=parse_columns(_section(content, "columns", where), where),
         constants=_constants(_section(content, "constants", where), where),
         parameters={
             **sisters.parameters,
@@ -304,13 +303,6 @@ def _adequacy(section: Mapping[str, Any], of_sisters: float | None, where: str) 
             _number(section, "heat_time_s", HEAT_TIME_RANGE, where), usual.heat_time_s
         ),
     )
-
-
-def _columns(section: Mapping[str, Any], where: str) -> dict[str, str]:
-    at = f"{where}, [columns]"
-    columns = {key: text_of(section, key, at) for key in section}
-    parse_claims(columns, where)
-    return columns
 
 
 def _parameters(section: Mapping[str, Any], where: str) -> dict[str, ParameterOverride]:

@@ -13,7 +13,7 @@ from heatrun import cli
 
 MOTOR = '[motor]\nname = "M"\n[winding]\nphase_resistance_ohm = 0.0062\n'
 ROWS = [f"{100 + i % 7},{300 + i % 11},20.1,{20 + 0.1 * i:.1f},{i % 2}" for i in range(60)]
-HEAD = "Is [A],Pd [W],Te [degC],T_wdg [degC],Pump [bar]"
+HEAD = "Is [A],Pd [W],Te [degC],T_Mot [degC],Pump [bar]"
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def without_times(path: Path) -> None:
 
 def of_strange_names(path: Path) -> None:
     times = np.arange(0.0, 60.0, 0.5)
-    written(path, ("Logger", [signal("T_coil", 20.0 + times, times, "°C"),
+    written(path, ("Logger", [signal("T_Mot", 20.0 + times, times, "°C"),
                               signal("Pump", 0.0 * times, times, "bar")]))  # fmt: skip
 
 
@@ -43,7 +43,7 @@ def test_a_measurement_of_unknown_names_lists_them_and_says_what_comes_next(here
     of_strange_names(here / "rec.mf4")
     code, out = said(capsys, "rec.mf4")
     assert code == 1
-    assert "No channel claims, in rec: T_coil, Pump" in out
+    assert "No channel claims, in rec: T_Mot, Pump" in out
     assert "No channel of the file is known" in out
     assert "it has no losses_W, ambient_degC, winding_degC." in out
     assert out.endswith(
@@ -56,7 +56,7 @@ def test_a_text_without_times_shows_what_was_read_and_what_was_not(here, capsys)
     without_times(here / "log.csv")
     code, out = said(capsys, "log.csv")
     assert code == 1
-    assert "No channel claims, in log: T_wdg [degC], Pump [bar]" in out
+    assert "No channel claims, in log: T_Mot [degC], Pump [bar]" in out
     rows = {line.split()[0]: line.split()[1] for line in out.splitlines() if line.startswith("  ")}
     assert rows["phase_current_A"] == "Is"
     assert 'time_s = "rate 10 Hz"' in out
@@ -69,7 +69,7 @@ def test_what_the_motor_file_names_is_claimed_and_other_tests_are_checked(here, 
     (here / "good.csv").write_text(
         "\n".join([f"t [s],{HEAD}", *(f"{i},{row}" for i, row in enumerate(ROWS))])
     )
-    (here / "motor.toml").write_text(MOTOR + '[columns]\nwinding_degC = "T_wdg"\n')
+    (here / "motor.toml").write_text(MOTOR + '[columns]\nwinding_degC = "T_Mot"\n')
     code, out = said(capsys, "log.csv", "good.csv", "--json")
     assert code == 1
     content = json.loads(out)
@@ -84,12 +84,12 @@ def test_what_the_motor_file_names_is_claimed_and_other_tests_are_checked(here, 
 
 def test_a_wrong_line_of_columns_is_said_beside_the_columns_that_are_free(here, capsys):
     without_times(here / "log.csv")
-    columns = '[columns]\nwinding_degC = "T_wgd"\ntime_s = "rate 1 Hz"\nlosses_W = "Pd [degC]"\n'
+    columns = '[columns]\nwinding_degC = "T_Mto"\ntime_s = "rate 1 Hz"\nlosses_W = "Pd [degC]"\n'
     (here / "motor.toml").write_text(MOTOR + columns)
     code, out = said(capsys, "log.csv")
     assert code == 1
-    assert "No channel claims, in log: Pd [W], T_wdg [degC], Pump [bar]" in out
-    assert "'T_wgd' for winding_degC" in out
+    assert "No channel claims, in log: Pd [W], T_Mot [degC], Pump [bar]" in out
+    assert "'T_Mto' for winding_degC" in out
     assert "Did you mean" in out
     assert "column 'Pd [W]' as losses_W" in out  # the second fault, said at once
     assert "Next: " in out.splitlines()[-1]

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from mdf_files import signal, written
 
 from heatrun import cli
+from heatrun.bench.channels.likely_names import LIKELY
 from heatrun.bench.free_columns import FreeColumn, Proposal
 from heatrun.bench.joined import read_test
 from heatrun.bench.survey import Survey, survey
@@ -64,15 +65,15 @@ def with_resistance(text: str) -> str:
 
 GERMAN = {
     "t": "Zeit [s]",
-    "Is": "I_Strang [A]",
-    "Pd": "Verlustleistung [kW]",
-    "Te": "T_Raum [°C]",
-    "Tw_m": "T_Wicklung [°C]",
+    "Is": "I_Mot [A]",
+    "Pd": "P_V [kW]",
+    "Te": "T_a [°C]",
+    "Tw_m": "Temp_Mot [°C]",
 }
 
 
 def german(table: pd.DataFrame, path: Path) -> Path:
-    """A text export with names that no built-in map knows, but for the time."""
+    """A text export with names that may mean more than one thing, but for the time."""
     renamed = table.assign(Pd=table["Pd"] / 1000.0)[list(GERMAN)].rename(columns=GERMAN)
     renamed["Pumpe"] = 1
     renamed.to_csv(path, sep=";", decimal=",", index=False, encoding="utf-8")
@@ -101,10 +102,10 @@ def test_foreign_names_become_lines_to_uncomment(here, table, capsys):
     Path("motor.toml").write_text(with_resistance(uncommented(text, *needed)), "utf-8")
     motor = load_motor("motor.toml")
     assert motor.columns == {
-        "phase_current_A": "I_Strang [A]",
-        "losses_W": "Verlustleistung [kW]",
-        "ambient_degC": "T_Raum [°C]",
-        "winding_degC": "T_Wicklung [°C]",
+        "phase_current_A": "I_Mot [A]",
+        "losses_W": "P_V [kW]",
+        "ambient_degC": "T_a [°C]",
+        "winding_degC": "Temp_Mot [°C]",
     }
     capsys.readouterr()
     assert cli.main(["check", "motor.toml", "prüfstand.csv"]) == 0
@@ -172,12 +173,12 @@ def test_json_is_one_object(here, table, capsys):
     assert said["motor_file"] == "motor.toml"
     assert said["next"] == "heatrun check motor.toml test.csv"
     missing = {gap["channel"]: gap for gap in said["missing"] if gap["channel"]}
-    assert missing["winding_degC"]["candidates"][0][0] == "T_Wicklung [°C]"
+    assert missing["winding_degC"]["candidates"][0][0] == "Temp_Mot [°C]"
     (test,) = said["tests"]
-    assert [one["channel"] for one in test["recognised"]] == ["time_s"]
-    (room,) = [column for column in test["free"] if column["name"] == "T_Raum [°C]"]
-    assert room["low"] == pytest.approx(table["Te"].min())
-    assert room["high"] == pytest.approx(table["Te"].max())
+    assert "time_s" in [one["channel"] for one in test["recognised"]]
+    (motor,) = [column for column in test["free"] if column["name"] == "Temp_Mot [°C]"]
+    assert motor["low"] == pytest.approx(table["Tw_m"].min())
+    assert motor["high"] == pytest.approx(table["Tw_m"].max())
 
 
 def test_two_loggers_are_looked_at_together(here, table, capsys):
@@ -278,7 +279,7 @@ NAMES = st.text(st.characters(codec="utf-8"), min_size=1, max_size=60)
 @settings(max_examples=60, deadline=None)
 @given(name=NAMES, text=NAMES, unit=NAMES, question=NAMES)
 def test_any_name_out_of_a_file_leaves_a_file_that_loads(name, text, unit, question):
-    proposal = Proposal("winding_degC", name, "stated", True)
+    proposal = Proposal("winding_degC", name, "stated", LIKELY)
     free = (
         FreeColumn(name, unit, 20.0, 90.0, 100, proposals=(proposal,)),
         FreeColumn(text, None, None, None, 0, text=text),
@@ -301,12 +302,12 @@ def test_a_file_without_a_name_drafts_a_motor_that_has_one():
 
 def test_channels_of_a_measurement_file_are_proposed(here):
     time = np.arange(0.0, 60.0, 0.5)
-    logged = [signal("T_coil", 20.0 + time, time, "°C"), signal("Pump", 0.0 * time, time, "bar")]
+    logged = [signal("T_Mot", 20.0 + time, time, "°C"), signal("Pump", 0.0 * time, time, "bar")]
     written(here / "bench.mf4", ("Logger", logged))
     found = survey(here / "bench.mf4")
     free = {column.name: column for column in found.free}
-    assert (free["T_coil"].low, free["T_coil"].high) == (20.0, 79.5)
-    assert free["T_coil"].proposals[0] == Proposal("winding_degC", "T_coil", "stated", True, "degC")
+    assert (free["T_Mot"].low, free["T_Mot"].high) == (20.0, 79.5)
+    assert free["T_Mot"].proposals[0] == Proposal("winding_degC", "T_Mot", "stated", LIKELY, "degC")
     assert free["Pump"].proposals == ()
     assert {one.channel for one in found.recognised} == {"time_s"}
 

@@ -66,12 +66,12 @@ def test_a_phase_current_is_never_negative_and_varies(tmp_path):
 
 def test_a_name_goes_before_values_unless_they_contradict_it(tmp_path):
     hot = 22.0 + 2.0 * (WINDING - 22.0)
-    columns = {"Brake [degC]": hot, "T_Wicklung [degC]": WINDING, "T_Raum [degC]": ROOM}
+    columns = {"Brake [degC]": hot, "T_Wckl [degC]": WINDING, "T_Raum [degC]": ROOM}
     text = text_of(named(tmp_path, BASE | columns))
-    assert offered(text, "winding_degC")[0] == "T_Wicklung [degC]"
-    columns["T_Wicklung [degC]"] = ZERO + 21.0
+    assert offered(text, "winding_degC")[0] == "T_Wckl [degC]"
+    columns["T_Wckl [degC]"] = ZERO + 21.0
     text = text_of(named(tmp_path, BASE | columns))
-    assert offered(text, "winding_degC") == ["Brake [degC]", "T_Wicklung [degC]"]
+    assert offered(text, "winding_degC") == ["Brake [degC]", "T_Wckl [degC]"]
 
 
 def test_an_open_thermocouple_is_no_winding(tmp_path):
@@ -98,7 +98,7 @@ def test_what_does_not_grow_is_no_time(tmp_path):
 
 
 def test_a_short_cold_record_says_nothing_of_the_order(tmp_path):
-    columns = {"CH1 [degC]": ROOM, "T_Wicklung [degC]": ZERO + 22.0}
-    columns["T_Wicklung [degC]"][5] = 23.0
+    columns = {"CH1 [degC]": ROOM, "T_Wckl [degC]": ZERO + 22.0}
+    columns["T_Wckl [degC]"][5] = 23.0
     text = text_of(named(tmp_path, BASE | columns))
-    assert offered(text, "winding_degC")[0] == "T_Wicklung [degC]"
+    assert offered(text, "winding_degC")[0] == "T_Wckl [degC]"

@@ -9,9 +9,7 @@ from pathlib import Path
 import pytest
 
 from heatrun import motor_page
-from heatrun.bench.survey import Survey
 from heatrun.errors import InputError
-from heatrun.motor_draft import draft
 from heatrun.motor_keys import BODY_PARTS, PARAMETER_MEANINGS, SECTIONS
 from heatrun.motorfile import parse_motor
 from heatrun.plausible import UNITS
@@ -68,10 +66,3 @@ def test_every_parameter_with_a_range_is_explained():
     bodies = {name for name in UNITS if name.rpartition("_")[2] in BODY_PARTS}
     bodies -= set(PARAMETER_MEANINGS)
     assert set(UNITS) - bodies == set(PARAMETER_MEANINGS)
-
-
-def test_the_drafted_file_explains_every_key():
-    text = draft("M", [Survey("t.csv", "text", (), {}, ())])
-    for section in SECTIONS:
-        for key in section.keys:
-            assert re.search(rf"^(# )?{key.name} = ", text, re.MULTILINE), key.name

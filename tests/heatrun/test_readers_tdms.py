@@ -126,10 +126,10 @@ def test_a_channel_of_dates_is_the_time(path):
 
 
 def test_the_motor_file_may_name_the_time(path):
-    written(path, [channel("A", "clock", 1e3 * FAST, "ms"), channel("A", "winding_degC", FAST)])
-    with pytest.raises(InputError, match="no time column; its columns are: clock, winding_degC"):
+    written(path, [channel("A", "tick", 1e3 * FAST, "ms"), channel("A", "winding_degC", FAST)])
+    with pytest.raises(InputError, match="no time column; its columns are: tick, winding_degC"):
         read_record(path)
-    motor = Motor("M", columns={"time_s": "clock"})
+    motor = Motor("M", columns={"time_s": "tick"})
     np.testing.assert_allclose(read_record(path, motor).time_s, FAST, atol=1e-12)
     by_rate = read_record(path, Motor("M", columns={"time_s": "rate 10 Hz"}))
     np.testing.assert_allclose(by_rate.time_s, FAST, atol=1e-12)

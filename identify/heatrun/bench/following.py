@@ -24,7 +24,7 @@ from .growing_columns import GrowingColumns
 from .joined import read_whole_test
 from .other_columns import Other, others_of
 from .readers.hints import hints_of
-from .readers.read import is_text_table, read_record, read_whole
+from .readers.read import is_text_table, name_of_test, read_record, read_whole
 from .readers.text.growth import Growth
 from .readers.text.rows import TextForm, form_of, further_rows
 from .record import Record
@@ -158,7 +158,9 @@ class FollowedTest:
             record = read_whole_test(where, motor) if motor else read_record(where)
         table = read_whole(io.BytesIO(data), where)
         hints = hints_of(
-            motor.columns if motor else None, motor.decimal if motor else None, where=where
+            motor.columns_of(name_of_test(self._path)) if motor else None,
+            motor.decimal if motor else None,
+            where=where,
         )
         others = others_of(table, record)
         form = form_of(data, where, hints)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
@@ -11,7 +11,8 @@ import pandas as pd
 from ..errors import InputError
 from ..io.printable import printable
 from .channels.column_unit import statements, unit_of
-from .channels.likely_names import ELECTRICAL_SPEED, NOT_THE_SHAFTS, likely_channels
+from .channels.labels import named_unit, speaks_of
+from .channels.likely_names import LIKELY, NOT_THE_SHAFTS, read_name
 from .channels.schema import CHANNEL, Channel
 from .channels.units import find_unit, refusal
 from .clocks.clock import read_stated
@@ -38,15 +39,35 @@ class Proposal:
         channel: Canonical name.
         line: Right-hand side of `[columns]` that reads the column so.
         unit_from: How its unit is known; `"assumed"` if the line itself states it.
-        is_likely: The name speaks for it, not the unit alone.
+        score: How surely the name speaks for it, as `likely_names`; 0 for the unit alone.
         unit: Unit that it is read in.
     """
 
     channel: str
     line: str
     unit_from: UnitSource
-    is_likely: bool
+    score: int
     unit: str = ""
+
+    @property
+    def is_likely(self) -> bool:
+        """The name speaks for it, not the unit alone."""
+        return self.score >= LIKELY
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the values of a column say of it as a channel.
+
+    Attributes:
+        speaks: For the channel, or against it.
+        words: Why.
+        is_alone: For this channel and no other.
+    """
+
+    speaks: bool
+    words: str
+    is_alone: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,6 +84,7 @@ class FreeColumn:
         proposals: What it may be, likely ones first.
         course: How its values run, in the file's unit; None where they were not looked at.
         remark: Why it is no channel although it looks like one, or empty.
+        evidence: Channel to what the other columns of the file say of it as that.
     """
 
     name: str
@@ -74,6 +96,7 @@ class FreeColumn:
     proposals: tuple[Proposal, ...] = ()
     course: Course | None = None
     remark: str = ""
+    evidence: Mapping[str, Evidence] = field(default_factory=dict)
 
     @property
     def is_silent(self) -> bool:
@@ -113,14 +136,13 @@ def free_column(
     """
     stated = statements(column)
     unit = stated[0].text if stated else column.unit
-    likely = likely_channels(column.label)
     reason = refused.get(column.name, "")
     proposals = [] if reason else _proposals(column, where)
-    is_speed = "speed_rpm" in (*likely, *(one.channel for one in proposals))
-    if is_speed and ELECTRICAL_SPEED.search(column.label):
+    is_speed = not unit or any(one.channel == "speed_rpm" for one in proposals)
+    if is_speed and read_name(column.label).is_electrical_speed:
         proposals, reason = [], NOT_THE_SHAFTS
     if not reason and not proposals and unit:
-        reason = _refusal(unit, likely)
+        reason = _refusal(unit, speaks_of(column.label))
     if values is None:
         return FreeColumn(
             column.name, unit, None, None, None, proposals=tuple(proposals), remark=reason
@@ -147,7 +169,7 @@ def text_column(name: str, text: str) -> FreeColumn:
     """
     cell = pd.Series([text])
     lines = [
-        Proposal("time_s", f"{name} [{form}]", "assumed", is_likely=True)
+        Proposal("time_s", f"{name} [{form}]", "assumed", LIKELY)
         for form in CLOCK_FORMATS
         if (stated := parse_time_format(form)) and np.isfinite(read_stated(cell, stated).seconds[0])
     ]
@@ -159,7 +181,7 @@ def _is_remark(values: np.ndarray) -> bool:
     return bool(np.isfinite(values).sum() == 1 < values.size)
 
 
-def _refusal(unit: str, likely: tuple[str, ...]) -> str:
+def _refusal(unit: str, likely: Iterable[str]) -> str:
     """Return why a unit does not determine the channel that a name speaks of, or an empty text."""
     for name in likely:
         if reason := refusal(unit, CHANNEL[name].quantity):
@@ -169,24 +191,27 @@ def _refusal(unit: str, likely: tuple[str, ...]) -> str:
 
 def _proposals(column: Column, where: str) -> list[Proposal]:
     """Return the channels whose quantity the column's unit is of, and those its name speaks of."""
-    likely = likely_channels(column.label)
     found = []
+    stated = statements(column)
     for channel in CHANNEL.values():
-        name_speaks = channel.name in likely
+        score = speaks_of(column.label, channel.quantity, stated[0].text if stated else None).get(
+            channel.name, 0
+        )
         text = None
         try:
             text, unit_from = unit_of(column, channel, where)
         except InputError:
             # of another quantity; or the file leaves it open, and the line would decide it
-            if statements(column) or not name_speaks:
+            if stated or not score:
                 continue
             unit_from = "assumed"
-        if unit_from == "assumed" and not name_speaks:
+            named = named_unit(column.label, channel.quantity)
+            text = named.unit if named and find_unit(named.unit, channel.quantity) else None
+        if unit_from == "assumed" and not score:
             continue
-        line = f"{column.name} [{channel.unit}]" if unit_from == "assumed" else column.name
-        found.append(Proposal(channel.name, line, unit_from, name_speaks, _symbol(text, channel)))
-    order = {name: place for place, name in enumerate(likely)}
-    return sorted(found, key=lambda one: order.get(one.channel, len(order)))
+        line = f"{column.name} [{text or channel.unit}]" if unit_from == "assumed" else column.name
+        found.append(Proposal(channel.name, line, unit_from, score, _symbol(text, channel)))
+    return sorted(found, key=lambda one: -one.score)
 
 
 def _symbol(text: str | None, channel: Channel) -> str:

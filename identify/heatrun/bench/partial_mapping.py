@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from ..errors import InputError
 from .channels.channel_map import MappedColumns, map_columns
-from .channels.claims import NOT_RECORDED
+from .channels.claims import NOT_RECORDED, Columns
 from .channels.derive import derive, formulas
 from .channels.schema import CHANNEL
 from .readers.table import Table
@@ -30,7 +30,7 @@ class PartialMapping:
     mapped: MappedColumns = field(default_factory=lambda: MappedColumns({}))
     derived: Mapping[str, str] = field(default_factory=dict)
     faults: tuple[InputError, ...] = ()
-    lines: Mapping[str, str] = field(default_factory=dict)
+    lines: Columns = field(default_factory=dict)
 
     @property
     def channels(self) -> frozenset[str]:
@@ -38,9 +38,7 @@ class PartialMapping:
         return frozenset((*(one.channel for one in self.mapped.readings), *self.derived))
 
 
-def map_as_far(
-    table: Table, columns: Mapping[str, str] | None = None, *, where: str
-) -> PartialMapping:
+def map_as_far(table: Table, columns: Columns | None = None, *, where: str) -> PartialMapping:
     """Return the channels of a table, and why a column that claims to be one is none.
 
     Args:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from .channels.channel_map import map_columns
+from .channels.claims import Columns
 from .channels.schema import CHANNEL
 from .channels.units import find_unit, to_canonical
 from .free_columns import FreeColumn, Proposal
@@ -42,7 +43,7 @@ def phase_means(
     free: Sequence[FreeColumn],
     values: Mapping[int, np.ndarray],
     known: Collection[str],
-    left_out: Mapping[str, str],
+    left_out: Columns,
     where: str,
 ) -> tuple[PhaseMean, ...]:
     """Return the means that channels may be, each of them read back once.
@@ -111,7 +112,7 @@ def _reads_back(
     channel: str,
     line: str,
     names: tuple[str, ...],
-    left_out: Mapping[str, str],
+    left_out: Columns,
     where: str,
 ) -> bool:
     try:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .channels.schema import REQUIRED
+from .column_physics import with_evidence
 from .free_columns import FreeColumn, free_column, text_column
 from .own_files import refuse_own_file
 from .partial_mapping import PartialMapping, map_as_far
@@ -21,6 +22,9 @@ from .readers.open_file import open_input
 from .readers.read import read_whole
 from .readers.table import Table, preamble_of
 from .record import ColumnReading, Finding
+
+BY_NAME = "canonical name"
+"""How a column is found that is called `losses_W` itself: whoever writes that means it."""
 
 MOST_SAMPLED = 200
 """Channels of a measurement file of which values are looked at; each is read whole."""
@@ -67,6 +71,7 @@ class Survey:
             needs.
         means: Columns of three phases that a channel may be the mean of.
         findings: What the reader left out or doubts.
+        test: The test that it is a file of, as the command line names it.
     """
 
     path: str
@@ -80,6 +85,7 @@ class Survey:
     silent: tuple[SilentColumn, ...] = ()
     means: tuple[PhaseMean, ...] = ()
     findings: tuple[Finding, ...] = ()
+    test: str = ""
 
     @property
     def channels(self) -> frozenset[str]:
@@ -163,20 +169,46 @@ def _surveyed(
     )
     silent = {}
     read = {one.name: values[id(one)] for one in table.columns if id(one) in values}
-    for one in mapped.readings:
+    readings, no_losses = _without_input(table, free, mapped.readings, read, where)
+    free = with_evidence((*free, *no_losses), readings, read)
+    for one in readings:
         numbers = read.get(one.column)
         if one.channel in NEEDED and numbers is not None and not np.nan_to_num(numbers).any():
             is_empty = not np.isfinite(numbers).any()
             silent[one.channel] = SilentColumn(one.channel, one.column, is_empty)
-    heard = tuple(one for one in mapped.readings if one.channel not in silent)
+    heard = tuple(one for one in readings if one.channel not in silent)
     known = {*(one.channel for one in heard), *found.derived}
+    said = (
+        f"'{one.name}' is called losses and {one.evidence['losses_W'].words}."
+        for one in free[len(free) - len(no_losses) :]
+    )
     return Survey(
         where,
         table.reader,
         heard,
         found.derived,
         free,
-        tuple(str(fault) for fault in found.faults),
+        (*(str(fault) for fault in found.faults), *said),
         silent=tuple(silent.values()),
         means=phase_means(table, free, values, known, found.lines, where),
     )
+
+
+def _without_input(
+    table: Table,
+    free: tuple[FreeColumn, ...],
+    readings: tuple[ColumnReading, ...],
+    values: Mapping[str, np.ndarray],
+    where: str,
+) -> tuple[tuple[ColumnReading, ...], tuple[FreeColumn, ...]]:
+    """Return the readings without losses that are the input power, and the column of those."""
+    for one in readings:
+        if one.channel != "losses_W" or one.found_by == BY_NAME:
+            continue
+        others = tuple(each for each in readings if each is not one)
+        column = next(each for each in table.columns if each.name == one.column)
+        seen = free_column(column, where, values.get(one.column), {})
+        (*_, judged) = with_evidence((*free, seen), others, values)
+        if "losses_W" in judged.evidence:
+            return others, (judged,)
+    return readings, ()

@@ -86,14 +86,15 @@ def unread_test(path: Path | str, motor: Motor, error: InputError) -> UnreadTest
 def _mapping_of(path: Path, sheet: str | None, motor: Motor) -> PartialMapping:
     """Return what becomes of the columns of a file by the motor file."""
     where = str(path)
+    columns = motor.columns_of(name_of_test(path, sheet))
     refuse_own_file(path, for_fit=False)
-    with open_input(path) as stream, opened(stream, where, motor.columns) as measurement:
+    with open_input(path) as stream, opened(stream, where, columns) as measurement:
         if measurement is not None:
-            table = header_of(measurement, motor.columns).table(1)
+            table = header_of(measurement, columns).table(1)
         else:
-            hints = hints_of(motor.columns, motor.decimal, where=where, sheet=sheet)
+            hints = hints_of(columns, motor.decimal, where=where, sheet=sheet)
             table = read_whole(stream, where, hints)
-    return map_as_far(table, motor.columns, where=where)
+    return map_as_far(table, columns, where=where)
 
 
 def _is_regular(file: Path) -> bool:

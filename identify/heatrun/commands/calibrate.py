@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from . import words
 from .console import bar, printable, say
 from .exit_codes import DONE, NOT_ALLOWED
+from .init import motor_of_tests
 from .loading import load
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser = commands.add_parser(
         "calibrate", help="parameters with 95 %% intervals, bands, verdict and parameter sheet"
     )
-    words.add_inputs(parser)
+    words.add_inputs(parser, may_lack_motor=True)
     words.add_holdout(parser)
     parser.add_argument(
         "--model",
@@ -63,6 +64,9 @@ def run(options: argparse.Namespace) -> int:
     from ..motorfile import load_motor
 
     networks = networks_of(options.model)
+    if options.motor is None:
+        tests = [*options.tests, *options.holdout]
+        options.motor = motor_of_tests(tests, "calibrate")
     motor = load_motor(options.motor)
     if options.meta is not None:
         motor = replace(motor, certificate=motor.certificate.beneath(load_meta(options.meta)))

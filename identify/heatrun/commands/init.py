@@ -5,14 +5,25 @@ from __future__ import annotations
 import argparse
 import os
 import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import words
 from .console import printable, say
 from .exit_codes import DONE
 
+if TYPE_CHECKING:
+    from ..bench.survey import Survey
+    from ..motor_gaps import Gap
+
 USUAL_NAME = "motor.toml"
+UNITS = {"phase_resistance_ohm": "Ω at 25 °C", "time_s": "samples per second",
+         "phase_current_A": "A", "ambient_degC": "°C", "mechanical_power_W": "W",
+         "torque_Nm": "Nm", "speed_rpm": "rpm", "i_d_A": "A"}  # fmt: skip
+"""What a number is asked in."""
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -33,46 +44,26 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         help=f"the motor file to write (default: {USUAL_NAME})",
     )
     parser.add_argument("--force", action="store_true", help="replace the file if there is one")
+    parser.add_argument(
+        "--accept",
+        action="store_true",
+        help="the best candidates hold, marked '# please check', instead of standing behind a #",
+    )
     words.add_json(parser)
     return parser
 
 
 def run(options: argparse.Namespace) -> int:
     """Look at the tests, write the motor file, and print what is known and what is missing."""
-    from ..bench.joined import files_of
-    from ..bench.survey import survey
-    from ..errors import InputError
-    from ..io.whole_files import writable, write_whole
     from ..motor_draft import draft
     from ..motor_gaps import gaps
-    from ..motorfile import parse_motor
     from ..results import to_json
 
     out: Path = options.out
-    files = [file for test in options.tests for file in files_of(test)]
-    if os.path.lexists(out) and not options.force:
-        raise InputError(
-            "There is a file of this name already.",
-            where=str(out),
-            remedy="Choose another name with --out, or replace it with --force.",
-        )
-    if any(out.exists() and file.exists() and out.samefile(file) for file, _ in files):
-        raise InputError("This is one of the tests.", where=str(out), remedy="Choose another name.")
-    surveys = []
-    for file, sheet in files:
-        found = survey(file, sheet)
-        say(f"{file}: {found.reader}, {len(found.recognised)} columns recognised, "
-            f"{len(found.free)} not")  # fmt: skip
-        for finding in found.findings:
-            say(f"  {finding.message} {finding.remedy}")
-        surveys.append(found)
-    content = draft(_name_of(files[0][0]), surveys).encode()
-    parse_motor(content, str(out))  # what is written can be read
-    with writable("The motor file", out):
-        write_whole(out, content)
-    missing = gaps(surveys)
-    tests = shlex.join(str(test) for test in options.tests)
-    following = f"heatrun check {shlex.quote(str(out))} {tests}"
+    surveys = look_at(options.tests, out, is_replacing=options.force)
+    write(out, draft(name_of(surveys), surveys, is_accepted=options.accept))
+    missing = [gap for gap in gaps(surveys) if not (options.accept and gap.is_answered)]
+    following = next_command("check", out, options.tests)
     if options.json:
         print(to_json({"motor_file": str(out), "tests": surveys, "missing": missing,
                        "next": following}))  # fmt: skip
@@ -83,11 +74,124 @@ def run(options: argparse.Namespace) -> int:
         for side, note in gap.candidates:
             print(f"             {printable(' '.join(side.split()))}: {note}")
     before = f"edit {printable(str(out))}, then " if missing else ""
-    print(f"Next: {before}{printable(following)}")
+    checked = f"check the lines marked '# please check' in {printable(str(out))}, then "
+    print(f"Next: {before or (checked if options.accept else '')}{printable(following)}")
     return DONE
 
 
-def _name_of(file: Path) -> str:
+def look_at(tests: Sequence[Path], out: Path, *, is_replacing: bool = False) -> list[Survey]:
+    """Return what the files of tests hold.
+
+    Args:
+        tests: As the command line names them.
+        out: The motor file that is to be written.
+        is_replacing: There may be one already.
+
+    Raises:
+        InputError: If a file cannot be read, or the motor file would replace something.
+    """
+    from ..bench.joined import files_of
+    from ..bench.survey import survey
+    from ..errors import InputError
+
+    files = [(test, *file) for test in tests for file in files_of(test)]
+    if os.path.lexists(out) and not is_replacing:
+        raise InputError(
+            "There is a file of this name already.",
+            where=str(out),
+            remedy="Choose another name with --out, or replace it with --force.",
+        )
+    if any(out.exists() and file.exists() and out.samefile(file) for _, file, _ in files):
+        raise InputError("This is one of the tests.", where=str(out), remedy="Choose another name.")
+    surveys = []
+    for test, file, sheet in files:
+        found = survey(file, sheet)
+        say(f"{file}: {found.reader}, {len(found.recognised)} columns recognised, "
+            f"{len(found.free)} not")  # fmt: skip
+        for finding in found.findings:
+            say(f"  {finding.message} {finding.remedy}")
+        surveys.append(replace(found, test=str(test)))
+    return surveys
+
+
+def write(out: Path, text: str) -> None:
+    """Write a motor file that loads."""
+    from ..io.whole_files import writable, write_whole
+    from ..motorfile import parse_motor
+
+    content = text.encode()
+    parse_motor(content, str(out))  # what is written can be read
+    with writable("The motor file", out):
+        write_whole(out, content)
+
+
+def motor_of_tests(tests: Sequence[Path], command: str) -> Path:
+    """Write the motor file of tests that come without one, and ask for the numbers that it lacks.
+
+    Args:
+        tests: As the command line names them.
+        command: The command that needs it.
+
+    Returns:
+        The motor file.
+
+    Raises:
+        InputError: If there is one, or something is missing that nobody at a terminal can be asked
+            for; what was found is written nevertheless.
+    """
+    from ..errors import InputError
+    from ..motor_draft import draft
+    from ..motor_gaps import gaps
+
+    out = Path(USUAL_NAME)
+    again = next_command(command, out, tests)
+    if os.path.lexists(out):
+        raise InputError("There is a motor file already.", where=str(out), remedy=f"{again}")
+    surveys = look_at(tests, out)
+    missing = [gap for gap in gaps(surveys) if not gap.is_answered]
+    may_ask = all(gap.number for gap in missing) and sys.stdin.isatty()
+    numbers = {gap.channel or gap.key: _asked(gap) for gap in missing if may_ask}
+    write(out, draft(name_of(surveys), surveys, is_accepted=True, numbers=numbers))
+    if missing and not may_ask:
+        numbers = [gap.channel or gap.key for gap in missing if gap.number]
+        columns = [gap.channel for gap in missing if not gap.number]
+        said = [*(["a number for " + ", ".join(numbers)] if numbers else []),
+                *(["a column for " + ", ".join(columns)] if columns else [])]  # fmt: skip
+        raise InputError(
+            f"The tests do not say all that a calibration needs: {' and '.join(said)}.",
+            where=str(out),
+            remedy=f"Put {'it' if len(missing) == 1 else 'them'} into {out}, which is written with "
+            f"what the tests say, then: {again}",
+        )
+    say(f"{out} is written; check the lines marked '# please check'")
+    return out
+
+
+def _asked(gap: Gap) -> float:
+    """Return a number that a person at the terminal gives."""
+    name = gap.channel or gap.key
+    print(f"{name}: {printable(gap.sentence)}", file=sys.stderr)
+    while True:
+        print(
+            f"{name} [{UNITS[name]}], such as {gap.number}: ", end="", file=sys.stderr, flush=True
+        )
+        line = sys.stdin.readline()
+        if not line:
+            raise KeyboardInterrupt
+        try:
+            return float(line.replace(",", "."))
+        except ValueError:
+            print(f"Expected a number, got {line.strip()[:40]!r}.", file=sys.stderr)
+
+
+def next_command(command: str, motor: Path, tests: Sequence[Path]) -> str:
+    """Return a command about tests and their motor file."""
+    words = shlex.join(str(test) for test in tests)
+    return f"heatrun {command} {shlex.quote(str(motor))} {words}"
+
+
+def name_of(surveys: Sequence[Survey]) -> str:
     """Return the name that the machine has until a person gives it one."""
+    file = Path(surveys[0].path)
     stem = file.stem if file.suffix.lower() != ".gz" else Path(file.stem).stem
     return "".join(c for c in stem if c.isprintable()).strip()[:100] or "motor"

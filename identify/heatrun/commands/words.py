@@ -14,12 +14,16 @@ LONGEST_SEED = 40
 """Digits, leading zeros included."""
 
 
-def add_inputs(parser: argparse.ArgumentParser, tests: str = "bench files") -> None:
-    """Add the motor file and the tests, described by `tests`."""
-    parser.add_argument("motor", type=Path, metavar="MOTOR.toml", help="the motor file")
+def add_inputs(
+    parser: argparse.ArgumentParser, tests: str = "bench files", *, may_lack_motor: bool = False
+) -> None:
+    """Add the motor file, which may be lacking, and the tests, described by `tests`."""
+    lacking = "; without one it is drafted from the tests" if may_lack_motor else ""
+    parser.set_defaults(may_lack_motor=may_lack_motor)
+    parser.add_argument("motor", type=Path, metavar="MOTOR.toml", help=f"the motor file{lacking}")
     parser.add_argument(
         "tests",
-        nargs="+",
+        nargs="*" if may_lack_motor else "+",
         type=Path,
         metavar="TEST",
         help=f"{tests}; TEMPERATURES+DRIVE@10Hz joins two loggers, "
@@ -33,6 +37,27 @@ def add_inputs(parser: argparse.ArgumentParser, tests: str = "bench files") -> N
             metavar="TIME",
             help=f"{meaning} of the part of the tests that is used, such as 600s, 10min or 1.5h",
         )
+
+
+def tell_tests(options: argparse.Namespace) -> None:
+    """Take the first file for a test where it is no motor file; `motor` is then None.
+
+    Raises:
+        UsageError: If there is no test.
+    """
+    if not getattr(options, "may_lack_motor", False):
+        return
+    first: Path = options.motor
+    is_motor = first.suffix.lower() == ".toml"
+    if not is_motor and first.is_file():
+        with first.open("rb") as file:
+            is_motor = b"[motor]" in file.read(4096)
+    elif not is_motor:
+        is_motor = bool(options.tests) and not first.suffix
+    if not is_motor:
+        options.motor, options.tests = None, [first, *options.tests]
+    if not options.tests:
+        raise UsageError(f"no test is given: heatrun {options.command} {first} TEST…")
 
 
 def cut_tests(options: argparse.Namespace) -> None:

@@ -1,6 +1,6 @@
 """The motor file as TOML again, so that a run folder stands for itself.
 
-Of `[tests.NAME]` only the load in gaps: a run knows the parts of its tests by itself.
+Of `[tests.NAME]` the columns and the load in gaps: a run knows the parts of its tests by itself.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from ..motor import Adequacy, Motor
+from ..motor import Adequacy, Motor, PartsOfTest
 
 MOTOR = ("name", "phases", "losses", "sink", "insulation_class", "rated_speed_rpm", "mass_kg",
          "raster_s", "decimal")  # fmt: skip
@@ -30,11 +30,7 @@ def motor_text(motor: Motor) -> bytes:
         content["adequacy"] = asdict(motor.adequacy)
     content["columns"] = dict(motor.columns)
     content["constants"] = dict(motor.constants)
-    content["tests"] = {
-        name: {"gap": {"load": parts.gap_load}}
-        for name, parts in motor.tests.items()
-        if parts.gap_load is not None
-    }
+    content["tests"] = {name: kept for name, parts in motor.tests.items() if (kept := _kept(parts))}
     content["sensors"] = dict(motor.sensors)
     content["parameters"] = {
         name: {key: value for key, value in asdict(said).items() if value is not None}
@@ -42,3 +38,8 @@ def motor_text(motor: Motor) -> bytes:
     }
     content["certificate"] = motor.certificate.as_section()
     return tomli_w.dumps({key: value for key, value in content.items() if value}).encode()
+
+
+def _kept(parts: PartsOfTest) -> dict[str, Any]:
+    gap = {} if parts.gap_load is None else {"gap": {"load": parts.gap_load}}
+    return gap | ({"columns": dict(parts.columns)} if parts.columns else {})

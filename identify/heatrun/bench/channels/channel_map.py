@@ -10,14 +10,16 @@ import numpy as np
 from ...errors import InputError, did_you_mean
 from ..readers.table import Column, Table
 from ..record import ColumnReading, Finding, Record
-from .claims import NOT_RECORDED, Claim, parse_claims
+from .claims import NOT_RECORDED, Claim, Columns, parse_claims
 from .column_unit import overridden, statements, unit_of, unit_wanted
 from .header import read_heading
-from .labels import columns_of, is_sure, named_unit
+from .labels import columns_of, is_sure, named_unit, speaks_of, words_in
+from .likely_names import SURE, read_name
 from .mapping import Assignment
 from .maps import COLUMN_MAPS, ColumnMap
 from .schema import CHANNEL, REQUIRED
-from .units import find_unit, require_unit
+from .unit_table import QUANTITIES
+from .units import find_unit, quantities_of, require_unit
 
 ONLY_CLOCK = "the one column of times"
 """What says that a column is the time where its name does not."""
@@ -60,7 +62,7 @@ class MappedColumns:
 
 def map_columns(
     table: Table,
-    columns: Mapping[str, str] | None = None,
+    columns: Columns | None = None,
     *,
     where: str,
     is_part: bool = False,
@@ -68,7 +70,8 @@ def map_columns(
     """Return the canonical channels of a table.
 
     The motor file's `[columns]` come first, then exact canonical names, then the built-in maps in
-    their order; a channel found earlier is not looked for again.
+    their order, then names of which every word speaks for one channel; a channel found earlier is
+    not looked for again.
 
     Args:
         table: What a reader returned.
@@ -85,6 +88,9 @@ def map_columns(
     pool = table.columns + _constants(table)
     rate_Hz = None
     for claim in parse_claims(columns or {}, where):
+        may_lack = is_part or claim.is_choice
+        if claim.is_choice and claim.channel in mapping.channels:
+            continue  # the first of several counts
         if claim.rate_Hz is not None:
             rate_Hz = claim.rate_Hz
             continue
@@ -92,9 +98,9 @@ def map_columns(
             mapping.excluded.add(claim.channel)
             continue
         if claim.parts and all(column.name != claim.text for column in pool):
-            _add_combined(mapping, claim, pool, table, is_part)
+            _add_combined(mapping, claim, pool, table, may_lack)
             continue
-        column = _claimed(claim, pool, table, where, is_part)
+        column = _claimed(claim, pool, table, where, may_lack)
         if column is None:
             mapping.notes.append(f"{claim.channel}: no column '{claim.text}' in this file.")
             continue
@@ -104,6 +110,9 @@ def map_columns(
     for column_map in COLUMN_MAPS:
         if _num_present(column_map, pool) >= column_map.num_needed:
             _add_by_map(mapping, column_map, pool)
+    if rate_Hz is not None:
+        mapping.excluded.add("time_s")  # a rate that is stated goes before a word
+    _add_by_words(mapping, table.columns)
     if rate_Hz is None:
         _add_only_clock(mapping, pool)
     used = mapping.used
@@ -346,6 +355,7 @@ def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Colum
             raise _two_columns(name, [column for column, _ in found], mapping.where)
         (column, label) = found[0]
         if label in column_map.zero_means_absent and not np.nan_to_num(column.values).any():
+            mapping.absent.add(id(column))
             mapping.findings.append(
                 Finding(
                     id="not_recorded",
@@ -374,6 +384,34 @@ def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Colum
         for column in columns_of(label, "", free):
             mapping.notes.append(f"Column '{column.name}' is not mapped: {reason}.")
             mapping.refused[column.name] = reason
+
+
+def _add_by_words(mapping: Assignment, columns: Iterable[Column]) -> None:
+    """Take the columns whose every word speaks for one channel, where no other column does."""
+    used = mapping.used
+    speaking: dict[str, list[Column]] = {}
+    for column in columns:
+        is_open = column.name in mapping.refused or column.question is not None
+        if is_open or id(column) in used | mapping.absent:
+            continue
+        stated = statements(column)
+        quantities = quantities_of(stated[0].text) if stated else tuple(QUANTITIES)
+        for quantity in quantities:
+            spoken = speaks_of(column.label, quantity, stated[0].text if stated else None)
+            for name in [name for name, score in spoken.items() if score == SURE]:
+                if CHANNEL[name].quantity == quantity and mapping.wants(name):
+                    speaking.setdefault(name, []).append(column)
+    for name, (column, *others) in speaking.items():
+        channel = CHANNEL[name]
+        if others or not read_name(words_in(column.label, channel.quantity)).is_clear:
+            continue
+        where = f"{mapping.where}, column '{column.name}' as {name}"
+        try:
+            unit, unit_from = unit_of(column, channel, where)
+        except InputError:
+            continue
+        if unit is not None:
+            mapping.add(channel, column, unit, "its words", unit_from)
 
 
 def _two_columns(channel: str, columns: Sequence[Column], where: str) -> InputError:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 from ...errors import InputError, did_you_mean
 from .combined import COMBINED, refuse_combination, split_parts
@@ -33,6 +33,7 @@ class Claim:
         rate_Hz: Sampling rate that stands for a time column [Hz], or None.
         how: `"mean"` or `"hottest"` of several columns; empty for one.
         parts: What it says of each of them.
+        is_choice: It is one of several that hold in the files that have them.
     """
 
     channel: str
@@ -44,10 +45,23 @@ class Claim:
     rate_Hz: float | None = None
     how: str = ""
     parts: tuple[Claim, ...] = ()
+    is_choice: bool = False
 
 
-def parse_claims(columns: Mapping[str, str], where: str) -> tuple[Claim, ...]:
-    """Return what `[columns]` says, in its order.
+Columns = Mapping[str, str | tuple[str, ...]]
+"""`[columns]`: canonical channel to a right-hand side, or to several of which the first counts
+whose column a file has."""
+
+
+def lines_of(columns: Columns | None) -> Iterator[tuple[str, str]]:
+    """Yield each channel with each of its right-hand sides."""
+    for channel, said in (columns or {}).items():
+        for text in (said,) if isinstance(said, str) else said:
+            yield channel, text
+
+
+def parse_claims(columns: Columns, where: str) -> tuple[Claim, ...]:
+    """Return what `[columns]` says, in its order; one claim for each of several right-hand sides.
 
     Args:
         columns: Canonical channel to `"column in the file [unit]"`; `"none"` leaves the channel
@@ -59,7 +73,7 @@ def parse_claims(columns: Mapping[str, str], where: str) -> tuple[Claim, ...]:
             a column is converted, since brackets may be part of its name.
     """
     claims = []
-    for channel, text in columns.items():
+    for channel, text in lines_of(columns):
         if channel not in CHANNEL:
             raise InputError(
                 f"[columns] names the channel '{channel}', which is not known. "
@@ -69,9 +83,10 @@ def parse_claims(columns: Mapping[str, str], where: str) -> tuple[Claim, ...]:
             )
         rate = RATE.match(text.strip())
         if rate and channel == "time_s":
-            claims.append(Claim(channel, text, text, None, rate_Hz=_rate(rate["rate"], where)))
-            continue
-        claims.append(_claim(channel, text, f"{where}, [columns] {channel}"))
+            claim = Claim(channel, text, text, None, rate_Hz=_rate(rate["rate"], where))
+        else:
+            claim = _claim(channel, text, f"{where}, [columns] {channel}")
+        claims.append(replace(claim, is_choice=not isinstance(columns[channel], str)))
     return tuple(claims)
 
 

@@ -277,4 +277,4 @@ def _is_it(text: str, *, is_known: bool) -> bool:
 
 
 def _has_letter(text: str) -> bool:
-    return any(sign.isalpha() or sign in "%°" for sign in text)
+    return any(sign.isalpha() or sign in "%°℃℉" for sign in text)

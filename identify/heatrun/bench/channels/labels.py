@@ -21,6 +21,7 @@ from functools import lru_cache
 
 from ..readers.table import Column
 from .header import plain, unit_of_cell
+from .likely_names import likely_channels
 from .name_words import EFFECTIVE, MEANS, STATISTICS
 from .schema import CHANNEL
 from .unit_table import BRACKETED_ONLY, QUANTITIES, REFUSED
@@ -149,6 +150,28 @@ def _inside(text: str, parts: list[tuple[int, int]], quantity: str) -> NamedUnit
                 doubt = f"{word} may be a unit or part of the name"
                 doubtful = NamedUnit(word, text, doubt=doubt)
     return doubtful
+
+
+def speaks_of(label: str, quantity: str = "", unit: str | None = None) -> dict[str, int]:
+    """Return the channels that a label speaks of, as `likely_channels`, its unit left off.
+
+    Args:
+        label: As `named_unit`.
+        quantity: What it may be of; by default anything.
+        unit: What the file states; by default what the label names.
+    """
+    named = named_unit(label, quantity) if quantity else None
+    is_unit = named is not None and find_unit(named.unit, quantity)
+    sure = named.unit if named and is_unit and named.is_sure and not named.doubt else None
+    return likely_channels(words_in(label, quantity), unit or sure)
+
+
+def words_in(label: str, quantity: str = "") -> str:
+    """Return a label without the unit of a quantity that it names, with all that is no unit."""
+    named = named_unit(label, quantity) if quantity else None
+    if named is None or not find_unit(named.unit, quantity):
+        return label
+    return " ".join((named.stem, *named.behind)) if named.stem else label
 
 
 def without_sure_unit(label: str) -> str:

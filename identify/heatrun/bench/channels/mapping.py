@@ -55,6 +55,7 @@ class Assignment:
         parts: Canonical name to the columns that it combines, where it does.
         refused: Name of a column to the reason why it is no channel, whatever it looks like.
         decided: Channels whose unit `[columns]` itself gives.
+        absent: Identities of columns whose zeros stand for what was not recorded.
     """
 
     where: str
@@ -67,6 +68,7 @@ class Assignment:
     parts: dict[str, list[Column]] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     decided: set[str] = field(default_factory=set)
+    absent: set[int] = field(default_factory=set)
 
     @property
     def used(self) -> set[int]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import BinaryIO
 
+from ..channels.claims import Columns
 from .measurement import Measurement
 
 MDF = (b"MDF     ", b"UnFinMF ")
@@ -14,7 +15,7 @@ TDMS = (b"TDSm",)
 
 @contextlib.contextmanager
 def opened(
-    stream: BinaryIO, where: str, columns: Mapping[str, str] | None = None
+    stream: BinaryIO, where: str, columns: Columns | None = None
 ) -> Iterator[Measurement | None]:
     """Open a measurement file for the time of the context.
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from ..channels.claims import Claim, parse_claims
+from ..channels.claims import Claim, Columns, parse_claims
 
 Decimal = Literal[".", ","]
 
@@ -43,7 +42,7 @@ class Hints:
 
 
 def hints_of(
-    columns: Mapping[str, str] | None,
+    columns: Columns | None,
     decimal: Decimal | None = None,
     *,
     where: str,

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..channels.claims import Columns, lines_of
 from ..channels.combined import columns_named
 from ..channels.header import split_name
 from ..record import Finding, UnitSource
@@ -123,7 +124,7 @@ class Header:
         return Table(tuple(columns), self.texts)
 
 
-def header_of(measurement: Measurement, columns: Mapping[str, str]) -> Header:
+def header_of(measurement: Measurement, columns: Columns) -> Header:
     """Return the names under which a measurement's channels can be asked for.
 
     A name that occurs once is its own; one that occurs in several groups becomes `group/name`, as
@@ -133,11 +134,11 @@ def header_of(measurement: Measurement, columns: Mapping[str, str]) -> Header:
         measurement: The file.
         columns: `[columns]` of the motor file.
     """
-    named = [part for text in columns.values() for part in columns_named(text)]
+    named = [part for _, text in lines_of(columns) for part in columns_named(text)]
     asked = {split_name(text)[0] for text in named} | set(named)
     counts = Counter(stored.name for stored in measurement.channels)
-    asked_time = columns.get("time_s", "").strip()
-    claimed = {asked_time, split_name(asked_time)[0]} - {""}
+    times = [text.strip() for name, text in lines_of(columns) if name == "time_s"]
+    claimed = {*times, *(split_name(text)[0] for text in times)} - {""}
     clocks = (name for name in measurement.time_names if claimed & {name, split_name(name)[0]})
     time = next(clocks, "time_s")
     note = f"seconds from {measurement.start}" if measurement.start else ""

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...errors import InputError
 from ..channels.channel_map import MappedColumns, map_columns
+from ..channels.claims import Columns
 from ..channels.derive import constants_of, derive
 from ..channels.schema import CHANNEL
 from ..clocks.axes import averaged, axes_of, common_times, raster_note
@@ -31,7 +32,7 @@ joined by straight lines in any case, see `heatrun.bench.reduction`."""
 
 def read_measurement(
     measurement: Measurement,
-    columns: Mapping[str, str] | None = None,
+    columns: Columns | None = None,
     *,
     where: str,
     is_part: bool = False,

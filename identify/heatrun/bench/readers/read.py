@@ -135,7 +135,7 @@ def read_record(
     where = str(path)
     if rate_Hz is not None:
         positive_rate(rate_Hz, where)
-    columns = motor.columns if motor else None
+    columns = motor.columns_of(name_of_test(Path(path), sheet)) if motor else None
     phases, losses = (motor.phases, motor.losses) if motor else (3, "balance")
     raster_s = motor.raster_s if motor else None
     # another part may hold what the motor file states for want of a column

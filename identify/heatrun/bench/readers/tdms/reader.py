@@ -15,6 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ....errors import InputError
+from ...channels.claims import Columns, lines_of
 from ...channels.column_unit import unit_of
 from ...channels.header import split_name
 from ...channels.labels import columns_of
@@ -60,7 +61,7 @@ class Clock:
 
 @contextlib.contextmanager
 def open_tdms(
-    stream: BinaryIO, where: str, columns: Mapping[str, str] | None = None
+    stream: BinaryIO, where: str, columns: Columns | None = None
 ) -> Iterator[Measurement]:
     """Open a TDMS file; its channels can be read until the context ends.
 
@@ -88,8 +89,8 @@ def open_tdms(
         stream.seek(0)
         file: Any = TdmsFile.open(stream)
         _check_lengths(file, stream.seek(0, io.SEEK_END))
-        claimed = split_name((columns or {}).get("time_s", ""))
-        clocks = {group.name: _clock(group, *claimed) for group in file.groups()}
+        claimed = dict(split_name(text) for name, text in lines_of(columns) if name == "time_s")
+        clocks = {group.name: _clock(group, claimed) for group in file.groups()}
         origin = _origin(file, clocks)
         channels = tuple(
             _stored(channel, group, file)
@@ -132,19 +133,24 @@ def _check_lengths(file: Any, size: int) -> None:
                 raise BrokenFileError(f"{len(channel)} samples of '{channel.name}' in {size} bytes")
 
 
-def _clock(group: Any, claimed: str, unit: str | None) -> Clock:
-    """Return the channel of times of a group whose channels have no waveform properties."""
+def _clock(group: Any, claimed: Mapping[str, str | None]) -> Clock:
+    """Return the channel of times of a group whose channels have no waveform properties.
+
+    Args:
+        group: The group.
+        claimed: Labels that `[columns]` names, each with its unit or None.
+    """
     channels = group.channels()
     if all(_increment(channel) is not None for channel in channels):
         return Clock()
     pool = [Column(one.name, split_name(one.name)[0], None, np.empty(0)) for one in channels]
-    for label in (claimed, *TIME_LABELS):
+    for label in (*claimed, *TIME_LABELS):
         for found in columns_of(label, "time_s", pool) if label else ():
             channel = channels[pool.index(found)]
             if channel.dtype.kind == "M" and len(channel):
                 return Clock(channel, np.datetime64(channel[0], "us"))
             if channel.dtype.kind in "iuf":
-                return Clock(channel, unit=unit if label == claimed else None)
+                return Clock(channel, unit=claimed.get(label))
     return Clock()
 
 
