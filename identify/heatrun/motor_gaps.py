@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from .bench.channels.by_resistance import tells_winding
-from .bench.channels.derive import DERIVATIONS, SHAFT, Derivation
+from .bench.channels.derive import DERIVATIONS, ELECTRICAL, SHAFT, Derivation
 from .bench.channels.likely_names import LIKELY, SURE, read_name
 from .bench.channels.schema import CHANNEL, REQUIRED
 from .bench.channels.units import find_unit
@@ -228,8 +228,7 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
     target = next((way.channel for way in DERIVATIONS if way.formula == formula), "")
     sentence = WHY.get(name, "") if not formula else f"{target} is {formula}."
     if name == "losses_W":
-        ways = [" and ".join(way.needs) for way in DERIVATIONS if way.channel == name]
-        sentence = f"{sentence} {'; or '.join(ways)}."
+        sentence = sentence.format("; or ".join(" and ".join(way.needs) for way in ELECTRICAL))
     each = {test: ranked(name, [one for file in tests[test] for one in _candidates(name, file)
                                 if len(one.line) <= LONGEST_LINE])
             for test in wanted}  # fmt: skip
