@@ -134,7 +134,7 @@ def _needed(name: str, files: Sequence[Survey], have: Set[str]) -> list[tuple[st
     score = direct.candidate.score if direct else 0
     if score >= (LIKELY if name == "losses_W" else SURE):
         return [(name, "")]
-    ways = [_way(way, files, have) for way in DERIVATIONS if way.channel == name]
+    ways = [_way(way, files, have) for way in DERIVATIONS if way.channel == name and way.is_general]
     # what needs the fewest numbers of a person, then the fewest columns
     told = sorted((way for way in ways if way), key=lambda way: (way[0], len(way[1])))
     return told[0][1] if told else [(name, "")]
@@ -312,6 +312,9 @@ def _candidates(name: str, one: Survey) -> Iterator[Candidate]:
 def _proposal(name: str, column: FreeColumn) -> Proposal | None:
     """Return how a column may be a channel; one whose name speaks of another is none of it."""
     is_others = any(one.is_likely for one in column.proposals)
+    of_others = (each for channel, each in column.evidence.items() if channel != name)
+    if name in ZERO and any(each.is_alone for each in of_others):
+        return None
     speaks = name in column.evidence and column.evidence[name].speaks
     for one in column.proposals:
         is_winding = name == "winding_degC" and one.channel == "winding_resistance_ohm"

@@ -222,8 +222,8 @@ def test_a_missing_speed_ends_with_exit_code_1_and_says_what_to_map(tmp_path, ca
 def test_a_file_that_is_replaced_while_it_is_read_gets_no_report(tmp_path, monkeypatch):
     test = write_drive(tmp_path / "Test_2022_12_07_001.csv")
 
-    def read_and_replace(path, motor):
-        records = read_tests(path, motor)
+    def read_and_replace(path, motor, **options):
+        records = read_tests(path, motor, **options)
         write_drive(test, current_A=99.0)
         return records
 

@@ -145,7 +145,7 @@ def amplitude(table):
         (three_samples, "samples"),
         (kelvin, "kelvin"),
         (fahrenheit, "ahrenheit"),
-        (amplitude, "amplitude"),
+        (amplitude, "A_peak"),
     ],
     ids=["empty", "header_only", "wrong_delimiter", "missing_channel", "unknown_unit", "nan_block",
          "backwards", "constant", "negative", "three_samples", "kelvin", "fahrenheit",

@@ -92,7 +92,7 @@ def test_the_winding_of_a_giant_is_no_absurd_conductance_either():
     (finding,) = found(columns, "unit_suspected")
     assert finding.severity == "warning"
     # two hours show all of it
-    assert found(block(1e6, 1500.0, rise_K=11.7), "losses_absurd")
+    assert found(block(1e6, 1500.0, rise_K=11.7), "losses_absurd", decided={"losses_W"})
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,10 @@ def coil(below):
 )
 def test_losses_of_a_coil_are_refused_below_what_instruments_explain(below, severity):
     motor = Motor("coil", phase_resistance_ohm=3.0, phases=1)
-    severities = [f.severity for f in found(coil(below), "losses_below_copper", motor=motor)]
+    units = set(coil(below))  # else the doubt about them is told, and nothing that follows
+    severities = [
+        f.severity for f in found(coil(below), "losses_below_copper", "name", motor, units)
+    ]
     assert severities == ([] if severity is None else [severity])
-    amplitudes = found(coil(below), "current_amplitude", motor=motor)
+    amplitudes = found(coil(below), "current_amplitude", "name", motor, units)
     assert bool(amplitudes) == (below > 1.06)

@@ -21,8 +21,8 @@ from .schema import CHANNEL, REQUIRED
 from .unit_table import QUANTITIES
 from .units import find_unit, quantities_of, require_unit
 
-ONLY_CLOCK = "the one column of times"
-"""What says that a column is the time where its name does not."""
+ONLY_CLOCK, ITS_WORDS = "the one column of times", "its words"
+"""What says that a column is the time where nobody has named it: a rate goes before both."""
 
 
 @dataclass(frozen=True)
@@ -411,7 +411,7 @@ def _add_by_words(mapping: Assignment, columns: Iterable[Column]) -> None:
         except InputError:
             continue
         if unit is not None:
-            mapping.add(channel, column, unit, "its words", unit_from)
+            mapping.add(channel, column, unit, ITS_WORDS, unit_from)
 
 
 def _two_columns(channel: str, columns: Sequence[Column], where: str) -> InputError:

@@ -174,6 +174,6 @@ def _phase_differs(channel: str, parts: Mapping[str, np.ndarray], where: str) ->
         f"Expected phases of one winding to carry one current; column '{names[worst]}' reads {got} "
         f"where {' and '.join(rest)} {'agree' if len(rest) > 1 else 'carries current'}. {harm}",
         f"{where}, {channel}",
-        f'Check its clamp and its range. To do without it: {channel} = "{line}" under [columns].',
+        f'Check its clamp and its setting. To do without it: {channel} = "{line}" under [columns].',
         values={"share": float(share[worst]), "factor": factor},
     )

@@ -38,6 +38,11 @@ class Derivation:
     formula: str
     holds: Callable[[Channels], bool] = _always
 
+    @property
+    def is_general(self) -> bool:
+        """Whether it is open whatever values its channels have."""
+        return self.holds is _always
+
     def is_open(self, channels: Channels) -> bool:
         """Return whether these channels hold what it needs."""
         return all(name in channels for name in self.needs) and self.holds(channels)

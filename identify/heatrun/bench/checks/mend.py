@@ -35,7 +35,7 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         return replace(record, channels={**record.channels, channel: values}), motor
     if finding.severity != "error":
         return record, motor
-    if finding.id == "time_backwards":
+    if finding.id == "time_backwards" and "sample" in finding.values:
         size = int(finding.values["sample"] or 0)
         return replace(
             record, channels={name: column[:size] for name, column in record.channels.items()}

@@ -58,11 +58,16 @@ def samples(record: Record, *channels: str) -> tuple[np.ndarray, ...]:
         return (np.empty(0),) * (len(channels) + 1)
     columns = [np.asarray(record[channel], dtype=float) for channel in ("time_s", *channels)]
     kept = np.logical_and.reduce([is_measured(column) for column in columns])
-    columns = [column[kept] for column in columns]
+    columns = _only(columns, kept)
     latest = np.maximum.accumulate(columns[0])
     increasing = np.ones(latest.size, dtype=bool)
     increasing[1:] = columns[0][1:] > latest[:-1]
-    return tuple(column[increasing] for column in columns)
+    return tuple(_only(columns, increasing))
+
+
+def _only(columns: list[np.ndarray], kept: np.ndarray) -> list[np.ndarray]:
+    """Return the rows of columns that are kept, without a copy where these are all."""
+    return columns if kept.all() else [column[kept] for column in columns]
 
 
 def median_step(time_s: np.ndarray) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...motor import Motor
-from ..channels.channel_map import ONLY_CLOCK, MappedColumns, map_columns
+from ..channels.channel_map import ITS_WORDS, ONLY_CLOCK, MappedColumns, map_columns
 from ..channels.claims import positive_rate
 from ..channels.constants import constant_notes, resistance_conflict
 from ..channels.derive import derive
@@ -272,7 +272,8 @@ def _time(
     """Return the time axis [s], the notes on how it came about, and what is missing on it."""
     rows = table.sample_numbers
     measured = mapped.channels.get("time_s")
-    if rate_Hz is not None and any(one.found_by == ONLY_CLOCK for one in mapped.readings):
+    found_by = next((one.found_by for one in mapped.readings if one.channel == "time_s"), "")
+    if rate_Hz is not None and found_by in (ONLY_CLOCK, ITS_WORDS):
         measured = None  # what is said goes before what was found
     if measured is not None:
         if rate_Hz is not None:
