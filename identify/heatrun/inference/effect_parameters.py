@@ -26,6 +26,11 @@ EXTRA_NODE = "extra node"
 """Family of the effects whose times are those of bodies; other times are those of sensors."""
 
 
+FASTEST_S = 5.0
+"""Time constant below which no body is sought [s]: the steps of a record do not resolve it, and a
+simulation with them would not be stable."""
+
+
 class Size(NamedTuple):
     """The size of a machine, as far as effects go with it.
 
@@ -121,6 +126,10 @@ def sized(kind: type[AbstractEffect], quantity: Quantity, size: Size) -> Quantit
         "s": capacity * resistance if kind.card.family == EXTRA_NODE else 1.0,
     }.get(quantity.unit, 1.0)
     low, high, typical = (factor * each for each in (quantity.low, quantity.high, quantity.typical))
+    if quantity.unit == "s" and kind.card.family == EXTRA_NODE:
+        low = max(low, FASTEST_S)
+        high = max(high, 10.0 * low)
+        typical = min(max(typical, low), high)
     return quantity._replace(low=low, high=high, typical=typical)
 
 
