@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from .bench.channels.by_resistance import tells_winding
-from .bench.channels.derive import DERIVATIONS, ELECTRICAL, SHAFT, Derivation
+from .bench.channels.derive import DERIVATIONS, ELECTRICAL, Derivation
 from .bench.channels.likely_names import LIKELY, SURE, read_name
 from .bench.channels.schema import CHANNEL, REQUIRED
 from .bench.channels.units import find_unit
@@ -368,9 +368,7 @@ def _note(column: FreeColumn) -> str:
 
 
 def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
-    """Return lines of `[constants]` for a shaft or a room that was not recorded."""
-    if name == "losses_W" and not any(_has_shaft(one) for one in surveys):
-        return ("# speed_rpm = 0  # rotor locked, or direct current: all power that goes in heats",)
+    """Return lines of `[constants]` for a room that was not recorded."""
     if name != "ambient_degC":
         return ()
     lines = []
@@ -389,13 +387,6 @@ def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
             lines += [f"# {name} = {value!r}  # from the line '{printable(flat(line))[:80]}'"
                       for value in values if _is_room(value)]  # fmt: skip
     return tuple(dict.fromkeys(lines))
-
-
-def _has_shaft(one: Survey) -> bool:
-    """Return whether a file has, or may have, what tells the power at the shaft."""
-    proposals = [one for column in one.free for one in column.proposals]
-    proposed = {one.channel for one in proposals if one.is_likely or one.channel in SHAFT}
-    return not {*SHAFT, "mechanical_power_W"}.isdisjoint(one.channels | proposed)
 
 
 def _is_room(value: float) -> bool:
