@@ -9,8 +9,8 @@ import pytest
 from measured_machine import measured_record
 
 from heatrun.bench.reduction import reduce
-from heatrun.effects.engine import placed
-from heatrun.effects.extension import extended_engine
+from heatrun.effects.engine import Engine, placed
+from heatrun.effects.extension import with_catalogue
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
@@ -32,7 +32,9 @@ def test_an_instrument_far_beyond_its_prior_is_refitted_where_it_is(generator, m
     gain = found.problem.parameters.index("stator_gain")
     assert found.z[gain] < -10.0
 
-    _, engine = extended_engine(model, motor, found.problem.tests, all_effects())
+    tests = found.problem.tests
+    usable, extended = with_catalogue(model, motor, tests, all_effects())
+    engine = Engine(Problem.of(extended, motor, tests, searched=usable.kinds))
     z, order = placed(engine, found)
     engine = engine.with_loggers(found.problem.loggers).with_heat(found.problem.heat)
     again = engine.refit(z, order, found.noise)

@@ -282,3 +282,15 @@ def _row(found: re.Match[str] | None, text: str, otherwise: float, where: str) -
 
 def _number(value: float) -> str:
     return f"{value:.12g}"
+
+
+def runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return first index and one past the last of each stretch where the mask is true."""
+    edges = np.diff(np.concatenate(([False], mask, [False])).astype(np.int8))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+
+
+def windows(time_s: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:
+    """Return first and last time of each stretch where the mask is true [s]."""
+    first, past = runs(mask)
+    return [(float(time_s[a]), float(time_s[b - 1])) for a, b in zip(first, past, strict=True)]

@@ -35,10 +35,10 @@ def values_of(found: Discovery, effect: Candidate) -> dict[str, float | None]:
     return {name: values[qualified(effect.kind, name)] for name in effect.kind.card.parameters}
 
 
-def _described(found: Discovery, effect: Candidate, score: Sight | None) -> CandidateFate:
+def _described(found: Discovery, effect: Candidate, sight: Sight | None) -> CandidateFate:
     asked = found.asked
     card = effect.kind.card
-    status, reason = _fate(found, effect, score)
+    status, reason = _fate(found, effect, sight)
     row = CandidateFate(
         id=effect.id,
         family=card.family,
@@ -49,13 +49,13 @@ def _described(found: Discovery, effect: Candidate, score: Sight | None) -> Cand
         parameters=values_of(found, effect),
         delta_log_evidence=_delta(found, effect),
     )
-    if score is None:
+    if sight is None:
         return row
     return replace(
         row,
-        visibility=score.visibility,
-        visible_K=score.visible_K,
-        screening_log_bayes=score.log_bayes,
+        visibility=sight.visibility,
+        visible_K=sight.visible_K,
+        screening_log_bayes=sight.log_bayes,
     )
 
 
@@ -68,7 +68,7 @@ def _delta(found: Discovery, effect: Candidate) -> float | None:
     return None if beside is None else beside.log_evidence - asked.core.log_evidence
 
 
-def _fate(found: Discovery, effect: Candidate, score: Sight | None) -> tuple[Status, str]:
+def _fate(found: Discovery, effect: Candidate, sight: Sight | None) -> tuple[Status, str]:
     asked = found.asked
     if effect in asked.core.effects:
         return "accepted", ""
@@ -82,10 +82,10 @@ def _fate(found: Discovery, effect: Candidate, score: Sight | None) -> tuple[Sta
             "the evidence asks for it, but what it closes of the gap is less than the laws of the "
             "other effects leave open: the intervals allow for it"
         )
-    if score is not None and not score.is_visible:
+    if sight is not None and not sight.is_visible:
         noise = float(from_scores(asked.core.noise_z).total())
         return "not identifiable", (
-            f"at its usual size these tests would show {score.visible_K:.3f} K of it, "
-            f"{score.visibility:.1f} standard deviations of a noise of {noise:.2f} K"
+            f"at its usual size these tests would show {sight.visible_K:.3f} K of it, "
+            f"{sight.visibility:.1f} standard deviations of a noise of {noise:.2f} K"
         )
     return "rejected", "the evidence of all effects together does not ask for it"

@@ -1,4 +1,4 @@
-"""The model with all effects that the tests allow, of which a search or a screening picks."""
+"""The model with all effects that the tests allow, of which a search picks."""
 
 from __future__ import annotations
 
@@ -10,30 +10,8 @@ from lptn.effects import AbstractEffect
 from ..bench.blocks import Blocks
 from ..inference.catalogue import all_effects
 from ..inference.model import Model
-from ..inference.problem import Problem
 from ..motor import Motor
-from .engine import Engine
 from .library import Library, library, without_resistance
-
-
-def extended_engine(
-    bare: Model,
-    motor: Motor,
-    tests: Sequence[Blocks],
-    kinds: Sequence[type[AbstractEffect]],
-    held_out: Sequence[Blocks] = (),
-) -> tuple[Library, Engine]:
-    """Return the effects that can be searched, and the engine with all of them.
-
-    Args:
-        bare: Network with its known effects.
-        motor: The machine.
-        tests: Reduced records to calibrate on.
-        kinds: The effects that are wanted; those of the network are left out.
-        held_out: Tests that must have what an effect needs too.
-    """
-    found, extended = with_catalogue(bare, motor, tests, kinds, held_out)
-    return found, Engine(Problem.of(extended, motor, tests, searched=found.kinds))
 
 
 def with_catalogue(

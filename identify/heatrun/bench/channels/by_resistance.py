@@ -17,6 +17,7 @@ from jaxtyping import Float
 from ...errors import InputError
 from ...motor import Motor
 from ..record import Record
+from ..stretch import windows
 
 METER_SD, QUOTIENT_SD = 0.002, 0.005
 """Of a resistance [1]: four-wire ohmmeter; voltage and current of class 0.5 each (k = 1.7)."""
@@ -97,7 +98,7 @@ def with_winding(record: Record, motor: Motor) -> Record:
     note = f"winding_degC follows from the resistance, {how}{less}; {reference.note}."
     masks = record.masks
     if "winding_resistance_ohm" not in record:
-        masks = (*masks, *_windows(record.time_s, ~np.isfinite(ohm)))
+        masks = (*masks, *windows(record.time_s, ~np.isfinite(ohm)))
     channels = {**record.channels, "winding_degC": winding}
     return replace(record, channels=channels, notes=(*record.notes, note), masks=masks)
 
@@ -209,13 +210,4 @@ def _reference(record: Record, motor: Motor, ohm: Float[np.ndarray, " time"]) ->
         remedy=f"State the resistance of the same circuit, leads included, {at}: {LINE}."
         f"{soaked if is_cold_known else ''} The resistance of a Pt100 or an NTC is no winding's: "
         "have the logger convert it.",
-    )
-
-
-def _windows(time_s: np.ndarray, is_lost: np.ndarray) -> tuple[tuple[float, float], ...]:
-    """Return first and last time of each stretch [s]."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], is_lost.astype(np.int8), [0]))))
-    return tuple(
-        (float(time_s[first]), float(time_s[past - 1]))
-        for first, past in zip(edges[::2], edges[1::2], strict=True)
     )

@@ -16,7 +16,7 @@ from ...motor import Motor
 from ..channels.schema import CHANNEL
 from ..channels.units import find_unit
 from ..record import Finding, Record
-from ..stretch import bridge
+from ..stretch import bridge, windows
 from .advice import section_of, windows_text
 from .crude_fit import crude_fit
 from .samples import is_measured, place, runs, samples
@@ -108,8 +108,7 @@ def spike_windows(record: Record, finding: Finding) -> list[tuple[float, float]]
     """Return the windows [s] of a finding of `load_spike`."""
     name = finding.where.split(", ")[-2]
     time_s, values = samples(record, name)
-    first, past = runs(_beyond(values)[0])
-    return [(float(time_s[a]), float(time_s[b - 1])) for a, b in zip(first, past, strict=True)]
+    return windows(time_s, _beyond(values)[0])
 
 
 def _beyond(values: np.ndarray) -> tuple[np.ndarray, float]:

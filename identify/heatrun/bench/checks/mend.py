@@ -12,9 +12,8 @@ import numpy as np
 
 from ...motor import Motor
 from ..record import Finding, Record
-from ..stretch import bridge, mask
+from ..stretch import bridge, mask, windows
 from .load_spike import spike_windows
-from .samples import runs
 from .suspicion import read_otherwise
 
 OF_THE_READING = ("sensor_detached", "temperature_jump", "sensor_stuck")
@@ -46,9 +45,8 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         return bridge(record, spike_windows(record, finding), ""), motor
     if finding.id == "saturation" and "winding_degC" in finding.where:
         winding = np.asarray(record["winding_degC"], dtype=float)
-        first, past = runs(np.isclose(winding, finding.values["extreme"] or 0.0))
-        ends = zip(record.time_s[first], record.time_s[past - 1], strict=True)
-        return mask(record, [*record.masks, *((float(a), float(b)) for a, b in ends)], ""), motor
+        clipped = np.isclose(winding, finding.values["extreme"] or 0.0)
+        return mask(record, [*record.masks, *windows(record.time_s, clipped)], ""), motor
     if finding.id in OF_THE_READING and "winding_degC" in finding.where:
         begin = finding.values.get("from_s")
         until = finding.values.get("until_s", finding.values.get("to_s"))

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...motor import Motor
 from ..record import Record
+from ..stretch import runs as runs
 
 BEYOND_MEASURE = 1e12
 """No channel of a motor bench reaches this in its unit; what does is an overflow, not a value."""
@@ -73,12 +74,6 @@ def _only(columns: list[np.ndarray], kept: np.ndarray) -> list[np.ndarray]:
 def median_step(time_s: np.ndarray) -> float:
     """Return the usual distance between two samples [s]; NaN with fewer than two."""
     return float(np.median(np.diff(time_s))) if time_s.size > 1 else float("nan")
-
-
-def runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return first index and one past the last of each stretch where the mask is true."""
-    edges = np.diff(np.concatenate(([False], mask, [False])).astype(np.int8))
-    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
 
 
 def block_means(

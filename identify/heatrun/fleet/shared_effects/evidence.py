@@ -20,10 +20,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ...effects.engine import Engine, placed
-from ...effects.extension import extended_engine
+from ...effects.extension import with_catalogue
 from ...inference.catalogue import all_effects
 from ...inference.effect_parameters import EVENT, amplitudes, qualified
 from ...inference.fitting.fit_result import Fit
+from ...inference.problem import Problem
 
 SETTINGS = (0.0, -1.0, 1.0)
 """Scores of the shape parameters that an effect is tried with, all of them alike [1]."""
@@ -58,7 +59,9 @@ def evidence_of(fit: Fit) -> Evidence:
     """
     problem = fit.problem
     kinds = [kind for kind in all_effects() if kind.card.family != EVENT]
-    _, engine = extended_engine(problem.model, problem.motor, problem.tests, kinds)
+    motor, tests = problem.motor, problem.tests
+    found, extended = with_catalogue(problem.model, motor, tests, kinds)
+    engine = Engine(Problem.of(extended, motor, tests, searched=found.kinds))
     if problem.heat is not None:
         engine = engine.with_heat(problem.heat)
     engine = engine.with_loggers(problem.loggers)
