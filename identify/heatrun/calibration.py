@@ -305,8 +305,7 @@ def _searched(
     screened = search(found)
     if len(found.problem.tests) > 1:
         say(f"{title}: comparing the tests with each other")
-        others = () if screened is None else screened.alternatives
-        best = max((each.log_bayes for each in others), default=-math.inf)
+        best = max(() if screened is None else screened.log_bayes, default=-math.inf)
         changed = attempts.of(
             "the comparison of the tests",
             lambda: fit_with_changes(found, beyond=best, seed=seed),
@@ -341,7 +340,6 @@ def _sampled(
     attempts: Attempts,
 ) -> Posterior:
     """Return the posterior of a fit, averaged over the effects that its network may miss."""
-    others = () if screened is None else screened.alternatives
     name, title = found.problem.model.name, found.problem.model.title
     checkpoints = None if folder is None else folder.checkpoints / name
 
@@ -353,11 +351,11 @@ def _sampled(
     )
     if posterior is None:
         posterior = normal_draws(found, seed=seed)
-    if not others:
+    if screened is None or not screened.effects:
         return posterior
     return attempts.of(
         "the average over effects that may be missing",
-        lambda: averaged(posterior, others, seed=seed),
+        lambda: averaged(posterior, screened, seed=seed),
         posterior,
         where=title,
     )

@@ -311,7 +311,7 @@ def test_effects_that_the_run_averages_over_and_the_file_lacks_are_said(day, mon
         return [each for each in exported["findings"] if each.id == "effects_left_out"]
 
     (finding,) = findings(8.0, {"speed_cooling": 0.2, "winding_node": 0.7})
-    assert "speed_cooling 20 %, winding_node 70 %" in finding.message
+    assert "winding_node 70 %, speed_cooling 20 %" in finding.message
     assert "--with winding_node" in finding.remedy
     (further,) = findings(16.0, {"winding_node": 0.7})
     gap_K, more_K = finding.values["effects_K"], further.values["effects_K"]

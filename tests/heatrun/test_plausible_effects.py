@@ -1,4 +1,4 @@
-"""Draws with an effect behind them predict what the network with that effect predicts."""
+"""Draws with effects behind them predict what the network with these predicts."""
 
 from __future__ import annotations
 
@@ -44,8 +44,7 @@ def test_winding_nodes_flows_and_bodies_are_those_of_the_network_with_the_effect
     with_effect = {n: float(np.median(v)) for n, v in of_effect.of_test(tests[0].name).items()}
     with_effect[named] = 0.02
     effect = PlausibleEffect(RECIRCULATION, None, 0.5, with_effect, {**with_effect, named: 0.0})
-    which = np.zeros(NUM_DRAWS, dtype=int)
-    plausible = PlausibleEffects((effect,), which, np.ones(NUM_DRAWS))
+    plausible = PlausibleEffects((effect,), np.ones((NUM_DRAWS, 1)))
     found = predict(draws_of(alone, motor, tests, plausible), tests[0], fitted_as=tests[0].name)
     slot = [s.parameter.name for s in of_effect.parameters.slots].index(named)
     parameter = of_effect.parameters.slots[slot].parameter
@@ -92,12 +91,36 @@ def test_a_body_in_a_link_leaves_the_flow_out_of_its_first_node(bench):
             if quantity.null is not None
         }
         effects.append(PlausibleEffect(kind, None, 0.5, {**centre, **own}, centre))
-    which = np.arange(NUM_DRAWS) % 2
     for index, effect in enumerate(effects):
-        plausible = PlausibleEffects(tuple(effects), which * 0 + index, np.ones(NUM_DRAWS))
+        size = np.zeros((NUM_DRAWS, len(effects)))
+        size[:, index] = 1.0
+        plausible = PlausibleEffects(tuple(effects), size)
         found = predict(draws_of(alone, motor, tests, plausible), tests[0], fitted_as=tests[0].name)
         bare = predict(draws_of(alone, motor, tests), tests[0], fitted_as=tests[0].name)
         assert set(found.flows) == set(bare.flows)
         stored = found.flows["stator", "ambient"] - bare.flows["stator", "ambient"]
         assert np.all(np.isfinite(stored)), effect.id
         assert np.max(np.abs(stored)) > 0.1, effect.id
+
+
+def test_effects_behind_one_draw_add_up(bench):
+    motor, tests = bench
+    alone = Model.of("second", motor).scaled(motor, tests)
+    rows = [alone.with_bodies(test) for test in tests]
+    known = parameters(alone, motor, rows).by_test[0]
+    values = {name: p.centre for name, p in known.items() if not p.per_test}
+    named = {"ambient_recirculation": {"r": 0.02}, "ac_copper_loss": {"k": 0.5}}
+    effects = []
+    for kind in (each for each in EFFECTS if each.card.id in named):
+        own = {f"{kind.card.id}.{n}": v for n, v in named[kind.card.id].items()}
+        effects.append(PlausibleEffect(kind, None, 0.5, {**values, **own}, values))
+
+    def median(*sizes):
+        plausible = PlausibleEffects(tuple(effects), np.tile(sizes, (NUM_DRAWS, 1)))
+        drawn = draws_of(alone, motor, tests, plausible)
+        return predict(drawn, tests[0], fitted_as=tests[0].name).median
+
+    bare, first, second = median(0.0, 0.0), median(1.0, 0.0), median(0.0, 0.5)
+    assert np.ptp(first - bare) > 0.1
+    assert np.ptp(second - bare) > 0.1
+    np.testing.assert_allclose(median(1.0, 0.5), first + second - bare, atol=1e-6)

@@ -7,18 +7,18 @@ import pytest
 from msgspec import UNSET
 from test_ratings_figures import BY_ID, NUM, TRUE, motor, posterior
 
-from heatrun.inference.plausible_effects import NONE, PlausibleEffect, PlausibleEffects
+from heatrun.inference.plausible_effects import PlausibleEffect, PlausibleEffects
 from heatrun.ratings.figures import derive
 
+NONE = -1
 FIGURES = ("steady_rise_K", "continuous_current_A", "time_to_limit_cold_s", "S2-30_current_A")
 
 
 def behind(effects, which, size=1.0):
-    """The draws at `TRUE`, with effects behind some of them."""
+    """The draws at `TRUE`, with one effect of some behind each, or none."""
     drawn = posterior("second", motor(), TRUE)
-    drawn.plausible = PlausibleEffects(
-        tuple(effects), np.broadcast_to(which, NUM).copy(), np.full(NUM, size)
-    )
+    sizes = size * (np.broadcast_to(which, NUM)[:, None] == np.arange(len(effects)))
+    drawn.plausible = PlausibleEffects(tuple(effects), sizes)
     return drawn
 
 

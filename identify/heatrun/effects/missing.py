@@ -1,14 +1,17 @@
-"""Which small effects may a calibrated network lack, and what would each move?
+"""Which small effects may a calibrated network lack, and what would they move?
 
 What matters is in the network by now (`found`). Of the rest a machine has some, each too small to
-be told, and each moves the parameters. So every effect that the network lacks is held against the
-network alone once more, at the sizes that small ones have: by the linear evidence around the fit
-(`linear`), and the best of them by a fit with a noise of its own. The posterior is averaged over
-these models by their probabilities (`averaging`).
+be told, and together they move the parameters. So all effects that the network lacks stand beside
+it once more, at the sizes that small ones have, each with the odds that the search gives it. Around
+the fit all is linear (`linear`): given the sizes, the parameters are a Gaussian shift away, and
+the sizes are drawn one after the other, each given the others, zero or not (a spike and a slab).
+The posterior is averaged over these draws (`averaging`).
 
-References: J. A. Hoeting, D. Madigan, A. E. Raftery, C. T. Volinsky, Bayesian model averaging: a
-    tutorial, Statistical Science 14 (1999) 382-417. J. Brynjarsdottir, A. O'Hagan, Learning about
-    physical parameters: the importance of model discrepancy, Inverse Problems 30 (2014) 114007.
+References: E. I. George, R. E. McCulloch, Variable selection via Gibbs sampling, Journal of the
+    American Statistical Association 88 (1993) 881-889. J. A. Hoeting, D. Madigan, A. E. Raftery,
+    C. T. Volinsky, Bayesian model averaging: a tutorial, Statistical Science 14 (1999) 382-417. J.
+    Brynjarsdottir, A. O'Hagan, Learning about physical parameters: the importance of model
+    discrepancy, Inverse Problems 30 (2014) 114007.
 """
 
 from __future__ import annotations
@@ -18,23 +21,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
-from scipy.stats import norm
+from jaxtyping import Bool, Float
+from scipy.special import log_ndtr, ndtr, ndtri
 
 from lptn.effects import AbstractEffect, placed_link
 
 from ..bench.record import Finding
 from ..inference.discrepancy import no_heat
-from ..inference.effect_parameters import amplitudes
+from ..inference.effect_parameters import EVENT, amplitudes
 from ..inference.fitting.fit_result import Fit
+from ..inference.fitting.restricted import estimate_noise, log_evidence
 from ..inference.noise import from_scores
 from ..inference.plausible_effects import PlausibleEffect
 from ..inference.problem import Problem
-from .engine import Engine, Refit, placed
+from .engine import Engine, Refit, filled, padded, placed
 from .extension import with_catalogue
 from .library import Candidate
-from .linear import Linear, evidence
-from .search import Member, Search, heated
+from .linear import Linear
+from .search import ODDS, Member, Search, heated
 
 CHANCE = 0.01
 """Bound of the share of clean records in which chance alone would raise the finding [1]."""
@@ -48,28 +52,27 @@ MOVED = 1.0
 SCALES = (0.1, 0.3, 1.0)
 """Standard deviations of a small effect's size over the usual one, equally probable [1]."""
 
-PROBABILITY_OF_NONE = 0.2
-"""Of the network alone before the tests have spoken; the effects share the rest evenly [1]. Most
-machines have one, most of these too small to matter."""
+PROBABLE = ODDS / (1.0 + ODDS)
+"""Of each small effect before the tests have spoken, as in the search [1]."""
 
 LEAST_OF_NONE = 0.5
 """Of the network alone after them [1]. What is left closes less of the gap than the laws in the
 network leave open, and evidence of that size decides nothing."""
 
+NUM_DRAWS, NUM_SWEEPS = 4000, 40
+"""Draws of the sizes, and rounds over all effects until each of them is one."""
+
 MOST = 8
-"""Effects that are fitted, the best by the linear evidence."""
+"""Effects that are weighed with a noise of their own, the best by the linear evidence."""
 
 LEAST = 0.3
 """Share of the usual size at least, at which an effect is told from none [1]."""
-
-LEAST_PROBABILITY = 1e-3
-"""Effects of less than this are dropped [1]."""
 
 VISIBLE, VISIBLE_K = 3.0, 0.12
 """Standard deviations of its size, and kelvins, from which on tests could show an effect of the
 usual size: fewer kelvins are within what lumping and instruments leave on any bench."""
 
-OF_A_RESISTANCE = ("surface", "cooling", "winding path")
+OF_A_RESISTANCE = ("surface", "cooling", "winding path", EVENT)
 """Families of effects that scale a resistance or lie beside it, which then has no one value."""
 
 SAME_AS_AN_INSTRUMENT = ("loss_gain", "sensor_gain", "copper_coefficient", "winding_resistance")
@@ -102,76 +105,54 @@ class Sight:
 
 
 @dataclass(frozen=True)
-class Part:
-    """A Gaussian law of the scores of network and effect, the size of the effect last [1].
-
-    Attributes:
-        share: Its weight within the alternative [1].
-        mean: Shape (all,): the fit's parameters, the effect's shape, its size.
-        covariance: Shape (all, all).
-    """
-
-    share: float
-    mean: Float[np.ndarray, " all"]
-    covariance: Float[np.ndarray, "all all"]
-
-
-@dataclass(frozen=True)
-class Alternative:
-    """The network with one effect.
-
-    Attributes:
-        effect: With its probability; a size of 1 is that of its `with_effect`.
-        parts: By scale of the size.
-        has_one_sign: Whether the size cannot fall below zero.
-        turn: What a size of 1 does to the fit's parameters as they are stated: a resistance that
-            the effect scales stands for its mean over the tests, shape (parameter,).
-        noise_z: Scores of noise and unmodelled heat.
-        log_bayes: Over the network alone [nat].
-    """
-
-    effect: PlausibleEffect
-    parts: tuple[Part, ...]
-    has_one_sign: bool
-    turn: Float[np.ndarray, " parameter"]
-    noise_z: Float[np.ndarray, " noise"]
-    log_bayes: float
-
-    def stated(self, scores: Float[np.ndarray, "... all"]) -> Float[np.ndarray, "... parameter"]:
-        """Return the scores of the fit's parameters, resistances at their mean over the tests."""
-        return scores[..., : self.turn.size] + scores[..., -1:] * self.turn
-
-    def mean(self) -> Float[np.ndarray, " parameter"]:
-        """Return the mean scores of the fit's parameters."""
-        return self.stated(np.sum([part.share * part.mean for part in self.parts], axis=0))
-
-
-@dataclass(frozen=True)
 class Missing:
     """What a fitted network may lack.
 
     Attributes:
         p: Bound of the chance that clean tests ask as loudly for any small effect [1].
-        log_bayes: Log Bayes factor of all small effects together over none [nat].
-        alternatives: Models with one effect that the tests leave possible, the most probable
-            first.
+        log_bayes: Log Bayes factor by effect of a small one over none [nat].
+        effects: Small effects with their probabilities, the most probable first.
+        size: Draws of their sizes, over those of `with_effect` [1]; zero where one is not there.
+        turn: What these sizes do to the fit's parameters: a resistance that an effect scales
+            stands for its mean over the tests [scores], shape (parameter, effect).
         sights: Of all effects that the network lacks, the best first.
     """
 
     p: float
-    log_bayes: float
-    alternatives: tuple[Alternative, ...]
+    log_bayes: tuple[float, ...]
+    effects: tuple[PlausibleEffect, ...]
+    size: Float[np.ndarray, "draw effect"]
+    turn: Float[np.ndarray, "parameter effect"]
     sights: tuple[Sight, ...] = ()
 
     @property
     def is_seen(self) -> bool:
         """Whether the tests show that something is missing."""
-        return self.p < CHANCE and len(self.alternatives) > 0
+        return self.p < CHANCE and len(self.effects) > 0
 
     @property
     def probability_of_none(self) -> float:
         """Probability that the network with its unmodelled heat lacks no effect of these [1]."""
-        return max(0.0, 1.0 - sum(each.effect.probability for each in self.alternatives))
+        return float(np.mean(~np.any(self.size, axis=1)))
+
+
+@dataclass(frozen=True)
+class _Column:
+    """What an effect of the usual size does around the fit.
+
+    Attributes:
+        candidate: The effect.
+        size: At which it was linearised, over the usual one; zero where it has two signs [1].
+        per_size: Its slopes by its slots: scores per usual size.
+        change: Of the residuals [K].
+        at: Scores of its slots there.
+    """
+
+    candidate: Candidate
+    size: float
+    per_size: list[float]
+    change: Float[np.ndarray, " block"]
+    at: Float[np.ndarray, " slot"]
 
 
 def missing(fit: Fit, kinds: Sequence[type[AbstractEffect]] | None = None) -> Missing | None:
@@ -188,171 +169,295 @@ def missing(fit: Fit, kinds: Sequence[type[AbstractEffect]] | None = None) -> Mi
     engine = Engine(Problem.of(extended, problem.motor, problem.tests))
     engine = engine.with_loggers(problem.loggers)
     z, order = placed(engine, fit)
+    engine = heated(engine, z)
     search = Search(engine, usable.candidates, tuple(order))
-    alone = search.fit(frozenset(), z, fit.noise_z)
-    linear = Linear(heated(search.engine, alone.z), search.own, search.base, alone, {})
+    rows = engine.linearise(z, order)
+    alone = Member(frozenset(), search.base, z, fit.noise_z, *rows, fit.log_evidence, 0.0)
+    linear = Linear(engine, search.own, search.base, alone, {})
+    columns = [_column(engine, search, linear, each) for each in usable.candidates]
     bare = search.without_heat(alone)
-    sights = [_sight(search, linear, bare, each) for each in usable.candidates]
-    sights = sorted(sights, key=lambda each: -each.log_bayes)
-    worth = [each.candidate for each in sights if each.candidate.id not in SAME_AS_AN_INSTRUMENT]
-    found = {
-        each: _alternative(search, alone, search.fit(frozenset({each}), linear.scores(
-            frozenset({each})), fit.noise_z), each)
-        for each in worth[:MOST]
-    }  # fmt: skip
-    of_all = [each.log_bayes for each in found.values()] + [0.0] * (len(sights) - len(found))
-    together = float(np.logaddexp.reduce(of_all)) - math.log(len(of_all))
+    sights = [_sight(search, linear, bare, each) for each in columns]
+    small = [
+        each for each in columns
+        if each.candidate.id not in SAME_AS_AN_INSTRUMENT and np.any(each.change)
+    ]  # fmt: skip
+    return replace(
+        _small_effects(fit, engine, linear, small),
+        sights=tuple(sorted(sights, key=lambda each: -each.log_bayes)),
+    )
+
+
+def _column(engine: Engine, search: Search, linear: Linear, candidate: Candidate) -> _Column:
+    own = list(search.own[candidate])
+    size, per_size = _size(engine, own, linear.at)
+    change = linear.shifts[candidate] / size if size else linear.slopes[candidate] @ per_size
+    return _Column(candidate, size, per_size, change, linear.at[own])
+
+
+def _small_effects(fit: Fit, engine: Engine, linear: Linear, columns: Sequence[_Column]) -> Missing:
+    """Return which of the effects a network may lack, by the linear evidence around its fit."""
+    alone, num = linear.centre, fit.z.size
+    changes = np.column_stack([each.change for each in columns])
+    white = engine.whiten(fit.noise, np.column_stack([alone.jacobian, changes]))
+    turn = np.zeros((num, len(columns)))
+    for place, each in enumerate(columns):
+        scaled = _scaled_resistance(engine, linear.base, each.candidate)
+        if scaled is not None:
+            by_resistance = white[:, scaled]
+            turn[scaled, place] = (
+                by_resistance @ white[:, num + place] / (by_resistance @ by_resistance)
+            )
+    # a resistance at its mean over the tests has taken up what the effect does to that
+    around = _Around(
+        engine, fit.z, alone.residual, alone.jacobian, changes - alone.jacobian @ turn,
+        np.array([_has_one_sign(each.candidate) for each in columns]),
+    )  # fmt: skip
+    log_bayes, noise_z = around.weighed(fit.noise_z)
+    size, moved = draw_sizes(around.products(noise_z), fit.z, around.one_sign, seed=0)
+    probability = np.mean(size != 0.0, axis=0)
+    unit = np.array([each.size or LEAST for each in columns])
+    together = float(np.logaddexp.reduce(log_bayes)) - math.log(max(1, log_bayes.size))
+    kept = [int(place) for place in np.argsort(-probability) if probability[place] > 0.0]
     return Missing(
         p=min(1.0, math.exp(-max(together, 0.0))),
-        log_bayes=together,
-        alternatives=_weighed(list(found.values()), len(sights)),
-        sights=tuple(sights),
+        log_bayes=tuple(log_bayes[kept].tolist()),
+        effects=tuple(
+            _described(fit, engine, linear, columns[place], turn[:, place], probability[place])
+            for place in kept
+        ),
+        size=(size / unit)[:, kept],
+        turn=(moved * unit)[:, kept],
     )
 
 
-def _weighed(found: Sequence[Alternative], num_candidates: int) -> tuple[Alternative, ...]:
-    """Return the alternatives with their probabilities, the most probable first."""
-    weight = np.array([each.log_bayes for each in found])
-    weight += math.log((1.0 - PROBABILITY_OF_NONE) / num_candidates)
-    total = np.logaddexp.reduce([*weight, math.log(PROBABILITY_OF_NONE)])
-    probability = np.exp(weight - total)
-    if probability.sum() > 1.0 - LEAST_OF_NONE:
-        probability *= (1.0 - LEAST_OF_NONE) / probability.sum()
-    return tuple(
-        replace(found[i], effect=replace(found[i].effect, probability=float(probability[i])))
-        for i in np.argsort(-probability)
-        if probability[i] > LEAST_PROBABILITY
-    )
+@dataclass(frozen=True)
+class _Around:
+    """The linear model around a fit: the network's parameters, and small effects beside it.
+
+    Attributes:
+        engine: The tests.
+        z: Scores of the fit.
+        residual: There [K].
+        jacobian: By the scores [K].
+        changes: By the effects, per usual size [K].
+        one_sign: Whether an effect cannot fall below zero.
+    """
+
+    engine: Engine
+    z: Float[np.ndarray, " parameter"]
+    residual: Float[np.ndarray, " block"]
+    jacobian: Float[np.ndarray, "block parameter"]
+    changes: Float[np.ndarray, "block effect"]
+    one_sign: Bool[np.ndarray, " effect"]
+
+    def products(self, noise_z: np.ndarray) -> Float[np.ndarray, "column column"]:
+        """Return the inner products of residual, parameters and effects under a noise."""
+        joined = np.column_stack([self.residual, self.jacobian, self.changes])
+        rows = self.engine.whiten(from_scores(noise_z), joined)
+        return rows.T @ rows
+
+    def weighed(self, noise_z: np.ndarray) -> tuple[Float[np.ndarray, " effect"], np.ndarray]:
+        """Return the log Bayes factor of each small effect over none [nat], and the noise of the
+        most probable of these networks.
+
+        What an effect does is unmodelled heat to the network alone. So the best of them are
+        weighed with a noise of their own.
+
+        Args:
+            noise_z: Noise of the network alone.
+        """
+        log_bayes = _log_bayes(self.products(noise_z), self.z, self.one_sign)
+        of_none = self._of_none(noise_z)
+        best, of_best = -math.log(ODDS), noise_z
+        for place in np.argsort(-log_bayes)[:MOST]:
+            own = self._own_noise(place, noise_z)
+            gained = self._of_none(own) - of_none
+            found = gained + _log_bayes(self.products(own), self.z, self.one_sign)[place]
+            if found > log_bayes[place]:
+                log_bayes[place] = found
+            if log_bayes[place] > best:
+                best, of_best = log_bayes[place], own
+        return log_bayes, of_best
+
+    def _own_noise(self, place: int, start: np.ndarray) -> np.ndarray:
+        columns = padded(np.column_stack([self.jacobian, SCALES[1] * self.changes[:, place]]))
+        scores = filled(np.append(self.z, 0.0), columns)
+        return estimate_noise(self.engine.problem, scores, self.residual, columns, start=start)
+
+    def _of_none(self, noise_z: np.ndarray) -> float:
+        columns = padded(self.jacobian)
+        scores = filled(self.z, columns)
+        return log_evidence(self.engine.problem, noise_z, scores, self.residual, columns)
 
 
-def _small(
+def _parts(
     products: Float[np.ndarray, "column column"],
     scores: Float[np.ndarray, " parameter"],
-    size: float,
+) -> tuple[
+    Float[np.ndarray, "effect effect"],
+    Float[np.ndarray, " effect"],
+    Float[np.ndarray, "parameter effect"],
+]:
+    """Integrate the parameters out of a linear model with small effects.
+
+    Returns:
+        G, h and B: up to a constant the log density of the residuals given sizes a is h'a - a'Ga/2,
+        and the mean of the parameters' scores given them lies B a from that without them.
+    """
+    num = scores.size
+    inner, across = products[1 : 1 + num, 1 : 1 + num], products[1 : 1 + num, 1 + num :]
+    precision = inner + np.eye(num)
+    moved = -np.linalg.solve(precision, across)
+    gradient = products[1 : 1 + num, 0] + scores
+    gram = products[1 + num :, 1 + num :] + across.T @ moved
+    return gram, -(products[1 + num :, 0] + moved.T @ gradient), moved
+
+
+def _slab(
+    linear: Float[np.ndarray, "..."], square: float, *, has_one_sign: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the log Bayes factor of one small effect over none by its scale, and the laws of its
+    size: means, shape (..., scale) as before, and standard deviations, shape (scale,).
+
+    Args:
+        linear: Slope of the log density of the residuals by the size.
+        square: Its curvature, negative.
+        has_one_sign: Whether the size cannot fall below zero; its prior is then folded.
+    """
+    scale = np.array(SCALES)
+    precision = square + scale**-2
+    mean = np.asarray(linear)[..., None] / precision
+    sd = precision**-0.5
+    log_bayes = 0.5 * mean**2 * precision + np.log(sd / scale)
+    if has_one_sign:
+        log_bayes = log_bayes + math.log(2.0) + log_ndtr(mean / sd)
+    return log_bayes, mean, sd
+
+
+def _log_bayes(
+    products: Float[np.ndarray, "column column"],
+    scores: Float[np.ndarray, " parameter"],
+    one_sign: Bool[np.ndarray, " effect"],
+) -> Float[np.ndarray, " effect"]:
+    """Return the log Bayes factor of each small effect over none, no other being there [nat]."""
+    gram, slope, _ = _parts(products, scores)
+    by_scale = [
+        _slab(slope[k], float(gram[k, k]), has_one_sign=bool(one_sign[k]))[0]
+        for k in range(slope.size)
+    ]
+    return np.array([np.logaddexp.reduce(each) - math.log(len(SCALES)) for each in by_scale])
+
+
+def draw_sizes(
+    products: Float[np.ndarray, "column column"],
+    scores: Float[np.ndarray, " parameter"],
+    one_sign: Bool[np.ndarray, " effect"],
     *,
-    has_one_sign: bool,
-) -> tuple[float, tuple[Part, ...]]:
-    """Return the log evidence of an effect whose size is small [nat], and the laws by its scale.
+    least_of_none: float = LEAST_OF_NONE,
+    seed: int = 0,
+) -> tuple[Float[np.ndarray, "draw effect"], Float[np.ndarray, "parameter effect"]]:
+    """Draw which small effects are there and how large they are, given the tests.
 
     Args:
         products: Inner products of whitened rows: the residual, its derivatives by scores, and
-            that by the size, in units of the usual one.
-        scores: At which these stand.
-        size: Likewise [1].
-        has_one_sign: Whether the size cannot fall below zero; its prior is then folded.
+            those by the effects' sizes, in units of the usual ones.
+        scores: At which these stand; their prior is standard normal.
+        one_sign: Whether a size cannot fall below zero.
+        least_of_none: Share of draws without any at least.
+        seed: Random seed.
+
+    Returns:
+        Sizes over the usual ones, zero where an effect is not there, and the shift of the scores
+        per size.
     """
-    laws = []
-    for scale in SCALES:
-        turn = np.append(np.ones(products.shape[0] - 1), scale)
-        scaled = products * turn * turn[:, None]
-        at = np.append(scores, size / scale)
-        value, step = evidence(scaled, at)
-        mean = (at + step) * turn[1:]
-        precision = scaled[1:, 1:] + np.eye(at.size)
-        covariance = np.linalg.inv(precision) * turn[1:] * turn[1:, None]
-        if has_one_sign:
-            value += math.log(2.0) + float(norm.logcdf(mean[-1] / math.sqrt(covariance[-1, -1])))
-        laws.append((value, mean, covariance))
-    together = float(np.logaddexp.reduce([value for value, _, _ in laws]))
-    parts = tuple(Part(math.exp(v - together), mean, covariance) for v, mean, covariance in laws)
-    return together - math.log(len(SCALES)), parts
+    gram, slope, moved = _parts(products, scores)
+    rng = np.random.default_rng([seed, 29])
+    size = np.zeros((NUM_DRAWS, slope.size))
+    rows = np.arange(NUM_DRAWS)
+    log_odds = math.log(ODDS / len(SCALES))
+    for _ in range(NUM_SWEEPS):
+        for k in rng.permutation(slope.size):
+            others = slope[k] - size @ gram[:, k] + size[:, k] * gram[k, k]
+            log_bayes, mean, sd = _slab(others, float(gram[k, k]), has_one_sign=bool(one_sign[k]))
+            weight = np.concatenate([np.zeros((NUM_DRAWS, 1)), log_bayes + log_odds], axis=1)
+            weight = np.exp(weight - weight.max(axis=1, keepdims=True))
+            total = np.cumsum(weight, axis=1)
+            chosen = np.sum(rng.random((NUM_DRAWS, 1)) * total[:, -1:] > total, axis=1)
+            scale = np.maximum(chosen - 1, 0)
+            at, width = mean[rows, scale], sd[scale]
+            if one_sign[k]:
+                below = ndtr(-at / width)
+                share = below + (1.0 - below) * rng.random(NUM_DRAWS)
+                drawn = np.maximum(at + width * ndtri(np.clip(share, 1e-12, 1.0 - 1e-12)), 0.0)
+            else:
+                drawn = at + width * rng.standard_normal(NUM_DRAWS)
+            size[:, k] = np.where(chosen > 0, drawn, 0.0)
+    there = np.flatnonzero(np.any(size, axis=1))
+    beyond = there.size - math.floor((1.0 - least_of_none) * NUM_DRAWS)
+    size[rng.permutation(there)[: max(0, beyond)]] = 0.0
+    return size, moved
 
 
-def _sight(search: Search, linear: Linear, bare: Refit, candidate: Candidate) -> Sight:
+def _sight(search: Search, linear: Linear, bare: Refit, column: _Column) -> Sight:
     """Return what tests show of an effect, by the linear evidence around the network alone.
 
     Args:
         search: The network without effects, and the means to add one.
         linear: What effects do around it.
         bare: It fitted without unmodelled heat, which takes up what is slow.
-        candidate: The effect.
+        column: The effect.
     """
     engine = search.engine.with_heat(no_heat(search.engine.problem))
-    own = list(search.own[candidate])
-    size, per_size = _size(engine, own, linear.at)
-    column = linear.shifts[candidate] / size if size else linear.slopes[candidate] @ per_size
+    candidate, own = column.candidate, list(search.own[column.candidate])
     usual = linear.centre.z.copy()
     usual[own] = 0.0
     size, per_size = _size(engine, own, usual)
     residual, slopes = engine.linearise(usual, own)
     at_usual = (residual - linear.centre.residual) / size if size else slopes @ per_size
-    rows = engine.whiten(bare.noise, np.column_stack([bare.residual, bare.jacobian, column]))
-    products, scores = rows.T @ rows, bare.z[list(bare.free)]
-    found, _ = _small(products, scores, 0.0, has_one_sign=_has_one_sign(candidate))
+    rows = engine.whiten(bare.noise, np.column_stack([bare.residual, bare.jacobian, column.change]))
+    scores = bare.z[list(bare.free)]
+    one_sign = np.array([_has_one_sign(candidate)])
     shown = engine.whiten(bare.noise, at_usual)
+    inner = rows[:, 1:-1].T @ rows[:, 1:-1] + np.eye(scores.size)
     across = rows[:, 1:-1].T @ shown
-    mimicked = np.linalg.solve(products[1:-1, 1:-1] + np.eye(scores.size), across)
+    mimicked = np.linalg.solve(inner, across)
     return Sight(
         candidate,
         visibility=math.sqrt(max(shown @ shown - across @ mimicked, 0.0)),
         visible_K=engine.rms_K(at_usual - bare.jacobian @ mimicked),
-        log_bayes=found - evidence(products[:-1, :-1], scores)[0],
+        log_bayes=float(_log_bayes(rows.T @ rows, scores, one_sign)[0]),
     )
 
 
-def _alternative(
-    search: Search, alone: Member, member: Member, candidate: Candidate
-) -> Alternative:
-    """Return the network with an effect, as small as such effects are, from their joint fit."""
-    engine, own = search.engine, search.own[candidate]
-    size, per_size = _size(engine, own, member.z)
-    strong = [slot for slot, each in zip(own, per_size, strict=True) if each]
-    kept = [place for place, slot in enumerate(member.free) if slot not in strong]
-    of_size = sum(
-        member.jacobian[:, member.free.index(slot)] * each
-        for slot, each in zip(own, per_size, strict=True)
-    )
-    joined = np.column_stack([member.residual, member.jacobian, of_size])
-    rows = heated(engine, member.z).whiten(from_scores(member.noise_z), joined)
-    products, scores = rows.T @ rows, member.z[list(member.free)]
-    as_fitted = evidence(products[:-1, :-1], scores)[0]
-    chosen = [0, *(1 + place for place in kept), products.shape[0] - 1]
-    one_sign = _has_one_sign(candidate)
-    small, parts = _small(
-        products[np.ix_(chosen, chosen)], scores[kept], size, has_one_sign=one_sign
-    )
-    unit = max(abs(size), LEAST) * (-1.0 if size < 0.0 else 1.0)
-    with_effect, without = member.z.copy(), member.z.copy()
-    for slot, each in zip(own, per_size, strict=True):
-        if each:
-            parameter = engine.slots[slot].parameter
-            null = engine.quantity(parameter).null or 0.0
-            beyond = float(parameter.value(member.z[slot])) - null
-            with_effect[slot] = (
-                parameter.score(null + unit / size * beyond) if size else unit * each
-            )
-            without[slot] = np.nan
-    turn = np.zeros(len(search.base))
-    place = _scaled_resistance(engine, search.base, candidate)
-    if place is not None:
-        at = 1 + member.free.index(search.base[place])
-        turn[place] = unit * products[at, -1] / products[at, at]
-        without[search.base[place]] += turn[place]
+def _described(
+    fit: Fit,
+    engine: Engine,
+    linear: Linear,
+    column: _Column,
+    turn: Float[np.ndarray, " parameter"],
+    probability: float,
+) -> PlausibleEffect:
+    """Return an effect as it stands beside the network, at the size that its column is of."""
+    candidate = column.candidate
+    own = [slot for slot in linear.own[candidate]]
+    without, with_effect = linear.centre.z.copy(), linear.centre.z.copy()
+    without[own], with_effect[own] = np.nan, column.at
+    unit = column.size or LEAST
+    if not column.size:
+        with_effect[own] += unit * np.array(column.per_size)
+    # in the draws the resistance is what it is on the mean of the tests with the effect
+    with_effect[list(linear.base)] -= unit * turn
     shared = [
-        slot for slot in (*search.base, *own)
-        if engine.slots[slot].test in (None, candidate.test)
-        and (engine.slots[slot].test is None or slot in own)
+        slot for slot in (*linear.base, *own)
+        if slot in own or engine.slots[slot].test is None
     ]  # fmt: skip
-    return Alternative(
-        effect=PlausibleEffect(
-            kind=candidate.kind,
-            test=candidate.test_name(engine.tests),
-            probability=0.0,
-            with_effect=_values(engine, with_effect, shared),
-            without=_values(engine, without, shared),
-        ),
-        parts=tuple(_per_unit(part, unit) for part in parts),
-        has_one_sign=one_sign,
-        turn=turn,
-        noise_z=member.noise_z,
-        log_bayes=member.log_evidence - as_fitted + small - alone.log_evidence,
+    return PlausibleEffect(
+        kind=candidate.kind,
+        test=candidate.test_name(engine.tests),
+        probability=probability,
+        with_effect=_values(engine, with_effect, shared),
+        without=_values(engine, without, shared),
     )
-
-
-def _per_unit(part: Part, unit: float) -> Part:
-    """Return a law with the size in units of another size."""
-    turn = np.append(np.ones(part.mean.size - 1), 1.0 / unit)
-    return Part(part.share, part.mean * turn, part.covariance * turn * turn[:, None])
 
 
 def _size(
@@ -406,6 +511,8 @@ def _scaled_resistance(engine: Engine, base: Sequence[int], candidate: Candidate
     model = engine.problem.model
     network = model.topology()
     link = placed_link(kind, network)
+    if link is None and kind.card.family == EVENT:
+        return None
     if link is None:  # the surface of the machine
         link = next(ends for ends in network.links if network.boundary in ends)
     names = [parameter.name for ends, parameter in model.form.resistance if ends == link]
@@ -424,21 +531,20 @@ def missing_finding(fit: Fit, found: Missing) -> Finding | None:
     """
     if not found.is_seen:
         return None
-    first = found.alternatives[0]
-    named = [a for a in found.alternatives if a.effect.probability >= NAMED] or [first]
-    moves = _moves(fit, first)
-    listed = ", ".join(_words(each.effect) for each in named)
+    named = [each for each in found.effects if each.probability >= NAMED] or found.effects[:1]
+    moves = _moves(fit, found)
+    listed = ", ".join(_words(each) for each in named)
     return Finding(
         id="missing_effect",
         severity="note",
         message=f"the residuals of the {fit.problem.model.words} hold more than noise (p < "
         f"{found.p:.2g}, the share of clean records that would look so), too little for a name. "
-        f"The 95 % intervals allow for {listed}. {_moved(first, moves)}",
+        f"The 95 % intervals allow for {listed}. {_moved(moves)}",
         where=fit.problem.label,
         remedy="Where the cause is known, name it with --with.",
         values={
             "familywise_p": found.p,
-            "log_bayes_factor": found.log_bayes,
+            "log_bayes_factor": max(found.log_bayes),
             "probability_of_none": found.probability_of_none,
             **{f"change_of_{n}": change for n, (change, _) in moves.items()},
         },
@@ -451,13 +557,14 @@ def _words(effect: PlausibleEffect) -> str:
     return f"{effect.id}{place} ({100.0 * effect.probability:.0f} %)"
 
 
-def _moves(fit: Fit, first: Alternative) -> dict[str, tuple[float, float]]:
-    """Return where an effect puts the network's parameters, against the network alone.
+def _moves(fit: Fit, found: Missing) -> dict[str, tuple[float, float]]:
+    """Return where the small effects put the network's parameters, against the network alone.
 
     Returns:
         By name: relative change [1], and the same in standard deviations of the fit [1].
     """
-    moved = first.mean()
+    there = found.size[np.any(found.size, axis=1)]
+    moved = fit.z + found.turn @ there.mean(axis=0)
     result = {}
     for place, slot in enumerate(fit.slots):
         parameter = slot.parameter
@@ -468,7 +575,7 @@ def _moves(fit: Fit, first: Alternative) -> dict[str, tuple[float, float]]:
     return result
 
 
-def _moved(first: Alternative, moves: Mapping[str, tuple[float, float]]) -> str:
+def _moved(moves: Mapping[str, tuple[float, float]]) -> str:
     told = ", ".join(
         f"{name} {100.0 * abs(change):.2g} % {'higher' if change > 0 else 'lower'}"
         for name, (change, in_sds) in moves.items()
@@ -476,10 +583,6 @@ def _moved(first: Alternative, moves: Mapping[str, tuple[float, float]]) -> str:
     )
     if not told:
         return (
-            f"With {first.effect.id} in the model, no parameter of the network would move by more "
-            "than its standard deviation."
+            "With them, no parameter of the network would move by more than its standard deviation."
         )
-    return (
-        f"With {first.effect.id} in the model, against the network alone: {told}. The 95 % "
-        "intervals allow for it."
-    )
+    return f"With them, on the mean: {told}."

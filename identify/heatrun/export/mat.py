@@ -25,6 +25,9 @@ LARGEST_UNSAID_K = 0.5
 """Corrections that move the winding by more are worth a warning: that is the standard uncertainty
 of the sensors' own offsets [K]."""
 
+MOST_NAMED = 3
+"""Effects that may be missing that a warning names, the most probable."""
+
 
 def export_mat(
     run: Path,
@@ -214,8 +217,8 @@ def _effects_left_out(found: RunAndTest, reading: np.ndarray, file: str) -> tupl
     difference = float(np.nanmax(np.abs(exported - predicted.reading)))
     if not difference > LARGEST_UNSAID_K:
         return ()
-    spoken = ", ".join(f"{n} {100 * p:.0f} %" for n, p in predicted.maybe_missing.items())
-    likely = max(predicted.maybe_missing, key=lambda name: predicted.maybe_missing[name])
+    likely, *others = sorted(predicted.maybe_missing.items(), key=lambda each: -each[1])
+    spoken = ", ".join(f"{n} {100 * p:.0f} %" for n, p in [likely, *others][:MOST_NAMED])
     return (
         Finding(
             id="effects_left_out",
@@ -224,7 +227,7 @@ def _effects_left_out(found: RunAndTest, reading: np.ndarray, file: str) -> tupl
             f"({spoken}) and {file} does not: its temperatures are up to {difference:.2g} K "
             f"from those predictions (limit {LARGEST_UNSAID_K} K).",
             where=found.record.name,
-            remedy=f"Calibrate with the effect, `--with {likely}`, or with a network of more "
+            remedy=f"Calibrate with the effect, `--with {likely[0]}`, or with a network of more "
             "nodes, and export that run.",
             test=found.record.name,
             values={"effects_K": difference},

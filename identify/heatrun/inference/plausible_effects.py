@@ -1,9 +1,8 @@
-"""Effects that a network may miss, one in each draw: what they add to the readings of a test.
+"""Effects that a network may miss, none or some in each draw: what they add to the readings.
 
-The draws of the network's parameters are those of several models: the network alone, and the
-network with one effect of the catalogue. In a draw of the latter the parameters are where that
-effect puts them, and a prediction needs its share: the difference that the effect makes at the
-most probable parameters, scaled with its amplitude in the draw.
+In a draw with effects the network's parameters are where these put them, and a prediction needs
+their shares: the difference that each effect makes at the most probable parameters, scaled with
+its size in the draw. They are small, and add up.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from lptn.effects import AbstractEffect
 
@@ -26,9 +25,6 @@ from .model_parameters import parameters
 
 Link = tuple[str, str]
 
-NONE = -1
-"""Index of a draw of the network alone."""
-
 
 @dataclass(frozen=True)
 class PlausibleEffect:
@@ -37,7 +33,7 @@ class PlausibleEffect:
     Attributes:
         kind: The effect.
         test: Name of the test that it happens in; None if it acts in all of them.
-        probability: That it, and no other, is missing [1].
+        probability: That it is missing [1].
         with_effect: Parameters of network and effect that all tests share, by name [their units].
         without: Those of the network alone that it is told from. A resistance that the effect acts
             on stands there for its mean over the tests, as in the draws.
@@ -61,22 +57,21 @@ class PlausibleEffects:
 
     Attributes:
         effects: By probability, the most probable first.
-        which: Index of the effect of each draw, `NONE` without one, shape (draw,).
-        size: Amplitude of the effect over that of `with_effect` [1], shape (draw,).
+        size: Amplitude of each effect over that of `with_effect` [1], zero where it is not there,
+            shape (draw, effect).
     """
 
     effects: tuple[PlausibleEffect, ...]
-    which: Int[np.ndarray, " draw"]
-    size: Float[np.ndarray, " draw"]
+    size: Float[np.ndarray, "draw effect"]
 
     @property
-    def probability_of_none(self) -> float:
-        """That the network misses none of them [1]."""
-        return 1.0 - sum(effect.probability for effect in self.effects)
+    def is_none(self) -> Bool[np.ndarray, " draw"]:
+        """Which draws are of the network alone."""
+        return ~np.any(self.size, axis=1)
 
     def pick(self, rows: Int[np.ndarray, " row"]) -> PlausibleEffects:
         """Return those of some draws."""
-        return replace(self, which=self.which[rows], size=self.size[rows])
+        return replace(self, size=self.size[rows])
 
     def with_effects(
         self, course: Courses, model: Model, motor: Motor, test: Blocks, fitted_as: str | None
@@ -95,20 +90,17 @@ class PlausibleEffects:
         used = [
             index
             for index, each in enumerate(self.effects)
-            if np.any(self.which == index)
+            if np.any(self.size[:, index])
             and each.test in (None, fitted_as)
             and not lacking(each.kind, test)
         ]
         if not used:
             return course
         shift = _differences(model, motor, test, [self.effects[index] for index in used])
-        place = np.full(len(self.effects) + 1, 0)  # the last one is `NONE`
-        place[used] = np.arange(len(used))
-        acts = np.isin(self.which, used)
-        size, rows = np.where(acts, self.size, 0.0)[:, None], place[self.which]
+        size = self.size[:, used]
 
         def added(draws: np.ndarray, by_effect: np.ndarray) -> np.ndarray:
-            return draws + size * by_effect[rows]
+            return draws + size @ by_effect
 
         return Courses(
             reading=added(course.reading, shift.reading),
@@ -132,7 +124,7 @@ def of_network(
         plausible: Effects behind the draws; None for none.
         draws: Anything that hangs on them, one row for each.
     """
-    alone = None if plausible is None else plausible.which == NONE
+    alone = None if plausible is None else plausible.is_none
     return draws if alone is None or not np.any(alone) else draws[alone]
 
 

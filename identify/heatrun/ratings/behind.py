@@ -71,7 +71,7 @@ def with_effects(posterior: Posterior, base: Behind) -> Behind:
         index: each
         for index, each in enumerate(plausible.effects)
         if each.test is None
-        and np.any(plausible.which == index)
+        and np.any(plausible.size[:, index])
         and not any(lacking(each.kind, test.winding) for test in problem.tests)
     }
     if not used:
@@ -84,10 +84,10 @@ def with_effects(posterior: Posterior, base: Behind) -> Behind:
     for kind in kinds:
         for name in kind.card.parameters:
             own = qualified(kind, name)
-            values[own] = np.full(plausible.which.size, known[own].centre)
+            values[own] = np.full(plausible.size.shape[0], known[own].centre)
     for index, effect in used.items():
-        rows = np.flatnonzero(plausible.which == index)
-        _add(effect, plausible.size[rows], rows, known, values)
+        rows = np.flatnonzero(plausible.size[:, index])
+        _add(effect, plausible.size[rows, index], rows, known, values)
     likely = tuple(each.kind for each in used.values() if each.probability >= LIKELY)
     return Behind(extended, jax.tree.map(jnp.asarray, values), likely)
 

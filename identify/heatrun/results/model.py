@@ -13,8 +13,9 @@ from .parameter import FittedParameter
 from .residuals import BodyRow, ResidualRow
 from .values import Count, Interval, NonNegative, Probability, known
 
-TOLD = 0.01
-"""Probability from which on an effect that may be missing is told [1]."""
+TOLD = 0.1
+"""Probability from which on an effect that may be missing is told [1], that which each has before
+the tests have spoken."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +40,7 @@ class MaybeMissing:
     Attributes:
         id: Its name in the catalogue.
         test: The test that it happens in; null if it acts in all.
-        probability: That it, and no other, is missing [1].
+        probability: That it is missing [1].
         with_effect: Parameters of network and effect by name at the amplitude that counts as 1.
         without: Parameters of the network alone that it is told from.
     """
@@ -242,14 +243,12 @@ class FittedModel:
         told = [row for row in rows if row.probability >= TOLD]
         if not told:
             return ""
-        none = 1.0 - sum(row.probability for row in rows)
         parts = ", ".join(
             f"{row.id}{'' if row.test is None else f' in {row.test}'} "
             f"{100.0 * row.probability:.0f} %"
             for row in told
         )
         return (
-            f"Averaged over effects that the {self.title} may miss: {parts}; none of the catalogue "
-            f"{100.0 * none:.0f} %. A resistance that such an effect scales stands for its mean "
-            "over the tests."
+            f"Averaged over small effects that the {self.title} may miss: {parts}. A resistance "
+            "that such an effect scales stands for its mean over the tests."
         )

@@ -26,8 +26,8 @@ from .densities import DEPENDENCE, LEFT_OUT, PRIOR, Densities
 ABSENT = -12.0
 """Score of unmodelled heat in a run that was made before there was any: nothing of the loss."""
 
-EFFECT, SIZE = "maybe_missing", "maybe_missing_size"
-"""Names of the effect behind each draw and of its size."""
+SIZE, EFFECT = "maybe_missing_size", "maybe_missing"
+"""Names of the sizes of the effects behind each draw, and of the dimension over these."""
 
 
 def groups(posterior: Posterior, found: Densities | None = None) -> Any:
@@ -37,8 +37,8 @@ def groups(posterior: Posterior, found: Densities | None = None) -> Any:
     `units`), those that each test has for itself with a dimension `test`, those that only some
     tests have with a dimension `test_of_NAME` over these; `sample_stats` the log density;
     `observed_data` the block means by test; `log_prior` and `log_likelihood` what `densities` says.
-    Where the draws are averaged over effects that the network may miss, `sample_stats` says which
-    is behind each draw (-1: none) and its size.
+    Where the draws are averaged over effects that the network may miss, `sample_stats` says how
+    large each is in each draw (0: not there).
 
     Args:
         posterior: The draws.
@@ -154,17 +154,15 @@ def plausible(tree: Any, effects: tuple[PlausibleEffect, ...]) -> PlausibleEffec
     """
     if not effects:
         return None
-    group = tree["sample_stats"]
-    which = np.asarray(group[EFFECT]).reshape(-1).astype(int)
-    return PlausibleEffects(effects, which, np.asarray(group[SIZE], dtype=float).reshape(-1))
+    size = np.asarray(tree["sample_stats"][SIZE], dtype=float)
+    return PlausibleEffects(effects, size.reshape(-1, len(effects)))
 
 
 def _plausible(posterior: Posterior) -> dict[str, np.ndarray]:
     if posterior.plausible is None:
         return {}
-    shape = posterior.log_density.shape
-    behind = posterior.plausible
-    return {EFFECT: behind.which.reshape(shape), SIZE: behind.size.reshape(shape)}
+    size = posterior.plausible.size
+    return {SIZE: size.reshape(*posterior.log_density.shape, size.shape[-1])}
 
 
 def _noise_scores(group: Any, parameter: Parameter) -> np.ndarray:
