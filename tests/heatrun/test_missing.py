@@ -195,19 +195,13 @@ def test_what_does_not_matter_is_a_note(fitted):
 
 
 @pytest.mark.slow
-def test_an_effect_too_small_to_see_is_told_and_the_intervals_allow_for_it(calibrated):
+def test_an_effect_too_small_to_see_is_in_the_model_and_the_intervals_hold_the_truth(calibrated):
     run, case = calibrated(("external_loss",), 7)
     model = run.result.models["second"]
-    # the error is small, and yet the network alone would put a parameter far off
-    assert next(row for row in model.residuals if row.role == "calibration").rmse_K < 0.35
-    (finding,) = of_kind(run, "missing_effect")
-    assert "external_loss" in finding.message
-    assert "--with" in finding.remedy
-    assert finding.values["familywise_p"] < 0.01
-    assert "external_loss" in [row.id for row in model.maybe_missing]
-    entry, truth = model.parameters["Ceq_sr"], case.machine.Ceq_sr
-    with_them = entry.value * (1.0 + finding.values["change_of_Ceq_sr"])
-    assert abs(entry.value - truth) > abs(with_them - truth)
+    # the network alone leaves 0.18 K, and would put a parameter far off
+    assert next(row for row in model.residuals if row.role == "calibration").rmse_K < 0.15
+    assert run.result.effects == ("external_loss",)
+    assert not of_kind(run, "missing_effect")
     for name in ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr"):
         entry = model.parameters[name]
         assert entry.interval_95[0] < getattr(case.machine, name) < entry.interval_95[1], name
