@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from page_numbers import said_and_simulated
 
+from heatrun.bench.readers.mat5 import read_variables
 from heatrun.cli import main
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic" / "hidden_cause"
@@ -59,6 +60,24 @@ def test_four_numbers_alone_are_labelled_and_tell_their_error(folder):
     assert 0.9 * low < replica["parameters"]["Req_sr"] < 1.1 * high
     words = json.loads((folder / "sheet.json").read_text())["models"][0]["message"]
     assert "Replica for tools that take no effects, not a result" in words
+
+
+def test_the_replica_is_exported_for_tools_that_take_four_numbers(folder, tmp_path, capsys):
+    replica = json.loads((folder / "fit.json").read_text())["models"]["second"]["replica"]
+    words = ["export", str(folder), "--to", "mat", "--json", "--out"]
+    assert main([*words, str(tmp_path / "four"), "--replica"]) == 0
+    said, told = capsys.readouterr()
+    written = json.loads(said)
+    assert "not a result" in told
+    assert "speed_cooling" in told
+    held = read_variables((tmp_path / "four" / "prova.mat").read_bytes())
+    four = [float(held[name][0, 0]) for name in ("Ceqw", "Ceqsr", "Reqw", "Reqsr")]
+    assert four == [replica["parameters"][n] for n in ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")]
+    assert written["effects"] == []
+    # sample by sample here, over block means there
+    assert written["rmse_reading_K"] == pytest.approx(replica["rmse_K"][written["test"]], rel=0.1)
+    assert main([*words, str(tmp_path / "all")]) == 0
+    assert (tmp_path / "all" / "network.mat").exists()
 
 
 @pytest.mark.slow

@@ -50,6 +50,11 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "--model", metavar="NAME", help="network of the run (default: its last one)"
     )
     parser.add_argument(
+        "--replica",
+        action="store_true",
+        help="the plain network nearest to a model with effects, for tools that take four numbers",
+    )
+    parser.add_argument(
         "--corrected",
         action="store_true",
         help="correct Is, Pd and Te by the estimated errors of current, losses, sink and timing",
@@ -92,6 +97,7 @@ def _of_run(options: argparse.Namespace) -> dict[str, Any]:
         folder=options.out,
         test=options.test,
         network=options.model,
+        is_replica=options.replica,
         is_corrected=options.corrected,
         is_replacing=options.force,
     )
@@ -118,6 +124,7 @@ def _of_tests(options: argparse.Namespace) -> list[dict[str, Any]]:
                 motor=motor,
                 folder=folder,
                 network=options.model,
+                is_replica=options.replica,
                 is_corrected=options.corrected,
                 is_replacing=options.force,
             )

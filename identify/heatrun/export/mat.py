@@ -17,7 +17,7 @@ from ..motor import Motor
 from .contents import Simulated, contents_of, mat_bytes
 from .network_file import refuse_unknown
 from .new_test import read_new_test
-from .rerun import RunAndTest, effects_of, read_run_test
+from .rerun import RunAndTest, as_replica, effects_of, read_run_test
 from .variables import Corrections, Shaft
 from .written import write_export
 
@@ -35,13 +35,15 @@ def export_mat(
     folder: Path | None = None,
     test: str | None = None,
     network: str | None = None,
+    is_replica: bool = False,
     is_corrected: bool = False,
     is_replacing: bool = False,
 ) -> dict[str, Any]:
     """Write a test of a run as a MAT file, and the scripts for it beside it.
 
-    The built-in networks without effects become `prova.mat`, in the variables of the thesis; every
-    other network, every model with effects and every model of a loss map becomes `network.mat`.
+    The built-in networks without effects, and replicas, become `prova.mat`, in the variables of the
+    thesis; every other network, every model with effects and every model of a loss map becomes
+    `network.mat`.
 
     Args:
         run: The run folder.
@@ -49,6 +51,7 @@ def export_mat(
             where that holds another export.
         test: As `read_run_test`.
         network: As `read_run_test`.
+        is_replica: Whether the plain network nearest to a model with effects goes in its place.
         is_corrected: Whether the corrections of current, losses, sink and timing that the run found
             are applied to the signals; else these are the record's own samples, as `Tw_m` always
             is.
@@ -66,8 +69,10 @@ def export_mat(
             files cannot be written, another export is in `folder`, or something that heatrun has
             not written would be lost.
     """
-    refuse_unknown(effects_of(run, network), str(run))
+    if not is_replica:
+        refuse_unknown(effects_of(run, network), str(run))
     found = read_run_test(run, test=test, network=network)
+    found = as_replica(found, network) if is_replica else found
     places = [folder] if folder else numbered(run, run / "mat")
     return _export(found, places, is_corrected, is_replacing)
 
@@ -79,6 +84,7 @@ def export_test(
     motor: Motor | None = None,
     folder: Path | None = None,
     network: str | None = None,
+    is_replica: bool = False,
     is_corrected: bool = False,
     is_replacing: bool = False,
 ) -> dict[str, Any]:
@@ -91,6 +97,7 @@ def export_test(
         folder: Where the files go; None for a folder `NAME_mat` here, numbered where it holds
             another export.
         network: As `read_new_test`.
+        is_replica: As `export_mat`.
         is_corrected: As `export_mat`.
         is_replacing: As `export_mat`.
 
@@ -102,9 +109,10 @@ def export_test(
             `export_mat`.
         UsageError: As `read_new_test`.
     """
-    if source.is_dir():
+    if source.is_dir() and not is_replica:
         refuse_unknown(effects_of(source, network), str(source))
     found = read_new_test(source, test, motor=motor, network=network)
+    found = as_replica(found, network) if is_replica else found
     places = [folder] if folder else numbered(Path(f"{found.record.name}_mat"))
     return _export(found, places, is_corrected, is_replacing)
 

@@ -22,6 +22,7 @@ from ..io.toml_text import parse_toml
 from ..motor import Motor
 from ..results.values import known
 from ..runs.run import Run, RunTest, model_name, open_run
+from .variables import Corrections
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,45 @@ def of_record(
     predicted = Predicted(found.time_s, found.median, missing)
     return RunAndTest(run.path, found.model, motor, record, values, is_held_out, found.test, files,
                       predicted=predicted)  # fmt: skip
+
+
+def as_replica(found: RunAndTest, network: str | None = None) -> RunAndTest:
+    """Return a test of a run with the plain network nearest to the run's model with effects.
+
+    As `heatrun.runs.replica` has it: instruments are exact but for what the test's own inputs tell,
+    starts are the model's.
+
+    Args:
+        found: From `read_run_test` or `of_record`.
+        network: Name of the network; None for the last one of the run.
+
+    Raises:
+        InputError: If the run holds none.
+    """
+    run = open_run(found.run)
+    name = run.choose(network)
+    nearest = known(run.result.models[name].replica)
+    if nearest is None:
+        raise InputError(
+            f"the {found.model.title} of this run has no replica: that is the plain network for "
+            "tools that take no effects, and only a calibration with effects has one.",
+            where=str(found.run),
+            remedy="Export without --replica.",
+        )
+    exact = {
+        each: parameter.centre
+        for each, parameter in run.model(network).parameters.by_test[0].items()
+        if parameter.role == "instrument" and each in Corrections.__dataclass_fields__
+    }
+    values = {each: value for each, value in found.values.items() if "." not in each}
+    left_out = ", ".join(kind.card.id for kind in found.model.effects)
+    return replace(
+        found,
+        model=replace(found.model, effects=()),
+        values=values | exact | nearest.parameters,
+        notes=(*found.notes, f"{nearest.words()} Its model has {left_out} too."),
+        predicted=None,
+    )
 
 
 def effects_of(run: Path, network: str | None = None) -> tuple[str, ...]:
