@@ -83,27 +83,27 @@ def line(*, num_effects=1):
 
     at = np.array([0.4])  # a fit that stands somewhere
     joined = np.column_stack([rows + at[0] * by_score, by_score, *by_size])
-    return joined.T @ joined, at, likelihood
+    return joined, at, likelihood
 
 
 @pytest.mark.parametrize("one_sign", [True, False])
 def test_the_evidence_of_a_small_effect_is_that_of_its_law(one_sign):
     """A line with a parameter and an effect, by numerical integration over the effect's size."""
-    products, at, likelihood = line()
+    joined, at, likelihood = line()
 
     def integrated(scale):
         low, folded = (0.0, 2.0) if one_sign else (-np.inf, 1.0)
         return quad(lambda s: folded * norm.pdf(s, scale=scale) * likelihood(s), low, np.inf)[0]
 
-    (log_bayes,) = _log_bayes(products, at, np.array([one_sign]))
+    (log_bayes,) = _log_bayes(joined, at, np.array([one_sign]))
     expected = np.mean([integrated(scale) for scale in SCALES]) / likelihood(0.0)
     assert log_bayes == pytest.approx(np.log(expected), abs=1e-6)
 
 
 def test_the_draws_of_two_small_effects_have_their_law():
     """Against the sum over which are there and the numerical integral over their sizes."""
-    products, at, likelihood = line(num_effects=2)
-    size, moved = draw_sizes(products, at, np.array([True, False]), least_of_none=0.0, seed=4)
+    joined, at, likelihood = line(num_effects=2)
+    size, moved = draw_sizes(joined, at, np.array([True, False]), least_of_none=0.0, seed=4)
     first, second = np.linspace(0.0, 3.5, 141), np.linspace(-3.5, 3.5, 281)
     grid = np.array([[likelihood(a, b) for b in second] for a in first])
     slab = [
@@ -124,15 +124,25 @@ def test_the_draws_of_two_small_effects_have_their_law():
     by_first = odds * (slab[0] * first) @ (grid[:, second.size // 2] + odds * grid @ slab[1])
     assert np.mean(size[:, 0]) == pytest.approx(by_first / total, abs=0.02)
     assert np.all(size[:, 0] >= 0.0)
-    inner = products[1, 1] + 1.0
-    np.testing.assert_allclose(moved[0], -products[1, 2:] / inner)
+    across = joined[:, 1] @ joined[:, 1:]
+    np.testing.assert_allclose(moved[0], -across[1:] / (across[0] + 1.0))
+
+
+def test_a_large_effect_that_the_parameters_mimic_leaves_no_rounding_for_evidence():
+    """Means over minutes and many kilowatts: its products held nothing else."""
+    joined, at, _ = line()
+    mimicked = np.column_stack([joined, 1e9 * joined[:, 1] + 1e-3 * joined[:, 2]])
+    (alone, beside) = _log_bayes(mimicked, at, np.array([False, False]))
+    assert alone == pytest.approx(_log_bayes(joined, at, np.array([False]))[0])
+    assert beside < -10.0  # of such a size, the prior on the parameter forbids it
+    size, _ = draw_sizes(mimicked, at, np.array([False, False]))
+    assert np.all(np.isfinite(size))
 
 
 def test_at_least_half_of_the_draws_are_of_the_network_alone():
-    products, at, _ = line(num_effects=2)
-    products[0, 2:] *= 9.0  # so loud that both are there
-    products[2:, 0] *= 9.0
-    size, _ = draw_sizes(products, at, np.array([False, False]))
+    joined, at, _ = line(num_effects=2)
+    joined[:, 0] += 9.0 * joined[:, 2:].sum(axis=1)  # so loud that both are there
+    size, _ = draw_sizes(joined, at, np.array([False, False]))
     assert np.mean(~np.any(size, axis=1)) == pytest.approx(0.5, abs=0.03)
 
 

@@ -21,6 +21,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Bool, Float
 from scipy.special import log_ndtr, ndtr, ndtri
 
@@ -213,7 +214,7 @@ def _small_effects(fit: Fit, engine: Engine, linear: Linear, columns: Sequence[_
         np.array([_has_one_sign(each.candidate) for each in columns]),
     )  # fmt: skip
     log_bayes, noise_z = around.weighed(fit.noise_z)
-    size, moved = draw_sizes(around.products(noise_z), fit.z, around.one_sign, seed=0)
+    size, moved = draw_sizes(around.rows(noise_z), fit.z, around.one_sign, seed=0)
     probability = np.mean(size != 0.0, axis=0)
     unit = np.array([each.size or LEAST for each in columns])
     together = float(np.logaddexp.reduce(log_bayes)) - math.log(max(1, log_bayes.size))
@@ -250,11 +251,10 @@ class _Around:
     changes: Float[np.ndarray, "block effect"]
     one_sign: Bool[np.ndarray, " effect"]
 
-    def products(self, noise_z: np.ndarray) -> Float[np.ndarray, "column column"]:
-        """Return the inner products of residual, parameters and effects under a noise."""
+    def rows(self, noise_z: np.ndarray) -> Float[np.ndarray, "row column"]:
+        """Return residual, parameters and effects, whitened under a noise."""
         joined = np.column_stack([self.residual, self.jacobian, self.changes])
-        rows = self.engine.whiten(from_scores(noise_z), joined)
-        return rows.T @ rows
+        return self.engine.whiten(from_scores(noise_z), joined)
 
     def weighed(self, noise_z: np.ndarray) -> tuple[Float[np.ndarray, " effect"], np.ndarray]:
         """Return the log Bayes factor of each small effect over none [nat], and the noise of the
@@ -266,13 +266,13 @@ class _Around:
         Args:
             noise_z: Noise of the network alone.
         """
-        log_bayes = _log_bayes(self.products(noise_z), self.z, self.one_sign)
+        log_bayes = _log_bayes(self.rows(noise_z), self.z, self.one_sign)
         of_none = self._of_none(noise_z)
         best, of_best = -math.log(ODDS), noise_z
         for place in np.argsort(-log_bayes)[:MOST]:
             own = self._own_noise(place, noise_z)
             gained = self._of_none(own) - of_none
-            found = gained + _log_bayes(self.products(own), self.z, self.one_sign)[place]
+            found = gained + _log_bayes(self.rows(own), self.z, self.one_sign)[place]
             if found > log_bayes[place]:
                 log_bayes[place] = found
             if log_bayes[place] > best:
@@ -291,7 +291,7 @@ class _Around:
 
 
 def _parts(
-    products: Float[np.ndarray, "column column"],
+    rows: Float[np.ndarray, "row column"],
     scores: Float[np.ndarray, " parameter"],
 ) -> tuple[
     Float[np.ndarray, "effect effect"],
@@ -300,17 +300,23 @@ def _parts(
 ]:
     """Integrate the parameters out of a linear model with small effects.
 
+    By a projection: of a large effect that the parameters can mimic, products would leave nothing
+    but rounding.
+
     Returns:
         G, h and B: up to a constant the log density of the residuals given sizes a is h'a - a'Ga/2,
         and the mean of the parameters' scores given them lies B a from that without them.
     """
     num = scores.size
-    inner, across = products[1 : 1 + num, 1 : 1 + num], products[1 : 1 + num, 1 + num :]
-    precision = inner + np.eye(num)
-    moved = -np.linalg.solve(precision, across)
-    gradient = products[1 : 1 + num, 0] + scores
-    gram = products[1 + num :, 1 + num :] + across.T @ moved
-    return gram, -(products[1 + num :, 0] + moved.T @ gradient), moved
+    basis, factor = np.linalg.qr(np.concatenate([rows[:, 1 : 1 + num], np.eye(num)]))
+    beside = np.zeros((num, rows.shape[1] - num))
+    beside[:, 0] = scores
+    others = np.concatenate([rows[:, [0, *range(1 + num, rows.shape[1])]], beside])
+    across = basis.T @ others
+    left = others - basis @ across
+    effects = left[:, 1:]
+    moved = -scipy.linalg.solve_triangular(factor, across[:, 1:])
+    return effects.T @ effects, -effects.T @ left[:, 0], moved
 
 
 def _slab(
@@ -335,12 +341,12 @@ def _slab(
 
 
 def _log_bayes(
-    products: Float[np.ndarray, "column column"],
+    rows: Float[np.ndarray, "row column"],
     scores: Float[np.ndarray, " parameter"],
     one_sign: Bool[np.ndarray, " effect"],
 ) -> Float[np.ndarray, " effect"]:
     """Return the log Bayes factor of each small effect over none, no other being there [nat]."""
-    gram, slope, _ = _parts(products, scores)
+    gram, slope, _ = _parts(rows, scores)
     by_scale = [
         _slab(slope[k], float(gram[k, k]), has_one_sign=bool(one_sign[k]))[0]
         for k in range(slope.size)
@@ -349,7 +355,7 @@ def _log_bayes(
 
 
 def draw_sizes(
-    products: Float[np.ndarray, "column column"],
+    rows: Float[np.ndarray, "row column"],
     scores: Float[np.ndarray, " parameter"],
     one_sign: Bool[np.ndarray, " effect"],
     *,
@@ -359,8 +365,8 @@ def draw_sizes(
     """Draw which small effects are there and how large they are, given the tests.
 
     Args:
-        products: Inner products of whitened rows: the residual, its derivatives by scores, and
-            those by the effects' sizes, in units of the usual ones.
+        rows: Whitened: the residual, its derivatives by scores, and those by the effects' sizes,
+            in units of the usual ones.
         scores: At which these stand; their prior is standard normal.
         one_sign: Whether a size cannot fall below zero.
         least_of_none: Share of draws without any at least.
@@ -370,7 +376,7 @@ def draw_sizes(
         Sizes over the usual ones, zero where an effect is not there, and the shift of the scores
         per size.
     """
-    gram, slope, moved = _parts(products, scores)
+    gram, slope, moved = _parts(rows, scores)
     rng = np.random.default_rng([seed, 29])
     size = np.zeros((NUM_DRAWS, slope.size))
     rows = np.arange(NUM_DRAWS)
@@ -417,15 +423,13 @@ def _sight(search: Search, linear: Linear, bare: Refit, column: _Column) -> Sigh
     rows = engine.whiten(bare.noise, np.column_stack([bare.residual, bare.jacobian, column.change]))
     scores = bare.z[list(bare.free)]
     one_sign = np.array([_has_one_sign(candidate)])
-    shown = engine.whiten(bare.noise, at_usual)
-    inner = rows[:, 1:-1].T @ rows[:, 1:-1] + np.eye(scores.size)
-    across = rows[:, 1:-1].T @ shown
-    mimicked = np.linalg.solve(inner, across)
+    shown = np.column_stack([rows[:, 0], rows[:, 1:-1], engine.whiten(bare.noise, at_usual)])
+    square, _, mimicked = _parts(shown, scores)
     return Sight(
         candidate,
-        visibility=math.sqrt(max(shown @ shown - across @ mimicked, 0.0)),
-        visible_K=engine.rms_K(at_usual - bare.jacobian @ mimicked),
-        log_bayes=float(_log_bayes(rows.T @ rows, scores, one_sign)[0]),
+        visibility=math.sqrt(square[0, 0]),
+        visible_K=engine.rms_K(at_usual + bare.jacobian @ mimicked[:, 0]),
+        log_bayes=float(_log_bayes(rows, scores, one_sign)[0]),
     )
 
 
