@@ -206,7 +206,8 @@ def calibrate(
         work.done((name, "missing"), f"{model.title}: sampling the posterior")
 
         def report(sentence: str, share: float) -> None:
-            work.at((name, "sample"), f"{model.title}: {sentence}", share)
+            # averaging over effects that may be missing comes after it
+            work.at((name, "sample"), f"{model.title}: {sentence}", 0.9 * share)
 
         begun = time.monotonic()
         posterior = _sampled(found, screened, method, seed, folder, report, attempts)

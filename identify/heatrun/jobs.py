@@ -93,17 +93,18 @@ def calibrate_into(
     if folder.note:
         say(folder.note)
     work = work_of_calibration([form.name for form in networks], len(tests), method, progress)
-    with folder.dropped_if_refused():
-        found = calibrate(
-            motor, tests, networks=networks, effects=effects, method=method, seed=seed,
-            command=command, duties=duties, is_plain=is_plain, folder=folder, work=work,
-        )  # fmt: skip
-    work.at("writing", "writing the run")
-    run = write_run(folder, motor, found.result, found.posteriors, found.predictions)
-    work.at("writing", "writing the sheet", 0.2)
-    found = replace(found, result=with_sheet(run, folder))
-    written = folder.finish(manifest(found, command, seed))
-    work.finish()
+    with work:
+        with folder.dropped_if_refused():
+            found = calibrate(
+                motor, tests, networks=networks, effects=effects, method=method, seed=seed,
+                command=command, duties=duties, is_plain=is_plain, folder=folder, work=work,
+            )  # fmt: skip
+        work.at("writing", "writing the run")
+        run = write_run(folder, motor, found.result, found.posteriors, found.predictions)
+        work.at("writing", "writing the sheet", 0.5)
+        found = replace(found, result=with_sheet(run, folder))
+        written = folder.finish(manifest(found, command, seed))
+        work.finish()
     return found, written
 
 
@@ -162,7 +163,7 @@ def discover_into(
     if folder.note:
         say(folder.note)
     work = work_of_discovery(network.name, len(tests), method, progress)
-    with folder.dropped_if_refused():
+    with work, folder.dropped_if_refused():
         job = run_job(
             motor, tests, folder, order=network, known=known, kinds=kinds, method=method,
             seed=seed, command=command, work=work,

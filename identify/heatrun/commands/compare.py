@@ -55,7 +55,8 @@ def run(options: argparse.Namespace) -> int:
     if tests is None:
         return NOT_ALLOWED
     method = "quick" if options.quick else "emcee"
-    with bar() as progress:
+    names = [form.name for form in pair]
+    with bar() as progress, work_of_calibration(names, len(tests), method, progress) as work:
         found = calibrate(
             motor,
             tests,
@@ -64,9 +65,9 @@ def run(options: argparse.Namespace) -> int:
             method=method,
             seed=options.seed,
             command=options.command_line,
-            work=work_of_calibration([form.name for form in pair], len(tests), method, progress),
+            work=work,
         )
-        progress("done", 1.0)
+        work.finish()
     if options.json:
         result = found.result
         print(

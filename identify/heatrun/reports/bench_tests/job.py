@@ -111,27 +111,29 @@ def make_report(
         say(f"written by heatrun itself and left out: {names}")
     settings = settings_of(run, tolerances, offset_s)
     outcomes = []
-    work = Work(dict.fromkeys(range(len(found.tests)), USUAL_S), progress)
-    for number, test in enumerate(found.tests):
-        name = test.name if isinstance(test, Record) else str(test)
-        if say is not None:
-            say(f"{kind} report of {name}")
-        work.at(number, f"report {number + 1} of {len(found.tests)}")
-        try:
-            is_record = isinstance(test, Record)
-            records = (test,) if is_record else read_tests(test, motor, at_gaps=False)
-            for record in records:
-                is_file = not isinstance(test, Record)
-                when = date_of_test(test, record) if is_file else date_of_record(record)
-                report = build_report(
-                    kind, motor, record, run=run, reference=other, tolerances=tolerances,
-                    offset_s=offset_s,
-                )  # fmt: skip
-                outcomes.append(write_report(name, report, when, out, [*_part(record), *settings]))
-        except InputError as error:
-            outcomes.append(Outcome(name, error=error))
-        work.done(number)
-    work.finish()
+    with Work(dict.fromkeys(range(len(found.tests)), USUAL_S), progress) as work:
+        for number, test in enumerate(found.tests):
+            name = test.name if isinstance(test, Record) else str(test)
+            if say is not None:
+                say(f"{kind} report of {name}")
+            work.at(number, f"report {number + 1} of {len(found.tests)}")
+            try:
+                is_record = isinstance(test, Record)
+                records = (test,) if is_record else read_tests(test, motor, at_gaps=False)
+                for record in records:
+                    is_file = not isinstance(test, Record)
+                    when = date_of_test(test, record) if is_file else date_of_record(record)
+                    report = build_report(
+                        kind, motor, record, run=run, reference=other, tolerances=tolerances,
+                        offset_s=offset_s,
+                    )  # fmt: skip
+                    outcomes.append(
+                        write_report(name, report, when, out, [*_part(record), *settings])
+                    )
+            except InputError as error:
+                outcomes.append(Outcome(name, error=error))
+            work.done(number)
+        work.finish()
     return outcomes
 
 
