@@ -74,9 +74,9 @@ def make_report(
 ) -> list[Outcome]:
     """Write the reports of tests; one that cannot be made is named, and the others are.
 
-    A report is called after its test type and the test's date, such as
-    `GeneralInformationTest_2022_12_07_001.pdf`. Made again from the same files with the same run,
-    tolerances and offset it takes its former place; any other report is never overwritten.
+    A report is called after its test type and the test's name and date, such as
+    `GeneralInformationTest_pump_3_2022_12_07_001.pdf`. Made again from the same files with the same
+    run, tolerances and offset it takes its former place; any other report is never overwritten.
 
     Args:
         kind: Test type, one of `TEST_TYPES`.
@@ -177,7 +177,8 @@ def write_report(
     content = report_content(report, when)
 
     def chosen() -> str:
-        return set_name(choose_name(out, report.kind, when, identity), identity)
+        of_one = report.test if report.kind != "prototypes" else ""
+        return set_name(choose_name(out, report.kind, when, identity, of_one), identity)
 
     with writable("the report", out), together(out, chosen) as files:
         name = files.name.partition(".")[0]
