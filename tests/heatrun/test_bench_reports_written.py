@@ -213,12 +213,19 @@ def test_wrong_use_ends_with_exit_code_2(tmp_path, words):
     assert main(["report", *words, str(write_motor(tmp_path)), str(test)]) == 2
 
 
-def test_a_missing_speed_ends_with_exit_code_1_and_says_what_to_map(tmp_path, capsys):
-    test = tmp_path / "Test_2022_12_07_001.csv"
+def test_a_missing_speed_of_a_vehicle_says_what_to_map(tmp_path, capsys):
+    test, motor = tmp_path / "Test_2022_12_07_001.csv", write_motor(tmp_path)
     test.write_text("time_s,dc_power_W\n0,1\n1,1\n2,1\n")
-    words = ["report", "--type", "energy", "--out", str(tmp_path), str(write_motor(tmp_path))]
-    assert main([*words, str(test)]) == 1
-    assert "vehicle_speed_km_per_h or speed_rpm" in capsys.readouterr().out
+    words = ["report", "--type", "energy", "--out", str(tmp_path), str(motor), str(test)]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "Distance" not in said
+    assert "vehicle_speed_km_per_h" not in said
+    motor.write_text(motor.read_text() + "[vehicle]\ngear_ratio = 9.1\nwheel_radius_m = 0.3\n")
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "vehicle_speed_km_per_h or speed_rpm" in said
+    assert "Distance" in said
 
 
 def test_a_file_that_is_replaced_while_it_is_read_gets_no_report(tmp_path, monkeypatch):
