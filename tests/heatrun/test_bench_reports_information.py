@@ -145,7 +145,7 @@ def test_an_industrial_motor_needs_no_gear_for_energy_and_efficiency():
 
 def test_energy_is_told_by_how_hard_a_motor_worked():
     report = build_report("energy", PUMP, LOADED)
-    assert "of 10 kW at the shaft" in report.tables[0].title
+    assert "By load, in % of 10 kW at the shaft" in report.tables[0].title
     lines = {line.name: line.cells for line in report.tables[0].lines}
     assert list(lines) == ["no load", "2 … 25 %", "50 … 75 %", "75 … 100 %"]
     minutes, drawn, peak, shaft, losses, efficiency = lines["50 … 75 %"]
@@ -155,7 +155,7 @@ def test_energy_is_told_by_how_hard_a_motor_worked():
     assert efficiency == pytest.approx(80.0)
     assert lines["no load"][-1] is None
     assert lines["no load"][1] == 0.5
-    assert "By operating range" not in build_report("energy", CAR, LOADED).tables[0].title
+    assert "By load" not in build_report("energy", CAR, LOADED).tables[0].title
 
 
 def test_a_motor_that_is_driven_is_a_generator_in_a_range_of_its_own():

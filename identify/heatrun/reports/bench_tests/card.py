@@ -112,8 +112,8 @@ _CARDS = (
         "Energy Consumption",
         "EnergyConsumption",
         "Energy and consumption",
-        "Energy drawn, fed back and at the shaft, power and efficiency by operating range; of a "
-        "vehicle also distance and consumption.",
+        "Energy drawn, fed back and at the shaft, power and efficiency by load; of a vehicle also "
+        "distance and consumption.",
         (POWER,),
         ("vehicle_speed_km_per_h", "speed_rpm", "torque_Nm", "mechanical_power_W"),
     ),

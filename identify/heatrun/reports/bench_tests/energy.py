@@ -25,9 +25,9 @@ EFFICIENCY = (
 )
 
 
-RANGES = (
-    "Ranges of the shaft power, as shares of its largest magnitude. Means are weighted by time; "
-    "the efficiency is that of the energy in the range; below 2 % there is no load."
+BY_LOAD = (
+    "Load is the shaft power as a share of its largest magnitude; below 2 % there is none. Means "
+    "are weighted by time, and the efficiency is that of the energy."
 )
 
 
@@ -172,5 +172,5 @@ def _range_table(found: ShaftEnergy) -> Table:
         )
         for one in found.ranges
     ]
-    title = f"By operating range, of {found.largest_W / 1000.0:.4g} kW at the shaft"
-    return Table(title, columns, tuple(lines), RANGES)
+    title = f"By load, in % of {found.largest_W / 1000.0:.4g} kW at the shaft"
+    return Table(title, columns, tuple(lines), BY_LOAD)
