@@ -46,8 +46,6 @@ from .runs.result import assemble, describe_model, describe_test
 from .runs.run_folder import RunFolder, environment
 from .work import SILENT, Work
 
-Say = Callable[[str], None]
-
 
 class Refused(Exception):
     """The data do not allow the job; the findings say why. Exit code 1.
@@ -145,7 +143,6 @@ def calibrate(
     duties: Sequence[str] = (),
     is_plain: bool = False,
     folder: RunFolder | None = None,
-    say: Say = lambda sentence: None,
     work: Work = SILENT,
 ) -> Calibration:
     """Calibrate a motor's network on tests.
@@ -162,8 +159,7 @@ def calibrate(
         command: As it is to stand in the result.
         is_plain: Whether the last network stays without the effects that the tests ask for.
         folder: Where checkpoints go; None for none.
-        say: Told what is being done, from the thread that does it.
-        work: Told how far it is, likewise; as `heatrun.work.work_of_calibration`.
+        work: Told how far it is, by the thread that does it; as `heatrun.work.work_of_calibration`.
 
     Raises:
         InputError: If something that the model needs is not given.
@@ -187,7 +183,6 @@ def calibrate(
     def one(model: Model) -> _Outcome:
         name = model.name
         attempts = Attempts()
-        say(f"{model.title}: least squares from many starts")
         work.at((name, "fit"), f"{model.title}: least squares from many starts")
         rows = [model.with_bodies(test) for test in fitted]
         found = holding_heat(fit(Problem.of(model, motor, rows), seed=seed), seed=seed)
@@ -196,24 +191,23 @@ def calibrate(
         screened, asked = None, None
         # one node alone is a simplification that was asked for; only a discovery goes beyond it
         if is_last and (kinds is not None or len(model.form.nodes) > 1):
-            say(f"{model.title}: looking for effects that it misses")
+            searching = f"{model.title}: looking for effects that it misses"
+            work.at((name, "missing"), searching)
             asked = attempts.of(
                 "the search for effects",
-                lambda: find(
-                    model, motor, rows, kinds=kinds, held_out=predicted_only, start=found, say=say
-                ),
+                lambda: find(model, motor, rows, kinds=kinds, held_out=predicted_only, start=found),
                 None,
                 where=model.title,
             )
             if asked is not None and not is_plain:
                 found = asked.fit
         if is_last and not is_plain:
-            found, screened = _searched(found, kinds, seed, say, attempts)
-        say(f"{model.title}: sampling the posterior")
+            found, screened = _searched(found, kinds, seed, work, attempts)
         work.done((name, "missing"), f"{model.title}: sampling the posterior")
 
         def report(sentence: str, share: float) -> None:
-            work.at((name, "sample"), f"{model.title}: {sentence}", share)
+            # averaging over effects that may be missing comes after it
+            work.at((name, "sample"), f"{model.title}: {sentence}", 0.9 * share)
 
         begun = time.monotonic()
         posterior = _sampled(found, screened, method, seed, folder, report, attempts)
@@ -288,7 +282,7 @@ def _searched(
     found: Fit,
     kinds: Sequence[type[AbstractEffect]] | None,
     seed: int,
-    say: Say,
+    work: Work,
     attempts: Attempts,
 ) -> tuple[Fit, Missing | None]:
     """Return the fit and what it misses; with several tests, the fit may change between them."""
@@ -304,7 +298,8 @@ def _searched(
 
     screened = search(found)
     if len(found.problem.tests) > 1:
-        say(f"{title}: comparing the tests with each other")
+        name = found.problem.model.name
+        work.at((name, "missing"), f"{title}: comparing the tests with each other")
         best = max(() if screened is None else screened.log_bayes, default=-math.inf)
         changed = attempts.of(
             "the comparison of the tests",

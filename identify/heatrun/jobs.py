@@ -64,7 +64,7 @@ def calibrate_into(
         is_named: Whether `path` is where the user wants the run; else it gets a number where
             another run stands there.
         is_replacing: Whether another run at `path` is replaced.
-        say: Told what is being done.
+        say: Told that an unfinished run is taken up, where that is so.
         progress: Called with a sentence and the share done, 1 when the folder is there.
 
     Returns:
@@ -93,18 +93,18 @@ def calibrate_into(
     if folder.note:
         say(folder.note)
     work = work_of_calibration([form.name for form in networks], len(tests), method, progress)
-    with folder.dropped_if_refused():
-        found = calibrate(
-            motor, tests, networks=networks, effects=effects, method=method, seed=seed,
-            command=command, duties=duties, is_plain=is_plain, folder=folder, say=say, work=work,
-        )  # fmt: skip
-    say("writing the sheet")
-    work.at("writing", "writing the run")
-    run = write_run(folder, motor, found.result, found.posteriors, found.predictions)
-    work.at("writing", "writing the sheet", 0.2)
-    found = replace(found, result=with_sheet(run, folder))
-    written = folder.finish(manifest(found, command, seed))
-    work.finish()
+    with work:
+        with folder.dropped_if_refused():
+            found = calibrate(
+                motor, tests, networks=networks, effects=effects, method=method, seed=seed,
+                command=command, duties=duties, is_plain=is_plain, folder=folder, work=work,
+            )  # fmt: skip
+        work.at("writing", "writing the run")
+        run = write_run(folder, motor, found.result, found.posteriors, found.predictions)
+        work.at("writing", "writing the sheet", 0.5)
+        found = replace(found, result=with_sheet(run, folder))
+        written = folder.finish(manifest(found, command, seed))
+        work.finish()
     return found, written
 
 
@@ -140,7 +140,7 @@ def discover_into(
         command: As it is to stand in the result.
         is_named: As `calibrate_into`.
         is_replacing: As `calibrate_into`.
-        say: Told what is being done.
+        say: Told that an unfinished run is taken up, where that is so.
         progress: Called with a sentence and the share done, 1 when the folder is there.
 
     Raises:
@@ -163,10 +163,10 @@ def discover_into(
     if folder.note:
         say(folder.note)
     work = work_of_discovery(network.name, len(tests), method, progress)
-    with folder.dropped_if_refused():
+    with work, folder.dropped_if_refused():
         job = run_job(
             motor, tests, folder, order=network, known=known, kinds=kinds, method=method,
-            seed=seed, command=command, say=say, work=work,
+            seed=seed, command=command, work=work,
         )  # fmt: skip
     work.finish()
     return job

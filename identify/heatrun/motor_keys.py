@@ -103,7 +103,7 @@ WINDING = Section(
 
 VEHICLE = Section(
     "vehicle",
-    "For energy, distance and consumption in reports; a calibration needs none of it.",
+    "For distance and consumption in reports, of a machine that drives a vehicle.",
     (
         Key("gear_ratio", "Motor speed over wheel speed.", "9.1", "no distance from the speed"),
         Key("wheel_radius_m", "Rolling radius of the wheel [m].", "0.3",

@@ -1,15 +1,19 @@
 """How far a job is and how long it will take: its parts, each with the time that it usually takes.
 
 The usual times were measured on two cores and are only shares of the whole. How fast this machine
-is with these records shows as parts are finished; until then the usual times stand for it, so that
-there is an estimate from the start.
+is with these records shows as parts go on: in those that are finished, in the shares that others
+tell, and in one that takes longer than usual. While nobody tells anything, as in a compilation, the
+clock does: the longer a part goes on, the less of it is expected to be left, and never nothing.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 
 Progress = Callable[[str, float], None]
 """Called with a sentence and the share done [1]; 1 means done."""
@@ -20,12 +24,52 @@ TRUST_S = 5.0
 MOST_BEFORE_DONE = 0.99
 """Share [1] that is said at most while anything is left to do."""
 
+TICK_S = 1.0
+"""Time [s] after which the time left is told again though nothing has happened."""
+
+
+@dataclass
+class _Part:
+    """A part of a job.
+
+    Attributes:
+        usual_s: Time that it usually takes [s].
+        share: Share that is done, as it was told last [1].
+        begun_s: When it was begun [s]; NaN before.
+        told_s: When the share was told last [s].
+    """
+
+    usual_s: float
+    share: float = 0.0
+    begun_s: float = math.nan
+    told_s: float = math.nan
+
+    def tell(self, now_s: float, share: float) -> None:
+        """Take a share; it never goes back."""
+        if math.isnan(self.begun_s):
+            self.begun_s = self.told_s = now_s
+        if share > self.share:
+            self.share, self.told_s = min(share, 1.0), now_s
+
+    def left_s(self, now_s: float, slower: float) -> float:
+        """Return the time that the rest is likely to take [s], by its own pace and the others'."""
+        whole = slower * self.usual_s
+        if math.isnan(self.begun_s) or self.share >= 1.0:
+            return (1.0 - self.share) * whole
+        own = self.told_s - self.begun_s
+        left = (1.0 - self.share) * (own + (1.0 - self.share) * whole)
+        return left**2 / (left + now_s - self.told_s)
+
 
 class Work:
     """The parts of a job, told as they go on; several threads may tell.
 
+    As a context, it tells the time left every `TICK_S` of itself. Parts named by tuples that begin
+    alike follow each other, those that begin otherwise go on beside them, and all that are no
+    tuples come after those. Where a part begins, those before it in its row are done.
+
     Args:
-        usual_s: Usual time of each part [s], in any order.
+        usual_s: Usual time of each part [s], those of a row in order.
         progress: Told a sentence with the time left, and the share done; None for nobody.
         clock: Gives the time [s].
     """
@@ -36,11 +80,26 @@ class Work:
         progress: Progress | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._usual = dict(usual_s)
-        self._share = dict.fromkeys(self._usual, 0.0)
+        self._parts = {part: _Part(usual) for part, usual in usual_s.items()}
         self._progress, self._clock = progress, clock
-        self._begun = clock()
-        self._lock = threading.Lock()
+        self._told_s, self._sentence, self._share = clock(), "", 0.0
+        self._lock, self._is_over = threading.Lock(), threading.Event()
+
+    def __enter__(self) -> Work:
+        if self._progress is not None:
+            threading.Thread(target=self._tick, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:  # nothing is told behind the last word
+            self._is_over.set()
+
+    def _tick(self) -> None:
+        with suppress(OSError):  # whoever listened is gone, which the job finds out by itself
+            while not self._is_over.wait(TICK_S):
+                with self._lock:
+                    if self._sentence and not self._is_over.is_set():
+                        self._tell()
 
     def at(self, part: Hashable, sentence: str, share: float = 0.0) -> None:
         """Tell what is being done.
@@ -53,46 +112,76 @@ class Work:
         if self._progress is None:
             return
         with self._lock:
-            self._share[part] = max(self._share.get(part, 0.0), min(share, 1.0))
-            self._tell(sentence)
+            now = self._clock()
+            for other in self._row(part):
+                if other == part:
+                    break
+                self._parts[other].tell(now, 1.0)
+            self._parts[part].tell(now, share)
+            self._sentence = sentence
+            self._tell()
 
     def done(self, part: Hashable, sentence: str = "") -> None:
-        """Count a part as done, and tell so where there is a sentence for it."""
+        """Count a part as done, the next of its row as begun, and tell so where there is a
+        sentence for it.
+        """
         if self._progress is None:
             return
         with self._lock:
-            self._share[part] = 1.0
+            now = self._clock()
+            self._parts[part].tell(now, 1.0)
+            left = [each for each in self._row(part) if self._parts[each].share < 1.0]
+            for other in left[:1]:
+                self._parts[other].tell(now, 0.0)
             if sentence:
-                self._tell(sentence)
+                self._sentence = sentence
+                self._tell()
 
     def finish(self) -> None:
         """Tell that the job is done."""
         if self._progress is not None:
+            with self._lock:
+                self._is_over.set()
             self._progress("done", 1.0)
 
     @property
     def usual_s(self) -> dict[Hashable, float]:
         """Usual time of each part [s]."""
-        return dict(self._usual)
-
-    @property
-    def share(self) -> float:
-        """Share of the usual time of all parts that is done [1]."""
-        return self._done_s() / sum(self._usual.values())
+        return {name: part.usual_s for name, part in self._parts.items()}
 
     def left_s(self) -> float:
         """Return the time that the rest is likely to take [s]."""
-        done = self._done_s()
-        slower = (self._clock() - self._begun + TRUST_S) / (done + TRUST_S)
-        return slower * (sum(self._usual.values()) - done)
+        now = self._clock()
+        begun = [part for part in self._parts.values() if not math.isnan(part.begun_s)]
+        spent = TRUST_S + sum(part.told_s - part.begun_s for part in begun)
+        usual = TRUST_S + sum(part.share * part.usual_s for part in begun)
+        for part in begun:  # one that says nothing tells something when it is late
+            if part.share == 0.0 and (now - part.begun_s) * usual > part.usual_s * spent:
+                spent, usual = spent + now - part.begun_s, usual + part.usual_s
+        slower = spent / usual
+        rows: dict[Hashable, float] = {}
+        for name, part in self._parts.items():
+            row = _row_of(name)
+            rows[row] = rows.get(row, 0.0) + part.left_s(now, slower)
+        behind = rows.pop(None, 0.0)
+        return max(rows.values(), default=0.0) + behind
 
-    def _done_s(self) -> float:
-        return sum(usual * self._share[part] for part, usual in self._usual.items())
+    def _row(self, part: Hashable) -> list[Hashable]:
+        return [other for other in self._parts if _row_of(other) == _row_of(part)]
 
-    def _tell(self, sentence: str) -> None:
+    def _tell(self) -> None:
         if self._progress is not None:
-            left = f"about {in_words(self.left_s())} left"
-            self._progress(f"{sentence}; {left}", min(self.share, MOST_BEFORE_DONE))
+            left, now = self.left_s(), self._clock()
+            gone, self._told_s = now - self._told_s, now
+            # of what is left, the share that has gone by: a longer estimate slows it, no more
+            self._share += (1.0 - self._share) * (gone / (gone + left) if gone > 0.0 else 0.0)
+            sentence = f"{self._sentence}; about {in_words(left)} left"
+            self._progress(sentence, min(self._share, MOST_BEFORE_DONE))
+
+
+def _row_of(part: Hashable) -> Hashable:
+    """Return what the parts of one row have in common; None for those that come last."""
+    return part[0] if isinstance(part, tuple) else None
 
 
 def in_words(seconds: float) -> str:
@@ -128,13 +217,15 @@ def work_of_calibration(
     parts: dict[Hashable, float] = {}
     for name in networks:
         is_last = name == networks[-1]
-        parts |= {(name, "fit"): 4.0, (name, "missing"): 20.0 if is_last else 0.1}
-        parts |= {(name, "sample"): 2.0 if method == "quick" else 12.0}
-        parts |= {(name, "predict"): 1.0 * num_tests}
-    return Work({**parts, "reduction": 0.5 * num_tests, "writing": 4.0}, progress)
+        parts |= {(name, "fit"): 2.0 + 3.0 * num_tests}
+        parts |= {(name, "missing"): 6.0 + 5.0 * num_tests if is_last else 0.1}
+        parts |= {(name, "sample"): 5.0 if method == "quick" else 25.0}
+        parts |= {(name, "predict"): 2.0 + 2.0 * num_tests}
+    return Work({**parts, "reduction": 0.5 * num_tests, "writing": 3.0 + 1.5 * num_tests}, progress)
 
 
 def work_of_discovery(network: str, num_tests: int, method: str, progress: Progress | None) -> Work:
     """Return the parts of a discovery; arguments as `work_of_calibration`."""
-    of_calibration = work_of_calibration([network], num_tests, method, None)
-    return Work({**of_calibration.usual_s, "where": 3.0 + 2.0 * num_tests}, progress)
+    usual = work_of_calibration([network], num_tests, method, None).usual_s
+    writing = usual.pop("writing")
+    return Work({**usual, "where": 3.0 + 2.0 * num_tests, "writing": writing}, progress)

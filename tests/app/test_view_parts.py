@@ -242,7 +242,7 @@ def test_a_cancelled_command_ends_and_the_next_one_runs_once_for_two_tabs(folder
     words = ["calibrate", motor, duty, "--out", str(folder / "run")]
     slow = queue.submit(words)
     waiting = queue.submit([*words, "--quick"])
-    while not slow.lines and not slow.is_over:
+    while not slow.doing and not slow.is_over:
         time.sleep(0.05)
     queue.cancel(waiting)
     queue.cancel(slow)

@@ -26,6 +26,8 @@ from wholeness import (
     torn,
 )
 
+from heatrun.commands.console import PROGRESS
+
 MARK = "HEATRUN_FAULTS_MARK"
 PACKAGES = ("identify", "models")
 ROOT = Path(__file__).parents[2]
@@ -123,11 +125,11 @@ class Bench:
 
     def environment(self) -> dict[str, str]:
         """Return the environment of every command."""
-        return {**os.environ, "TMPDIR": str(self.temporary)}
+        return {**os.environ, "TMPDIR": str(self.temporary), PROGRESS: "json"}
 
     def run(self, case: Case, strike: Strike | None = None, **limits: int) -> End:
         """Run a case in a fork, where it is."""
-        env = {"TMPDIR": str(self.temporary)}
+        env = {"TMPDIR": str(self.temporary), PROGRESS: "json"}
         return run_forked(case.words, self.home, env, case.phases, strike, **limits)
 
     def command_line(self, case: Case) -> list[str]:

@@ -92,7 +92,7 @@ def _calibrate_day(folder, duty, step):
     write_csv(duty, folder / "duty.csv")
     write_csv(step, folder / "step.csv")
     words = ["calibrate", "motor.toml", "duty.csv", "--holdout", "step.csv", "--quick", "--json",
-             "--out", "run"]  # fmt: skip
+             "-v", "--out", "run"]  # fmt: skip
     with (
         pytest.MonkeyPatch.context() as patch,
         (folder / "printed.json").open("w", encoding="utf-8") as out,

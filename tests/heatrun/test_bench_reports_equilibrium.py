@@ -154,7 +154,7 @@ def test_the_report_marks_what_is_extrapolated():
     assert any(name == "Extrapolated" for name, _ in report.definitions)
     (drawing,) = [each for each in report.drawings if each.name == "temperatures"]
     assert "extrapolated" in drawing.caption
-    (axis,) = drawing.draw().axes
+    axis, _ = drawing.draw().axes
     labels = axis.get_legend_handles_labels()[1]
     assert any("extrapolated" in label for label in labels)
 

@@ -41,6 +41,27 @@ def run(tmp_path, bench, generator):
     return run_near_truth(tmp_path / "run", MOTOR, bench(generator.duty(600.0), seed=20))
 
 
+def test_rises_stand_beside_temperatures():
+    record = warming(tau_s=600.0, hours=1.0, noise_K=0.0)
+    ambient = np.linspace(20.0, 25.0, record.time_s.size)
+    moving = Record("moving", {**record.channels, "ambient_degC": ambient})
+    report = build_report("thermal", MOTOR, moving)
+    rows = {row.name: row for row in report.rows}
+    winding = moving["winding_degC"]
+    assert rows["winding_end_rise_K"].value == pytest.approx(winding[-1] - 25.0)
+    assert rows["winding_highest_rise_K"].value == pytest.approx(np.max(winding - ambient))
+    assert rows["winding_highest_rise_K"].unit == "K"
+    assert "over ambient" in rows["winding_highest_rise_K"].label
+    lines = {line.name: line for line in report.tables[0].lines}
+    assert lines["winding over ambient"].unit == "K"
+    assert "ambient over ambient" not in lines
+    assert len(report.drawings[0].draw().axes) == 2
+    hidden = Record("no sink", {k: v for k, v in record.channels.items() if k != "ambient_degC"})
+    report = build_report("thermal", MOTOR, hidden)
+    assert not any("rise_K" in row.name for row in report.rows)
+    assert len(report.drawings[0].draw().axes) == 1
+
+
 def test_the_losses_split_as_the_thesis_has_it():
     # line 12 of the published worksheet: 74.18334424 A at 22 degC and 521.843 W
     record = Record(

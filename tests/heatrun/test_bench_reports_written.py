@@ -83,11 +83,13 @@ def test_a_report_is_named_after_its_test_and_holds_the_same_in_pdf_csv_and_json
     ("name", "head", "stem"),
     [
         ("Test_2023_06_23_14_16_08.csv", "", "2023_06_23_14_16_08"),
-        ("run20240229-007.csv", "", "2024_02_29_007"),
-        ("run.csv", "Start: 20/11/2025 18:02:33\n", "2025_11_20_001"),
-        ("run.csv", "Start: 03/04/2025 18:02:33\n", "undated_001"),  # March or April
-        ("Test_2023_02_30.csv", "", "undated_001"),  # there is no such day
-        ("export_2025_11_21.csv", "Datum: 20.11.2025\n", "2025_11_20_001"),
+        ("run20240229-007.csv", "", "run_2024_02_29_007"),
+        ("run.csv", "Start: 20/11/2025 18:02:33\n", "run_2025_11_20"),
+        ("run.csv", "Start: 03/04/2025 18:02:33\n", "run"),  # March or April
+        ("Test_2023_02_30.csv", "", "Test_2023_02_30"),  # there is no such day
+        ("Test.csv", "", "undated_001"),
+        ("Prüfling 7, warm_2024_02_29.csv", "", "Prüfling_7_warm_2024_02_29"),
+        ("export_2025_11_21.csv", "Datum: 20.11.2025\n", "export_2025_11_20"),
         ("Test_2025_11_20_007.csv", "Datum: 20.11.2025\n", "2025_11_20_007"),
     ],
 )
@@ -108,7 +110,7 @@ def test_the_clock_of_a_record_says_the_date_before_any_name(tmp_path):
     head = "time,dc_voltage_V,dc_current_A,winding_degC\n"
     rows = "".join(f"2026-03-04 10:00:{t:02},100,10,{20 + t}\n" for t in (0, 10, 20, 30))
     for name, stem in (
-        ("export_2026_03_09.csv", "2026_03_04_001"),
+        ("export_2026_03_09.csv", "export_2026_03_04"),
         ("Test_2026_03_04_17.csv", "2026_03_04_17"),
     ):
         (tmp_path / name).write_text(head + rows, encoding="utf-8")
@@ -122,7 +124,7 @@ def test_the_time_of_a_file_is_no_date_of_a_test(tmp_path):
     test = write_drive(tmp_path / "run.csv")
     os.utime(test, (1e9, 1e9))
     (outcome,) = make_report("general", CAR, [test], tmp_path / "out")
-    assert outcome.pdf.name == "GeneralInformationTest_undated_001.pdf"
+    assert outcome.pdf.name == "GeneralInformationTest_run.pdf"
     content = json.loads(outcome.json.read_text("utf-8"))
     assert content["date"] is None
     assert content["date_from"] is None
@@ -211,12 +213,19 @@ def test_wrong_use_ends_with_exit_code_2(tmp_path, words):
     assert main(["report", *words, str(write_motor(tmp_path)), str(test)]) == 2
 
 
-def test_a_missing_speed_ends_with_exit_code_1_and_says_what_to_map(tmp_path, capsys):
-    test = tmp_path / "Test_2022_12_07_001.csv"
+def test_a_missing_speed_of_a_vehicle_says_what_to_map(tmp_path, capsys):
+    test, motor = tmp_path / "Test_2022_12_07_001.csv", write_motor(tmp_path)
     test.write_text("time_s,dc_power_W\n0,1\n1,1\n2,1\n")
-    words = ["report", "--type", "energy", "--out", str(tmp_path), str(write_motor(tmp_path))]
-    assert main([*words, str(test)]) == 1
-    assert "vehicle_speed_km_per_h or speed_rpm" in capsys.readouterr().out
+    words = ["report", "--type", "energy", "--out", str(tmp_path), str(motor), str(test)]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "Distance" not in said
+    assert "vehicle_speed_km_per_h" not in said
+    motor.write_text(motor.read_text() + "[vehicle]\ngear_ratio = 9.1\nwheel_radius_m = 0.3\n")
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "vehicle_speed_km_per_h or speed_rpm" in said
+    assert "Distance" in said
 
 
 def test_a_file_that_is_replaced_while_it_is_read_gets_no_report(tmp_path, monkeypatch):

@@ -54,7 +54,7 @@ def test_a_measurement_of_unknown_names_lists_them_and_says_what_comes_next(here
 
 def test_a_text_without_times_shows_what_was_read_and_what_was_not(here, capsys):
     without_times(here / "log.csv")
-    code, out = said(capsys, "log.csv")
+    code, out = said(capsys, "log.csv", "-v")
     assert code == 1
     assert "No channel claims, in log: T_Mot [degC], Pump [bar]" in out
     rows = {line.split()[0]: line.split()[1] for line in out.splitlines() if line.startswith("  ")}

@@ -110,8 +110,7 @@ def test_foreign_names_become_lines_to_uncomment(here, table, capsys):
     capsys.readouterr()
     assert cli.main(["check", "motor.toml", "prüfstand.csv"]) == 0
     said = capsys.readouterr().out
-    assert "No channel claims, in prüfstand: Pumpe" in said
-    assert "This record will do for a second-order calibration" in said
+    assert said.startswith("This record will do for a second-order calibration")
     assert said.endswith("Next: heatrun calibrate motor.toml 'prüfstand.csv'\n")
     record = read_test("prüfstand.csv", motor)
     np.testing.assert_allclose(record["losses_W"], table["Pd"], rtol=1e-12)

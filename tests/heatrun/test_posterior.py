@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import replace
 
@@ -248,3 +249,5 @@ def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble_which_sa
     assert f"Pareto k {asked.weighted.pareto_k:.2f}" in asked.sentence()
     assert told
     assert all("importance sampling is not reliable here" in sentence for sentence in told)
+    counts = [re.search(r"(\d+) of about (\d+) steps", sentence).groups() for sentence in told]
+    assert all(int(done) < int(wanted) for done, wanted in counts)

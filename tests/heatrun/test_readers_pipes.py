@@ -102,7 +102,7 @@ def test_the_command_line_reads_what_comes_through_its_input(tmp_path):
     table = "time_s,phase_current_A,losses_W,ambient_degC,winding_degC\n" + "".join(
         f"{t},{10 + t % 900 // 300},300,20,{20 + 0.001 * t:.4f}\n" for t in range(5000)
     )
-    words = [sys.executable, "-m", "heatrun.cli", "check", str(motor), "/dev/stdin"]
+    words = [sys.executable, "-m", "heatrun.cli", "check", "-v", str(motor), "/dev/stdin"]
     done = subprocess.run(words, input=table.encode(), capture_output=True, check=False)
     assert done.returncode == 0
     assert b"5000 samples" in done.stderr

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import shutil
 from pathlib import Path
 
 import pandas as pd
@@ -126,12 +127,15 @@ def said(capsys, *words: str) -> tuple[int, str]:
 def test_a_good_record_ends_with_the_command_that_calibrates_it(here, capsys):
     code, out = said(capsys, "duty.csv", "--model", "first")
     assert code == 0
-    assert "No channel claims, in duty: spare, door" in out
-    last = out.rstrip("\n").split("\n")[-2:]
-    assert last == [
-        "This record will do for a first-order calibration.",
-        "Next: heatrun calibrate motor.toml duty.csv --model first",
-    ]
+    lines = out.splitlines()
+    assert lines[0] == "This record will do for a first-order calibration."
+    assert lines[-1] == "Next: heatrun calibrate motor.toml duty.csv --model first"
+    assert not any(line.startswith("note") for line in lines)
+    assert "notes" in lines[-2]
+    code, whole = said(capsys, "duty.csv", "--model", "first", "-v")
+    assert "No channel claims, in duty: spare, door" in whole
+    assert (whole.splitlines()[0], whole.splitlines()[-1]) == (lines[0], lines[-1])
+    assert any(line.startswith("note ") for line in whole.splitlines())
 
 
 def test_a_record_that_lacks_a_channel_says_so_for_itself(here, capsys):
@@ -139,7 +143,15 @@ def test_a_record_that_lacks_a_channel_says_so_for_itself(here, capsys):
     assert code == 1
     assert "duty: This record will do for a second-order calibration." in out
     assert "no losses: This record will not do for a second-order calibration: it has no " in out
+    assert "No channel claims, in no losses: spare, door" in out  # one of them may be what lacks
+    assert "claims, in duty" not in out
     assert out.rstrip("\n").endswith("then: heatrun check motor.toml duty.csv 'no losses.csv'")
+
+
+def test_tests_of_which_the_same_is_said_share_a_line(here, capsys):
+    shutil.copy("duty.csv", "again.csv")
+    _, out = said(capsys, "duty.csv", "again.csv")
+    assert out.startswith("duty, again: This record will do for a second-order calibration")
 
 
 def test_the_same_stands_in_the_json(here, capsys):
@@ -157,5 +169,5 @@ def test_a_motor_file_for_another_network_is_said_to_be_one(here, capsys):
     code, out = said(capsys, "duty.csv")
     assert code == 0
     assert "will not do for a second-order calibration once" not in out
-    assert "Ceq_tooth" in out.rstrip("\n").split("\n")[-2]
+    assert "Ceq_tooth" in out.splitlines()[0]
     assert out.rstrip("\n").endswith("Then: heatrun check motor.toml duty.csv")

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+from heatrun.bench import Finding
 from heatrun.reports.terminal import discovery_text, result_text
 from heatrun.results import DiscoveryResult, FitResult, from_json
 from heatrun.results.derived import DerivedFigure
@@ -22,7 +23,52 @@ def test_a_large_capacity_has_no_exponent():
     )
     models = {"second": replace(second, parameters={"Ceq_sr": large})}
     said = result_text(replace(stored, models=models))
+    assert re.search(r"Ceq_sr +151200 ± 5200 J/K +identified", said)
+    said = result_text(replace(stored, models=models), verbose=True)
     assert re.search(r"Ceq_sr +151230 J/K +95 % 146100 … 156300 ", said)
+
+
+def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand():
+    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+    lines = result_text(stored, "runs/demo").splitlines()
+    assert len(lines) <= 12
+    assert lines[0].startswith("USABLE: Second order. ")
+    assert (
+        "RMSE: fitted 0.16 K (largest error 0.4 K); held out 0.37 K (largest error 1.0 K)" in lines
+    )
+    assert "Time constants: 91.8 s (90.6 … 92.9) and 1820 s (1720 … 1920), losses held" in lines[6]
+    assert lines[-2].startswith("Next: heatrun simulate data/synthetic/motor.toml runs/demo TEST")
+    foreign = ("posterior", "Pareto", "Bayes", "evidence", "MCMC", "ESS")
+    assert not any(word in line for word in foreign for line in lines)
+    whole = result_text(stored, "runs/demo", verbose=True)
+    assert whole.startswith("\n".join(lines[:-1]))
+    assert all(finding.id in whole for finding in stored.findings)
+
+
+def test_what_decides_a_verdict_is_never_hidden_and_comes_next():
+    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+
+    def said(*findings, **change):
+        second = replace(stored.models["second"], **change)
+        told = replace(stored, findings=findings, models={"second": second})
+        return result_text(told).splitlines()
+
+    misfit = Finding("misfit", "warning", "Too slow.", "step", remedy="Add a node.")
+    unit = Finding("unit_suspected", "warning", "Huge.", "step", "State the unit.", test="step")
+    lines = said(misfit, unit)
+    assert lines[0].startswith("RESTRICTED: ")
+    assert "In doubt about step: a column may be in another unit" in lines[1]
+    assert "The network lacks something that the tests show" in lines[2]
+    assert "Next: State the unit." in lines  # of two findings that of the inputs
+    assert "2 warnings (misfit, unit_suspected)" in lines[-1]
+    simulated = replace(unit, id="simulated_by_heatrun", remedy="Measure.")
+    assert said(misfit, simulated)[0].startswith("NOT USABLE: Second order. No measurement")
+    assert "Next: Measure." in said(misfit, simulated)
+    entry = stored.models["second"].parameters["Ceq_w"]
+    weak = replace(entry, identifiability="weak", why="It is short. A longer test would do.")
+    lines = said(misfit, parameters={"Ceq_w": weak})
+    assert "known only roughly (Ceq_w" in lines[0]
+    assert "Next: A longer test would do for Ceq_w" in lines
 
 
 def test_a_run_at_the_prompt_is_one_line():
@@ -40,8 +86,11 @@ def test_figures_of_long_names_stand_below_each_other():
     second = stored.models["second"]
     entry = second.parameters["Ceq_w"]
     models = {"four": replace(second, parameters={"Ceq_tooth": entry, "Req_winding_tooth": entry})}
-    lines = result_text(replace(stored, models=models)).splitlines()
-    assert len({line.index("95 %") for line in lines if line.startswith(("  Ceq", "  Req"))}) == 1
+    lines = result_text(replace(stored, models=models), verbose=True).splitlines()
+    figures = [line for line in lines if line.startswith(("  Ceq", "  Req"))]
+    for sign in ("±", "95 %"):
+        assert len({line.index(sign) for line in figures if sign in line}) == 1
+    assert len(figures) == 4
 
 
 def test_a_rating_that_was_asked_for_is_told_or_refused():
@@ -57,8 +106,8 @@ def test_a_rating_that_was_asked_for_is_told_or_refused():
     }
     models = {"second": replace(stored.models["second"], derived=told)}
     said = result_text(replace(stored, models=models)).splitlines()
-    assert "  S2-30_current_A: 140.3 A  95 % 139.6 … 142.1   S2-30, class F" in said
-    assert "  S3-40_current_A: refused, no insulation class" in said
+    assert "S2-30_current_A: 140.3 A  95 % 139.6 … 142.1   S2-30, class F" in said
+    assert "S3-40_current_A: refused, no insulation class" in said
     assert not any("continuous_current_A" in line for line in said)  # nobody asked for it
 
 

@@ -63,7 +63,8 @@ def check(path, capsys, *options):
 
 
 def test_check_prints_the_columns_and_marks_what_was_assumed(bench, capsys):
-    code, out = check(bench(), capsys)
+    assert "ASSUMED" not in check(bench(), capsys)[1]
+    code, out = check(bench(), capsys, "-v")
     lines = {line.split()[0]: line.split() for line in out.splitlines() if line.startswith("  ")}
     assert code == 0
     assert lines["time_s"][1:4] == ["t", "s", "ASSUMED"]

@@ -53,6 +53,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     words.add_meta(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
     words.add_force(parser)
+    words.add_verbose(parser, "all networks, how they were sampled, columns and notes")
     words.add_json(parser)
     return parser
 
@@ -125,16 +126,14 @@ def calibrate_into_folder(
             say=say,
             progress=progress,
         )
-    if options.quick:
+    if options.quick and options.verbose:
         say(_spared(time.monotonic() - begun, found.sampling_s))
     if options.json:
         print(to_json({**to_plain(found.result), "run": str(written)}))
     else:
-        print(result_text(found.result))
-        print(f"\nRun folder:      {printable(str(written))}")
-        for name in ("sheet.pdf", "sheet.xlsx", f"posterior_{networks[-1].name}.nc", "figures"):
-            if (written / name).exists():
-                print(f"  {name:<20} {written / name}")
+        print(result_text(found.result, str(written), verbose=options.verbose))
+        sheet = written / "sheet.pdf"
+        print(printable(f"Sheet: {sheet if sheet.exists() else written}"))
     return DONE
 
 

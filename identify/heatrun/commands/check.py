@@ -12,7 +12,7 @@ from .console import printable, say
 from .exit_codes import DONE, NOT_ALLOWED
 
 if TYPE_CHECKING:
-    from ..bench import Finding
+    from ..bench import Finding, Record
     from ..bench.unread import UnreadTest
 
 
@@ -26,12 +26,13 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         help="also check that the tests have what this network needs (default: records alone)",
     )
     words.add_with(parser)
+    words.add_verbose(parser, "how each column was read, columns that no channel claims, and notes")
     words.add_json(parser)
     return parser
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the findings about every test; they forbid a calibration if one is an error."""
+    """Print whether the tests will do, and why; an error forbids a calibration."""
     from ..bench import Record
     from ..bench.channels.column_mapping import (
         ReadColumns,
@@ -65,11 +66,8 @@ def run(options: argparse.Namespace) -> int:
             findings += found.findings
     records = [one for one in subjects if isinstance(one, Record)]
     for record in records:
-        say(f"{record.name}: {record.time_s.size} samples over {record.duration_s:.0f} s")
-        for note in record.notes:
-            # the table of columns says the same
-            if not any(note.startswith(f"{one.channel} from column") for one in record.mapping):
-                say(f"  {note}")
+        if options.verbose:
+            _describe(record)
         tests.append(describe_columns(record))
         findings += check_record(record, motor)
     findings += other_tests(motor, [subject.name for subject in subjects])
@@ -95,19 +93,36 @@ def run(options: argparse.Namespace) -> int:
         print(to_json({"findings": findings, "tests": tests, "unclaimed": unclaimed,
                        "suitability": answers, "next": following}))  # fmt: skip
         return NOT_ALLOWED if has_error else DONE
-    columns = mapping_text(tests)
-    if columns:
-        print("\n".join(printable(line) for line in columns.split("\n")), end="\n\n")
-    for test, unused in unclaimed.items():
-        if unused:
-            names = ", ".join(" ".join(name.split()) for name in unused)
-            print(printable(f"No channel claims, in {test}: {names}"), end="\n\n")
-    print(findings_text(findings), end="\n\n")
+    alike: dict[str, list[str]] = {}
     for answer in answers:
-        print(printable(f"{answer.test}: {answer.sentence}" if len(answers) > 1
-                        else answer.sentence))  # fmt: skip
-    print(printable(f"Next: {following}"))
+        alike.setdefault(answer.sentence, []).append(answer.test)
+    lines = [
+        sentence if len(answers) == 1 else f"{', '.join(names)}: {sentence}"
+        for sentence, names in alike.items()
+    ]
+    lines += findings_text(findings, verbose=options.verbose).splitlines()
+    # a channel that is missing may be among the columns that none claims
+    lacking = {finding.test for finding in findings if finding.id == "missing_channel"}
+    for test, unused in unclaimed.items():
+        if unused and (options.verbose or test in lacking):
+            names = ", ".join(" ".join(name.split()) for name in unused)
+            lines.append(f"No channel claims, in {test}: {names}")
+    if options.verbose:
+        lines += mapping_text(tests).splitlines()
+    else:
+        num = sum(finding.severity == "note" for finding in findings)
+        lines.append(f"With -v: how each column was read{f', {num} notes' if num else ''}.")
+    print("\n".join(printable(line) for line in [*lines, f"Next: {following}"]))
     return NOT_ALLOWED if has_error else DONE
+
+
+def _describe(record: Record) -> None:
+    """Say how long a record is, and what was done to read it."""
+    say(f"{record.name}: {record.time_s.size} samples over {record.duration_s:.0f} s")
+    for note in record.notes:
+        # the table of columns says the same
+        if not any(note.startswith(f"{one.channel} from column") for one in record.mapping):
+            say(f"  {note}")
 
 
 def _aim(model: str | None) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from . import words
 from .calibrate import calibrate_into_folder
-from .console import bar, printable, say
+from .console import bar, printable
 from .exit_codes import DONE, NOT_ALLOWED
 from .loading import load
 
@@ -31,6 +31,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: none is written)")
     words.add_force(parser)
+    words.add_verbose(parser, "both networks, how they were sampled, columns and notes")
     words.add_json(parser)
     return parser
 
@@ -41,7 +42,9 @@ def run(options: argparse.Namespace) -> int:
     from ..inference.catalogue import known_effects
     from ..inference.networks import pair_of
     from ..motorfile import load_motor
+    from ..reports.terminal import result_text, verdict_lines
     from ..results import to_json
+    from ..runs.verdict import against_others
     from ..work import work_of_calibration
 
     pair = pair_of(options.model)
@@ -52,7 +55,8 @@ def run(options: argparse.Namespace) -> int:
     if tests is None:
         return NOT_ALLOWED
     method = "quick" if options.quick else "emcee"
-    with bar() as progress:
+    names = [form.name for form in pair]
+    with bar() as progress, work_of_calibration(names, len(tests), method, progress) as work:
         found = calibrate(
             motor,
             tests,
@@ -61,10 +65,9 @@ def run(options: argparse.Namespace) -> int:
             method=method,
             seed=options.seed,
             command=options.command_line,
-            say=say,
-            work=work_of_calibration([form.name for form in pair], len(tests), method, progress),
+            work=work,
         )
-        progress("done", 1.0)
+        work.finish()
     if options.json:
         result = found.result
         print(
@@ -79,6 +82,9 @@ def run(options: argparse.Namespace) -> int:
         )
     else:
         assert found.result.comparison is not None  # two networks were fitted
-        sentences = [found.result.verdict.sentence, *found.result.comparison.words]
+        chance = against_others(found.result) or [found.result.verdict.sentence]
+        sentences = [*verdict_lines(found.result), *chance, *found.result.comparison.words]
         print("\n".join(printable(sentence) for sentence in sentences))
+        if options.verbose:
+            print(f"\n{result_text(found.result, verbose=True)}")
     return DONE

@@ -16,6 +16,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/demo)")
     words.add_force(parser)
+    words.add_verbose(parser, "all networks, how they were sampled, columns and notes")
     words.add_json(parser)
     return parser
 

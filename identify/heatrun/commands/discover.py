@@ -37,6 +37,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     words.add_sampling(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
     words.add_force(parser)
+    words.add_verbose(parser, "how each column was read")
     words.add_json(parser)
     return parser
 
@@ -80,10 +81,7 @@ def run(options: argparse.Namespace) -> int:
         print(to_json({**to_plain(job.result), "run": str(job.path)}))
     else:
         print(discovery_text(job.result))
-        columns = mapping_text([describe_columns(test.record) for test in tests])
-        if columns:
-            print("\n" + "\n".join(printable(line) for line in columns.split("\n")))
-        print(f"\nRun folder:      {printable(str(job.path))}")
-        for name in ("discovery.pdf", "sheet.pdf", "discovery.json"):
-            print(f"  {name:<14} {job.path / name}")
+        if options.verbose:
+            print(printable(mapping_text([describe_columns(test.record) for test in tests])))
+        print(printable(f"Report: {job.path / 'discovery.pdf'}"))
     return DONE

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .console import say
+from .console import bar, say
 
 if TYPE_CHECKING:
     from ..calibration import BenchTest
@@ -19,14 +19,15 @@ def load(
 ) -> tuple[BenchTest, ...] | None:
     """Return the tests, or None after the findings that forbid them were printed."""
     count = len(calibration) + len(holdout)
-    say(f"reading {count} test{'s' if count > 1 else ''}")
     from ..bench.checks.other_tests import other_tests
     from ..calibration import Refused, load_tests
     from ..reports.terminal import findings_text
     from ..results import to_json
 
     try:
-        tests = load_tests(motor, calibration, holdout)
+        with bar() as progress:
+            progress(f"reading {count} test{'s' if count > 1 else ''}", 0.0)
+            tests = load_tests(motor, calibration, holdout)
     except Refused as refusal:
         if as_json:
             print(to_json({"findings": refusal.findings}))

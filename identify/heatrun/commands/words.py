@@ -142,6 +142,11 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
 
 
+def add_verbose(parser: argparse.ArgumentParser, text: str) -> None:
+    """Add the choice of everything that there is to say, described by `text`."""
+    parser.add_argument("-v", "--verbose", action="store_true", help=f"also print {text}")
+
+
 def add_seed(parser: argparse.ArgumentParser) -> None:
     """Add the seed of the random numbers."""
     parser.add_argument(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -56,7 +56,6 @@ def run_job(
     method: Literal["emcee", "quick"] = "emcee",
     seed: int = 0,
     command: str = "",
-    say: Callable[[str], None] = lambda sentence: None,
     work: Work = SILENT,
 ) -> Job:
     """Run a discovery and write its folder.
@@ -71,7 +70,6 @@ def run_job(
         method: Sampler of the final model.
         seed: Of everything that is drawn.
         command: As it is to stand in the result.
-        say: Told what is being done.
         work: Told how far it is; as `heatrun.work.work_of_discovery`.
 
     Raises:
@@ -79,7 +77,7 @@ def run_job(
     """
     calibration = calibrate(
         motor, tests, networks=(order,), effects=known, kinds=kinds or all_effects(),
-        method=method, seed=seed, command=command, folder=folder, say=say, work=work,
+        method=method, seed=seed, command=command, folder=folder, work=work,
     )  # fmt: skip
     asked = calibration.asked
     if asked is None:
@@ -88,13 +86,11 @@ def run_job(
             where=", ".join(test.record.name for test in tests),
             remedy="Map more channels, such as speed_rpm, or calibrate.",
         )
-    say("telling what the effects change")
     found = tell(asked, calibration.screened, command=_next(motor, tests), work=work)
     base = weighted_draws(asked.fits[0], seed=seed)
     before = [predict(base, test.blocks, seed=seed) for test in tests]
     result = assemble(found, calibration, before, base, command=command, seed=seed)
-    say("writing report and sheet")
-    work.at("writing", "writing report and sheet")
+    work.at("writing", "writing the report")
     folder.write_json("discovery.json", result)
     attempts = Attempts(OUTPUT_FAILED)
     name = list(calibration.posteriors)[-1]

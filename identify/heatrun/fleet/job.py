@@ -183,12 +183,13 @@ def _work_out(
         work.done(batch.name, f"{finished} of {_count(num, 'machine')}")
 
     work.at(left[0].name, f"{finished} of {_count(num, 'machine')}")
-    if workers.is_here:
-        for each in left:
-            done(each, work_out(each))
-    else:
-        with connected(workers, len(left)) as pool:
-            over_workers(pool, left, done)
+    with work:
+        if workers.is_here:
+            for each in left:
+                done(each, work_out(each))
+        else:
+            with connected(workers, len(left)) as pool:
+                over_workers(pool, left, done)
     if changed:
         more = f" ({len(changed)} batches)" if len(changed) > 1 else ""
         raise InputError(

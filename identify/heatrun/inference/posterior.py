@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -175,14 +176,14 @@ def sample(
         drop = int(BURN_IN * num_steps)
         chains = np.stack([ensemble.chain()[drop:] for ensemble in ensembles])
         convergence = judge(chains, wanted)
-        if progress is not None:
-            progress(
-                f"{instead}{num_steps} steps, effective sample size "
-                f"{convergence.effective_size:.0f} of {wanted.size:.0f}",
-                min(1.0, max(convergence.effective_size / wanted.size, num_steps / most_steps)),
-            )
         if (convergence.is_enough and num_steps >= 2 * CHUNK) or num_steps >= most_steps:
             break
+        if progress is not None:
+            # until it is enough there is one look more at least, whatever lacks
+            times = max(convergence.times_as_long, 1.0 + LOOK_AGAIN)
+            steps = max(times * num_steps, 2 * CHUNK)
+            steps = CHUNK * math.ceil(steps / CHUNK) if steps < most_steps else most_steps
+            progress(f"{instead}{num_steps} of about {steps} steps", num_steps / steps)
         least_steps = wanted.times * convergence.autocorrelation / (1.0 - BURN_IN)
         if num_steps >= most_steps // 2 and least_steps > most_steps:
             break

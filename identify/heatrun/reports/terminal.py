@@ -7,12 +7,22 @@ from collections.abc import Sequence
 
 from ..bench import Finding
 from ..bench.channels.column_mapping import mapping_text
+from ..certificate import Certificate
 from ..io.printable import printable
 from ..io.quantities import printed_unit, quantity, rounded
 from ..results import DiscoveryResult, FitResult
-from ..results.derived import AT_REST, LOADED, DerivedFigure
+from ..results.derived import DerivedFigure
+from ..results.model import FittedModel
 from ..results.values import known
-from ..runs.verdict import headline
+from ..runs.verdict import (
+    BEFORE_PARAMETERS,
+    deciding,
+    favoured,
+    headline,
+    restrictions,
+    thermal,
+)
+from .sheet.certificate import GIVEN, certificate_content, parameter_lines
 from .sheet.printed import interval_ends
 
 CURRENT, UNASKED = "_current_A", "continuous_current_A"
@@ -30,23 +40,124 @@ def ranked(findings: Sequence[Finding]) -> list[Finding]:
     return sorted(findings, key=lambda finding: order[finding.severity])
 
 
-def findings_text(findings: Sequence[Finding]) -> str:
-    """Return findings, the gravest first, a paragraph each."""
-    if not findings:
-        return "No findings: the records are as a fit wants them."
+def findings_text(findings: Sequence[Finding], *, verbose: bool = False) -> str:
+    """Return findings, the gravest first, a paragraph each; notes only if `verbose`."""
     return "\n".join(
         printable(
             f"{_MARK[f.severity]}  {'' if f.where.startswith(f.test) else f'[{f.test}] '}"
             f"{f.sentence()}  ({f.id})"
         )
         for f in ranked(findings)
+        if verbose or f.severity != "note"
     )
 
 
-def result_text(result: FitResult) -> str:
-    """Return the heart of a result: parameters with ranges, errors, verdict, findings."""
+def result_text(result: FitResult, run: str = "RUN", *, verbose: bool = False) -> str:
+    """Return a result in a dozen lines: verdict, parameters, errors and what to do next.
+
+    Args:
+        result: What stands in `fit.json`.
+        run: The run folder, as it is to be typed.
+        verbose: Whether all networks, how they were drawn, columns and warnings follow.
+    """
+    model = result.models[favoured(result)]
+    lines = verdict_lines(result)
+    lines += _parameters(result, model)
+    taus = [
+        f"{rounded(tau.median)} s ({' … '.join(rounded(end) for end in tau.ends)})"
+        for name in ("tau_s", "tau_fast_s", "tau_slow_s")
+        if (tau := model.derived.get(name)) is not None and not math.isnan(tau.median)
+    ]
+    if taus:
+        lines.append(f"Time constant{'s' if len(taus) > 1 else ''}: {' and '.join(taus)}, losses "
+                     "held; in brackets 95 % intervals")  # fmt: skip
+    lines.append(f"RMSE: fitted {_errors(model, 'calibration')}; held out "
+                 f"{_errors(model, 'holdout')}")  # fmt: skip
+    lines += [
+        _rating(name, figure)
+        for name, figure in model.derived.items()
+        if name.endswith(CURRENT) and name != UNASKED
+    ]
+    lines.append(f"Next: {next_step(result, run)}")
+    if verbose:
+        lines += _rest(result)
+    else:
+        ids = list(dict.fromkeys(f.id for f in result.findings if f.severity != "note"))
+        told = f"{len(ids)} warnings ({', '.join(ids)}), " if ids else ""
+        lines.append(f"With -v: {told}all networks, how each column was read.")
+    return "\n".join(printable(line) for text in lines for line in text.split("\n"))
+
+
+def verdict_lines(result: FitResult) -> list[str]:
+    """Return whether a result can be used, and what restricts it."""
     said = headline(result)
-    lines = [f"Motor: {result.motor.name}", "", f"{said.use.upper()}: {said.sentence}"]
+    return [f"{said.use.upper()}: {said.sentence}", *restrictions(result)]
+
+
+def next_step(result: FitResult, run: str) -> str:
+    """Return the one thing to do next: what decides the verdict comes first."""
+    decisive = deciding(result)
+    if decisive and decisive[0].id in BEFORE_PARAMETERS:
+        return decisive[0].remedy
+    for judgement in ("not identifiable", "weak"):
+        for name, entry in thermal(result.models[favoured(result)]).items():
+            # what a longer test would give stands behind what is in the way
+            longer = (known(entry.why) or "").partition(". ")[2]
+            if entry.identifiability == judgement and longer:
+                return f"{longer.rstrip('.')} for {name}"
+    if decisive:
+        return decisive[0].remedy
+    if headline(result).use != "usable":
+        remedies = (f.remedy for f in ranked(result.findings) if f.severity != "note" and f.remedy)
+        return next(remedies, "add a test with several steps of load and a cool-down")
+    if all(test.role != "holdout" for test in result.tests):
+        return "see how well it predicts a test that was not fitted: --holdout TEST"
+    return f"heatrun simulate {result.motor.path or 'MOTOR.toml'} {run} TEST predicts other loads"
+
+
+def _parameters(result: FitResult, model: FittedModel) -> list[str]:
+    """Return the parameters as page 1 of the sheet has them, and the conditions of the tests.
+
+    Where effects change a resistance, that at stated conditions takes the place of its law.
+    """
+    content = certificate_content(result, Certificate())
+    lines = parameter_lines(model)
+    stated = {id(line.entry) for line in lines if line.figure is not None}
+    rows = [
+        (
+            name,
+            text,
+            judged,
+            f" at {known(line.figure.condition)}"
+            if line.figure is not None
+            else f" ({meaning})"
+            if "." in name
+            else "",
+        )
+        for line, (name, meaning, text, judged) in zip(lines, content["parameters"], strict=True)
+        if judged != GIVEN and (line.figure is not None or id(line.entry) not in stated)
+    ]
+    widths = [max([0, *(len(row[i]) for row in rows)]) for i in range(2)]
+    return [
+        *(f"  {name:<{widths[0]}}  {text:<{widths[1]}}  {judged}{condition}".rstrip()
+          for name, text, judged, condition in rows),
+        f"  in the tests: {dict(content['statement'])['Conditions']}",
+    ]  # fmt: skip
+
+
+def _errors(model: FittedModel, role: str) -> str:
+    """Return the errors of the tests of a role, the worst of them."""
+    rows = [row for row in model.residuals if row.role == role]
+    if not rows:
+        return "none"
+    worst = max(rows, key=lambda row: row.rmse_K)
+    among = f" in {worst.test}, the worst of {len(rows)}" if len(rows) > 1 else ""
+    return f"{worst.rmse_K:.2f} K (largest error {max(row.max_K for row in rows):.1f} K){among}"
+
+
+def _rest(result: FitResult) -> list[str]:
+    """Return what the dozen lines leave out."""
+    lines = []
     for model in result.models.values():
         effects = "".join(f", {effect.id}" for effect in model.effects)
         lines += ["", f"{model.title.capitalize()}{effects}"]
@@ -57,11 +168,6 @@ def result_text(result: FitResult) -> str:
                 f"  {name:<{width}} {rounded(entry.value, 5):>11} {printed_unit(entry.unit):<4} "
                 f"95 % {low} … {high}   {entry.identifiability or ''}: {entry.why or ''}"
             )
-        lines += [
-            f"  {_resistance(name, figure)}"
-            for name, figure in model.derived.items()
-            if name.endswith((LOADED, AT_REST))
-        ]
         for row in model.residuals:
             lines.append(
                 f"  {row.role:<11} {row.test}: RMSE {row.rmse_K:.2f} K, max "
@@ -74,11 +180,9 @@ def result_text(result: FitResult) -> str:
                 f"{'fitted as' if body.fitted else 'against'} {body.node}: RMSE "
                 f"{body.rmse_K:.2f} K, {100 * body.coverage_95:.0f} % inside the 95 % band"
             )
-        lines += [
-            f"  {_rating(name, figure)}"
-            for name, figure in model.derived.items()
-            if name.endswith(CURRENT) and (name != UNASKED or not known(figure.refused))
-        ]
+        figure = model.derived.get(UNASKED)
+        if figure is not None and not known(figure.refused):
+            lines.append(f"  {_rating(UNASKED, figure)}")
         lines.append(f"  {model.posterior.verdict}")
         if model.about_missing():
             lines.append(f"  {model.about_missing()}")
@@ -88,22 +192,7 @@ def result_text(result: FitResult) -> str:
     columns = mapping_text(result.tests)
     if columns:
         lines += ["", columns]
-    graver = [f for f in result.findings if f.severity != "note"]
-    if graver:
-        lines += ["", "Findings"]
-        lines += [
-            f"  {_MARK[f.severity]} {f.where}: {f.message} {f.remedy}".rstrip() for f in graver
-        ]
-    return "\n".join(printable(line) for text in lines for line in text.split("\n"))
-
-
-def _resistance(name: str, figure: DerivedFigure) -> str:
-    """Return a resistance at stated conditions."""
-    low, high = figure.ends
-    return (
-        f"{name}: {rounded(figure.median, 4)} K/W  95 % {rounded(low, 3)} … {rounded(high, 3)}   "
-        f"{known(figure.condition)}"
-    )
+    return [*lines, "", findings_text(result.findings, verbose=True)]
 
 
 def _rating(name: str, figure: DerivedFigure) -> str:
@@ -119,7 +208,7 @@ def _rating(name: str, figure: DerivedFigure) -> str:
 
 def discovery_text(result: DiscoveryResult) -> str:
     """Return what a discovery found, for the terminal."""
-    lines = [f"{result.verdict.upper()}: {result.sentence}", ""]
+    lines = [f"{result.verdict.upper().replace('_', ' ')}: {result.sentence}"]
     for effect in result.effects:
         figures = ", ".join(
             f"{name} = {quantity(rounded(p.value), p.unit)} "

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..attempts import FAILED
-from ..bench.checks.doubts import SIMULATED, doubts
+from ..bench.checks.doubts import DOUBTS, SIMULATED, doubts
 from ..bench.record import Finding
 from ..io.printable import clean
 from ..io.quantities import rounded
@@ -42,6 +42,13 @@ INCOMPLETE = ("misfit", "missing_effect", "effects_left_out", "effect_ambiguous"
 TAKEN_UP = ("instrument_beyond_prior", "prior_conflict")
 """Findings that a parameter stands where nobody expects it."""
 
+BEFORE_PARAMETERS = ("not_converged", SIMULATED, *TAKEN_UP)
+"""Findings that leave no parameter to be used."""
+
+DECIDING = (*BEFORE_PARAMETERS, *DOUBTS, FAILED, *INCOMPLETE, "sampling_not_converged",
+            "holdout_outside_band")  # fmt: skip
+"""Findings that restrict the use of a result, the gravest first."""
+
 BEYOND = 3.0
 """Prior standard deviations from which on such a parameter makes all others worthless [1]."""
 
@@ -64,7 +71,8 @@ def headline(result: FitResult) -> UseVerdict:
     lost = [name for name, entry in free.items() if entry.identifiability == "not identifiable"]
     weak = [name for name, entry in free.items() if entry.identifiability == "weak"]
     reasons = (
-        *_inputs(result), *_doubts(result, model), *_accuracy(model), *_given(model),
+        *restrictions(result), *against_others(result), *_warnings(result, model),
+        *_accuracy(model), *_given(model),
     )  # fmt: skip
     if model.result != "converged":
         return UseVerdict(
@@ -115,6 +123,19 @@ def headline(result: FitResult) -> UseVerdict:
         "conditions of the tests.",
         reasons,
     )
+
+
+def restrictions(result: FitResult) -> list[str]:
+    """Return what restricts the use of the favoured network, apart from its own parameters."""
+    return [*_inputs(result), *_doubts(result, result.models[favoured(result)])]
+
+
+def deciding(result: FitResult) -> list[Finding]:
+    """Return the findings that restrict the use of the favoured network, the gravest first."""
+    model = result.models[favoured(result)]
+    found = [f for f in result.findings if f.severity != "note" and _concerns(f, result, model)]
+    ranks = {id: rank for rank, id in enumerate(DECIDING)}
+    return sorted((f for f in found if f.id in ranks), key=lambda finding: ranks[finding.id])
 
 
 def judged(result: FitResult) -> FitResult:
@@ -264,15 +285,16 @@ def _doubts(result: FitResult, model: FittedModel) -> list[str]:
         )
     if _unjudged(result, model):
         words.append("A step that judges the result failed: it may be worse than it looks.")
-    words += _against_others(result)
-    warnings = [f for f in result.findings if f.severity != "note" and _concerns(f, result, model)]
-    if warnings:
-        number = "1 warning" if len(warnings) == 1 else f"{len(warnings)} warnings"
-        words.append(f"{number} of the checks: see Findings in the annex.")
     return words
 
 
-def _against_others(result: FitResult) -> list[str]:
+def _warnings(result: FitResult, model: FittedModel) -> list[str]:
+    warnings = [f for f in result.findings if f.severity != "note" and _concerns(f, result, model)]
+    number = "1 warning" if len(warnings) == 1 else f"{len(warnings)} warnings"
+    return [f"{number} of the checks: see Findings in the annex."] if warnings else []
+
+
+def against_others(result: FitResult) -> list[str]:
     """Return how sure the choice of the network is, in plain words."""
     factor = result.verdict.log_bayes_factor
     if len(result.models) != 2 or factor is None or not math.isfinite(factor):

@@ -91,6 +91,15 @@ class Convergence:
             and self.agreement >= AGREEMENT_WANTED
         )
 
+    @property
+    def times_as_long(self) -> float:
+        """How many times as long an ensemble must be for the sizes that are wanted, about [1]."""
+        return max(
+            self.wanted.size / max(self.effective_size, 1e-9),
+            self.wanted.tail_size / max(self.tail_size, 1e-9),
+            self.wanted.times * self.autocorrelation / self.num_steps,
+        )
+
     def sentence(self) -> str:
         """Return the verdict in words."""
         figures = (

@@ -78,10 +78,6 @@ POWER = Requirement(
         ("u_d_V", "u_q_V", "i_d_A", "i_q_A"),
     ),
 )
-SPEED = Requirement(
-    "speed (from the motor's with gear ratio and wheel radius)",
-    (("vehicle_speed_km_per_h",), ("speed_rpm",)),
-)
 _TEMPERATURES = tuple(c.name for c in CHANNELS if c.unit == "degC")
 TEMPERATURE = Requirement(
     "temperature of the machine",
@@ -116,10 +112,10 @@ _CARDS = (
         "Energy Consumption",
         "EnergyConsumption",
         "Energy and consumption",
-        "Energy, distance and consumption with and without regeneration, power and efficiency in "
-        "the torque-speed plane.",
-        (POWER, SPEED),
-        ("torque_Nm", "mechanical_power_W"),
+        "Energy drawn, fed back and at the shaft, power and efficiency by load; of a vehicle also "
+        "distance and consumption.",
+        (POWER,),
+        ("vehicle_speed_km_per_h", "speed_rpm", "torque_Nm", "mechanical_power_W"),
     ),
     BenchTestType(
         "virtual",

@@ -108,8 +108,9 @@ def _steady_row(found: Equilibrium, steady: SteadyRise) -> Row:
         f"{_upper(name)} at rest, extrapolated",
         found.sink_degC + steady.rise_K,
         "°C",
-        f"95 %: {low:.1f} … {high:.1f} °C at a sink of {found.sink_degC:.1f} °C; one exponential "
-        f"with a time constant of {steady.tau_s / 60.0:.0f} min; no measurement",
+        f"95 %: {low:.1f} … {high:.1f} °C; a rise of {steady.rise_K:.1f} K over a sink of "
+        f"{found.sink_degC:.1f} °C; one exponential with a time constant of "
+        f"{steady.tau_s / 60.0:.0f} min; no measurement",
         1,
     )
 

@@ -81,13 +81,15 @@ def information_rows(found: GeneralInformation) -> tuple[Row, ...]:
     """Return the General Information table; what is undefined says why."""
     return tuple(
         Row(name, label, getattr(found, name), unit, _why(found.undefined.get(name, "")))
-        for name, label, unit in FIGURES
+        for name, label, unit in found.figures
     )
 
 
 def information_definitions(found: GeneralInformation) -> tuple[tuple[str, str], ...]:
     """Return what the figures mean, and which channels they were taken from."""
-    return (*DEFINITIONS, *(("Taken from", formula) for formula in found.formulas))
+    left_out = {label for _, label, _ in FIGURES} - {label for _, label, _ in found.figures}
+    kept = (each for each in DEFINITIONS if each[0] not in left_out)
+    return (*kept, *(("Taken from", formula) for formula in found.formulas))
 
 
 def information_summary(found: GeneralInformation, record: Record) -> str:

@@ -74,9 +74,9 @@ def make_report(
 ) -> list[Outcome]:
     """Write the reports of tests; one that cannot be made is named, and the others are.
 
-    A report is called after its test type and the test's date, such as
-    `GeneralInformationTest_2022_12_07_001.pdf`. Made again from the same files with the same run,
-    tolerances and offset it takes its former place; any other report is never overwritten.
+    A report is called after its test type and the test's name and date, such as
+    `GeneralInformationTest_pump_3_2022_12_07_001.pdf`. Made again from the same files with the same
+    run, tolerances and offset it takes its former place; any other report is never overwritten.
 
     Args:
         kind: Test type, one of `TEST_TYPES`.
@@ -111,27 +111,29 @@ def make_report(
         say(f"written by heatrun itself and left out: {names}")
     settings = settings_of(run, tolerances, offset_s)
     outcomes = []
-    work = Work(dict.fromkeys(range(len(found.tests)), USUAL_S), progress)
-    for number, test in enumerate(found.tests):
-        name = test.name if isinstance(test, Record) else str(test)
-        if say is not None:
-            say(f"{kind} report of {name}")
-        work.at(number, f"report {number + 1} of {len(found.tests)}")
-        try:
-            is_record = isinstance(test, Record)
-            records = (test,) if is_record else read_tests(test, motor, at_gaps=False)
-            for record in records:
-                is_file = not isinstance(test, Record)
-                when = date_of_test(test, record) if is_file else date_of_record(record)
-                report = build_report(
-                    kind, motor, record, run=run, reference=other, tolerances=tolerances,
-                    offset_s=offset_s,
-                )  # fmt: skip
-                outcomes.append(write_report(name, report, when, out, [*_part(record), *settings]))
-        except InputError as error:
-            outcomes.append(Outcome(name, error=error))
-        work.done(number)
-    work.finish()
+    with Work(dict.fromkeys(range(len(found.tests)), USUAL_S), progress) as work:
+        for number, test in enumerate(found.tests):
+            name = test.name if isinstance(test, Record) else str(test)
+            if say is not None:
+                say(f"{kind} report of {name}")
+            work.at(number, f"report {number + 1} of {len(found.tests)}")
+            try:
+                is_record = isinstance(test, Record)
+                records = (test,) if is_record else read_tests(test, motor, at_gaps=False)
+                for record in records:
+                    is_file = not isinstance(test, Record)
+                    when = date_of_test(test, record) if is_file else date_of_record(record)
+                    report = build_report(
+                        kind, motor, record, run=run, reference=other, tolerances=tolerances,
+                        offset_s=offset_s,
+                    )  # fmt: skip
+                    outcomes.append(
+                        write_report(name, report, when, out, [*_part(record), *settings])
+                    )
+            except InputError as error:
+                outcomes.append(Outcome(name, error=error))
+            work.done(number)
+        work.finish()
     return outcomes
 
 
@@ -175,7 +177,8 @@ def write_report(
     content = report_content(report, when)
 
     def chosen() -> str:
-        return set_name(choose_name(out, report.kind, when, identity), identity)
+        of_one = report.test if report.kind != "prototypes" else ""
+        return set_name(choose_name(out, report.kind, when, identity, of_one), identity)
 
     with writable("the report", out), together(out, chosen) as files:
         name = files.name.partition(".")[0]

@@ -1,4 +1,4 @@
-"""What a report is called: the test type, the date of the test, and its running number."""
+"""What a report is called: the test type, name and date of the test, and its running number."""
 
 from __future__ import annotations
 
@@ -23,7 +23,13 @@ IN_NAME = re.compile(
 FILE_NAME = "file name"
 
 UNDATED = "undated"
-"""Stands in the name of a report where neither record nor file name gives the date of the test."""
+"""Stands in the name of a report where neither the test's name nor its date says anything."""
+
+GENERIC = "test"
+"""What the bench calls any test; it says nothing beside the test type."""
+
+LONGEST_NAME = 60
+"""Letters of a test's name that are kept."""
 
 MOST_REPORTS = 999
 
@@ -70,7 +76,28 @@ def date_of_record(record: Record) -> DateOfTest | None:
     return DateOfTest(datetime.date.fromisoformat(record.start), "", record.start_from or CLOCK)
 
 
-def choose_name(folder: Path, kind: Kind, when: DateOfTest | None, identity: list[str]) -> str:
+def name_of_test(test: str) -> str:
+    """Return what the name of a test says beside its date and number; empty for nothing.
+
+    Args:
+        test: Its name, such as `"pump 3_2022_12_07_001"`.
+
+    Example:
+        >>> name_of_test("pump 3_2022_12_07_001"), name_of_test("Test_2022_12_07_001")
+        ('pump_3', '')
+    """
+
+    def kept(found: re.Match) -> str:
+        is_date = _day(int(found["year"]), int(found["month"]), int(found["day"])) is not None
+        return "_" if is_date else found[0]
+
+    words = re.sub(r"[^\w\-]+", "_", IN_NAME.sub(kept, test)).strip("_-")
+    return "" if words.casefold() == GENERIC else words[:LONGEST_NAME].rstrip("_-")
+
+
+def choose_name(
+    folder: Path, kind: Kind, when: DateOfTest | None, identity: list[str], test: str = ""
+) -> str:
     """Return the name of the report of a test, without its ending: its former one, or a free one.
 
     A PDF without a JSON of heatrun's beside it is someone else's. A report that another process
@@ -81,17 +108,21 @@ def choose_name(folder: Path, kind: Kind, when: DateOfTest | None, identity: lis
         kind: Test type.
         when: Date and number of the test; None where the date is not known.
         identity: Digests of the files behind the report; one with the same is overwritten.
+        test: Name of the test.
 
     Raises:
         InputError: If a thousand reports of this day, or undated ones, are there already.
         OSError: If the folder cannot be read.
     """
-    day = UNDATED if when is None else f"{when.day:%Y_%m_%d}"
+    words = name_of_test(test)
+    day = "" if when is None else f"{when.day:%Y_%m_%d}"
+    known = [words, day, "" if when is None else when.number]
     begun = names_begun(folder, CARDS[kind].stem)
-    for number in _numbers("" if when is None else when.number):
-        name = f"{CARDS[kind].stem}_{day}_{number}"
+    for end in _ends(is_numbered=bool(words or known[-1])):
+        parts = [CARDS[kind].stem, *filter(None, known)]
+        name = "_".join(parts if words or day else [*parts, UNDATED]) + end
         others = {n for n in begun if n.partition(".")[0] == name} - {set_name(name, identity)}
-        taken = [folder / f"{name}{end}" for end in (".pdf", ".csv", ".json")]
+        taken = [folder / f"{name}{ending}" for ending in (".pdf", ".csv", ".json")]
         if others or (any(path.exists() for path in taken) and _identity(taken[-1]) != identity):
             continue
         return name
@@ -102,13 +133,13 @@ def choose_name(folder: Path, kind: Kind, when: DateOfTest | None, identity: lis
     )
 
 
-def _numbers(given: str) -> Iterator[str]:
-    """Give the running numbers of a day; behind a number of the test's own, those of `-2`, `-3`."""
-    if not given:
-        yield from (f"{number:03d}" for number in range(1, MOST_REPORTS + 1))
+def _ends(*, is_numbered: bool) -> Iterator[str]:
+    """Give the running numbers of a day; behind a name or number of the test's own `-2`, `-3`."""
+    if not is_numbered:
+        yield from (f"_{number:03d}" for number in range(1, MOST_REPORTS + 1))
         return
-    yield given
-    yield from (f"{given}-{number}" for number in range(2, MOST_REPORTS + 1))
+    yield ""
+    yield from (f"-{number}" for number in range(2, MOST_REPORTS + 1))
 
 
 def set_name(name: str, identity: list[str]) -> str:

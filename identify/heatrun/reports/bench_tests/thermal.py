@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,10 @@ from .analysis.combined_uncertainty import instrument_class
 from .analysis.equilibrium import CRITERION, EXTRAPOLATION
 from .analysis.integrate import integrate
 from .analysis.loss_split import LossSplit
-from .analysis.signal_table import places_of_readings, recorded, signal_table
+from .analysis.signal_table import places_of_readings, recorded, rise_lines, signal_table
 from .analysis.steady_rise import SteadyRise
 from .analysis.thermal_behaviour import ThermalBehaviour, thermal_behaviour
-from .card import TEST_TYPES
+from .card import NOT_OF_THE_MACHINE, TEST_TYPES
 from .document import number
 from .equilibrium_rows import (
     equilibrium_rows,
@@ -29,6 +30,7 @@ from .equilibrium_rows import (
     network_rows,
 )
 from .figures import thermal as figures
+from .figures.plot import wording
 from .flow_words import flow_words, unnamed
 from .independence import before, fitted_by
 from .report import Drawing, Report, Row
@@ -69,17 +71,21 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
     """
     found = thermal_behaviour(record, motor, run)
     split, simulated = found.losses, found.simulated
-    rows = [*_winding_rows(record), *([] if split is None else _loss_rows(record, motor, split))]
+    sink = f"{motor.sink}_degC"
+    rows = [
+        *_winding_rows(record, sink),
+        *([] if split is None else _loss_rows(record, motor, split)),
+    ]
     rows += equilibrium_rows(found.settled)
     rows += [] if simulated is None else _run_rows(simulated)
     rows += network_rows(found.steady)
     continued = [e for e in last_of_each(found.settled) if isinstance(e.steady, SteadyRise)]
-    caption = "All measured temperatures over time."
+    caption = "All measured temperatures, and the rises over the sink."
     if continued:
         caption += " Broken lines are extrapolated, with 95 % bands: nothing was measured there."
     drawings = [
         Drawing("temperatures", caption,
-                lambda: figures.temperatures(record, found.temperatures, continued))
+                lambda: figures.temperatures(record, found.temperatures, sink, continued))
     ]  # fmt: skip
     if simulated is not None:
         named = flow_words(simulated.prediction.model.form)
@@ -109,7 +115,10 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
         c for c in TEST_TYPES["thermal"].channels
         if c in recorded(record) and c not in found.temperatures
     )  # fmt: skip
-    tables = [signal_table(record, found.temperatures, "Temperatures"), gradients(found.settled)]
+    of_machine = [c for c in found.temperatures if c not in NOT_OF_THE_MACHINE]
+    measured = signal_table(record, found.temperatures, "Temperatures")
+    rises = rise_lines(record, of_machine, sink)
+    tables = [replace(measured, lines=(*measured.lines, *rises)), gradients(found.settled)]
     if others:
         tables.append(signal_table(record, others, "Load"))
     return Report(
@@ -129,15 +138,27 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
     )
 
 
-def _winding_rows(record: Record) -> list[Row]:
+def _winding_rows(record: Record, sink: str) -> list[Row]:
     _, values = samples(record, "winding_degC")
     if values.size == 0:
         return []
     places = places_of_readings(values)
-    return [
+    rows = [
         Row("winding_highest_degC", "Winding, highest", float(np.max(values)), "°C", places=places),
         Row("winding_end_degC", "Winding at the end", float(values[-1]), "°C", places=places),
     ]
+    _, winding, below = samples(record, "winding_degC", sink)
+    if winding.size == 0:
+        return rows
+    rise, name = winding - below, wording(sink)
+    return [
+        rows[0],
+        Row("winding_highest_rise_K", f"Winding over {name}, highest rise", float(np.max(rise)),
+            "K", places=1),
+        rows[1],
+        Row("winding_end_rise_K", f"Winding over {name}, rise at the end", float(rise[-1]), "K",
+            places=1),
+    ]  # fmt: skip
 
 
 def _loss_rows(record: Record, motor: Motor, split: LossSplit) -> list[Row]:

@@ -69,6 +69,12 @@ def electrical_power(record: Record, motor: Motor) -> Course:
     )
 
 
+def is_of_vehicle(record: Record, motor: Motor) -> bool:
+    """Return whether a machine drives a vehicle: its speed was recorded, or a gear is stated."""
+    stated = (motor.gear_ratio, motor.wheel_radius_m)
+    return has(record, "vehicle_speed_km_per_h") or any(value is not None for value in stated)
+
+
 def road_speed(record: Record, motor: Motor) -> Course:
     r"""Return the speed of the vehicle [m/s], negative in reverse.
 

@@ -11,7 +11,7 @@ from ....bench.checks.samples import is_measured, place, samples
 from ....bench.record import Finding, Record
 from ....errors import InputError
 from ....motor import Motor
-from .drive import Course, electrical_power, road_speed
+from .drive import Course, electrical_power, is_of_vehicle, road_speed
 from .integrate import Integral, integrate
 
 J_PER_KWH = 3.6e6
@@ -78,6 +78,7 @@ class GeneralInformation:
         reduction_percent: By how much feeding back reduced the consumption [%].
         undefined: Reason for each figure that is None.
         formulas: Where power and speed come from.
+        of_vehicle: Whether distance and consumption are asked for.
         covered_s: Time integrated over [s].
         left_out_s: Time in gaps [s].
         findings: What is doubtful.
@@ -94,11 +95,15 @@ class GeneralInformation:
     covered_s: float = 0.0
     left_out_s: float = 0.0
     findings: tuple[Finding, ...] = ()
+    of_vehicle: bool = True
+
+    @property
+    def figures(self) -> tuple[tuple[str, str, str], ...]:
+        """Those of `FIGURES` that are asked for: without a vehicle, energies alone."""
+        return tuple(one for one in FIGURES if self.of_vehicle or one[0].startswith("energy"))
 
 
-def general_information(
-    record: Record, motor: Motor, *, is_energy_report: bool = False
-) -> GeneralInformation:
+def general_information(record: Record, motor: Motor) -> GeneralInformation:
     """Return the figures of the General Information table.
 
     Energy and distance are integrated over the same time: where either is not measured, neither
@@ -106,22 +111,21 @@ def general_information(
 
     Args:
         record: Any record.
-        motor: Gives gear ratio and wheel radius.
-        is_energy_report: Power and speed are then required; otherwise what is missing becomes a
-            finding and its figures are None.
+        motor: Gives gear ratio and wheel radius; of a machine that is in no vehicle, there is no
+            distance. What else is missing becomes a finding, and its figures are None.
 
     Raises:
-        InputError: If something required is missing, time runs backwards, or fewer than two
-            samples can be used.
+        InputError: If time runs backwards, or fewer than two samples can be used.
     """
+    of_vehicle = is_of_vehicle(record, motor)
     courses: dict[str, Course] = {}
     lacking: dict[str, InputError] = {}
     for name, find in (("power", electrical_power), ("speed", road_speed)):
+        if name == "speed" and not of_vehicle:
+            continue
         try:
             courses[name] = find(record, motor)
         except InputError as error:
-            if is_energy_report:
-                raise
             lacking[name] = error
     integrals = _integrals(record, courses)
     findings = [_not_determined(record, name, error) for name, error in lacking.items()]
@@ -159,7 +163,8 @@ def general_information(
     for (name, _, _), value in zip(FIGURES, values, strict=True):
         if value is None and name not in undefined:
             missing = [f"no {what}" for what in NEEDS[name] if what in lacking]
-            undefined[name] = f"{' and '.join(missing)} in the record"
+            why = f"{' and '.join(missing)} in the record" if missing else "no vehicle is stated"
+            undefined[name] = why
     longest = max(integrals.values(), key=lambda i: i.covered_s, default=None)
     return GeneralInformation(
         *values,
@@ -168,6 +173,7 @@ def general_information(
         covered_s=0.0 if longest is None else longest.covered_s,
         left_out_s=0.0 if longest is None else longest.left_out_s,
         findings=tuple(findings),
+        of_vehicle=of_vehicle,
     )
 
 

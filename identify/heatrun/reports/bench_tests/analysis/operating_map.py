@@ -32,7 +32,6 @@ class OperatingMap:
         efficiency_motor: Of the whole test where it drove [1], None if it did not.
         efficiency_generator: Of the whole test where it braked [1], None if it did not.
         formula: Which electrical power.
-        findings: Doubts about it.
     """
 
     speed_rpm: Float[np.ndarray, " edge"]
@@ -42,7 +41,6 @@ class OperatingMap:
     efficiency_motor: float | None
     efficiency_generator: float | None
     formula: str
-    findings: tuple[Finding, ...]
 
 
 def operating_map(record: Record, motor: Motor) -> OperatingMap | None:
@@ -91,19 +89,20 @@ def operating_map(record: Record, motor: Motor) -> OperatingMap | None:
         torque_Nm=edges[0],
         power_W=mean,
         efficiency=efficiency,
-        efficiency_motor=_ratio(mechanical, electrical, weight * drives),
-        efficiency_generator=_ratio(electrical, mechanical, weight * brakes),
+        efficiency_motor=ratio(mechanical, electrical, weight * drives),
+        efficiency_generator=ratio(electrical, mechanical, weight * brakes),
         formula=power.formula,
-        findings=_above_one(record, efficiency),
     )
 
 
-def _ratio(output: np.ndarray, given: np.ndarray, weight: np.ndarray) -> float | None:
+def ratio(output: np.ndarray, given: np.ndarray, weight: np.ndarray) -> float | None:
+    """Return an energy over another that was given for it [1]; None where none was."""
     whole = float(np.sum(given * weight))
     return float(np.sum(output * weight)) / whole if whole != 0.0 else None
 
 
-def _above_one(record: Record, efficiency: np.ndarray) -> tuple[Finding, ...]:
+def above_one(record: Record, efficiency: np.ndarray) -> tuple[Finding, ...]:
+    """Return a finding on efficiencies [1] of cells or ranges that cannot be, NaN left out."""
     above = int(np.sum(efficiency > 1.0))
     if above == 0:
         return ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -44,19 +45,51 @@ def recorded(record: Record) -> tuple[str, ...]:
     return tuple(c for c in record.channels if c != "time_s" and has(record, c))
 
 
+def rise_lines(record: Record, channels: Sequence[str], sink: str) -> tuple[Line, ...]:
+    """Return the lines of temperatures' rises over a sink, where both were measured.
+
+    Args:
+        record: Any record.
+        channels: Temperatures, canonical names.
+        sink: Likewise.
+    """
+    lines = []
+    for channel in channels:
+        time_s, values, below = samples(record, channel, sink)
+        if time_s.size:
+            name = f"{wording(channel)} over {wording(sink)}"
+            lines.append(
+                _line_of(name, "K", time_s, values - below, _missing(record, channel, sink))
+            )
+    return tuple(lines)
+
+
 def _line(record: Record, channel: str) -> Line | None:
     time_s, values = samples(record, channel)
     if time_s.size == 0:
         return None
+    missing = _missing(record, channel)
+    return _line_of(wording(channel), unit(channel), time_s, values, missing)
+
+
+def _missing(record: Record, *channels: str) -> float:
+    """Return how much of a record misses one of some channels [%]."""
+    return 100.0 * (
+        1.0 - float(np.mean(np.all([is_measured(record[c]) for c in channels], axis=0)))
+    )
+
+
+def _line_of(
+    name: str, symbol: str, time_s: np.ndarray, values: np.ndarray, missing: float
+) -> Line:
     steps = bridged_steps(time_s)
     weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
     mean = float(weight @ values / np.sum(weight)) if np.sum(weight) > 0.0 else float(values.mean())
-    missing = 100.0 * (1.0 - float(np.mean(is_measured(record[channel]))))
     first, last, low, high = (float(v) for v in (values[0], values[-1], values.min(), values.max()))
     places = places_of_readings(values)
     further = None if places is None else places + 1
     return Line(
-        wording(channel), unit(channel), (first, last, low, mean, high, missing),
+        name, symbol, (first, last, low, mean, high, missing),
         places=(places, places, places, further, places, None),
     )  # fmt: skip
 

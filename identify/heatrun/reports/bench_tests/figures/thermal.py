@@ -9,9 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ....bench.record import Record
+from ..analysis.drive import has
 from ..analysis.equilibrium import Equilibrium
 from ..analysis.loss_split import LossSplit
 from ..analysis.steady_rise import SteadyRise
+from ..card import NOT_OF_THE_MACHINE
 from ..simulated import Simulated
 from .drive import samples_or_nan
 from .plot import CYCLE, finish, line, stacked, unit, wording
@@ -21,17 +23,29 @@ CONTINUED = 3.0
 
 
 def temperatures(
-    record: Record, behaviour_channels: tuple[str, ...], continued: Sequence[Equilibrium] = ()
-) -> Figure:
-    """Return all temperatures of a test over time, and what some would have come to."""
-    figure, (axis,) = stacked([2.9])
+    record: Record, behaviour_channels: tuple[str, ...], sink: str,
+    continued: Sequence[Equilibrium] = (),
+) -> Figure:  # fmt: skip
+    """Return all temperatures of a test over time, what some would have come to, and below the
+    rises over a sink where it was measured.
+    """
+    rises = [
+        (number, channel)
+        for number, channel in enumerate(behaviour_channels)
+        if channel not in NOT_OF_THE_MACHINE and has(record, channel, sink)
+    ]
+    figure, (axis, *below) = stacked([2.5, 1.3] if rises else [2.9])
+    for number, channel in rises:
+        made = Record(record.name, {"time_s": record.time_s, "K": record[channel] - record[sink]})
+        line(below[0], *samples_or_nan(made, "K"), wording(channel), number)
+        below[0].set_ylabel(f"rise over\n{wording(sink)} [K]", fontsize=8)
     for number, channel in enumerate(behaviour_channels):
         line(axis, *samples_or_nan(record, channel), wording(channel), number)
     for each in continued:
         if isinstance(each.steady, SteadyRise):
             _continue(axis, each, each.steady, behaviour_channels.index(each.channel), record)
     axis.set_ylabel(f"temperature [{unit('winding_degC')}]", fontsize=8)
-    finish([axis])
+    finish([axis, *below])
     return figure
 
 
