@@ -14,6 +14,7 @@ import numpy as np
 from lptn import time_constants
 
 from ..inference.posterior import Posterior
+from ..io.quantities import rounded
 from ..results.derived import DerivedFigure
 from .at_limit import LIMIT_DEGC, Limit, at_limit
 from .behind import alone, with_effects
@@ -61,7 +62,7 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
         f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C{surroundings}"
     )
     figures["steady_rise_K"] = bounded_rise(
-        np.asarray(drawn.rise), f"{seen.amperes:.0f} A rms, {heated}", seen
+        np.asarray(drawn.rise), f"{rounded(seen.amperes)} A rms, {heated}", seen
     )
     figures |= at_limit(drawn, seen, limit, heated)
     if not duties:
@@ -90,7 +91,7 @@ def _time_constants(
         figures[name] = figure(draws, "s", text + surroundings)
     if is_fed:
         fed = time_constants(network.A_fed)
-        text = f"eigenvalue with R(T) at {amperes:.0f} A"
+        text = f"eigenvalue with R(T) at {rounded(amperes)} A"
         for name, draws in zip(_names(num, "_feedback"), fed.T, strict=True):
             figures[name] = figure(draws, "s", text + surroundings)
     return figures

@@ -152,7 +152,7 @@ def _taken_up(result: FitResult, model: FittedModel) -> str:
     far = [
         (abs(score), finding)
         for finding in result.findings
-        if finding.id in TAKEN_UP and _concerns(finding, result, model)
+        if finding.id in TAKEN_UP and concerns(finding, result, model)
         if abs(score := finding.values.get("prior_sd") or 0.0) > BEYOND
     ]
     if not far:
@@ -205,7 +205,7 @@ def _inputs(result: FitResult) -> list[str]:
         found = doubts([one for one in about_test if one.id != SIMULATED])
         if found:
             about = f"In doubt about {clean(name)}" if name else "In doubt"
-            words.append(f"{about}: {'; '.join(found)}. See Findings in the annex.")
+            words.append(f"{about}: {'; '.join(found)}. See Findings.")
     return words
 
 
@@ -237,14 +237,14 @@ def _not_followed(result: FitResult, model: FittedModel) -> str:
 
 def _lacks(result: FitResult, model: FittedModel) -> bool:
     return any(
-        f.id in INCOMPLETE and f.severity != "note" and _concerns(f, result, model)
+        f.id in INCOMPLETE and f.severity != "note" and concerns(f, result, model)
         for f in result.findings
     )
 
 
 def _unjudged(result: FitResult, model: FittedModel) -> bool:
     """Return whether a step that judges the result failed."""
-    return any(f.id == FAILED and _concerns(f, result, model) for f in result.findings)
+    return any(f.id == FAILED and concerns(f, result, model) for f in result.findings)
 
 
 def _doubts(result: FitResult, model: FittedModel) -> list[str]:
@@ -265,10 +265,10 @@ def _doubts(result: FitResult, model: FittedModel) -> list[str]:
     if _unjudged(result, model):
         words.append("A step that judges the result failed: it may be worse than it looks.")
     words += _against_others(result)
-    warnings = [f for f in result.findings if f.severity != "note" and _concerns(f, result, model)]
+    warnings = [f for f in result.findings if f.severity != "note" and concerns(f, result, model)]
     if warnings:
         number = "1 warning" if len(warnings) == 1 else f"{len(warnings)} warnings"
-        words.append(f"{number} of the checks: see Findings in the annex.")
+        words.append(f"{number} of the checks: see Findings.")
     return words
 
 
@@ -286,7 +286,7 @@ def _against_others(result: FitResult) -> list[str]:
     return [f"Chance that the {other} describes the fitted tests better: {spoken}."]
 
 
-def _concerns(finding: Finding, result: FitResult, model: FittedModel) -> bool:
+def concerns(finding: Finding, result: FitResult, model: FittedModel) -> bool:
     """Return whether a finding is not about another network than this one alone."""
     text = f"{finding.where} {finding.message}".replace("-", " ").casefold()
     others = [each.title for each in result.models.values() if each.title != model.title]
