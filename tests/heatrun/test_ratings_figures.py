@@ -325,6 +325,18 @@ def test_an_offset_of_the_torque_is_no_heat(draws):
     check(found["steady_rise_K"], by_hand.steady_rise())
 
 
+def test_the_steady_rise_is_that_of_the_rated_current(draws):
+    """The copper loss goes with its square; the other losses are those of the tests."""
+    rated = 0.9 * CURRENT
+    found = derive(posterior("second", motor(rated_current_A=rated), draws))
+    by_hand = ByHand.of("balance", draws)
+    check(found["steady_rise_K"], ByHand(0.81 * by_hand.k, by_hand.other, draws).steady_rise())
+    assert found["steady_rise_K"].condition.startswith("rated current 99 A, other losses")
+    check(found["continuous_current_A"], by_hand.continuous_A())
+    far = derive(posterior("second", motor(rated_current_A=3.0 * CURRENT), draws))
+    assert "outside the tested range" in far["steady_rise_K"].refused
+
+
 def test_without_a_class_the_limit_is_refused_and_the_rest_stands(draws):
     found = derive(posterior("second", motor(insulation_class=None), draws), ("S2-30",))
     for name in ("continuous_current_A", "time_to_limit_cold_s", "time_to_limit_hot_s",
