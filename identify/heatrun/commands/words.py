@@ -138,13 +138,15 @@ def add_meta(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_language(parser: argparse.ArgumentParser, text: str = "of the sheet") -> None:
-    """Add the language of what is written, described by `text`."""
+def add_language(
+    parser: argparse.ArgumentParser, text: str = "of the sheet", default: str = ""
+) -> None:
+    """Add the language of what is written, described by `text`; empty for the certificate's."""
     parser.add_argument(
         "--language",
         choices=LANGUAGES,
-        default="",
-        help=f"language {text} (default: that of [certificate], or English)",
+        default=default,
+        help=f"language {text} (default: {default or 'that of [certificate], or English'})",
     )
 
 

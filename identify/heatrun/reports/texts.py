@@ -1,13 +1,12 @@
 """The texts of sheets and reports in the languages that they are printed in, from one table.
 
 `texts.toml` holds each sentence in all languages under a key. What a page says itself (`[page]`) is
-asked for by its key. What a run states in English (`[run]`: meanings, conditions, the verdict) is
-recognised by the English text of the table, and said `again` in the language of the page.
+asked for by its key. What runs and reports state in English (`[run]`, `[report]`) is recognised by
+the English text of the table, and said `again` in the language of the page.
 
 A field of a text is `{name}`, as it is given; `{name:n}`, numbers, with the decimal sign of the
 language, `{name:v}` names with such numbers; `{name:t}` or, without commas in it, `{name:w}`, words
-that are said again; `{name:l}`, a list of names;
-`{name:d}`, a day.
+that are said again; `{name:m}`, a network with its effects; `{name:i}`, an id; `{name:d}`, a day.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ LANGUAGES = ("en", "de", "it")
 FIELD = re.compile(r"\{(\w+)(?::(\w))?\}")
 
 NUMBER = r"[-+±]?\d[\d.]*(?:(?: … | ± )[-+]?\d[\d.]*)*"
-KINDS = {"n": NUMBER, "d": r"\d{4}-\d\d-\d\d", "w": "[^,;]+?"}
+KINDS = {"n": NUMBER, "d": r"\d{4}-\d\d-\d\d", "i": "[a-z_]+", "w": "[^,;]+?"}
 """What a field may hold where a text is recognised, by its kind; of other kinds, anything."""
 
 
@@ -37,7 +36,7 @@ def _sections() -> dict[str, dict[str, list[str]]]:
 @cache
 def table() -> dict[str, list[str]]:
     """Return the texts by key, one for each of `LANGUAGES`."""
-    return {**_sections()["page"], **_sections()["run"]}
+    return {key: text for section in _sections().values() for key, text in section.items()}
 
 
 @cache
@@ -49,7 +48,8 @@ def _whole() -> dict[str, str]:
 @cache
 def _patterns() -> list[tuple[str, re.Pattern[str]]]:
     """Return key and pattern of the texts with fields, those that say most themselves first."""
-    rows = [(key, row[0]) for key, row in _sections()["run"].items() if FIELD.search(row[0])]
+    stated = {**_sections()["run"], **_sections()["report"]}
+    rows = [(key, row[0]) for key, row in stated.items() if FIELD.search(row[0])]
     rows.sort(key=lambda row: -len(FIELD.sub("", row[1])))
     return [(key, re.compile(_pattern(text))) for key, text in rows]
 
@@ -87,8 +87,10 @@ class Texts:
 
     def again(self, text: str) -> str:
         """Return an English text in this language; one that the table has not, as it is."""
-        if not text or self.language == LANGUAGES[0]:
+        if self.language == LANGUAGES[0]:
             return text
+        if not any(c.isalpha() for c in text):
+            return self.number(text)
         said = self._known(text)
         if said is None:
             self.unknown.add(text)
@@ -105,6 +107,8 @@ class Texts:
             if each in _whole():
                 said = self(_whole()[each])
                 return said if each == text else said[:1].upper() + said[1:]
+        if text.endswith(".") and (said := self._known(text[:-1])):
+            return f"{said}."
         for sign in ("; ", ", "):
             if sign in text and (parts := self._all_known(text.split(sign))):
                 return sign.join(parts)
@@ -126,6 +130,8 @@ class Texts:
             return self.number(text)
         if kind in ("w", "t"):
             return self.again(text)
-        if kind == "l":
-            return f" {self('and')} ".join(text.rsplit(" and ", 1))
+        if kind == "m":
+            title, between, effects = text.partition(" with ")
+            effects = f" {self('and')} ".join(effects.rsplit(" and ", 1))
+            return f"{self.again(title)} {self('with')} {effects}" if between else self.again(title)
         return text
