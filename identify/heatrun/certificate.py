@@ -58,6 +58,7 @@ class Certificate:
         issue_date: Day on which the certificate was issued.
         performed_at: One of `PLACES`.
         country: Of the laboratory, two letters of ISO 3166-1.
+        language: Of the sheet, by `heatrun.reports.texts.LANGUAGES`; empty for English.
         instruments: What was measured with.
     """
 
@@ -80,6 +81,7 @@ class Certificate:
     issue_date: str = ""
     performed_at: str = ""
     country: str = ""
+    language: str = ""
     instruments: tuple[Instrument, ...] = ()
 
     def beneath(self, other: Certificate) -> Certificate:
@@ -90,7 +92,8 @@ class Certificate:
 
     def lost_to(self, other: Certificate) -> dict[str, tuple[Any, Any]]:
         """Return what this one says and another one does not: by key, here and there."""
-        pairs = {f.name: (getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
+        names = [field.name for field in fields(self) if field.name != "language"]
+        pairs = {name: (getattr(self, name), getattr(other, name)) for name in names}
         return {name: pair for name, pair in pairs.items() if pair[0] and pair[0] != pair[1]}
 
     def as_section(self) -> dict[str, Any]:

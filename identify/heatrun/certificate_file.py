@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from .errors import InputError, did_you_mean
 from .io.printable import JOINERS
 from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
 from .io.toml_values import shown, text_of
+from .reports.texts import LANGUAGES
 
 NAME, LINES, PARAGRAPH = 120, 200, 500
 """Most letters of a name, of an address and of remarks: what page 1 has room for."""
@@ -38,7 +39,7 @@ TEXTS: dict[str, int] = {
 DATES = ("received", "test_from", "test_until", "issue_date")
 """Keys that hold a day."""
 
-KEYS = (*TEXTS, *DATES, "performed_at", "country", "instruments")
+KEYS = (*TEXTS, *DATES, "performed_at", "country", "language", "instruments")
 
 MOST_INSTRUMENTS = 30
 
@@ -68,8 +69,9 @@ def parse_certificate(section: Mapping[str, Any], where: str) -> Certificate:
         )
     return Certificate(
         **given,
-        performed_at=_place(section, at),
+        performed_at=_one_of(section, "performed_at", PLACES, at),
         country=_country(section, at),
+        language=_one_of(section, "language", LANGUAGES, at),
         instruments=_instruments(section, where),
     )
 
@@ -142,15 +144,15 @@ def _day(section: Mapping[str, Any], key: str, where: str) -> str:
     )
 
 
-def _place(section: Mapping[str, Any], where: str) -> str:
-    value = section.get("performed_at", "")
-    if "performed_at" in section and value not in PLACES:
-        near = did_you_mean(value, PLACES) if isinstance(value, str) else ""
+def _one_of(section: Mapping[str, Any], key: str, words: Sequence[str], where: str) -> str:
+    """Return a word of a list; empty where the key is not given."""
+    value = section.get(key, "")
+    if key in section and value not in words:
+        near = did_you_mean(value, words) if isinstance(value, str) else ""
         raise InputError(
-            f"Expected one of {', '.join(PLACES)} for performed_at, got {shown(value)}. "
-            f"{near}".strip(),
+            f"Expected one of {', '.join(words)} for {key}, got {shown(value)}. {near}".strip(),
             where=where,
-            remedy='Write performed_at = "laboratory", for example.',
+            remedy=f'Write {key} = "{words[0]}", for example.',
         )
     return value
 

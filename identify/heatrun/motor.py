@@ -87,6 +87,8 @@ class Motor:
         sink: Which channel is the temperature T0 that the stator loses its heat to.
         insulation_class: IEC 60085 class letter, or None.
         rated_speed_rpm: Speed that effects are scaled with [rpm], or None for the largest seen.
+        rated_current_A: Rms current that the steady rise is stated at [A], or None for that of the
+            loaded part of the tests.
         mass_kg: Mass of the machine without gear and carriage [kg], or None if not known.
         conductor_mass_kg: Mass of the bare conductor of the winding [kg], or None.
         resistance_coefficient_degC: B of R(T) = R (B + T)/(B + Tref) [degC].
@@ -122,6 +124,7 @@ class Motor:
     sink: Literal["ambient", "coolant"] = "ambient"
     insulation_class: str | None = None
     rated_speed_rpm: float | None = None
+    rated_current_A: float | None = None
     mass_kg: float | None = None
     conductor_mass_kg: float | None = None
     resistance_coefficient_degC: float = 234.5

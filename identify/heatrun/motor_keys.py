@@ -64,6 +64,8 @@ MOTOR = Section(
             "continuous current and the time to the limit.", '"F"', "no ratings"),
         Key("rated_speed_rpm", "Speed that effects of the speed are scaled with [rpm].", "6000",
             "the largest speed in the records"),
+        Key("rated_current_A", "Rms current that the sheet states the steady rise at [A].", "8.2",
+            "the current of the loaded part of the tests"),
         Key("mass_kg", "Mass of the machine without gear, carriage and cables [kg]: the heat "
             "capacity of all but the winding is then known to a factor of 2, which a short test "
             "does not tell.", "38.5", "capacities from how fast the tests warm"),
@@ -248,6 +250,8 @@ CERTIFICATE = Section(
             '"laboratoryBranch", "customerBranch" or "other".', '"laboratory"', "left out"),
         Key("country", "Country of the laboratory, two letters of ISO 3166-1.", '"IT"',
             "left out"),
+        Key("language", 'Language of the sheet: "en", "de" or "it"; `--language` goes before.',
+            '"it"', '"en"'),
         Key("remarks", "Whatever else is to stand on the certificate.", '"Order 4711."',
             "left out"),
         Key("instruments", "The measuring instruments, each as a table of its own: see "

@@ -46,7 +46,9 @@ def text_of(pdf: Path) -> str:
 @pytest.fixture
 def unset(monkeypatch):
     """Write an empty page in place of the PDF, where only its name is of interest."""
-    monkeypatch.setattr(job, "write_pdf", lambda report, content, path: path.write_bytes(b"%PDF"))
+    monkeypatch.setattr(
+        job, "write_pdf", lambda report, content, path, _: path.write_bytes(b"%PDF")
+    )
 
 
 def test_the_cards_are_those_of_the_command_and_of_the_thesis():

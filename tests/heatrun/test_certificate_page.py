@@ -201,8 +201,8 @@ def test_an_empty_block_leaves_lines_to_fill_in(result, tmp_path):
         assert label in text
     assert "Condition" not in text.replace("Conditions", "")
     assert f"page 1 of {len(annex) + 1}" in text
-    assert annex[0].startswith("Annex")
-    for heading in ("Method", "SHA-256", "priors", "Correlation", "Residuals", "Findings"):
+    assert annex[0].startswith("Findings")
+    for heading in ("Annex", "SHA-256", "Measured less model", "Definitions"):
         assert any(heading in page for page in annex)
 
 
@@ -216,7 +216,7 @@ def test_names_stand_on_page_1_to_the_letter(result, tmp_path):
     flat = "".join(text.split())
     for word in ("#panic()", "$a_1$", "*b*", "<script>", '"q"', "@import", "Ångström", "W" * 120):
         assert flat.count(word) >= 1
-    assert second.startswith("Annex")
+    assert second.startswith("Findings")
 
 
 def test_what_the_motor_file_states_is_not_called_measured(result):
@@ -231,11 +231,11 @@ def test_what_the_motor_file_states_is_not_called_measured(result):
     said, sink = measured(test)
     assert "ambient temperature over time" in said
     assert "not measured" not in said
-    assert "the measured ambient temperature" in sink
+    assert "measured: ambient" in sink
     said, sink = measured(room)
     assert "ambient temperature over time" not in said
     assert "Ambient temperature as stated in the motor file, not measured." in said
-    assert "that the motor file states" in sink
+    assert "as the motor file states it: ambient" in sink
     said, _ = measured(test, room)
     assert "ambient temperature over time" in said
     assert "Ambient temperature in 1 of 2 tests as stated" in said
@@ -262,7 +262,7 @@ def test_a_letter_that_no_font_has_stands_as_its_number():
 
 def test_the_json_keeps_its_keys_and_gets_the_certificate(result):
     content = json.loads(to_json(sheet_content(result, Certificate(number="7"))))
-    assert {"title", "verdict", "meta", "definitions", "tests", "columns", "models", "comparison",
+    assert {"title", "verdict", "meta", "definitions", "tests", "columns", "comparison",
             "findings", "limits", "certificate"} <= set(content)  # fmt: skip
     assert ["Certificate number", "7"] in content["certificate"]["identification"]
     assert content["certificate"]["parameters"][0][2] == "664 ± 15 J/K"
@@ -278,7 +278,7 @@ def test_the_workbook_shows_the_digits_of_the_sheet(result, tmp_path):
     book = openpyxl.load_workbook(
         write_xlsx(result, content, [("t", "calibration", table)], tmp_path / "sheet.xlsx")
     )
-    assert book.sheetnames[:2] == ["Certificate", "Parameters"]
+    assert book.sheetnames[:3] == ["Certificate", "Course 1", "Parameters"]
     rows = {row[0].value: row for row in book["Certificate"].iter_rows()}
     assert (rows["Certificate number"][1].value, rows["Certificate number"][1].data_type) == (
         "=1+1",
@@ -291,9 +291,9 @@ def test_the_workbook_shows_the_digits_of_the_sheet(result, tmp_path):
     flow = rows["Req_sr"]
     assert (flow[2].value, flow[2].number_format, flow[6].value) == (0.1155, "0.0000", "K/W")
     head, *rest = list(book["Parameters"].values)[3:]
-    assert head[12:15] == ("prior 95 % low", "prior 95 % high", "prior from")
-    ohm = next(row for row in rest if row[1] == "Rs0")
-    assert ohm[3] == "Ω"
+    assert head[11:14] == ("prior 95 % low", "prior 95 % high", "prior from")
+    ohm = next(row for row in rest if row[0] == "Rs0")
+    assert ohm[2] == "Ω"
 
 
 def test_inputs_in_doubt_are_said_first(result):
@@ -302,8 +302,7 @@ def test_inputs_in_doubt_are_said_first(result):
     said = headline(replace(result, findings=(*result.findings, doubt)))
     assert said.use == "restricted"
     assert said.reasons[0] == (
-        f"In doubt about {name}: its losses are at times below the copper loss. See Findings in "
-        "the annex."
+        f"In doubt about {name}: its losses are at times below the copper loss. See Findings."
     )
     note = replace(doubt, severity="note")
     assert headline(replace(result, findings=(*result.findings, note))) == headline(result)

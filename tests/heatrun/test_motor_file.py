@@ -239,7 +239,8 @@ def test_a_run_keeps_all_that_the_motor_file_says():
     [certificate]
     number = "2026-1"
     """
-    head = 'mass_kg = 40.0\nraster_s = 2.0\ndecimal = ","\n[winding]\nconductor_mass_kg = 4.0\n'
+    head = 'rated_current_A = 8.2\nmass_kg = 40.0\nraster_s = 2.0\ndecimal = ","\n[winding]\n'
+    head += "conductor_mass_kg = 4.0\n"
     head += "measured_resistance_ohm = 0.02\nlead_resistance_ohm = 0.001\n"
     found = parse_motor((FULL.replace("[winding]\n", head, 1) + more).encode(), "m.toml")
     default = Motor("other")

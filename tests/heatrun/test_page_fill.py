@@ -54,6 +54,7 @@ def _content(num_tables: int) -> dict:
         "version": "", "title": "t", "heading": "h", "test": "test", "summary": "s", "meta": [],
         "rows": [["a", "1", "W", ""]], "tables": [table] * num_tables,
         "captions": ["c"] * 3, "findings": [], "definitions": [["d", "e"]],
+        "labels": dict.fromkeys(("findings", "definitions", "page", "of"), "l"), "remark": "",
     }  # fmt: skip
 
 

@@ -58,8 +58,11 @@ def test_four_numbers_alone_are_labelled_and_tell_their_error(folder):
     at = page["derived"]
     low, high = (at[f"Req_sr_{where}"]["value"] for where in ("loaded", "at_rest"))
     assert 0.9 * low < replica["parameters"]["Req_sr"] < 1.1 * high
-    words = json.loads((folder / "sheet.json").read_text())["models"][0]["message"]
-    assert "Replica for tools that take no effects, not a result" in words
+    sheet = json.loads((folder / "sheet.json").read_text())
+    assert "Replica for tools that take four numbers, not a result" in sheet["replica"]
+    (line,) = sheet["residuals"]["rows"]
+    assert line[2] == f"{row['rmse_K']:.2f}"
+    assert line[-1] == f"{replica['rmse_K'][row['test']]:.2f}"
 
 
 def test_the_replica_is_exported_for_tools_that_take_four_numbers(folder, tmp_path, capsys):

@@ -20,6 +20,7 @@ from heatrun.ratings.figures import derive
 from heatrun.ratings.machine import machines
 from heatrun.ratings.rates import rates
 from heatrun.reports.sheet.content import _derived
+from heatrun.reports.texts import Texts
 from lptn import CopperLosses, Drive, Inputs, Network
 from lptn.effects import EFFECTS
 
@@ -324,6 +325,18 @@ def test_an_offset_of_the_torque_is_no_heat(draws):
     check(found["steady_rise_K"], by_hand.steady_rise())
 
 
+def test_the_steady_rise_is_that_of_the_rated_current(draws):
+    """The copper loss goes with its square; the other losses are those of the tests."""
+    rated = 0.9 * CURRENT
+    found = derive(posterior("second", motor(rated_current_A=rated), draws))
+    by_hand = ByHand.of("balance", draws)
+    check(found["steady_rise_K"], ByHand(0.81 * by_hand.k, by_hand.other, draws).steady_rise())
+    assert found["steady_rise_K"].condition.startswith("rated current 99 A, other losses")
+    check(found["continuous_current_A"], by_hand.continuous_A())
+    far = derive(posterior("second", motor(rated_current_A=3.0 * CURRENT), draws))
+    assert "outside the tested range" in far["steady_rise_K"].refused
+
+
 def test_without_a_class_the_limit_is_refused_and_the_rest_stands(draws):
     found = derive(posterior("second", motor(insulation_class=None), draws), ("S2-30",))
     for name in ("continuous_current_A", "time_to_limit_cold_s", "time_to_limit_hot_s",
@@ -332,8 +345,8 @@ def test_without_a_class_the_limit_is_refused_and_the_rest_stands(draws):
     check(found["steady_rise_K"], ByHand.of("balance", draws).steady_rise())
     cool = derive(posterior("second", motor(), draws, tests=[blocks(hottest=100.0)]))
     assert "highest temperature measured is 100 °C" in cool["time_to_limit_cold_s"].refused
-    for name, entry in found.items():
-        assert len(_derived(name, entry)) == 4  # the sheet prints whatever comes
+    for entry in found.values():
+        assert len(_derived(entry, Texts())) == 3  # the sheet prints whatever comes
 
 
 class FourNodes(NamedTuple):

@@ -124,7 +124,7 @@ def test_sheet_and_export_of_a_network_with_effects(day, capsys, monkeypatch):
     monkeypatch.chdir(day)
     assert cli.main(["sheet", "run", "--out", "sheet"]) == 0
     text = json.loads(Path("sheet/sheet.json").read_text())
-    assert "speed_cooling, sensor_lag" in json.dumps(text)
+    assert "with speed_cooling and sensor_lag" in text["certificate"]["headline"]
     for name in ("sheet.pdf", "sheet.xlsx", "sheet.json"):
         assert Path("sheet", name).read_bytes() == Path("run", name).read_bytes()
     written = json_of(capsys, "export", "run", "--to", "mat", "--out", "matlab")

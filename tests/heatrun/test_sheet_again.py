@@ -74,7 +74,7 @@ def own_run(run, tmp_path):
 def few_figures(monkeypatch):
     """The figures of the annex are left out: they take longest and say nothing of names."""
 
-    def draw(tables, draws, units, titles, folder, attempts):
+    def draw(tables, draws, units, titles, certified, say, folder, attempts):
         folder.mkdir()
         return []
 
@@ -127,6 +127,20 @@ def test_what_the_run_was_told_is_not_replaced_in_silence(own_run, few_figures, 
     assert "replaced in" in capsys.readouterr().err
 
 
+def test_the_run_keeps_its_language(own_run, few_figures, tmp_path, capsys):
+    words = ["sheet", str(own_run), "--language", "de"]
+    assert cli.main([*words, "--out", str(tmp_path / "de")]) == 0
+    assert "Zertifikat Nr." in identification(tmp_path / "de")
+    assert "Certificate number" in identification(own_run)
+    assert cli.main(words) == 0
+    told = digests(own_run)
+    rewrite_sheet(own_run, own_run)
+    assert digests(own_run) == told
+    assert "Auftraggeber" in identification(own_run)
+    assert cli.main([*words[:2], "--language", "en"]) == 0  # no leave is asked for
+    assert "Customer" in identification(own_run)
+
+
 def test_the_digital_certificate_lies_beside_the_sheet(own_run, few_figures, tmp_path, capsys):
     assert cli.main(["sheet", str(own_run), "--dcc", "--out", str(tmp_path / "no")]) == 1
     assert "Missing: number, laboratory" in capsys.readouterr().err
@@ -147,7 +161,7 @@ def test_a_sheet_for_which_there_is_no_room_leaves_no_figure(run, tmp_path, monk
     (tmp_path / "sheet.pdf").write_bytes(b"an earlier one")
     drawn = []
 
-    def draw(tables, draws, units, titles, folder, attempts):
+    def draw(tables, draws, units, titles, certified, say, folder, attempts):
         folder.mkdir()
         drawn.append(folder / "course_1.png")
         drawn[0].write_bytes(b"a figure")

@@ -291,5 +291,5 @@ def test_the_sheet_names_both_sinks(run):
     from heatrun.reports.sheet.content import sheet_content
 
     definitions = dict(sheet_content(run.result)["definitions"])
-    assert "measured ambient temperature" in definitions["T0"]
-    assert "measured coolant temperature" in definitions["T coolant"]
+    assert "measured: ambient" in definitions["T0"]
+    assert "named after coolant lead to it" in definitions["T coolant"]

@@ -51,6 +51,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     words.add_sampling(parser)
     words.add_meta(parser)
+    words.add_language(parser)
     words.add_out(parser, "run folder (default: results/runs/NAME)")
     words.add_force(parser)
     words.add_verbose(parser, "all networks, how they were sampled, columns and notes")
@@ -60,6 +61,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Calibrate and write the run folder."""
+    from ..certificate import Certificate
     from ..certificate_file import load_meta
     from ..inference.networks import networks_of
     from ..motorfile import load_motor
@@ -71,6 +73,8 @@ def run(options: argparse.Namespace) -> int:
     motor = load_motor(options.motor)
     if options.meta is not None:
         motor = replace(motor, certificate=motor.certificate.beneath(load_meta(options.meta)))
+    stated = motor.certificate.beneath(Certificate(language=options.language))
+    motor = replace(motor, certificate=stated)
     return calibrate_into_folder(options, motor, options.tests, options.holdout, networks)
 
 

@@ -62,6 +62,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         metavar="SECONDS",
         help="clock offset of the reference, instead of its estimate (virtual, real)",
     )
+    words.add_language(parser, "of the PDF", "en")
     words.add_out(parser, "folder for the reports (default: Reports)")
     words.add_json(parser)
     return parser
@@ -87,6 +88,7 @@ def run(options: argparse.Namespace) -> int:
             reference=options.reference,
             tolerances=tolerances,
             offset_s=options.offset,
+            language=options.language,
             say=say,
             progress=progress,
         )
@@ -111,6 +113,7 @@ def _prototypes(options: argparse.Namespace, tolerances: Mapping[str, float]) ->
         options.out or Path("Reports"),
         run=options.run,
         tolerances=tolerances,
+        language=options.language,
         say=say,
     )
 

@@ -18,6 +18,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     parser.add_argument("run", type=Path, metavar="RUN", help="run folder")
     words.add_meta(parser)
+    words.add_language(parser)
     parser.add_argument(
         "--dcc",
         action="store_true",
@@ -48,6 +49,7 @@ def run(options: argparse.Namespace) -> int:
         options.run,
         options.out or options.run,
         options.meta,
+        language=options.language,
         with_dcc=options.dcc,
         schema=options.dcc_schema,
         is_replacing=options.force,

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from ..errors import UsageError
+from ..reports.texts import LANGUAGES
 
 LARGEST_SEED = 2**32 - 1
 """What every generator of random numbers here takes."""
@@ -134,6 +135,18 @@ def add_meta(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.toml",
         help="what the certificate says beside the results (laboratory, customer, machine, days, "
         "instruments): the keys of [certificate], before those of the motor file",
+    )
+
+
+def add_language(
+    parser: argparse.ArgumentParser, text: str = "of the sheet", default: str = ""
+) -> None:
+    """Add the language of what is written, described by `text`; empty for the certificate's."""
+    parser.add_argument(
+        "--language",
+        choices=LANGUAGES,
+        default=default,
+        help=f"language {text} (default: {default or 'that of [certificate], or English'})",
     )
 
 

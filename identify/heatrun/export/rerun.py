@@ -159,11 +159,17 @@ def as_replica(found: RunAndTest, network: str | None = None) -> RunAndTest:
     }
     values = {each: value for each, value in found.values.items() if "." not in each}
     left_out = ", ".join(kind.card.id for kind in found.model.effects)
+    errors = ", ".join(f"{test} {error:.2f} K" for test, error in nearest.rmse_K.items())
+    note = (
+        f"Replica for tools that take no effects, not a result: {nearest.numbers()}. It follows "
+        f"the model, which has {left_out}, within {nearest.from_model_K:.2f} K (RMS); its own "
+        f"RMSE: {errors}."
+    )
     return replace(
         found,
         model=replace(found.model, effects=()),
         values=values | exact | nearest.parameters,
-        notes=(*found.notes, f"{nearest.words()} Its model has {left_out} too."),
+        notes=(*found.notes, note),
         predicted=None,
     )
 

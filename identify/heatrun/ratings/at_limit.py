@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..io.quantities import rounded
 from ..results.derived import DerivedFigure
 from .figure import figure, refused
 from .machine import WARM, Machine
@@ -62,9 +63,9 @@ def at_limit(
         if beyond:
             figures[names[name]] = refused(beyond)
             continue
-        entry = figure(np.asarray(draws), "s", f"{seen.amperes:.0f} A, {starts[name]}, {text}")
+        entry = figure(np.asarray(draws), "s", f"{rounded(seen.amperes)} A, {starts[name]}, {text}")
         if not np.isfinite(entry.median):
-            entry = refused(f"{seen.amperes:.0f} A does not reach {limit.degC:.0f} °C")
+            entry = refused(f"{rounded(seen.amperes)} A does not reach {limit.degC:.0f} °C")
         figures[names[name]] = entry
     return figures
 
@@ -79,7 +80,7 @@ def _continuous(drawn: Machine, seen: Tested, limit: Limit, text: str) -> Derive
     entry = figure(np.sqrt(np.maximum(squared, 0.0)), "A", text)
     if not entry.median <= REACH * seen.current_A:
         return refused(
-            f"{entry.median:.0f} A is outside the tested range: the largest "
-            f"current tested is {seen.current_A:.0f} A"
+            f"{rounded(entry.median)} A is outside the tested range: the largest "
+            f"current tested is {rounded(seen.current_A)} A"
         )
     return entry

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from lptn import Drive, hold
 
 from ..inference.model import Model
+from ..io.quantities import rounded
 from ..results.derived import DerivedFigure
 from .at_limit import NO_CLASS, NO_CURRENT, Limit
 from .behind import Behind
@@ -91,8 +92,8 @@ def duty_current(rated: Rated, text: str) -> DerivedFigure:
     )
     if not entry.median <= reach:
         return refused(
-            f"beyond {reach:.0f} A, outside the tested range: the largest current "
-            f"tested is {seen.current_A:.0f} A"
+            f"beyond {rounded(reach)} A, outside the tested range: the largest current "
+            f"tested is {rounded(seen.current_A)} A"
         )
     return entry
 

@@ -14,6 +14,7 @@ import numpy as np
 from lptn import time_constants
 
 from ..inference.posterior import Posterior
+from ..io.quantities import rounded
 from ..results.derived import DerivedFigure
 from .at_limit import LIMIT_DEGC, Limit, at_limit
 from .behind import alone, with_effects
@@ -45,7 +46,9 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     winding = jnp.asarray(seen.loaded_winding_degC)
     degC = jnp.asarray(limit.degC if limit is not None and is_within else np.nan)
     network = rates(base.model, base.values, seen.loaded, winding)
-    drawn = machines(behind.model, behind.values, seen.loaded, winding, degC)
+    rated = problem.motor.rated_current_A if seen.amperes > 0.0 else None
+    scale = 1.0 if rated is None else (rated / seen.amperes) ** 2
+    drawn = machines(behind.model, behind.values, seen.loaded, winding, degC, jnp.asarray(scale))
     times = time_constants(network.A)
     around = partial(
         seen.surroundings,
@@ -60,17 +63,16 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     heated = (
         f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C{surroundings}"
     )
-    figures["steady_rise_K"] = bounded_rise(
-        np.asarray(drawn.rise), f"{seen.amperes:.0f} A rms, {heated}", seen
-    )
+    at = f"{rounded(seen.amperes)} A rms" if rated is None else f"rated current {rounded(rated)} A"
+    figures["steady_rise_K"] = bounded_rise(np.asarray(drawn.rise), f"{at}, {heated}", seen)
     figures |= at_limit(drawn, seen, limit, heated)
     if not duties:
         return figures
     if behind is not base:  # the body of an effect may be faster
         times = time_constants(rates(behind.model, behind.values, seen.loaded, winding).A)
-    rated = Rated(behind, drawn, times, seen, limit, surroundings)
+    machine = Rated(behind, drawn, times, seen, limit, surroundings)
     for duty in duties:
-        figures[f"{duty}_current_A"] = duty_current(rated, duty)
+        figures[f"{duty}_current_A"] = duty_current(machine, duty)
     return figures
 
 
@@ -90,7 +92,7 @@ def _time_constants(
         figures[name] = figure(draws, "s", text + surroundings)
     if is_fed:
         fed = time_constants(network.A_fed)
-        text = f"eigenvalue with R(T) at {amperes:.0f} A"
+        text = f"eigenvalue with R(T) at {rounded(amperes)} A"
         for name, draws in zip(_names(num, "_feedback"), fed.T, strict=True):
             figures[name] = figure(draws, "s", text + surroundings)
     return figures

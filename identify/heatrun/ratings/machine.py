@@ -39,7 +39,8 @@ class Machine(NamedTuple):
     Attributes:
         other: Other losses of the loaded part [W].
         copper_slope: Copper loss per squared ampere and kelvin [W/(A^2 K)].
-        rise: Steady rise of the copper at the loaded part's current [K]; inf where it runs away.
+        rise: Steady rise of the copper [K], at the rated current where that was given, else at the
+            loaded part's; inf where it runs away.
         limit_squared: Squared current that holds the copper at the limit [A^2].
         cold_s: Time to the limit at the loaded part's current, from the sink [s].
         warm_s: The same from `WARM` of the steady rise [s].
@@ -60,6 +61,7 @@ def machines(
     loaded: Drive,
     winding: Float[Array, ""],
     limit: Float[Array, ""],
+    rated: Float[Array, ""] | float = 1.0,
 ) -> Machine:
     """Return the machine of each draw; compiled once per model.
 
@@ -69,6 +71,7 @@ def machines(
         loaded: The loaded part of the tests.
         winding: Mean reading of the loaded part [degC].
         limit: Limit of the insulation [degC]; NaN for none, and nothing is said of it.
+        rated: Squared rated current over that of the loaded part [1]; 1 where none is given.
     """
 
     def one(values: dict[str, Float[Array, ""]]) -> Machine:
@@ -77,6 +80,8 @@ def machines(
         rest = steady_state(network, at.losses, drive, effects=effects)
         top = steady_current(network, at.losses, drive, limit, effects=effects)
         sink, copper = drive.ambient, network.copper_node
+        under_rated = drive.scale_current(rated)
+        top_rise = steady_state(network, at.losses, under_rated, effects=effects)[copper] - sink
 
         def time_from(share: Float[Array, ""]) -> Float[Array, ""]:
             start = {
@@ -92,7 +97,7 @@ def machines(
         return Machine(
             other=drive.losses,
             copper_slope=at.losses.slope(jnp.asarray(1.0)),
-            rise=jnp.where(jnp.isfinite(rest[copper]), rest[copper] - sink, jnp.inf),
+            rise=jnp.where(jnp.isfinite(top_rise), top_rise, jnp.inf),
             limit_squared=top.squared,
             cold_s=cold_s,
             warm_s=warm_s,

@@ -22,7 +22,7 @@ from ..runs.verdict import (
     restrictions,
     thermal,
 )
-from .sheet.certificate import GIVEN, certificate_content, parameter_lines
+from .sheet.certificate import ENGLISH, certificate_content, parameter_lines
 from .sheet.printed import interval_ends
 
 CURRENT, UNASKED = "_current_A", "continuous_current_A"
@@ -135,7 +135,8 @@ def _parameters(result: FitResult, model: FittedModel) -> list[str]:
             else "",
         )
         for line, (name, meaning, text, judged) in zip(lines, content["parameters"], strict=True)
-        if judged != GIVEN and (line.figure is not None or id(line.entry) not in stated)
+        if judged != ENGLISH("of_motor_file")
+        and (line.figure is not None or id(line.entry) not in stated)
     ]
     widths = [max([0, *(len(row[i]) for row in rows)]) for i in range(2)]
     return [

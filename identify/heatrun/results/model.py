@@ -177,16 +177,11 @@ class Replica:
     rmse_K: dict[str, float]
     from_model_K: float
 
-    def words(self) -> str:
-        """Return it as a sentence for the annex."""
-        numbers = ", ".join(
+    def numbers(self) -> str:
+        """Return the parameters as they are printed."""
+        return ", ".join(
             f"{name} = {quantity(rounded(value, 4), 'J/K' if name.startswith('C') else 'K/W')}"
             for name, value in self.parameters.items()
-        )
-        errors = ", ".join(f"{test} {error:.2f} K" for test, error in self.rmse_K.items())
-        return (
-            f"Replica for tools that take no effects, not a result: {numbers}. It follows the "
-            f"model within {self.from_model_K:.2f} K (RMS); its own RMSE: {errors}."
         )
 
 

@@ -133,7 +133,7 @@ def restrictions(result: FitResult) -> list[str]:
 def deciding(result: FitResult) -> list[Finding]:
     """Return the findings that restrict the use of the favoured network, the gravest first."""
     model = result.models[favoured(result)]
-    found = [f for f in result.findings if f.severity != "note" and _concerns(f, result, model)]
+    found = [f for f in result.findings if f.severity != "note" and concerns(f, result, model)]
     ranks = {id: rank for rank, id in enumerate(DECIDING)}
     return sorted((f for f in found if f.id in ranks), key=lambda finding: ranks[finding.id])
 
@@ -173,7 +173,7 @@ def _taken_up(result: FitResult, model: FittedModel) -> str:
     far = [
         (abs(score), finding)
         for finding in result.findings
-        if finding.id in TAKEN_UP and _concerns(finding, result, model)
+        if finding.id in TAKEN_UP and concerns(finding, result, model)
         if abs(score := finding.values.get("prior_sd") or 0.0) > BEYOND
     ]
     if not far:
@@ -226,7 +226,7 @@ def _inputs(result: FitResult) -> list[str]:
         found = doubts([one for one in about_test if one.id != SIMULATED])
         if found:
             about = f"In doubt about {clean(name)}" if name else "In doubt"
-            words.append(f"{about}: {'; '.join(found)}. See Findings in the annex.")
+            words.append(f"{about}: {'; '.join(found)}. See Findings.")
     return words
 
 
@@ -258,14 +258,14 @@ def _not_followed(result: FitResult, model: FittedModel) -> str:
 
 def _lacks(result: FitResult, model: FittedModel) -> bool:
     return any(
-        f.id in INCOMPLETE and f.severity != "note" and _concerns(f, result, model)
+        f.id in INCOMPLETE and f.severity != "note" and concerns(f, result, model)
         for f in result.findings
     )
 
 
 def _unjudged(result: FitResult, model: FittedModel) -> bool:
     """Return whether a step that judges the result failed."""
-    return any(f.id == FAILED and _concerns(f, result, model) for f in result.findings)
+    return any(f.id == FAILED and concerns(f, result, model) for f in result.findings)
 
 
 def _doubts(result: FitResult, model: FittedModel) -> list[str]:
@@ -289,9 +289,9 @@ def _doubts(result: FitResult, model: FittedModel) -> list[str]:
 
 
 def _warnings(result: FitResult, model: FittedModel) -> list[str]:
-    warnings = [f for f in result.findings if f.severity != "note" and _concerns(f, result, model)]
+    warnings = [f for f in result.findings if f.severity != "note" and concerns(f, result, model)]
     number = "1 warning" if len(warnings) == 1 else f"{len(warnings)} warnings"
-    return [f"{number} of the checks: see Findings in the annex."] if warnings else []
+    return [f"{number} of the checks: see Findings."] if warnings else []
 
 
 def against_others(result: FitResult) -> list[str]:
@@ -308,7 +308,7 @@ def against_others(result: FitResult) -> list[str]:
     return [f"Chance that the {other} describes the fitted tests better: {spoken}."]
 
 
-def _concerns(finding: Finding, result: FitResult, model: FittedModel) -> bool:
+def concerns(finding: Finding, result: FitResult, model: FittedModel) -> bool:
     """Return whether a finding is not about another network than this one alone."""
     text = f"{finding.where} {finding.message}".replace("-", " ").casefold()
     others = [each.title for each in result.models.values() if each.title != model.title]

@@ -16,6 +16,7 @@ from ..sheet.digits import fixed
 from ..sheet.figures import save
 from ..sheet.page_fill import filling_height
 from ..sheet.typeset import typeset
+from ..texts import Texts
 from .card import CARDS
 from .report import Cell, Line, Report, Row, Table
 
@@ -33,7 +34,9 @@ SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e6
 """Numbers outside have three digits; far outside, a power of ten."""
 
 
-def write_pdf(report: Report, content: Mapping[str, Any], path: Path) -> Path:
+def write_pdf(
+    report: Report, content: Mapping[str, Any], path: Path, say: Texts | None = None
+) -> Path:
     """Draw the figures of a report and set it as PDF.
 
     Args:
@@ -41,10 +44,11 @@ def write_pdf(report: Report, content: Mapping[str, Any], path: Path) -> Path:
         content: As `heatrun.reports.bench_tests.content.report_content`, with `"report"`, the
             file's name.
         path: Where it goes; written whole or not at all.
+        say: The texts in the language of the report; None for English.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        texts = document_content(report, content)
+        texts = document_content(report, content, say or Texts())
         drawn = [drawing.draw() for drawing in report.drawings]
         sizes_in = [tuple(figure.get_size_inches()) for figure in drawn]
         height = filling_height(TEMPLATE, texts, sizes_in)
@@ -55,7 +59,9 @@ def write_pdf(report: Report, content: Mapping[str, Any], path: Path) -> Path:
         return typeset(TEMPLATE, texts, figures, path)
 
 
-def document_content(report: Report, content: Mapping[str, Any]) -> dict[str, Any]:
+def document_content(
+    report: Report, content: Mapping[str, Any], say: Texts | None = None
+) -> dict[str, Any]:
     """Return the texts of the PDF, each cell as it is printed; as `write_pdf`."""
     dated = f"{content['date']} ({content['date_from']})" if content.get("date") else "not known"
     texts = {
@@ -78,7 +84,38 @@ def document_content(report: Report, content: Mapping[str, Any]) -> dict[str, An
         "findings": [[f.severity, f.sentence()] for f in report.findings],
         "definitions": [[name, text] for name, text in report.definitions],
     }
-    return _printed(texts, [source.path for source in report.sources])
+    return _printed(_again(texts, say or Texts()), [source.path for source in report.sources])
+
+
+def _again(texts: Mapping[str, Any], say: Texts) -> dict[str, Any]:
+    """Return the texts of a report in another language, as far as the table has them."""
+
+    def rows(key: str, *as_given: int) -> list[list[str]]:
+        return [
+            [text if place in as_given else say.again(text) for place, text in enumerate(row)]
+            for row in texts[key]
+        ]
+
+    return {
+        **texts,
+        **{key: say.again(texts[key]) for key in ("title", "heading", "summary")},
+        "meta": rows("meta", 1),
+        "rows": rows("rows", 2),
+        "definitions": rows("definitions"),
+        "captions": [say.again(text) for text in texts["captions"]],
+        "findings": [[say(severity), text] for severity, text in texts["findings"]],
+        "tables": [
+            {
+                "title": say.again(table["title"]),
+                "head": [say.again(text) for text in table["head"]],
+                "lines": [[say.again(text) for text in line] for line in table["lines"]],
+                "notes": [say.again(text) for text in table["notes"]],
+            }
+            for table in texts["tables"]
+        ],
+        "labels": {key: say(key) for key in ("findings", "definitions", "page", "of")},
+        "remark": say("rest_in_english"),
+    }
 
 
 def _printed(value: Any, paths: Sequence[str]) -> Any:

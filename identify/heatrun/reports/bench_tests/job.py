@@ -16,6 +16,7 @@ from ...motor import Motor
 from ...results import to_json
 from ...runs.run import open_run
 from ...work import Progress, Work
+from ..texts import LANGUAGES, Texts
 from .build import build_report, check_use
 from .card import Kind
 from .content import report_content
@@ -69,6 +70,7 @@ def make_report(
     tolerances: Mapping[str, float] | None = None,
     *,
     offset_s: float | None = None,
+    language: str = LANGUAGES[0],
     say: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> list[Outcome]:
@@ -87,6 +89,7 @@ def make_report(
         reference: File of the other prototype, for `"virtual"` and `"real"`.
         tolerances: As `build_report`.
         offset_s: As `build_report`.
+        language: Of the PDF, one of `heatrun.reports.texts.LANGUAGES`.
         say: Told a sentence about each test that is begun.
         progress: Called with a sentence and the share of the reports that are written.
 
@@ -109,7 +112,7 @@ def make_report(
     if found.own and say is not None:
         names = ", ".join(path.name for path in found.own)
         say(f"written by heatrun itself and left out: {names}")
-    settings = settings_of(run, tolerances, offset_s)
+    settings = settings_of(run, tolerances, offset_s, language)
     outcomes = []
     with Work(dict.fromkeys(range(len(found.tests)), USUAL_S), progress) as work:
         for number, test in enumerate(found.tests):
@@ -127,9 +130,8 @@ def make_report(
                         kind, motor, record, run=run, reference=other, tolerances=tolerances,
                         offset_s=offset_s,
                     )  # fmt: skip
-                    outcomes.append(
-                        write_report(name, report, when, out, [*_part(record), *settings])
-                    )
+                    settled = [*_part(record), *settings]
+                    outcomes.append(write_report(name, report, when, out, settled, language))
             except InputError as error:
                 outcomes.append(Outcome(name, error=error))
             work.done(number)
@@ -138,7 +140,10 @@ def make_report(
 
 
 def settings_of(
-    run: Path | None, tolerances: Mapping[str, float] | None, offset_s: float | None
+    run: Path | None,
+    tolerances: Mapping[str, float] | None,
+    offset_s: float | None,
+    language: str = LANGUAGES[0],
 ) -> list[str]:
     """Return what makes another report of the same files, in words that can be compared.
 
@@ -146,10 +151,12 @@ def settings_of(
         run: Folder of the run that is held against the tests.
         tolerances: By channel.
         offset_s: Offset of the clocks that was given [s].
+        language: Of the PDF.
     """
     said = [] if run is None else [f"run {digest(run / 'fit.json')}"]
     said += [f"tolerance {name} = {value!r}" for name, value in sorted((tolerances or {}).items())]
-    return said if offset_s is None else [*said, f"offset {offset_s!r} s"]
+    said += [] if offset_s is None else [f"offset {offset_s!r} s"]
+    return said if language == LANGUAGES[0] else [*said, f"language {language}"]
 
 
 def _part(record: Record) -> list[str]:
@@ -157,7 +164,12 @@ def _part(record: Record) -> list[str]:
 
 
 def write_report(
-    test: str, report: Report, when: DateOfTest | None, out: Path, settings: Sequence[str]
+    test: str,
+    report: Report,
+    when: DateOfTest | None,
+    out: Path,
+    settings: Sequence[str],
+    language: str = LANGUAGES[0],
 ) -> Outcome:
     """Write a report as PDF, CSV and JSON, all or none.
 
@@ -166,7 +178,8 @@ def write_report(
         report: What is written.
         when: Date of the test, for the name; None where it is not known.
         out: Folder of the reports.
-        settings: What makes another report of the same files: part, run, tolerances.
+        settings: What makes another report of the same files: part, run, tolerances, language.
+        language: Of the PDF.
 
     Raises:
         InputError: If a file behind it has changed, or the folder cannot be written.
@@ -183,7 +196,7 @@ def write_report(
     with writable("the report", out), together(out, chosen) as files:
         name = files.name.partition(".")[0]
         content = {"report": f"{name}.pdf", "identity": identity, **content}
-        write_pdf(report, content, files.aside / f"{name}.pdf")
+        write_pdf(report, content, files.aside / f"{name}.pdf", Texts(language))
         write_whole(files.aside / f"{name}.csv", csv_table(report).encode("utf-8-sig"))
         write_whole(files.aside / f"{name}.json", (to_json(content) + "\n").encode())
     pdf, table, text = (out / f"{name}{end}" for end in (".pdf", ".csv", ".json"))

@@ -11,11 +11,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from ...attempts import Attempts
 from ...io.quantities import printed_unit
 from ...io.whole_files import whole
+from ..texts import Texts
 
 COLOURS = {"first": "#D55E00", "second": "#0072B2", "measured": "#222222"}
 NODES = ("#009E73", "#E69F00", "#56B4E9", "#CC79A7")
@@ -36,6 +37,8 @@ def draw(
     draws: Mapping[str, np.ndarray],
     units: Mapping[str, str],
     titles: Mapping[str, str],
+    certified: str,
+    say: Texts,
     folder: Path,
     attempts: Attempts,
 ) -> list[Path]:
@@ -46,12 +49,14 @@ def draw(
         draws: Posterior draws of the network's parameters by name, each of shape (draw,).
         units: Unit of each parameter.
         titles: Titles of the networks by name, the one with most nodes last.
+        certified: Name of the network that the sheet states.
+        say: The texts in the language of the sheet.
         folder: Where the files go.
         attempts: Told which figure failed.
     """
     folder.mkdir(parents=True, exist_ok=True)
     wanted: dict[str, Callable[[], Figure]] = {
-        f"course_{number}.png": partial(course, *table, titles)
+        f"course_{number}.png": partial(course, *table, certified, say)
         for number, table in enumerate(tables, start=1)
     }
     if len(titles) == 2:
@@ -67,52 +72,53 @@ def drawn(figure: Callable[[], Figure], path: Path, attempts: Attempts) -> Path 
     return attempts.of("the figure", lambda: save(figure(), path), None, where=path.name)
 
 
-def course(name: str, role: str, table: pd.DataFrame, titles: Mapping[str, str]) -> Figure:
-    """Return the course of one test: winding with bands, residuals, load."""
+def course(name: str, role: str, table: pd.DataFrame, network: str, say: Texts) -> Figure:
+    """Return the course of one test: winding with bands, residuals, load.
+
+    Args:
+        name: The test.
+        role: Its role.
+        table: Its courses.
+        network: The network that is drawn.
+        say: The texts in the language of the sheet.
+    """
     figure = Figure(figsize=(7.2, 6.4), layout="constrained")
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[3.2, 1.2, 1.2])
     minutes = table["time_s"] / 60.0
-    last = list(titles)[-1]
-    for order, title in titles.items():
-        colour = COLOURS["second" if order == last else "first"]
-        total = [table[f"{order}_total_95_{side}_degC"] for side in ("low", "high")]
-        inner = [table[f"{order}_parameters_95_{side}_degC"] for side in ("low", "high")]
-        if order == last:
-            top.fill_between(minutes, *total, color=colour, alpha=0.15, lw=0,
-                             label=f"{title}, 95 % with noise")  # fmt: skip
-            top.fill_between(minutes, *inner, color=colour, alpha=0.3, lw=0,
-                             label=f"{title}, 95 % of the parameters")  # fmt: skip
-        top.plot(minutes, table[f"{order}_winding_degC"], color=colour, lw=1.2,
-                 ls="-" if order == last else "--", label=f"{title}, winding")  # fmt: skip
-        middle.plot(minutes, table[f"{order}_residual_K"], color=colour, lw=0.9, label=title)
+    colour = COLOURS["second"]
+    for kind, label, alpha in (("total", "band_noise", 0.15),
+                               ("parameters", "band_parameters", 0.3)):  # fmt: skip
+        ends = [table[f"{network}_{kind}_95_{side}_degC"] for side in ("low", "high")]
+        top.fill_between(minutes, *ends, color=colour, alpha=alpha, lw=0, label=say(label))
+    top.plot(minutes, table[f"{network}_winding_degC"], color=colour, lw=1.2, label=say("model"))
+    middle.plot(minutes, table[f"{network}_residual_K"], color=colour, lw=0.9)
     top.plot(minutes, table["measured_degC"], ".", color=COLOURS["measured"], ms=2.2,
-             label="measured winding (block means)")  # fmt: skip
-    for number, node in enumerate(_nodes(table, last)):
+             label=say("measured_winding"))  # fmt: skip
+    for number, node in enumerate(_nodes(table, network)):
         colour = NODES[number % len(NODES)]
-        limits = [table[f"{last}_{node}_95_{side}_degC"] for side in ("low", "high")]
-        label = "stator Tsr" if node == "stator" else node.replace("_", " ")
+        limits = [table[f"{network}_{node}_95_{side}_degC"] for side in ("low", "high")]
+        label = say("simulated_node", node=node.replace("_", " "))
         top.fill_between(minutes, *limits, color=colour, alpha=0.2, lw=0)
-        top.plot(minutes, table[f"{last}_{node}_degC"], color=colour, lw=1.1,
-                 label=f"{titles[last]}, {label} (95 %)")  # fmt: skip
+        top.plot(minutes, table[f"{network}_{node}_degC"], color=colour, lw=1.1, label=label)
     for number, channel in enumerate(_bodies(table)):
         top.plot(minutes, table[channel], MARKS[number % len(MARKS)], color="0.35", ms=2.4, mew=0.5,
                  mfc="none", markevery=max(1, len(table) // 120),
-                 label=f"measured {_body_words(channel)}")  # fmt: skip
-    top.plot(minutes, table["sink_degC"], color="0.55", lw=0.8, label="sink T0")
-    top.set_ylabel("temperature [°C]")
-    top.set_title(f"{plain(name)} ({role})", loc="left", fontsize=10)
+                 label=say("measured_node", body=_body_words(channel)))  # fmt: skip
+    top.plot(minutes, table["sink_degC"], color="0.55", lw=0.8, label=say("sink"))
+    top.set_ylabel(say("temperature_degC"))
+    top.set_title(f"{plain(name)} ({say(role)})", loc="left", fontsize=10)
     figure.legend(
         *top.get_legend_handles_labels(),
-        fontsize=6.5,
+        fontsize=7,
         frameon=False,
-        ncols=3,
+        ncols=4,
         loc="outside lower center",
     )
     middle.axhline(0.0, color="0.6", lw=0.6)
-    middle.set_ylabel("measured −\nmodel [K]")
-    _load(bottom, minutes, table)
-    bottom.set_xlabel("time [min]")
-    finish(figure.axes)
+    middle.set_ylabel(say("residual_K"))
+    _load(bottom, minutes, table, say)
+    bottom.set_xlabel(say("time_min"))
+    finish(figure.axes, say)
     return figure
 
 
@@ -190,19 +196,36 @@ def _label(name: str, units: Mapping[str, str]) -> str:
     return f"{name}\n[{unit}]" if unit else name
 
 
-def _load(axis: Axes, minutes: pd.Series, table: pd.DataFrame) -> None:
+def _load(axis: Axes, minutes: pd.Series, table: pd.DataFrame, say: Texts) -> None:
     second = axis
     if table["phase_current_A"].notna().any():
         axis.plot(minutes, table["phase_current_A"], color="#CC79A7", lw=0.9)
-        axis.set_ylabel("current [A]", color="#CC79A7")
+        axis.set_ylabel(say("current_A"), color="#CC79A7")
         second = axis.twinx()
     second.plot(minutes, table["losses_W"], color="#555555", lw=0.8)
-    second.set_ylabel("losses [W]", color="#555555")
+    second.set_ylabel(say("losses_W"), color="#555555")
 
 
-def finish(axes: Sequence[Axes]) -> None:
-    """Give axes the look of all figures of a sheet."""
+class Decimal(ScalarFormatter):
+    """Numbers at an axis with the decimal sign of a language."""
+
+    def __init__(self, say: Texts) -> None:
+        super().__init__()
+        self._say = say
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """As `ScalarFormatter`."""
+        return self._say.number(super().__call__(x, pos))
+
+
+def finish(axes: Sequence[Axes], say: Texts | None = None) -> None:
+    """Give axes the look of all figures of a sheet, and numbers the decimal sign of a language."""
     for axis in axes:
+        if say is not None:
+            axis.set_xlabel(axis.get_xlabel(), fontsize=8.5)
+            axis.set_ylabel(axis.get_ylabel(), fontsize=8.5)
+            axis.xaxis.set_major_formatter(Decimal(say))
+            axis.yaxis.set_major_formatter(Decimal(say))
         axis.tick_params(labelsize=8)
         axis.spines["top"].set_visible(False)
 

@@ -25,12 +25,13 @@ from ...runs.run import Run, open_run
 from ...runs.run_folder import MANIFEST, RunFolder, listed_anew
 from ...runs.stated import CERTIFICATE, certificate_of
 from ...runs.verdict import favoured, judged
+from ..texts import LANGUAGES, Texts
 from .certificate_figure import certificate_figure
 from .content import sheet_content
 from .dcc.document import dcc_text
 from .dcc.schema import validate
 from .figures import draw, drawn
-from .pdf import write_pdf
+from .pdf import aspect_on_page_1, write_pdf
 from .xlsx import write_xlsx
 
 DCC = "dcc.xml"
@@ -65,31 +66,33 @@ def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) 
     attempts = Attempts(OUTPUT_FAILED)
     names = [(test.name, test.role) for test in result.tests]
     tables = [(*each, table) for each, table in zip(names, run.courses(), strict=True)]
-    main = run.choose()
-    free = [n for n, e in result.models[main].parameters.items() if not e.fixed]
-    values = run.draws(main).values()
-    draws = {name: values[name] for name in free}
-    units = {
-        name: entry.unit
-        for model in result.models.values()
-        for name, entry in model.parameters.items()
-    }
-    titles = {name: model.title for name, model in result.models.items()}
-    figures = draw(tables, draws, units, titles, folder / "figures", attempts)
-    first = folder / "figures" / "certificate.png"
-    if drawn(lambda: _first_figure(run, tables), first, attempts):
-        figures.insert(0, first)
+    certified = favoured(result)
     stated = certificate_of(run) if certificate is None else certificate
+    say = Texts(stated.language or LANGUAGES[0])
+    model = result.models[certified]
+    values = run.draws(certified).values()
+    draws = {name: values[name] for name, entry in model.parameters.items() if not entry.fixed}
+    units = {name: entry.unit for name, entry in model.parameters.items()}
+    titles = {name: each.title for name, each in result.models.items()}
+    figures = draw(tables, draws, units, titles, certified, say, folder / "figures", attempts)
 
     @cache
     def content(num_failed: int) -> dict[str, Any]:
         """Return the words of the sheet, anew for each part that has failed so far."""
         found = new_findings(attempts.findings, result.findings)
-        return sheet_content(judged(replace(result, findings=(*result.findings, *found))), stated)
+        whole = judged(replace(result, findings=(*result.findings, *found)))
+        return sheet_content(whole, stated, say)
+
+    def first_figure() -> Figure:
+        return _first_figure(run, tables, say, aspect_on_page_1(content(len(attempts.findings))))
+
+    first = drawn(first_figure, folder / "figures" / "certificate.png", attempts)
+    figures = [*filter(None, [first]), *figures]
+    courses = [each for each in figures if each.name.startswith(("certificate", "course_"))]
 
     parts: dict[str, Callable[[dict[str, Any], Path], Any]] = {
-        "sheet.pdf": lambda words, path: write_pdf(words, figures, path),
-        "sheet.xlsx": lambda words, path: write_xlsx(result, words, tables, path),
+        "sheet.pdf": lambda words, path: write_pdf(words, courses, path),
+        "sheet.xlsx": lambda words, path: write_xlsx(result, words, tables, path, say),
         "sheet.json": lambda words, path: write_whole(path, (to_json(words) + "\n").encode()),
     }
     for name, write in parts.items():
@@ -113,14 +116,17 @@ def with_sheet(run: Run, folder: RunFolder) -> FitResult:
     return result
 
 
-def _first_figure(run: Run, tables: Sequence[tuple[str, str, pd.DataFrame]]) -> Figure:
+def _first_figure(
+    run: Run, tables: Sequence[tuple[str, str, pd.DataFrame]], say: Texts, aspect: float
+) -> Figure:
     """Return the figure of page 1: the first test that was fitted."""
     result = run.result
     network = favoured(result)
     letter = result.motor.insulation_class
     name, _, table = next((each for each in tables if each[1] == "calibration"), tables[0])
     limit = None if letter is None else (letter, LIMIT_DEGC[letter])
-    return certificate_figure(name, table, network, result.models[network].title, limit)
+    stated = (network, result.models[network].title)
+    return certificate_figure(name, table, stated, limit, say, aspect)
 
 
 def rewrite_sheet(
@@ -128,6 +134,7 @@ def rewrite_sheet(
     folder: Path,
     meta: Path | None = None,
     *,
+    language: str = "",
     with_dcc: bool = False,
     schema: Path | None = None,
     is_replacing: bool = False,
@@ -140,6 +147,8 @@ def rewrite_sheet(
         folder: Where the sheet and the figures go: all of them, or none.
         meta: File with the keys of `[certificate]`, before what the motor file says; the run keeps
             them where the sheet is written into it. None for what the run holds.
+        language: Of the sheet; empty for that which the run holds. The run keeps it where the
+            sheet is written into it.
         with_dcc: Write the Digital Calibration Certificate too; always where the run that the
             sheet is written into has one.
         schema: `dcc.xsd` to validate it with; None for no validation.
@@ -156,6 +165,7 @@ def rewrite_sheet(
     certificate = certificate_of(opened)
     if meta is not None:
         certificate = opened.motor.certificate.beneath(load_meta(meta))
+    certificate = certificate.beneath(Certificate(language=language))
     is_own = folder.resolve() == run.resolve()
     if is_own and meta is not None and not is_replacing:
         _refuse_other_words(certificate_of(opened), certificate, folder)
@@ -184,7 +194,7 @@ def rewrite_sheet(
                 if is_other(folder / name, (files.aside / name).read_bytes())
             ]
             if is_own:
-                if meta is not None:
+                if meta is not None or language:
                     text = tomli_w.dumps(certificate.as_section()).encode()
                     write_whole(files.aside / CERTIFICATE, text)
                 # what stands in the run and in its manifest changes together

@@ -13,11 +13,12 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import typst
 
-from .glyphs import shown
+from .glyphs import Shown, shown
 from .typeset import lay_out
 
 HEIGHTS = tuple(sorted((k / 20 for k in range(15, 27)), key=lambda h: abs(math.log(h))))
@@ -71,7 +72,7 @@ def filling_height(
     best, best_quality = 1.0, 0.0
     for height in (each for each in HEIGHTS if each <= largest):
         sizes = [(width, height * drawn) for width, drawn in sizes_in]
-        quality = _fill(template, found.content, sizes, found.needs_system_fonts).quality
+        quality = _fill(template, found, sizes).quality
         if quality > best_quality:
             best, best_quality = height, quality
         if quality >= 1.0 or not sizes:
@@ -79,24 +80,38 @@ def filling_height(
     return best
 
 
-def _fill(
+def _fill(template: str, found: Shown, sizes_in: Sequence[tuple[float, float]]) -> Fill:
+    pages = _lengths(asked(template, found, "<bottom>", sizes_in))
+    endless = asked(template, found, "<bottom>", sizes_in, {"endless": "yes"})
+    return Fill(pages[-1], sum(_lengths(endless)) / len(pages))
+
+
+def asked(
     template: str,
-    content: Mapping[str, Any],
-    sizes_in: Sequence[tuple[float, float]],
-    needs_system_fonts: bool,
-) -> Fill:
+    found: Shown,
+    mark: str,
+    sizes_in: Sequence[tuple[float, float]] = (),
+    inputs: Mapping[str, str] = MappingProxyType({}),
+) -> list[Any]:
+    """Return what a template says at its marks, where its figures are blank.
+
+    Args:
+        template: Name of a file among the templates.
+        found: Its content as the fonts of this machine can show it.
+        mark: Selector of the marks.
+        sizes_in: Width and height of each figure.
+        inputs: Of the template.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         figures = [_blank(folder / f"{n}.svg", size) for n, size in enumerate(sizes_in)]
-        lay_out(folder, template, content, figures)
-        query = {
-            "input": folder / template, "selector": "<bottom>", "field": "value", "root": folder,
-            "ignore_system_fonts": not needs_system_fonts,
-        }  # fmt: skip
-        marks = json.loads(typst.query(**query))
-        endless = json.loads(typst.query(**query, sys_inputs={"endless": "yes"}))
-    pages = _lengths(marks)
-    return Fill(pages[-1], sum(_lengths(endless)) / len(pages))
+        lay_out(folder, template, found.content, figures)
+        return json.loads(
+            typst.query(
+                folder / template, mark, field="value", root=folder, sys_inputs=dict(inputs),
+                ignore_system_fonts=not found.needs_system_fonts,
+            )
+        )  # fmt: skip
 
 
 def _lengths(marks: Sequence[Mapping[str, float]]) -> list[float]:

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ...io.printable import with_breaks
-from .page_fill import filling_height, size_in
+from .glyphs import shown
+from .page_fill import asked, filling_height, size_in
 from .typeset import typeset
 
 BREAKS_EVERY = 15
@@ -15,11 +16,17 @@ BREAKS_EVERY = 15
 
 TEMPLATE = "sheet.typ"
 
-WIDE, WIDEST_SQUARE = 82, 62
-"""Widths of figures in the annex [% of the line]; the square one of few parameters is narrower."""
+WIDE = 82
+"""Width of the figures in the annex [% of the line]."""
 
 WIDEST = 100
 """Width to which a figure grows where a page would stay empty [% of the line]."""
+
+MOST_COURSES = 4
+"""Courses of tests in the annex; those of further tests lie among the files alone."""
+
+FLATTEST, HIGHEST = 0.3, 1.2
+"""Height over width of the figure of page 1 [1], whatever room is left."""
 
 
 def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
@@ -27,16 +34,28 @@ def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -
 
     Args:
         content: From `sheet_content`.
-        figures: PNG files: that of page 1, then those of the annex.
+        figures: PNG files: that of page 1, then the courses of the tests.
         path: Where it goes; written whole or not at all.
     """
-    page_1 = _breakable(content["certificate"])
-    square = min(WIDEST_SQUARE, 22 + 8 * len(content["models"][-1]["correlation"]["names"]))
-    widths = [square if each.name == "posterior.png" else WIDE for each in figures]
-    texts = {**content, "certificate": page_1, "widths": widths}
+    shown = figures[: 1 + MOST_COURSES]
+    texts = _texts(content, [WIDE] * len(shown))
     # an image whose width grows with its height keeps its proportions
-    share = filling_height(TEMPLATE, texts, [size_in(each) for each in figures], WIDEST / WIDE)
-    return typeset(TEMPLATE, {**texts, "widths": [share * w for w in widths]}, figures, path)
+    share = filling_height(TEMPLATE, texts, [size_in(each) for each in shown], WIDEST / WIDE)
+    return typeset(TEMPLATE, _texts(content, [share * WIDE] * len(shown)), shown, path)
+
+
+def aspect_on_page_1(content: Mapping[str, Any]) -> float:
+    """Return height over width of the room that page 1 has for its figure [1].
+
+    Args:
+        content: From `sheet_content`.
+    """
+    (room,) = asked(TEMPLATE, shown(_texts(content, [])), "<room>")
+    return min(HIGHEST, max(FLATTEST, room["height"] / room["width"]))
+
+
+def _texts(content: Mapping[str, Any], widths: Sequence[float]) -> dict[str, Any]:
+    return {**content, "certificate": _breakable(content["certificate"]), "widths": list(widths)}
 
 
 def _breakable(value: Any) -> Any:

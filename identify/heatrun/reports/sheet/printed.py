@@ -18,11 +18,6 @@ SKEW = 0.15
 """Share of U by which an end of the 95 % interval may differ from value ± U [1]. Quantiles of 500
 draws scatter by 0.06 U; twice the standard deviation in the place of 1.96 makes 0.02 U."""
 
-RULE = (
-    "A value is printed as ± U (k = 2, about 95 %) where both ends of its 95 % interval lie within "
-    "15 % of U of value ± U; a skewed one is printed as its 95 % interval."
-)
-
 
 @dataclass(frozen=True)
 class Printed:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ....io.whole_files import writable
 from ....motor import Motor
+from ...texts import LANGUAGES
 from ..job import Outcome, settings_of, write_report
 from ..report_name import date_of_test
 from .confront import base_of
@@ -21,6 +22,7 @@ def make_prototypes_report(
     *,
     run: Path | None = None,
     tolerances: Mapping[str, float] | None = None,
+    language: str = LANGUAGES[0],
     say: Callable[[str], None] | None = None,
 ) -> Outcome:
     """Write the report on several prototypes.
@@ -34,6 +36,7 @@ def make_prototypes_report(
         out: Folder of the report; made if it is not there.
         run: Folder of a calibration whose network is held against each; None for none.
         tolerances: By channel or figure, in its unit (K for temperatures).
+        language: As `heatrun.reports.bench_tests.job.make_report`.
         say: Told a sentence when it begins.
 
     Returns:
@@ -53,5 +56,5 @@ def make_prototypes_report(
     with writable("the folder of the reports", out):
         out.mkdir(parents=True, exist_ok=True)
     parts = [p.record.stretch for p in prototypes if p.record.stretch]
-    settings = [*parts, *settings_of(run, tolerances, None)]
-    return write_report(report.test, report, when, out, settings)
+    settings = [*parts, *settings_of(run, tolerances, None, language)]
+    return write_report(report.test, report, when, out, settings, language)

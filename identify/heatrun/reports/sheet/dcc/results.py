@@ -12,7 +12,7 @@ from ....results import FitResult
 from ....results.parameter import FittedParameter
 from ....results.tested import DescribedTest
 from ....runs.verdict import favoured, headline
-from ..certificate import SCOPE, judged
+from ..certificate import ENGLISH, judged
 from ..digits import format_value
 from ..printed import COVERAGE_FACTOR, interval_ends, printed
 from .elements import add, add_real, add_text
@@ -67,7 +67,7 @@ def _statements(parent: Element, result: FitResult, certificate: Certificate) ->
     said = headline(result)
     rows = [
         ("Use of the result", " ".join((said.sentence, *map(clean, said.reasons)))),
-        ("Scope", SCOPE),
+        ("Scope", ENGLISH("scope")),
         ("Remarks", certificate.remarks),
         ("Test bench", certificate.bench),
     ]

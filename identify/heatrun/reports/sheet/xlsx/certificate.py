@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,17 +12,22 @@ from ....results.derived import DerivedFigure
 from ....results.parameter import FittedParameter
 from ....results.values import known, number
 from ....runs.verdict import favoured
-from ..certificate import parameter_lines
+from ...texts import Texts
+from ..certificate import ON_PAGE_1, parameter_lines
 from ..digits import format_value
 from ..printed import interval_ends, printed
 from .cells import Cells, write
 
-INSTRUMENTS = ["measured", "instrument", "class", "calibration", "valid until"]
-PARAMETERS = ["parameter", "meaning", "value", "± U (k = 2)", "95 % low", "95 % high", "unit",
-              "judgement", "prior 95 %", "prior from"]  # fmt: skip
+INSTRUMENTS = ("instrument_quantity", "instrument", "instrument_class", "instrument_calibration",
+               "instrument_valid")  # fmt: skip
+PARAMETERS = ("parameter", "meaning", "value", "expanded", "low_95", "high_95", "unit",
+              "judgement")  # fmt: skip
+"""Keys of the heads of the tables."""
 
 
-def add_certificate(book: Any, cells: Cells, result: FitResult, content: Mapping[str, Any]) -> None:
+def add_certificate(
+    book: Any, cells: Cells, result: FitResult, content: Mapping[str, Any], say: Texts
+) -> None:
     """Write the sheet.
 
     Args:
@@ -29,9 +35,10 @@ def add_certificate(book: Any, cells: Cells, result: FitResult, content: Mapping
         cells: Its formats.
         result: What stands in `fit.json`.
         content: The same from `sheet_content`.
+        say: The texts in the language of the content.
     """
     said = content["certificate"]
-    sheet = book.add_worksheet("Certificate")
+    sheet = book.add_worksheet(say("sheet_certificate"))
     sheet.write_string(0, 0, f"{said['title']}: {content['title']}", cells.bold)
     sheet.write_string(1, 0, said["headline"], cells.bold)
     row = 2
@@ -40,44 +47,39 @@ def add_certificate(book: Any, cells: Cells, result: FitResult, content: Mapping
         row += 1
     row += 1
     for label, value in [*said["identification"], *said["signatures"], *said["statement"],
-                         ["Remarks", said["remarks"]]]:  # fmt: skip
+                         [say("remarks"), said["remarks"]]]:  # fmt: skip
         sheet.write_string(row, 0, label, cells.bold)
         sheet.write_string(row, 1, value)
         row += 1
-    row = _table(sheet, cells, row + 1, PARAMETERS)
+    row = _table(sheet, cells, row + 1, [say(key) for key in PARAMETERS])
     model = result.models[favoured(result)]
-    priors = {name: text for name, text, _ in content["models"][_place(result)]["priors"]}
-    for line, words in zip(parameter_lines(model), said["parameters"], strict=True):
-        entry, figure = line.entry, line.figure
-        numbers = _numbers(entry) if figure is None else _of_figure(figure)
-        for column, value in enumerate(numbers, start=2):
+    lines = [(line.entry.unit, line.figure, _numbers(line.entry))
+             for line in parameter_lines(model)]  # fmt: skip
+    figures = [model.derived[name] for name in ON_PAGE_1 if name in model.derived]
+    lines += [(known(each.unit) or "", each, ()) for each in figures]
+    printed_lines = [*said["parameters"], *said["figures"]]
+    for (unit, figure, numbers), words in zip(lines, printed_lines, strict=True):
+        for column, value in enumerate(numbers if figure is None else _of_figure(figure), start=2):
             _number(sheet, cells, row, column, value)
-        texts = {0: words[0], 1: words[1], 6: printed_unit(entry.unit), 7: words[3]}
-        if figure is None:
-            texts |= {8: priors.get(words[0], ""), 9: entry.prior_basis}
-        for column, text in texts.items():
+        for column, text in {0: words[0], 1: words[1], 6: printed_unit(unit), 7: words[3]}.items():
             write(sheet, row, column, text)
         row += 1
     sheet.write_string(row, 0, said["rule"])
     if said["instruments"]:
-        row = _table(sheet, cells, row + 2, INSTRUMENTS)
+        row = _table(sheet, cells, row + 2, [say(key) for key in INSTRUMENTS])
         for one in said["instruments"]:
             for column, text in enumerate(one):
                 write(sheet, row, column, text)
             row += 1
     sheet.set_column(0, 0, 20)
     sheet.set_column(1, 1, 44)
-    sheet.set_column(2, 9, 16)
+    sheet.set_column(2, 7, 16)
 
 
 def _table(sheet: Any, cells: Cells, row: int, head: list[str]) -> int:
     """Write the heads of a table and return the row below them."""
     sheet.write_row(row, 0, head, cells.bold)
     return row + 1
-
-
-def _place(result: FitResult) -> int:
-    return list(result.models).index(favoured(result))
 
 
 def _numbers(entry: FittedParameter) -> tuple[str, str, str, str]:
@@ -92,8 +94,10 @@ def _numbers(entry: FittedParameter) -> tuple[str, str, str, str]:
 
 
 def _of_figure(figure: DerivedFigure) -> tuple[str, str, str, str]:
-    """Return the numbers of a resistance at stated conditions, as `_numbers` does."""
+    """Return the numbers of a derived figure, as `_numbers` does; empty where it is refused."""
     sd = number(known(figure.sd))
+    if not math.isfinite(figure.median) or not sd > 0:
+        return "", "", "", ""
     return (format_value(figure.median, sd)[0], "", *interval_ends(figure.ends, sd))
 
 

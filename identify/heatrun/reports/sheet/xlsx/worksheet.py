@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 
 from ....results import FitResult
+from ....runs.verdict import favoured
+from ...texts import Texts
 from ..printed import COVERAGE_FACTOR
 from .cells import Cells, write
 
@@ -20,18 +22,18 @@ PLACES = (1, 2, 2, 4, 1, 2, 2, 2, 6, 1, 1, 2, 2)
 
 
 def add_worksheet(
-    book: Any, cells: Cells, result: FitResult, name: str, table: pd.DataFrame
+    book: Any, cells: Cells, result: FitResult, name: str, table: pd.DataFrame, say: Texts
 ) -> None:
     """Write the worksheet of the published identification over the blocks of one test."""
-    sheet = book.add_worksheet("Worksheet")
+    sheet = book.add_worksheet(say("sheet_worksheet"))
     bold = cells.bold
     forms = [cells.digits(places) for places in PLACES]
     motor = result.motor
-    order = list(result.models)[-1]
+    order = favoured(result)
     fitted = result.models[order].parameters
     Rs0 = fitted["Rs0"].value if "Rs0" in fitted else motor.phase_resistance_ohm
-    sheet.write_string(0, 0, "Data for the estimate of the thermal parameters", bold)
-    sheet.write_string(1, 0, f"Block means of {name}; Rs0 as identified.")
+    sheet.write_string(0, 0, say("worksheet_title"), bold)
+    sheet.write_string(1, 0, say("worksheet_note", test=name))
     constants = {
         "B3": ("Tamb med [degC]", float(table["sink_degC"].mean())),
         "B4": ("Ro rif [ohm]", 1.0),
