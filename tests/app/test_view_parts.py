@@ -16,7 +16,7 @@ import pytest
 from heatrun.app.folder import Folder, Stamp
 from heatrun.app.jobs.running import JobQueue
 from heatrun.app.plotting.trace import GAP, Trace
-from heatrun.app.runs import runs_under
+from heatrun.app.runs import last_motor, runs_under
 from heatrun.app.store import RecordStore
 from heatrun.app.tabs.run_view import run_name
 from heatrun.app.uploads import BoundedDropper, UploadRoom, keep_upload, safe_name
@@ -91,8 +91,10 @@ def test_a_folder_lists_tests_and_motor_files(folder):
     (folder / "readme.pdf").write_bytes(b"%PDF")
     (folder / "day2").mkdir()
     (folder / "day2" / "cold.CSV").write_text("t\n0\n")
+    (folder / "virtual.csv").write_text("time_s,copper_loss_W,other_loss_W,flow_a_b_W\n0,1,2,3\n")
     listing = Folder(folder).list()
     assert listing.motors == ("motor.toml",)
+    assert listing.simulated == ("virtual.csv",)
     assert listing.tests == ("duty_30min.csv.gz", "step_30min.csv.gz", "day2/cold.CSV")
     with pytest.raises(InputError, match="there is none"):
         Folder(folder / "nowhere")
@@ -227,6 +229,22 @@ def test_a_run_on_the_page_is_read_and_checked_as_everywhere(tmp_path: Path):
     os.utime(path / "manifest.json", ns=(2, 2))
     (shown,) = runs_under([(tmp_path, tmp_path)])
     assert shown.calibration is None
+
+
+@pytest.mark.parametrize(
+    ("given", "chosen"),
+    [("day2/drive.toml", "day2/drive.toml"), ("drive.toml", "day2/drive.toml"),
+     ("../bench/motor.toml", "motor.toml"), ("/elsewhere/motor.toml", None)],
+)  # fmt: skip
+def test_the_motor_file_that_was_used_last_is_found(tmp_path: Path, given, chosen):
+    path = _stored_run(tmp_path / "run")
+    said = json.loads((path / "fit.json").read_text())
+    said["motor"]["path"] = given
+    (path / "fit.json").write_text(json.dumps(said))
+    digest = hashlib.sha256((path / "fit.json").read_bytes()).hexdigest()
+    (path / "manifest.json").write_text(json.dumps({"files": {"fit.json": digest}}))
+    motors = {n: Path("/tests/bench") / n for n in ("motor.toml", "day2/drive.toml")}
+    assert last_motor(runs_under([(tmp_path, tmp_path)]), motors) == chosen
 
 
 def _over(job, seconds: float = 180.0):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -128,6 +129,24 @@ def runs_under(places: Sequence[tuple[Path, Path]]) -> list[Run]:
         if is_inside(root.resolve(), path) and not (path.parent / MACHINES).exists()
     }
     return sorted(found, key=lambda run: run.stamp.changed_ns, reverse=True)[:MAX_RUNS]
+
+
+def last_motor(runs: Sequence[Run], motors: Mapping[str, Path]) -> str | None:
+    """Return the name of the motor file that was used last; None where no run used any of them.
+
+    Args:
+        runs: The youngest first.
+        motors: Motor files by name. A run keeps the path that it was given, which may be relative
+            to another folder than the present one.
+    """
+    for run in runs:
+        result = run.calibration
+        given = Path(os.path.normpath(result.motor.path)).parts if result else ()
+        used = tuple(part for part in given if part != "..")
+        for name, path in motors.items():
+            if used and path.parts[-len(used) :] == used:
+                return name
+    return None
 
 
 @lru_cache(maxsize=256)

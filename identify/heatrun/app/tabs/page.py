@@ -19,7 +19,7 @@ from ..jobs.running import JobQueue
 from ..look import TABS_CSS
 from ..pane import text_pane
 from ..reading import Reader, Reading, problem
-from ..runs import Run, runs_under
+from ..runs import Run, last_motor, runs_under
 from ..store import Opened, RecordStore
 from ..uploads import UploadRoom
 from ..words import error_message, message
@@ -103,6 +103,7 @@ class Page:
             (left.motor, self.open_tests),
             (left.motor, self.editing.choose),
             (left.tests, self.open_tests),
+            (left.simulated, self.open_tests),
             (left.kind, self._choose_channels),
             (left.channels, self._draw),
             (left.others, self._draw),
@@ -141,8 +142,13 @@ class Page:
         return list(self._sidebar.tests.options)
 
     @property
+    def simulated(self) -> list[str]:
+        """Names of the virtual records there."""
+        return list(self._sidebar.simulated.options)
+
+    @property
     def chosen(self) -> list[str]:
-        """Names of the tests that are chosen."""
+        """Names of the tests and virtual records that are chosen."""
         return self._sidebar.chosen
 
     @property
@@ -186,12 +192,20 @@ class Page:
         """Bring the lists up to date; what is chosen and still there stays chosen."""
         listing = self.folder.list()
         sent = self._uploads.list()
-        tests = [*listing.tests, *(UPLOADED + name for name in sent.tests)]
-        motors = [*listing.motors, *(UPLOADED + name for name in sent.motors)]
-        self._sidebar.list_files(tests, motors)
+        tests, simulated, motors = (
+            [*own, *(UPLOADED + name for name in of_page)]
+            for own, of_page in (
+                (listing.tests, sent.tests),
+                (listing.simulated, sent.simulated),
+                (listing.motors, sent.motors),
+            )
+        )
+        last = last_motor(self._runs_there(), {name: self.root / name for name in listing.motors})
+        self._sidebar.list_files(tests, simulated, motors, last)
         self.list_runs()
-        self._list_fleets(bool(tests))
-        self._say_of_folder(listing, bool(tests))
+        has_tests = bool(tests or simulated)
+        self._list_fleets(has_tests)
+        self._say_of_folder(listing, has_tests)
 
     def _list_fleets(self, has_tests: bool) -> None:
         """Show the tab of fleets where there is one; in front where there is nothing else."""
@@ -211,7 +225,7 @@ class Page:
         left = self._sidebar
         if motor in left.motor.options:
             left.motor.value = motor
-        left.tests.value = [name for name in names if name in left.tests.options]
+        left.choose(names)
         self._tabs.active = 0
 
     def list_runs(self, choose: Path | None = None) -> None:
@@ -220,13 +234,16 @@ class Page:
         Args:
             choose: A run whose simulated course is shown from now on.
         """
-        root = self.folder.root
-        runs = runs_under([(self.out, self.out), (root, root), (root / "runs", root)])
-        self._runs = {run.path.name: run for run in reversed(runs)}
+        self._runs = {run.path.name: run for run in reversed(self._runs_there())}
         youngest_first = [*reversed(self._runs)]
         self._sidebar.list_runs(youngest_first, None if choose is None else choose.name)
         self.discovering.offer([self._runs[name] for name in youngest_first])
         self.calibrating.offer([self._runs[name] for name in youngest_first])
+
+    def _runs_there(self) -> list[Run]:
+        """Return the run folders, the youngest first."""
+        root = self.folder.root
+        return runs_under([(self.out, self.out), (root, root), (root / "runs", root)])
 
     def open_tests(self) -> None:
         """Read the chosen tests in the background and show them."""
