@@ -92,11 +92,17 @@ class Run:
         for number, entry in enumerate(result.tests, start=1):
             for opened in tests:
                 if entry.sha256 == opened.record.sources[0].sha256:
-                    band = self._band(number, opened.record.name)
+                    band = self.band(number, opened.record.name)
                     found += [band] if band else []
         return found
 
-    def _band(self, number: int, test: str) -> Band | None:
+    def band(self, number: int, test: str) -> Band | None:
+        """Return the predicted course of the last network; None where there is none.
+
+        Args:
+            number: Of the test in the run, counted from 1.
+            test: How it is called.
+        """
         file = self.path / course_name(number)
         try:
             course = pd.read_csv(io.BytesIO(self.read(file)))
@@ -107,12 +113,12 @@ class Run:
              if c.endswith("_residual_K")), ""
         )  # fmt: skip
         columns = [f"{order}_winding_degC", f"{order}_total_95_low_degC",
-                   f"{order}_total_95_high_degC"]  # fmt: skip
+                   f"{order}_total_95_high_degC", "measured_degC"]  # fmt: skip
         if "time_s" not in course or any(name not in course for name in columns):
             return None
-        median, low, high = (course[name].to_numpy(float) for name in columns)
+        median, low, high, measured = (course[name].to_numpy(float) for name in columns)
         label = f"simulated, 95 % ({order}) · {test}"
-        return Band(label, course["time_s"].to_numpy(float), median, low, high, test)
+        return Band(label, course["time_s"].to_numpy(float), median, low, high, test, measured)
 
 
 def runs_under(places: Sequence[tuple[Path, Path]]) -> list[Run]:

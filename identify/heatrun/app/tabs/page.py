@@ -180,7 +180,8 @@ class Page:
 
     def _look_like(self, screen: Screen) -> None:
         self._theme = ("dark" if screen.look.is_dark else "light") if screen.is_chosen else ""
-        self.signals.look_like(screen)
+        for part in (self.signals, self.calibrating.figure, self.discovering.figure):
+            part.look_like(screen)
         self._write_address()
 
     def _look_again(self) -> None:
