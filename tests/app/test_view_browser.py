@@ -111,6 +111,21 @@ def test_calibrate_and_download_the_sheet_and_a_report(served, tab):
     assert tab.problems == []
 
 
+def test_a_slider_moves_the_model_over_the_measured_curve(served, tab):
+    _open(tab, served, "step_30min.csv.gz")
+    _tab(tab, "By hand")
+    _text(tab, "Starts from the priors of this machine, second order")
+    error = tab.locator("h3", has_text="RMSE")
+    before = error.inner_text()
+    handles = tab.locator(".noUi-handle")
+    assert handles.count() == 4
+    handles.first.press("ArrowRight")
+    error.filter(has_not_text=before).wait_for()
+    tab.get_by_role("button", name="Back to the start").click()
+    error.filter(has_text=before).wait_for()
+    assert tab.problems == []
+
+
 def test_two_tabs_calibrate_in_turn_and_one_is_cancelled(served, tab):
     other = tab.context.new_page()
     _open(tab, served, "duty_30min.csv.gz")

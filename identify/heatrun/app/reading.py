@@ -149,8 +149,16 @@ class Reader:
         problems += [each.problem for each in refused.values()]
         return Reading(opened, "".join(problems) + notices, None, refused)
 
+    def motor(self, name: str) -> Motor:
+        """Return the machine of a motor file as the page lists it.
+
+        Raises:
+            InputError: If it cannot be read or is none.
+        """
+        return load_motor(self.path(name))
+
     def _motor(self, name: str | None) -> Motor | None:
-        return None if name is None else load_motor(self.path(name))
+        return None if name is None else self.motor(name)
 
     def _open(self, path: Path, motor: Motor | None, stamp: Stamp) -> Opened:
         try:

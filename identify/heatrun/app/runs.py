@@ -52,8 +52,12 @@ class Run:
     @property
     def calibration(self) -> FitResult | None:
         """What `heatrun calibrate` found, or None."""
-        opened = _opened(self.path, self.root, self.stamp)
-        return None if opened is None else opened.result
+        return None if self.opened is None else self.opened.result
+
+    @property
+    def opened(self) -> OpenedRun | None:
+        """The run with its model and its draws; None if it is damaged."""
+        return _opened(self.path, self.root, self.stamp)
 
     @property
     def stamp(self) -> Stamp:

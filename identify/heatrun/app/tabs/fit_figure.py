@@ -45,6 +45,7 @@ class FitFigure:
         """Offer tests; the one that is chosen and still there stays chosen."""
         kept = self.test
         self.view.visible = bool(tests)
+        self._tests.visible = len(tests) > 1
         self._tests.options = [*tests]
         self._tests.value = kept if kept in tests else next(iter(tests), None)
 

@@ -33,6 +33,7 @@ from .reporting import Reporting
 from .sending import Sending
 from .sidebar import Sidebar
 from .signals import Signals
+from .sliders import Sliders
 from .using import Using
 
 WATCH_MS = 1000
@@ -68,6 +69,7 @@ class Page:
         self.signals = Signals(Cutting(self), lambda: self._draw())
         self._checks = text_pane(message("note", "Choose tests on the left."))
         self.editing = Editing(self)
+        self.sliders = Sliders(self.reader)
         self.calibrating = calibrating(self, queue)
         self.discovering = discovering(self, queue)
         self.reporting = Reporting(self, queue)
@@ -77,6 +79,7 @@ class Page:
             ("Signals", self.signals.view),
             ("Checks", self._checks),
             ("Motor file", self.editing.view),
+            ("By hand", self.sliders.view),
             ("Calibration", self.calibrating.view),
             ("Discovery", self.discovering.view),
             ("Report", self.reporting.view),
@@ -111,6 +114,7 @@ class Page:
             (left.follow, self._begin_following),
         ):
             widget.param.watch(_without_event(act), "value")
+        self._tabs.param.watch(_without_event(self._offer_sliders), "active")
         left.refresh.on_click(lambda _: self._look_again())
         if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
             pn.state.add_periodic_callback(self._watch_in_time, period=WATCH_MS)
@@ -180,7 +184,8 @@ class Page:
 
     def _look_like(self, screen: Screen) -> None:
         self._theme = ("dark" if screen.look.is_dark else "light") if screen.is_chosen else ""
-        for part in (self.signals, self.calibrating.figure, self.discovering.figure):
+        figures = (each.figure for each in (self.sliders, self.calibrating, self.discovering))
+        for part in (self.signals, *figures):
             part.look_like(screen)
         self._write_address()
 
@@ -258,7 +263,13 @@ class Page:
         self._tabs.loading = False
         if not is_growth or not self._grow():
             self._choose_channels()
+            self._offer_sliders()
         self._say_following()
+
+    def _offer_sliders(self) -> None:
+        """Prepare what is moved by hand, once it is looked at."""
+        if self._tabs[self._tabs.active] is self.sliders.view:
+            self.sliders.offer(self.opened, self.motor_name, self.run)
 
     def _grow(self) -> bool:
         left = self._sidebar
@@ -300,6 +311,7 @@ class Page:
 
     def _show_run(self) -> None:
         self.reporting.offer_references()
+        self._offer_sliders()
         self._draw()
 
     def _write_address(self) -> None:
