@@ -8,6 +8,8 @@ import socket
 import time
 from urllib.parse import urlsplit
 
+from heatrun.motorfile import load_motor
+
 LONG_MS = 180_000
 
 
@@ -126,6 +128,25 @@ def test_a_slider_moves_the_model_over_the_measured_curve(served, tab):
     assert tab.problems == []
 
 
+def test_the_start_page_leads_from_a_file_to_a_calibration(serve, tab):
+    server = serve(fill=lambda folder: (folder / "motor.toml").unlink())
+    _open(tab, server)
+    tab.get_by_label("duty_30min.csv.gz").first.check()
+    _text(tab, "2 Columns")
+    tab.locator("#main").get_by_label("speed_rpm").uncheck()
+    tab.get_by_placeholder("such as 0.0062").fill("0,0062")
+    tab.get_by_label("File name").fill("../motor.toml")
+    tab.get_by_role("button", name="Write motor file").click()
+    tab.get_by_role("button", name="Calibrate these tests").click()
+    tab.get_by_role("button", name="Cancel").first.click()
+    _text(tab, "Cancelled.")
+    (written,) = server.folder.glob("*.toml")
+    motor = load_motor(written)
+    assert motor.phase_resistance_ohm == 0.0062
+    assert motor.columns == {"speed_rpm": "none"}
+    assert tab.problems == []
+
+
 def test_two_tabs_calibrate_in_turn_and_one_is_cancelled(served, tab):
     other = tab.context.new_page()
     _open(tab, served, "duty_30min.csv.gz")
@@ -214,10 +235,12 @@ def test_an_empty_folder_takes_uploads_and_refuses_what_is_none(
 ):
     _open(tab, served_empty)
     _text(tab, "There are no bench files in")
-    _text(tab, "Choose tests on the left")
+    _text(tab, "Tick the tests of one motor")
     send = tab.locator("input[type=file]").first
     send.set_input_files(bench_data / "step_30min.csv.gz")
     tab.get_by_label("uploaded/step_30min.csv.gz").first.check()
+    _text(tab, "2 Columns")
+    _tab(tab, "Signals")
     tab.locator(".bk-Figure").first.wait_for()
     program = tmp_path / "run.exe"
     program.write_bytes(b"MZ")

@@ -59,7 +59,7 @@ class Fitting(Generic[R]):
         self._name = pn.widgets.TextInput(name="Name of the run", placeholder="by the test")
         self._problem = page.pane("")
         self._job = JobPane(queue, command.capitalize())
-        self._job.start.on_click(lambda _: self._start())
+        self._job.start.on_click(lambda _: self.start())
         self._shown = pn.widgets.Select(name="Result of run", options=[NONE], width=320)
         self._shown.param.watch(lambda _: self._show(), "value")
         self._result = pn.Column(sizing_mode="stretch_width")
@@ -86,7 +86,8 @@ class Fitting(Generic[R]):
         self._shown.value = chosen if chosen in self._runs else self._shown.options[0]
         self._show()
 
-    def _start(self) -> None:
+    def start(self) -> None:
+        """Start the command, or say what it lacks."""
         try:
             words, folder = self._words()
         except InputError as error:

@@ -34,12 +34,16 @@ from .sending import Sending
 from .sidebar import Sidebar
 from .signals import Signals
 from .sliders import Sliders
+from .start import Start
 from .using import Using
 
 WATCH_MS = 1000
 """How often the files that are shown are looked at for changes."""
 
 UPLOADED = "uploaded/"
+
+SIGNALS = 1
+"""Place of the tab of signals."""
 
 
 class Page:
@@ -71,11 +75,13 @@ class Page:
         self.editing = Editing(self)
         self.sliders = Sliders(self.reader)
         self.calibrating = calibrating(self, queue)
+        self.start = Start(self.reader, self.root, self._take_motor, self._calibrate)
         self.discovering = discovering(self, queue)
         self.reporting = Reporting(self, queue)
         self.using = Using(self, queue)
         self.fleet = FleetTab(self.root, self.show_tests)
         self._tabs = pn.Tabs(
+            ("Start", self.start.view),
             ("Signals", self.signals.view),
             ("Checks", self._checks),
             ("Motor file", self.editing.view),
@@ -86,6 +92,7 @@ class Page:
             ("Simulate and export", self.using.view),
             sizing_mode="stretch_width",
             dynamic=False,
+            active=SIGNALS,
             stylesheets=[TABS_CSS],
         )
         left = self._sidebar.view(folder.root.name, str(folder.root), [self._sending.view])
@@ -98,6 +105,9 @@ class Page:
         self.editing.choose()
         if self.chosen:
             self.open_tests()
+        elif self.motor_name is None and self._tabs.active == SIGNALS:
+            self._tabs.active = 0
+        self._offer_tab()
 
     def _connect(self) -> None:
         """Let the widgets act, and time too."""
@@ -114,7 +124,7 @@ class Page:
             (left.follow, self._begin_following),
         ):
             widget.param.watch(_without_event(act), "value")
-        self._tabs.param.watch(_without_event(self._offer_sliders), "active")
+        self._tabs.param.watch(_without_event(self._offer_tab), "active")
         left.refresh.on_click(lambda _: self._look_again())
         if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
             pn.state.add_periodic_callback(self._watch_in_time, period=WATCH_MS)
@@ -232,7 +242,7 @@ class Page:
         if motor in left.motor.options:
             left.motor.value = motor
         left.choose(names)
-        self._tabs.active = 0
+        self._tabs.active = SIGNALS
 
     def list_runs(self, choose: Path | None = None) -> None:
         """Bring the list of runs up to date.
@@ -263,13 +273,25 @@ class Page:
         self._tabs.loading = False
         if not is_growth or not self._grow():
             self._choose_channels()
-            self._offer_sliders()
+            self._offer_tab()
         self._say_following()
 
-    def _offer_sliders(self) -> None:
-        """Prepare what is moved by hand, once it is looked at."""
-        if self._tabs[self._tabs.active] is self.sliders.view:
+    def _offer_tab(self) -> None:
+        """Prepare what takes a while once it is looked at."""
+        shown = self._tabs[self._tabs.active]
+        if shown is self.sliders.view:
             self.sliders.offer(self.opened, self.motor_name, self.run)
+        elif shown is self.start.view:
+            self.start.offer(self.chosen, self.motor_name)
+
+    def _take_motor(self, name: str) -> None:
+        """Choose a motor file that has been written."""
+        self.list_folder()
+        self._sidebar.motor.value = name
+
+    def _calibrate(self) -> None:
+        self._tabs.active = list(self._tabs).index(self.calibrating.view)
+        self.calibrating.start()
 
     def _grow(self) -> bool:
         left = self._sidebar
@@ -311,7 +333,7 @@ class Page:
 
     def _show_run(self) -> None:
         self.reporting.offer_references()
-        self._offer_sliders()
+        self._offer_tab()
         self._draw()
 
     def _write_address(self) -> None:
