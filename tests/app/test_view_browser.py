@@ -147,6 +147,32 @@ def test_the_start_page_leads_from_a_file_to_a_calibration(serve, tab):
     assert tab.problems == []
 
 
+CUT = """() => { const cut = [], wide = document.documentElement.clientWidth;
+  const look = (root) => { for (const e of root.querySelectorAll("*")) {
+    const box = e.getBoundingClientRect();
+    if (!e.closest("table, .bk-GlyphRenderer") && box.width && e.checkVisibility()
+        && box.right > wide + 1) cut.push(`${e.tagName} to ${box.right}`);
+    if (e.shadowRoot) look(e.shadowRoot); } };
+  look(document);
+  return cut.concat(document.documentElement.scrollWidth > wide ? ["the page"] : []); }"""
+"""What goes beyond the right edge; wide tables scroll, and a plot cuts its lines."""
+
+
+def test_nothing_is_cut_on_a_phone(served, tab):
+    tab.set_viewport_size({"width": 390, "height": 844})
+    _open(tab, served, "duty_30min.csv.gz")
+    for name in ("Start", "Signals", "Checks", "Motor file", "By hand", "Calibration", "Report",
+                 "Simulate and export"):  # fmt: skip
+        _tab(tab, name)
+        if name == "By hand":
+            _text(tab, "RMSE")
+        time.sleep(0.5)
+        assert tab.evaluate(CUT) == [], name
+    tab.locator("#sidebar-button").click()
+    tab.locator("#sidebar").wait_for(state="hidden")
+    assert tab.problems == []
+
+
 def test_two_tabs_calibrate_in_turn_and_one_is_cancelled(served, tab):
     other = tab.context.new_page()
     _open(tab, served, "duty_30min.csv.gz")

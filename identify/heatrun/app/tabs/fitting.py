@@ -67,7 +67,7 @@ class Fitting(Generic[R]):
             page.pane(f"<p>{intro}</p>"),
             page.pane("<h3>Held-out tests (predicted, not fitted)</h3>"),
             pn.Column(self._holdout, max_height=120, scroll=True, sizing_mode="stretch_width"),
-            pn.Row(self._order, self._name),
+            pn.FlexBox(self._order, self._name),
             self._quick,
             self._job.view,
             self._problem,

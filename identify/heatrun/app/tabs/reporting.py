@@ -151,4 +151,4 @@ class Reporting:
         )
         head = f"<h3>{escape(report['test'])}</h3><p>{escape(report['summary'])}</p>"
         body = table(("", "value", "unit", ""), rows)
-        return [self._page.pane(head), pn.Row(*buttons), self._page.pane(body + told)]
+        return [self._page.pane(head), pn.FlexBox(*buttons), self._page.pane(body + told)]

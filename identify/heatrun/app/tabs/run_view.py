@@ -53,7 +53,7 @@ def run_view(
         head, said = f"<h3>{escape(verdict(result))}</h3>", say(result)
     except Exception as error:  # a result of another version, or a damaged one
         head, said = "", problem(run.path.name, error)
-    files = [download(path, run.root, width=170) for path in run.downloads()]
+    files = [download(path, run.root, width=155) for path in run.downloads()]
     figures = [
         pn.pane.HTML(_figure(run, path), sizing_mode="stretch_width") for path in run.figures()
     ]

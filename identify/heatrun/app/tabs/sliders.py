@@ -46,7 +46,7 @@ class Sliders:
         self._sliders: dict[str, pn.widgets.DiscreteSlider] = {}
         self._place = pn.FlexBox()
         self.view = pn.Column(
-            self._about, self._place, self._back, self._error, self.figure.view,
+            self._about, self._place, self._error, self.figure.view, self._back,
             sizing_mode="stretch_width",
         )  # fmt: skip
 
@@ -118,10 +118,15 @@ class Sliders:
             steps = (hand.values[name] * ratios).tolist()
             labels = {quantity(rounded(value, 4), unit): value for value in steps}
             start = list(labels.values())[len(labels) // 2]
-            slider = pn.widgets.DiscreteSlider(name=name, options=labels, value=start, width=220)
+            slider = pn.widgets.DiscreteSlider(
+                name=name, options=labels, value=start, sizing_mode="stretch_width"
+            )
             slider.param.watch(lambda _: self._soon(self._move), "value")
             self._sliders[name] = slider
-        self._place[:] = [*self._sliders.values()]
+        self._place[:] = [
+            pn.Column(slider, styles={"flex": "1 1 150px"}, max_width=240)
+            for slider in self._sliders.values()
+        ]
         self._back.visible = True
         band = self._band()
         self.figure.show(band)
