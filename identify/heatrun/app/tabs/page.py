@@ -279,6 +279,8 @@ class Page:
     def _offer_tab(self) -> None:
         """Prepare what takes a while once it is looked at."""
         shown = self._tabs[self._tabs.active]
+        is_asked = shown is self.start.view and bool(self.chosen) and self.motor_name is None
+        self._banner.visible = not is_asked  # the tab asks for what could not be read
         if shown is self.sliders.view:
             self.sliders.offer(self.opened, self.motor_name, self.run)
         elif shown is self.start.view:
