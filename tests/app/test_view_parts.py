@@ -15,6 +15,7 @@ import pytest
 
 from heatrun.app.folder import Folder, Stamp
 from heatrun.app.jobs.running import JobQueue
+from heatrun.app.look import LIGHT
 from heatrun.app.plotting.trace import GAP, Trace
 from heatrun.app.runs import last_motor, runs_under
 from heatrun.app.store import RecordStore
@@ -266,6 +267,8 @@ def test_the_figure_of_a_run_stands_below_its_verdict(tmp_path: Path):
     figure.show(band)
     assert [trace.name for trace in figure._plots.traces] == ["measured", "model", "residual"]
     np.testing.assert_array_equal(figure._plots.traces[2].value, [-0.5, 1.5])
+    area, line = (r.glyph for r in figure._plots._figures["degC"].renderers[:2])
+    assert (area.fill_color, line.line_color) == (LIGHT.ink, LIGHT.ink)
     figure.move(replace(band, median=band.median + 1.0))
     np.testing.assert_array_equal(figure._plots.traces[2].value, [-1.5, 0.5])
     shown = run_view(run, lambda run: run.calibration, lambda _: "<b>", lambda _: "", "", "figure")
