@@ -15,6 +15,7 @@ from pathlib import Path
 from .bench.free_columns import flat
 from .bench.survey import Survey
 from .io.printable import printable
+from .motor_choices import as_chosen
 from .motor_gaps import LONGEST_LINE, Gap, found_resistance, gaps
 from .motor_keys import WINDING
 from .motor_stated import stated_resistance
@@ -40,6 +41,7 @@ def draft(
     *,
     is_accepted: bool = False,
     numbers: Mapping[str, float] | None = None,
+    columns: Mapping[str, str] | None = None,
 ) -> str:
     """Return the text of a commented motor file that loads as it is.
 
@@ -48,18 +50,19 @@ def draft(
         surveys: What the files hold, from `heatrun.bench.survey.survey`.
         is_accepted: The best candidates hold.
         numbers: What a person has said, by key or channel; of `time_s` the rate [Hz].
+        columns: Right-hand sides that a person has chosen, by channel.
     """
     numbers = numbers or {}
-    missing = gaps(surveys)
+    missing = as_chosen(gaps(surveys), columns or {})
     mark = "" if is_accepted else "# "
     unsaid = [gap for gap in missing if (gap.channel or gap.key) not in numbers]
     head = _head(surveys, [gap for gap in unsaid if not (is_accepted and gap.is_answered)])
     motor = ["", "[motor]", f"name = {toml_text(name.strip() or 'motor')}", INSULATION]
     winding = ["", "[winding]", *_winding(surveys, missing, mark)]
     constants = ["", "[constants]", *_constants(missing, mark)]
-    columns = ["", "[columns]", *_remarks(surveys)]
+    recognised = ["", "[columns]", *_remarks(surveys)]
     overrides = _overrides(missing, mark)
-    fixed = (*head, *motor, *winding, *columns, *constants, *overrides)
+    fixed = (*head, *motor, *winding, *recognised, *constants, *overrides)
     shown = {side for gap in missing for side, _ in gap.candidates}
     free = _free(surveys, {gap.channel for gap in missing}, shown)
     left = MOST_LINES - len(fixed)
@@ -68,7 +71,7 @@ def draft(
     if len(free) > left:
         rest = f"#   … and {len(free) - left + 1} more columns: heatrun check lists them"
         free = [*free[: left - 1], rest] if left else []
-    lines = (*head, *motor, *winding, *columns, *offered, *free, *constants, *overrides)
+    lines = (*head, *motor, *winding, *recognised, *offered, *free, *constants, *overrides)
     text = "\n".join(lines) + "\n"
     for said, number in numbers.items():
         text = _with_number(text, said, number)

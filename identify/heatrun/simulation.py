@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .bench import Record, require
+from .bench.blocks import Blocks
 from .bench.checks.samples import needed_channels
 from .bench.joined import read_test
 from .inference.catalogue import known_effects
@@ -131,6 +132,23 @@ def predict_values(
     """Return the prediction of given parameters, taken as exact; arguments as `simulate_values`."""
     blocks = reduce_driven(record, motor)
     model = Model.of(network, motor, known_effects(motor))
+    draws = exact_draws(model, motor, values, blocks)
+    exactly = {p.name: p.fixed for p in draws.parameters.by_test[0].values() if p.fixed is not None}
+    refuse_coarse_steps(model, exactly, blocks)
+    found = predict(draws, blocks)
+    refuse_runaway(found, record.name)
+    return found
+
+
+def exact_draws(model: Model, motor: Motor, values: Mapping[str, float], blocks: Blocks) -> Draws:
+    """Return the one draw of parameters that are taken as exact.
+
+    Args:
+        model: The network with its effects.
+        motor: The machine.
+        values: Parameters by name; one that is not given is at the centre of its prior.
+        blocks: The test.
+    """
     starts = {name for _, name in model.form.starts}
     given = {name: ParameterOverride(fixed=values[name]) for name in starts & set(values)}
     motor = replace(motor, parameters={**motor.parameters, **given})
@@ -141,9 +159,4 @@ def predict_values(
             default = parameter.centre if parameter.fixed is None else parameter.fixed
             fixed[name] = replace(parameter, fixed=values.get(name, default))
     exact = replace(known, by_test=(fixed,), slots=())
-    draws = Draws(model, motor, exact, np.zeros((1, NUM_NOISE)))
-    exactly = {name: p.fixed for name, p in fixed.items() if p.fixed is not None}
-    refuse_coarse_steps(model, exactly, blocks)
-    found = predict(draws, blocks)
-    refuse_runaway(found, record.name)
-    return found
+    return Draws(model, motor, exact, np.zeros((1, NUM_NOISE)))

@@ -56,8 +56,9 @@ def test_what_is_not_on_the_list_is_not_there(served, wire):
 
 
 def test_nothing_but_reading_is_answered(served, wire):
-    for method in ("POST", "PUT", "DELETE", "OPTIONS", "PATCH", "TRACE"):
+    for method in ("HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH", "TRACE"):
         assert wire.ask(served.url, method=method)[0] in (403, 405), method
+    assert "Traceback" not in served.log.read_text()
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,8 @@ import socket
 import time
 from urllib.parse import urlsplit
 
+from heatrun.motorfile import load_motor
+
 LONG_MS = 180_000
 
 
@@ -111,6 +113,66 @@ def test_calibrate_and_download_the_sheet_and_a_report(served, tab):
     assert tab.problems == []
 
 
+def test_a_slider_moves_the_model_over_the_measured_curve(served, tab):
+    _open(tab, served, "step_30min.csv.gz")
+    _tab(tab, "By hand")
+    _text(tab, "Starts from the priors of this machine, second order")
+    error = tab.locator("h3", has_text="RMSE")
+    before = error.inner_text()
+    handles = tab.locator(".noUi-handle")
+    assert handles.count() == 4
+    handles.first.press("ArrowRight")
+    error.filter(has_not_text=before).wait_for()
+    tab.get_by_role("button", name="Back to the start").click()
+    error.filter(has_text=before).wait_for()
+    assert tab.problems == []
+
+
+def test_the_start_page_leads_from_a_file_to_a_calibration(serve, tab):
+    server = serve(fill=lambda folder: (folder / "motor.toml").unlink())
+    _open(tab, server)
+    tab.get_by_label("duty_30min.csv.gz").first.check()
+    _text(tab, "2 Columns")
+    tab.locator("#main").get_by_label("speed_rpm").uncheck()
+    tab.get_by_placeholder("such as 0.0062").fill("0,0062")
+    tab.get_by_label("File name").fill("../motor.toml")
+    tab.get_by_role("button", name="Write motor file").click()
+    tab.get_by_role("button", name="Calibrate these tests").click()
+    tab.get_by_role("button", name="Cancel").first.click()
+    _text(tab, "Cancelled.")
+    (written,) = server.folder.glob("*.toml")
+    motor = load_motor(written)
+    assert motor.phase_resistance_ohm == 0.0062
+    assert motor.columns == {"speed_rpm": "none"}
+    assert tab.problems == []
+
+
+CUT = """() => { const cut = [], wide = document.documentElement.clientWidth;
+  const look = (root) => { for (const e of root.querySelectorAll("*")) {
+    const box = e.getBoundingClientRect();
+    if (!e.closest("table, .bk-GlyphRenderer") && box.width && e.checkVisibility()
+        && box.right > wide + 1) cut.push(`${e.tagName} to ${box.right}`);
+    if (e.shadowRoot) look(e.shadowRoot); } };
+  look(document);
+  return cut.concat(document.documentElement.scrollWidth > wide ? ["the page"] : []); }"""
+"""What goes beyond the right edge; wide tables scroll, and a plot cuts its lines."""
+
+
+def test_nothing_is_cut_on_a_phone(served, tab):
+    tab.set_viewport_size({"width": 390, "height": 844})
+    _open(tab, served, "duty_30min.csv.gz")
+    for name in ("Start", "Signals", "Checks", "Motor file", "By hand", "Calibration", "Report",
+                 "Simulate and export"):  # fmt: skip
+        _tab(tab, name)
+        if name == "By hand":
+            _text(tab, "RMSE")
+        time.sleep(0.5)
+        assert tab.evaluate(CUT) == [], name
+    tab.locator("#sidebar-button").click()
+    tab.locator("#sidebar").wait_for(state="hidden")
+    assert tab.problems == []
+
+
 def test_two_tabs_calibrate_in_turn_and_one_is_cancelled(served, tab):
     other = tab.context.new_page()
     _open(tab, served, "duty_30min.csv.gz")
@@ -199,10 +261,12 @@ def test_an_empty_folder_takes_uploads_and_refuses_what_is_none(
 ):
     _open(tab, served_empty)
     _text(tab, "There are no bench files in")
-    _text(tab, "Choose tests on the left")
+    _text(tab, "Tick the tests of one motor")
     send = tab.locator("input[type=file]").first
     send.set_input_files(bench_data / "step_30min.csv.gz")
     tab.get_by_label("uploaded/step_30min.csv.gz").first.check()
+    _text(tab, "2 Columns")
+    _tab(tab, "Signals")
     tab.locator(".bk-Figure").first.wait_for()
     program = tmp_path / "run.exe"
     program.write_bytes(b"MZ")

@@ -23,6 +23,28 @@ def in_order() -> AbstractContextManager[Any]:
     return pn.io.unlocked()
 
 
+class Soon:
+    """Does what it is asked for a little later, and once for many requests in a row."""
+
+    WAIT_MS = 30
+
+    def __init__(self) -> None:
+        self._is_waiting = False
+
+    def __call__(self, act: Callable[[], None]) -> None:
+        """Take a request; without a page nothing is done."""
+        if self._is_waiting or pn.state.curdoc is None:
+            return
+        self._is_waiting = True
+
+        def settle() -> None:
+            self._is_waiting = False
+            with in_order():
+                act()
+
+        pn.state.curdoc.add_timeout_callback(settle, self.WAIT_MS)
+
+
 def in_background(work: Callable[[], T], show: Callable[[T], None]) -> None:
     """Do work in a thread of its own and show what came of it in the page's turn.
 

@@ -67,13 +67,14 @@ class Listing:
 
     Attributes:
         tests: Bench files.
+        simulated: Virtual records that heatrun has simulated, to be looked at beside the tests.
         motors: Motor files: TOML with a table `[motor]`.
         is_cut: Whether there was more than is looked at.
-        num_own: Files that heatrun itself has written, left out of the tests; its virtual records
-            are not, since they are there to be looked at.
+        num_own: Other files that heatrun itself has written, which are not listed.
     """
 
     tests: tuple[str, ...]
+    simulated: tuple[str, ...]
     motors: tuple[str, ...]
     is_cut: bool
     num_own: int = 0
@@ -120,6 +121,7 @@ class Folder:
     def list(self) -> Listing:
         """Return what the folder holds; runs, hidden files and links that lead out are left out."""
         tests: list[str] = []
+        simulated: list[str] = []
         motors: list[str] = []
         num_seen = num_own = 0
         room = MAX_SCANNED_BYTES
@@ -130,8 +132,8 @@ class Folder:
             name = path.relative_to(self.root).as_posix()
             if _ending(path) in SUFFIXES:
                 said = own_file(path.name, self._start(path, MOST_BYTES))
-                if said in (None, SIMULATION):  # which is there to be looked at
-                    tests.append(name)
+                if said in (None, SIMULATION):
+                    (simulated if said else tests).append(name)
                 elif said != MACHINES:  # which the bench has written
                     num_own += 1
             elif path.suffix.lower() == ".toml":
@@ -139,9 +141,10 @@ class Folder:
                 room -= len(start)
                 if MOTOR.search(start) and not FLEET.search(start):
                     motors.append(name)
-        tests.sort(key=_nearest)
-        motors.sort(key=_nearest)
-        return Listing(tuple(tests), tuple(motors), num_seen > MAX_ENTRIES, num_own)
+        for names in (tests, simulated, motors):
+            names.sort(key=_nearest)
+        is_cut = num_seen > MAX_ENTRIES
+        return Listing(tuple(tests), tuple(simulated), tuple(motors), is_cut, num_own)
 
     def _files(self) -> Iterator[Path]:
         for where, folders, files in os.walk(self.root):

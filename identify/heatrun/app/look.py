@@ -56,7 +56,10 @@ DASHES = ("solid", "dashed", "dotted", "dotdash", "dashdot")
 FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif"
 
 NARROW_PX = 1100
-"""Width of the browser below which everything goes under each other."""
+"""Width of the browser below which the readings go under the plots."""
+
+PHONE_PX = 700
+"""Width below which the choices go above everything, and tables scroll within themselves."""
 
 
 def _either(light: str, dark: str) -> str:
@@ -94,6 +97,13 @@ def css() -> str:
       :root {{ --sidebar-width: 240px !important; }}
       #main {{ padding: 4px 6px; }}
     }}
+    @media (max-width: {PHONE_PX}px) {{
+      #content {{ flex-direction: column; }}
+      #sidebar {{ width: 100%; max-height: 40vh; flex: none; }}
+      #sidebar {{ border-bottom: 2px solid var(--hr-faint); border-right: none; }}
+      #sidebar.hidden {{ display: none; }}
+      #main {{ min-height: 0; width: 100%; }}
+    }}
     """
 
 
@@ -122,7 +132,14 @@ TABS_CSS = """
 """Style of the tabs, whose chosen one the plain design paints for light alone; in two rows where
 there is no room for one."""
 
-PANE_CSS = """
+PANE_CSS = (
+    f"""
+    @media (max-width: {PHONE_PX}px) {{
+      table {{ display: block; overflow-x: auto; }}
+      td:last-child {{ min-width: 14em; }}
+    }}
+"""
+    """
     :host { color: var(--hr-ink); }
     h3 { margin: 0.2em 0 0.4em; font-size: 1.05em; }
     p { margin: 0.3em 0; }
@@ -137,4 +154,5 @@ PANE_CSS = """
     .note { border-left: 4px solid #4f8fca; padding: 6px 10px; background: var(--hr-faint); }
     .faded { opacity: 0.7; }
 """
+)
 """Style of text and tables inside a pane."""

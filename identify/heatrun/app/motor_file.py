@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..io.toml_text import LARGEST_BYTES
+from ..motorfile import parse_motor
 from .server.confined import read_inside, replace_inside
 
 
@@ -41,6 +42,33 @@ def write_motor_file(root: Path, path: Path, before: bytes, after: bytes) -> Non
             remedy="Check what was put in; it was not written.",
         )
     replace_inside(root, path, before, after)
+
+
+def create_motor_file(root: Path, name: str, content: bytes) -> None:
+    """Write a motor file that is not there yet.
+
+    Args:
+        root: The folder that is shown, with links resolved.
+        name: Of the file, without a folder.
+        content: What it holds; it loads.
+
+    Raises:
+        InputError: If there is a file of this name, it is no motor file or cannot be written.
+    """
+    parse_motor(content, name)
+    try:
+        with (root / name).open("xb") as file:  # follows no link
+            file.write(content)
+    except FileExistsError as error:
+        raise InputError(
+            "There is a file of this name already.", where=name, remedy="Choose another name."
+        ) from error
+    except OSError as error:
+        raise InputError(
+            f"The motor file cannot be written ({error.strerror}).",
+            where=name,
+            remedy="Make the folder writable.",
+        ) from error
 
 
 def refuse_sent(root: Path, path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from ..bench.checks import check_record
 from ..bench.following import NotFollowed
 from ..bench.gaps import over_gaps
 from ..bench.record import Finding, Record
+from ..bench.survey import Survey, survey
 from ..errors import InputError
 from ..io.opening import Opener, opening_by
 from ..motor import Motor, PartsOfTest
@@ -149,8 +150,26 @@ class Reader:
         problems += [each.problem for each in refused.values()]
         return Reading(opened, "".join(problems) + notices, None, refused)
 
+    def survey(self, names: Sequence[str]) -> list[Survey]:
+        """Return what tests hold, without any motor file.
+
+        Raises:
+            InputError: If one cannot be read.
+        """
+        with opening_by(self.opener):
+            paths = [self.path(name) for name in names]
+            return [replace(survey(path), test=str(path)) for path in paths]
+
+    def motor(self, name: str) -> Motor:
+        """Return the machine of a motor file as the page lists it.
+
+        Raises:
+            InputError: If it cannot be read or is none.
+        """
+        return load_motor(self.path(name))
+
     def _motor(self, name: str | None) -> Motor | None:
-        return None if name is None else load_motor(self.path(name))
+        return None if name is None else self.motor(name)
 
     def _open(self, path: Path, motor: Motor | None, stamp: Stamp) -> Opened:
         try:

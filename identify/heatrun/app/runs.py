@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -51,8 +52,12 @@ class Run:
     @property
     def calibration(self) -> FitResult | None:
         """What `heatrun calibrate` found, or None."""
-        opened = _opened(self.path, self.root, self.stamp)
-        return None if opened is None else opened.result
+        return None if self.opened is None else self.opened.result
+
+    @property
+    def opened(self) -> OpenedRun | None:
+        """The run with its model and its draws; None if it is damaged."""
+        return _opened(self.path, self.root, self.stamp)
 
     @property
     def stamp(self) -> Stamp:
@@ -91,11 +96,17 @@ class Run:
         for number, entry in enumerate(result.tests, start=1):
             for opened in tests:
                 if entry.sha256 == opened.record.sources[0].sha256:
-                    band = self._band(number, opened.record.name)
+                    band = self.band(number, opened.record.name)
                     found += [band] if band else []
         return found
 
-    def _band(self, number: int, test: str) -> Band | None:
+    def band(self, number: int, test: str) -> Band | None:
+        """Return the predicted course of the last network; None where there is none.
+
+        Args:
+            number: Of the test in the run, counted from 1.
+            test: How it is called.
+        """
         file = self.path / course_name(number)
         try:
             course = pd.read_csv(io.BytesIO(self.read(file)))
@@ -106,12 +117,12 @@ class Run:
              if c.endswith("_residual_K")), ""
         )  # fmt: skip
         columns = [f"{order}_winding_degC", f"{order}_total_95_low_degC",
-                   f"{order}_total_95_high_degC"]  # fmt: skip
+                   f"{order}_total_95_high_degC", "measured_degC"]  # fmt: skip
         if "time_s" not in course or any(name not in course for name in columns):
             return None
-        median, low, high = (course[name].to_numpy(float) for name in columns)
+        median, low, high, measured = (course[name].to_numpy(float) for name in columns)
         label = f"simulated, 95 % ({order}) · {test}"
-        return Band(label, course["time_s"].to_numpy(float), median, low, high, test)
+        return Band(label, course["time_s"].to_numpy(float), median, low, high, test, measured)
 
 
 def runs_under(places: Sequence[tuple[Path, Path]]) -> list[Run]:
@@ -128,6 +139,24 @@ def runs_under(places: Sequence[tuple[Path, Path]]) -> list[Run]:
         if is_inside(root.resolve(), path) and not (path.parent / MACHINES).exists()
     }
     return sorted(found, key=lambda run: run.stamp.changed_ns, reverse=True)[:MAX_RUNS]
+
+
+def last_motor(runs: Sequence[Run], motors: Mapping[str, Path]) -> str | None:
+    """Return the name of the motor file that was used last; None where no run used any of them.
+
+    Args:
+        runs: The youngest first.
+        motors: Motor files by name. A run keeps the path that it was given, which may be relative
+            to another folder than the present one.
+    """
+    for run in runs:
+        result = run.calibration
+        given = Path(os.path.normpath(result.motor.path)).parts if result else ()
+        used = tuple(part for part in given if part != "..")
+        for name, path in motors.items():
+            if used and path.parts[-len(used) :] == used:
+                return name
+    return None
 
 
 @lru_cache(maxsize=256)

@@ -51,8 +51,8 @@ def findings_html(findings: Sequence[Finding]) -> str:
 
 
 def calibration_html(result: FitResult) -> str:
-    """Return the heart of `fit.json`: verdict, parameters with intervals, errors, comparison."""
-    parts = [f"<h3>{escape(result.verdict.sentence)}</h3>"]
+    """Return the heart of `fit.json`: parameters with intervals, errors, comparison."""
+    parts = []
     for model in result.models.values():
         parts.append(f"<h3>{escape(model.title.capitalize())}</h3>")
         parts.append(
@@ -83,8 +83,8 @@ def calibration_html(result: FitResult) -> str:
 
 
 def discovery_html(result: DiscoveryResult) -> str:
-    """Return the heart of `discovery.json`: verdict, what was found, where, every candidate."""
-    parts = [f"<h3>{escape(result.verdict.upper())}: {escape(result.sentence)}</h3>"]
+    """Return the heart of `discovery.json`: what was found, where, every candidate."""
+    parts = []
     for effect in result.effects:
         alike = ", ".join(effect.equivalents)
         parts.append(f"<p><b>{escape(effect.id)}</b></p>")

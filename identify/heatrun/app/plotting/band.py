@@ -20,6 +20,7 @@ class Band:
         low: Lower limit [degC], shape (block,).
         high: Upper limit [degC], shape (block,).
         test: The test that it belongs to.
+        measured: Measured means of the blocks [degC], NaN where there is none, shape (block,).
     """
 
     label: str
@@ -27,7 +28,8 @@ class Band:
     median: np.ndarray
     low: np.ndarray
     high: np.ndarray
-    test: str = ""
+    test: str
+    measured: np.ndarray
 
 
 def draw_band(plot: Any, band: Band) -> None:

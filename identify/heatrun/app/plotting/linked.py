@@ -49,11 +49,13 @@ class Told:
             changes in a row.
         tapped: Gets the time [s] of a click, and whether shift was held.
         selected: Gets begin and end [s] of a selected window.
+        help: What the user can do, as HTML.
     """
 
     schedule: Callable[[Callable[[], None]], None]
     tapped: Callable[[float, bool], None]
     selected: Callable[[float, float], None]
+    help: str = HELP
 
 
 class Plots:
@@ -81,7 +83,7 @@ class Plots:
             told: Whom to tell of clicks and selections.
         """
         self.traces = list(traces)
-        self._bands = bands
+        self._bands, self._help = bands, told.help
         self._colours = colours(traces, len(look.palette))
         self._dashes = dashes(traces)
         self._sources = [ColumnDataSource({"t": [], "v": []}, name="signal") for _ in traces]
@@ -185,7 +187,7 @@ class Plots:
             f"<tr><td>{sample(look.ink, 'solid')} {escape(band.label)}</td></tr>"
             for band in self._bands
         )
-        self.readout.text = f"<table>{rows}</table>{HELP}"
+        self.readout.text = f"<table>{rows}</table>{self._help}"
         self.readout.tags = [self.readout.text]
 
     def _figure(self, unit: str) -> Any:

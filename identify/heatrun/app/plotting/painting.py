@@ -74,7 +74,7 @@ def paint(plot: Any, look: Look) -> None:
         legend.background_fill_color = look.paper
         legend.label_text_color = look.ink
     for renderer in plot.renderers:
-        if "ink" in renderer.tags:
+        if "ink" in renderer.glyph.tags:
             for glyph in (renderer.glyph, renderer.nonselection_glyph, renderer.muted_glyph):
                 for attribute in ("line_color", "fill_color"):
                     if hasattr(glyph, attribute):

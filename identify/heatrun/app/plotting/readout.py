@@ -38,10 +38,11 @@ readout.text = `<p><b>t = ${shown}${t.toFixed(2)} s</b></p><table>${rows}</table
 )
 """Reads every line at the mouse; labels come escaped."""
 
+MOUSE = "Mouse: all signals at that time. Wheel: zoom. Drag: zoom to a span."
+LOOK_AT = f"<p style='opacity:0.7'>{MOUSE}</p>"
 HELP = (
-    "<p style='opacity:0.7'>Mouse: all signals at that time. Wheel: zoom. Drag: zoom to a span. "
-    "Click: cursor A. Shift and click: cursor B. “Select” in the bar, then drag: a window for the "
-    "motor file.</p>"
+    f"<p style='opacity:0.7'>{MOUSE} Click: cursor A. Shift and click: cursor B. “Select” in the "
+    "bar, then drag: a window for the motor file.</p>"
 )
 
 

@@ -20,7 +20,10 @@ def _fixed() -> dict[str, int]:
     return found
 
 
-FIXED = _fixed()
+MEASURED, MODEL, RESIDUAL = FIT = ("measured", "model", "residual")
+"""Lines of a fit."""
+
+FIXED = _fixed() | {name: number for number, name in enumerate(FIT)}
 
 
 def colours(traces: Sequence[Trace], num_colours: int) -> list[int]:
@@ -48,9 +51,10 @@ def colours(traces: Sequence[Trace], num_colours: int) -> list[int]:
 
 
 def dashes(traces: Sequence[Trace]) -> list[str]:
-    """Return the dash of each line: one for each test."""
+    """Return the dash of each line: one for each test; a model shows what is measured below it."""
     tests = list(dict.fromkeys(trace.test for trace in traces))
-    return [DASHES[tests.index(trace.test) % len(DASHES)] for trace in traces]
+    places = [tests.index(trace.test) + (trace.channel == MODEL) for trace in traces]
+    return [DASHES[place % len(DASHES)] for place in places]
 
 
 def sample(colour: str, dash: str) -> str:

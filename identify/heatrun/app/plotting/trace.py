@@ -40,7 +40,7 @@ class Trace:
     @property
     def printed_unit(self) -> str:
         """The unit as it is written on the page."""
-        return printed_unit(self.unit) if self.channel in CHANNEL else self.unit
+        return printed_unit(self.unit)
 
     @property
     def name(self) -> str:

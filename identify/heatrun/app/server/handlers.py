@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import secrets
+from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -119,6 +120,11 @@ class PageHandler(Guarded, DocHandler):
     MAX_SESSIONS = 60
     """Tabs at a time, those that were just closed included."""
 
+    @cached_property
+    def _nonce(self) -> str:
+        """The mark of the page's own scripts; a refusal is written without one having been sent."""
+        return secrets.token_urlsafe(16)
+
     async def get(self) -> None:
         """Send the page, whose own scripts alone may run."""
         if len(self.application_context._sessions) >= self.MAX_SESSIONS:
@@ -126,7 +132,6 @@ class PageHandler(Guarded, DocHandler):
             raise HTTPError(503, reason="Too many tabs are open; close some and try again soon")
         # A script in the page must bear this mark. 'unsafe-eval' is for BokehJS, which makes
         # functions of the texts of CustomJS; inline styles are how Bokeh places everything.
-        self._nonce = secrets.token_urlsafe(16)
         host = self.request.headers["Host"]
         self.set_header(
             "Content-Security-Policy",

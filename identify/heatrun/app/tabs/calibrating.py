@@ -18,6 +18,7 @@ def calibrating(page: Choices, queue: JobQueue) -> Fitting[FitResult]:
         read=lambda run: run.calibration,
         orders={"first and second order": "both", "second order": "second",
                 "first order": "first"},
+        verdict=lambda result: result.verdict.sentence,
         say=calibration_html,
         intro="Fits the network to the tests that are chosen on the left.",
     )  # fmt: skip

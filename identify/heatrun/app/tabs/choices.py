@@ -36,8 +36,13 @@ class Choices(Protocol):
         ...
 
     @property
+    def simulated(self) -> list[str]:
+        """Names of the virtual records there."""
+        ...
+
+    @property
     def chosen(self) -> list[str]:
-        """Names of the tests that are chosen."""
+        """Names of the tests and virtual records that are chosen."""
         ...
 
     @property

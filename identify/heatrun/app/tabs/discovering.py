@@ -17,6 +17,7 @@ def discovering(page: Choices, queue: JobQueue) -> Fitting[DiscoveryResult]:
         command="discover",
         read=lambda run: run.discovery,
         orders={"second order": "second", "first order": "first"},
+        verdict=lambda result: f"{result.verdict.upper()}: {result.sentence}",
         say=discovery_html,
         intro="Searches for physical effects that the network lacks on the chosen tests.",
     )

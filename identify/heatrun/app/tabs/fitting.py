@@ -16,6 +16,7 @@ from ..jobs.running import Job, JobQueue
 from ..runs import Run
 from ..words import error_message, message
 from .choices import Choices
+from .fit_figure import FitFigure
 from .run_view import run_name, run_view
 
 R = TypeVar("R")
@@ -28,6 +29,7 @@ class Fitting(Generic[R]):
 
     Attributes:
         view: What goes on the page.
+        figure: Measured, model and residual of a test of the run that is shown.
     """
 
     def __init__(
@@ -38,12 +40,16 @@ class Fitting(Generic[R]):
         command: str,
         read: Callable[[Run], R | None],
         orders: Mapping[str, str],
+        verdict: Callable[[R], str],
         say: Callable[[R], str],
         intro: str,
     ) -> None:
-        self._page, self._command, self._read, self._say = page, command, read, say
+        self._page, self._command, self._read = page, command, read
+        self._verdict, self._say = verdict, say
+        self.figure = FitFigure(self._draw)
         self._runs: dict[str, Run] = {}
         self._state: tuple[Path, Stamp] | None = None
+        self._tests: list[str] = []
         self._holdout = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
         self._order = pn.widgets.Select(name="Network", options=dict(orders), width=200)
         self._quick = pn.widgets.Checkbox(
@@ -53,7 +59,7 @@ class Fitting(Generic[R]):
         self._name = pn.widgets.TextInput(name="Name of the run", placeholder="by the test")
         self._problem = page.pane("")
         self._job = JobPane(queue, command.capitalize())
-        self._job.start.on_click(lambda _: self._start())
+        self._job.start.on_click(lambda _: self.start())
         self._shown = pn.widgets.Select(name="Result of run", options=[NONE], width=320)
         self._shown.param.watch(lambda _: self._show(), "value")
         self._result = pn.Column(sizing_mode="stretch_width")
@@ -61,7 +67,7 @@ class Fitting(Generic[R]):
             page.pane(f"<p>{intro}</p>"),
             page.pane("<h3>Held-out tests (predicted, not fitted)</h3>"),
             pn.Column(self._holdout, max_height=120, scroll=True, sizing_mode="stretch_width"),
-            pn.Row(self._order, self._name),
+            pn.FlexBox(self._order, self._name),
             self._quick,
             self._job.view,
             self._problem,
@@ -80,7 +86,8 @@ class Fitting(Generic[R]):
         self._shown.value = chosen if chosen in self._runs else self._shown.options[0]
         self._show()
 
-    def _start(self) -> None:
+    def start(self) -> None:
+        """Start the command, or say what it lacks."""
         try:
             words, folder = self._words()
         except InputError as error:
@@ -121,8 +128,22 @@ class Fitting(Generic[R]):
         if state == self._state:
             return
         self._state = state
+        self._tests = (
+            []
+            if run is None or run.calibration is None
+            else [f"{test.name} ({test.role})" for test in run.calibration.tests]
+        )
+        self.figure.offer(self._tests)
+        self._draw()
         self._result[:] = [] if run is None else [self._view_of(run)]
+
+    def _draw(self) -> None:
+        run, test = self._runs.get(str(self._shown.value)), self.figure.test
+        found = None
+        if run is not None and test is not None and test in self._tests:
+            found = run.band(self._tests.index(test) + 1, test)
+        self.figure.show(found)
 
     def _view_of(self, run: Run) -> pn.Column:
         what = "calibration" if self._command == "calibrate" else "discovery"
-        return run_view(run, self._read, self._say, what)
+        return run_view(run, self._read, self._verdict, self._say, what, self.figure.view)

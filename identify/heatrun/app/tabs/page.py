@@ -19,7 +19,7 @@ from ..jobs.running import JobQueue
 from ..look import TABS_CSS
 from ..pane import text_pane
 from ..reading import Reader, Reading, problem
-from ..runs import Run, runs_under
+from ..runs import Run, last_motor, runs_under
 from ..store import Opened, RecordStore
 from ..uploads import UploadRoom
 from ..words import error_message, message
@@ -33,12 +33,17 @@ from .reporting import Reporting
 from .sending import Sending
 from .sidebar import Sidebar
 from .signals import Signals
+from .sliders import Sliders
+from .start import Start
 from .using import Using
 
 WATCH_MS = 1000
 """How often the files that are shown are looked at for changes."""
 
 UPLOADED = "uploaded/"
+
+SIGNALS = 1
+"""Place of the tab of signals."""
 
 
 class Page:
@@ -68,21 +73,26 @@ class Page:
         self.signals = Signals(Cutting(self), lambda: self._draw())
         self._checks = text_pane(message("note", "Choose tests on the left."))
         self.editing = Editing(self)
+        self.sliders = Sliders(self.reader)
         self.calibrating = calibrating(self, queue)
+        self.start = Start(self.reader, self.root, self._take_motor, self._calibrate)
         self.discovering = discovering(self, queue)
         self.reporting = Reporting(self, queue)
         self.using = Using(self, queue)
         self.fleet = FleetTab(self.root, self.show_tests)
         self._tabs = pn.Tabs(
+            ("Start", self.start.view),
             ("Signals", self.signals.view),
             ("Checks", self._checks),
             ("Motor file", self.editing.view),
+            ("By hand", self.sliders.view),
             ("Calibration", self.calibrating.view),
             ("Discovery", self.discovering.view),
             ("Report", self.reporting.view),
             ("Simulate and export", self.using.view),
             sizing_mode="stretch_width",
             dynamic=False,
+            active=SIGNALS,
             stylesheets=[TABS_CSS],
         )
         left = self._sidebar.view(folder.root.name, str(folder.root), [self._sending.view])
@@ -95,6 +105,9 @@ class Page:
         self.editing.choose()
         if self.chosen:
             self.open_tests()
+        elif self.motor_name is None and self._tabs.active == SIGNALS:
+            self._tabs.active = 0
+        self._offer_tab()
 
     def _connect(self) -> None:
         """Let the widgets act, and time too."""
@@ -103,6 +116,7 @@ class Page:
             (left.motor, self.open_tests),
             (left.motor, self.editing.choose),
             (left.tests, self.open_tests),
+            (left.simulated, self.open_tests),
             (left.kind, self._choose_channels),
             (left.channels, self._draw),
             (left.others, self._draw),
@@ -110,6 +124,7 @@ class Page:
             (left.follow, self._begin_following),
         ):
             widget.param.watch(_without_event(act), "value")
+        self._tabs.param.watch(_without_event(self._offer_tab), "active")
         left.refresh.on_click(lambda _: self._look_again())
         if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
             pn.state.add_periodic_callback(self._watch_in_time, period=WATCH_MS)
@@ -141,8 +156,13 @@ class Page:
         return list(self._sidebar.tests.options)
 
     @property
+    def simulated(self) -> list[str]:
+        """Names of the virtual records there."""
+        return list(self._sidebar.simulated.options)
+
+    @property
     def chosen(self) -> list[str]:
-        """Names of the tests that are chosen."""
+        """Names of the tests and virtual records that are chosen."""
         return self._sidebar.chosen
 
     @property
@@ -174,7 +194,9 @@ class Page:
 
     def _look_like(self, screen: Screen) -> None:
         self._theme = ("dark" if screen.look.is_dark else "light") if screen.is_chosen else ""
-        self.signals.look_like(screen)
+        figures = (each.figure for each in (self.sliders, self.calibrating, self.discovering))
+        for part in (self.signals, *figures):
+            part.look_like(screen)
         self._write_address()
 
     def _look_again(self) -> None:
@@ -186,12 +208,20 @@ class Page:
         """Bring the lists up to date; what is chosen and still there stays chosen."""
         listing = self.folder.list()
         sent = self._uploads.list()
-        tests = [*listing.tests, *(UPLOADED + name for name in sent.tests)]
-        motors = [*listing.motors, *(UPLOADED + name for name in sent.motors)]
-        self._sidebar.list_files(tests, motors)
+        tests, simulated, motors = (
+            [*own, *(UPLOADED + name for name in of_page)]
+            for own, of_page in (
+                (listing.tests, sent.tests),
+                (listing.simulated, sent.simulated),
+                (listing.motors, sent.motors),
+            )
+        )
+        last = last_motor(self._runs_there(), {name: self.root / name for name in listing.motors})
+        self._sidebar.list_files(tests, simulated, motors, last)
         self.list_runs()
-        self._list_fleets(bool(tests))
-        self._say_of_folder(listing, bool(tests))
+        has_tests = bool(tests or simulated)
+        self._list_fleets(has_tests)
+        self._say_of_folder(listing, has_tests)
 
     def _list_fleets(self, has_tests: bool) -> None:
         """Show the tab of fleets where there is one; in front where there is nothing else."""
@@ -211,8 +241,8 @@ class Page:
         left = self._sidebar
         if motor in left.motor.options:
             left.motor.value = motor
-        left.tests.value = [name for name in names if name in left.tests.options]
-        self._tabs.active = 0
+        left.choose(names)
+        self._tabs.active = SIGNALS
 
     def list_runs(self, choose: Path | None = None) -> None:
         """Bring the list of runs up to date.
@@ -220,13 +250,16 @@ class Page:
         Args:
             choose: A run whose simulated course is shown from now on.
         """
-        root = self.folder.root
-        runs = runs_under([(self.out, self.out), (root, root), (root / "runs", root)])
-        self._runs = {run.path.name: run for run in reversed(runs)}
+        self._runs = {run.path.name: run for run in reversed(self._runs_there())}
         youngest_first = [*reversed(self._runs)]
         self._sidebar.list_runs(youngest_first, None if choose is None else choose.name)
         self.discovering.offer([self._runs[name] for name in youngest_first])
         self.calibrating.offer([self._runs[name] for name in youngest_first])
+
+    def _runs_there(self) -> list[Run]:
+        """Return the run folders, the youngest first."""
+        root = self.folder.root
+        return runs_under([(self.out, self.out), (root, root), (root / "runs", root)])
 
     def open_tests(self) -> None:
         """Read the chosen tests in the background and show them."""
@@ -240,7 +273,27 @@ class Page:
         self._tabs.loading = False
         if not is_growth or not self._grow():
             self._choose_channels()
+            self._offer_tab()
         self._say_following()
+
+    def _offer_tab(self) -> None:
+        """Prepare what takes a while once it is looked at."""
+        shown = self._tabs[self._tabs.active]
+        is_asked = shown is self.start.view and bool(self.chosen) and self.motor_name is None
+        self._banner.visible = not is_asked  # the tab asks for what could not be read
+        if shown is self.sliders.view:
+            self.sliders.offer(self.opened, self.motor_name, self.run)
+        elif shown is self.start.view:
+            self.start.offer(self.chosen, self.motor_name)
+
+    def _take_motor(self, name: str) -> None:
+        """Choose a motor file that has been written."""
+        self.list_folder()
+        self._sidebar.motor.value = name
+
+    def _calibrate(self) -> None:
+        self._tabs.active = list(self._tabs).index(self.calibrating.view)
+        self.calibrating.start()
 
     def _grow(self) -> bool:
         left = self._sidebar
@@ -282,6 +335,7 @@ class Page:
 
     def _show_run(self) -> None:
         self.reporting.offer_references()
+        self._offer_tab()
         self._draw()
 
     def _write_address(self) -> None:

@@ -64,9 +64,12 @@ class Reporting:
         """Bring the list of the other prototype's records up to date; a chosen one stays chosen."""
         kept, run = self._reference.value, self._run()
         first = NO_REFERENCE if run is None else f"(run {run.path.name}, selected on the left)"
-        tests = self._page.tests
-        self._reference.options = [first, *tests]
-        self._reference.value = kept if kept in tests else first
+        self._reference.options = [first, *self._records]
+        self._reference.value = kept if kept in self._records else first
+
+    @property
+    def _records(self) -> list[str]:
+        return [*self._page.tests, *self._page.simulated]
 
     def _run(self) -> Run | None:
         """Return the selected run, where the test type can show it."""
@@ -104,7 +107,7 @@ class Reporting:
         """
         page, run = self._page, self._run()
         card = TEST_TYPES[page.kind]
-        if card.needs_reference and self._reference.value in page.tests:
+        if card.needs_reference and self._reference.value in self._records:
             return ["--reference", str(page.path(str(self._reference.value)))]
         if run is not None:
             return ["--run", str(run.path)]
@@ -148,4 +151,4 @@ class Reporting:
         )
         head = f"<h3>{escape(report['test'])}</h3><p>{escape(report['summary'])}</p>"
         body = table(("", "value", "unit", ""), rows)
-        return [self._page.pane(head), pn.Row(*buttons), self._page.pane(body + told)]
+        return [self._page.pane(head), pn.FlexBox(*buttons), self._page.pane(body + told)]

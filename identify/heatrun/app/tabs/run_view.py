@@ -6,7 +6,7 @@ from base64 import b64encode
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import panel as pn
 
@@ -28,30 +28,39 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def run_view(
-    run: Run, read: Callable[[Run], R | None], say: Callable[[R], str], what: str
+    run: Run,
+    read: Callable[[Run], R | None],
+    verdict: Callable[[R], str],
+    say: Callable[[R], str],
+    what: str,
+    figure: Any,
 ) -> pn.Column:
     """Return a column with result, downloads and figures of a run.
 
     Args:
         run: The run folder.
         read: Returns its result, None if it has none or it is damaged.
-        say: Turns the result into HTML.
+        verdict: Returns its verdict.
+        say: Turns the rest of it into HTML.
         what: `"calibration"` or `"discovery"`.
+        figure: Stands below the verdict.
     """
     result = read(run)
     if result is None:
         words = message("warning", f"{run.path} holds no {what}, or it is damaged.")
         return pn.Column(text_pane(words))
     try:
-        said = say(result)
+        head, said = f"<h3>{escape(verdict(result))}</h3>", say(result)
     except Exception as error:  # a result of another version, or a damaged one
-        said = problem(run.path.name, error)
-    files = [download(path, run.root, width=170) for path in run.downloads()]
+        head, said = "", problem(run.path.name, error)
+    files = [download(path, run.root, width=155) for path in run.downloads()]
     figures = [
         pn.pane.HTML(_figure(run, path), sizing_mode="stretch_width") for path in run.figures()
     ]
     return pn.Column(
+        text_pane(head),
         pn.FlexBox(*files),
+        figure,
         text_pane(said),
         *figures,
         sizing_mode="stretch_width",

@@ -28,6 +28,7 @@ class Sidebar:
         motor: Motor file.
         kind: Test type.
         tests: Tests.
+        simulated: Virtual records.
         channels: Signals that are channels.
         others: Columns that are none.
         run: Run whose simulated course is shown.
@@ -43,19 +44,15 @@ class Sidebar:
             options={card.title: kind for kind, card in TEST_TYPES.items()},
             sizing_mode=WIDE,
         )
-        self.tests, self.channels, self.others = (
-            pn.widgets.CheckBoxGroup(sizing_mode=WIDE, stylesheets=[NAMES_CSS]) for _ in range(3)
+        self.tests, self.simulated, self.channels, self.others = (
+            pn.widgets.CheckBoxGroup(sizing_mode=WIDE, stylesheets=[NAMES_CSS]) for _ in range(4)
         )
         self.run = pn.widgets.Select(name="Simulated course of run", sizing_mode=WIDE)
         self.follow = pn.widgets.Toggle(name="Follow changes", width=130)
         self.refresh = pn.widgets.Button(name="Look again", width=100)
         self.status = text_pane()
-        self._others = pn.Column(
-            text_pane("<h3>Columns without a channel</h3>"),
-            pn.Column(self.others, max_height=160, scroll=True, sizing_mode=WIDE),
-            sizing_mode=WIDE,
-            visible=False,
-        )
+        self._others = _group("Columns without a channel", self.others, 160, visible=False)
+        self._simulated = _group("Simulated", self.simulated, 160, visible=False)
 
     def view(self, folder_name: str, folder_path: str, below: Sequence[Any]) -> list[Any]:
         """Return what stands on the left, top to bottom.
@@ -71,12 +68,11 @@ class Sidebar:
             ),
             self.motor,
             self.kind,
-            text_pane("<h3>Tests</h3>"),
-            pn.Column(self.tests, max_height=200, scroll=True, sizing_mode=WIDE),
+            _group("Tests", self.tests, 200),
+            self._simulated,
             pn.FlexBox(self.follow, self.refresh),
             self.status,
-            text_pane("<h3>Signals</h3>"),
-            pn.Column(self.channels, max_height=240, scroll=True, sizing_mode=WIDE),
+            _group("Signals", self.channels, 240),
             self._others,
             self.run,
             *below,
@@ -90,17 +86,32 @@ class Sidebar:
 
     @property
     def chosen(self) -> list[str]:
-        """Names of the tests that are chosen."""
-        return list(self.tests.value)
+        """Names of the tests and virtual records that are chosen."""
+        return [*self.tests.value, *self.simulated.value]
 
-    def list_files(self, tests: list[str], motors: Sequence[str]) -> None:
-        """Offer tests and motor files; what is chosen and still there stays chosen."""
+    def choose(self, names: Sequence[str]) -> None:
+        """Choose tests and virtual records; those that are not listed are passed over."""
+        for widget in (self.tests, self.simulated):
+            widget.value = [name for name in names if name in widget.options]
+
+    def list_files(
+        self, tests: list[str], simulated: list[str], motors: list[str], last: str | None
+    ) -> None:
+        """Offer files; what is chosen and still there stays chosen.
+
+        Args:
+            tests: Bench files.
+            simulated: Virtual records.
+            motors: Motor files.
+            last: The motor file that was used last, which is chosen where none is.
+        """
+        chosen, motor = self.chosen, self.motor.value
         names = [*motors, NO_MOTOR]
-        motor = self.motor.value
         self.motor.options = names
-        self.motor.value = motor if motor in names else names[0]
-        self.tests.options = tests
-        self.tests.value = [name for name in self.tests.value if name in tests]
+        self.motor.value = next(name for name in (motor, last, names[0]) if name in names)
+        self.tests.options, self.simulated.options = tests, simulated
+        self._simulated.visible = bool(simulated)
+        self.choose(chosen)
 
     def list_runs(self, names: Sequence[str], choose: str | None) -> None:
         """Offer runs.
@@ -142,8 +153,7 @@ class Sidebar:
             for value in asked(name)[:1]:
                 if value in widget.values:
                     widget.value = value
-        held = list(self.tests.options)
-        self.tests.value = [name for name in asked("test") if name in held]
+        self.choose(asked("test"))
         self.follow.value = asked("follow")[:1] == ["1"]
 
     def write_address(self, more: Mapping[str, str]) -> None:
@@ -162,3 +172,9 @@ class Sidebar:
 
     def _addressed(self) -> list[tuple[Any, str]]:
         return [(self.motor, "motor"), (self.kind, "type"), (self.run, "run")]
+
+
+def _group(title: str, widget: Any, max_height: int, **options: Any) -> pn.Column:
+    """Return a list of names under its heading, which scrolls beyond a height [px]."""
+    inner = pn.Column(widget, max_height=max_height, scroll=True, sizing_mode=WIDE)
+    return pn.Column(text_pane(f"<h3>{title}</h3>"), inner, sizing_mode=WIDE, **options)

@@ -13,7 +13,7 @@ import panel as pn
 
 from ...bench.channels.schema import CHANNELS
 from ...errors import InputError
-from ..background import in_order
+from ..background import Soon, in_order
 from ..frame import Screen
 from ..look import NARROW_PX
 from ..pane import text_pane
@@ -25,9 +25,6 @@ from ..store import Opened
 from ..words import message
 from .aligning import Aligning
 from .cutting import Cutting
-
-SETTLE_MS = 30
-"""Wait after a change of the window: the wheel sends many, one redraw serves them."""
 
 MAX_CELLS = 5_000_000
 """Largest CSV download [cell]; the browser holds it in memory."""
@@ -52,7 +49,7 @@ class Signals:
         self._traces: list[Trace] = []
         self._shown: list[tuple[str, str]] = []
         self._plots: Plots | None = None
-        self._is_scheduled = False
+        self._soon = Soon()
         self._cutting = cutting
         self._aligning = Aligning(redraw)
         self._plot_place = pn.Column(sizing_mode="stretch_width")
@@ -104,7 +101,7 @@ class Signals:
             self._plot_place[:], self._read_place[:] = [text_pane(message("note", words))], []
             return
         before = self._plots
-        told = Told(self._schedule, self._tapped, self._selected)
+        told = Told(self._soon, self._tapped, self._selected)
         shifts_s = self._aligning.shifts_s
         bands = [replace(band, time_s=band.time_s + shifts_s.get(band.test, 0.0)) for band in bands]
         plots = Plots(self._traces, bands, self._screen.look, self._height, told)
@@ -180,18 +177,6 @@ class Signals:
         """Return the times at which a test is shown [s], shape (time,)."""
         shift_s = self._aligning.shifts_s.get(test.record.name, 0.0)
         return test.record.time_s + shift_s if shift_s else test.record.time_s
-
-    def _schedule(self, update: Callable[[], None]) -> None:
-        if self._is_scheduled or pn.state.curdoc is None:
-            return
-        self._is_scheduled = True
-
-        def settle() -> None:
-            self._is_scheduled = False
-            with in_order():
-                update()
-
-        pn.state.curdoc.add_timeout_callback(settle, SETTLE_MS)
 
     def _tapped(self, time_s: float, is_second: bool) -> None:
         if self._plots is not None and np.isfinite(time_s):
