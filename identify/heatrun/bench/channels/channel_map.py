@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...errors import InputError, did_you_mean
+from ...io.printable import printable
 from ..readers.table import Column, Table
 from ..record import ColumnReading, Finding, Record
 from .claims import NOT_RECORDED, Claim, Columns, parse_claims
@@ -117,7 +118,7 @@ def map_columns(
         _add_only_clock(mapping, pool)
     used = mapping.used
     unused = [column.name for column in table.columns if id(column) not in used]
-    mapping.findings += mapping.used_twice()
+    mapping.findings += [*mapping.used_twice(), *_texts_for_numbers(mapping, table)]
     return MappedColumns(
         mapping.channels,
         tuple(mapping.notes),
@@ -131,6 +132,32 @@ def map_columns(
         mapping.refused,
         frozenset(mapping.decided),
     )
+
+
+def _texts_for_numbers(mapping: Assignment, table: Table) -> list[Finding]:
+    """Return a finding for each column that would be a channel if it did not hold text."""
+    found = []
+    for name, text in table.text_columns.items():
+        label = read_heading(name).label
+        spoken = {label} | {
+            channel
+            for quantity in QUANTITIES
+            for channel, score in speaks_of(label, quantity, None).items()
+            if score == SURE
+        }
+        lost = [channel for channel in REQUIRED if channel in spoken and mapping.wants(channel)]
+        if text and lost:
+            found.append(
+                Finding(
+                    id="text_for_numbers",
+                    severity="warning",
+                    message=f"Expected numbers, got text, '{printable(text[:40])}' in its first "
+                    f"cell: {lost[0]} is left out.",
+                    where=f"{mapping.where}, column '{name}'",
+                    remedy="Export numbers, with their unit in the heading.",
+                )
+            )
+    return found
 
 
 def require(record: Record, channels: Sequence[str] = REQUIRED) -> None:

@@ -17,6 +17,11 @@ from ..table import Question
 from .cells import MISSING, STATES, bare
 from .decimals import GROUPED, NUMBER, SPACED, SPACES, SURELY_GROUPED, THOUSANDS_OR_DECIMALS
 
+STAMPS = 19900101000000, 21000101000000
+"""Numbers that may be a date with a time in 14 digits, from the first up to the second."""
+
+STAMP = r"(\d{4})(\d{2})(\d{2})([01]\d|2[0-3])([0-5]\d)([0-5]\d)"
+
 
 @dataclass(frozen=True)
 class Values:
@@ -65,7 +70,8 @@ def read_values(
     if pd.api.types.is_bool_dtype(cells.dtype):
         return Values(cells.to_numpy(dtype=float), note="true and false read as 1 and 0")
     if pd.api.types.is_numeric_dtype(cells.dtype):
-        return _finite(cells.to_numpy(dtype=float, na_value=np.nan))
+        numbers = cells.to_numpy(dtype=float, na_value=np.nan)
+        return _read_stamps(numbers, name) or _finite(numbers)
     texts = cells.astype(object).where(cells.notna(), "").astype(str).str.strip().map(bare)
     lower = texts.str.lower()
     missing = lower.isin(list(MISSING)).to_numpy()
@@ -206,6 +212,17 @@ def _read_dates(texts: pd.Series, name: str) -> Values | None:
         return None
     column = read_dates(numbered, name, known_by=known_by)
     return _times(column) if column.note else None
+
+
+def _read_stamps(numbers: np.ndarray, name: str) -> Values | None:
+    """Return dates with a time that are written in 14 digits, None if not all numbers are such."""
+    if not numbers.size or not np.all((numbers >= STAMPS[0]) & (numbers < STAMPS[1])):
+        return None
+    digits = pd.Series([f"{number:.0f}" for number in numbers])
+    if not digits.str.fullmatch(STAMP).all():
+        return None
+    found = _read_dates(digits.str.replace(STAMP, r"\1-\2-\3 \4:\5:\6", regex=True), name)
+    return found if found is not None and np.all(np.isfinite(found.numbers)) else None
 
 
 def _times(column: ClockColumn) -> Values:
