@@ -69,6 +69,11 @@ def test_what_decides_a_verdict_is_never_hidden_and_comes_next():
     lines = said(misfit, parameters={"Ceq_w": weak})
     assert "known only roughly (Ceq_w" in lines[0]
     assert "Next: A longer test would do for Ceq_w" in lines
+    blocked = replace(entry, identifiability="not identifiable", why="not informed by the data.")
+    cooling = Finding("no_heating", "warning", "It falls.", "step", "Add a test under load.")
+    lines = said(misfit, cooling, parameters={"Ceq_w": blocked})
+    assert lines[0].startswith("NOT USABLE: ")
+    assert "Next: Add a test under load." in lines
 
 
 def test_a_run_at_the_prompt_is_one_line():

@@ -114,8 +114,8 @@ def run(options: argparse.Namespace) -> int:
     if options.verbose:
         lines += mapping_text(tests).splitlines()
     else:
-        num = sum(finding.severity == "note" for finding in findings)
-        lines.append(f"With -v: how each column was read{f', {num} notes' if num else ''}.")
+        notes = ", notes" if any(finding.severity == "note" for finding in findings) else ""
+        lines.append(f"With -v: how each column was read{notes}.")
     print("\n".join(printable(line) for line in [*lines, f"Next: {following}"]))
     return NOT_ALLOWED if has_error else DONE
 
