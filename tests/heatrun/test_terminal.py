@@ -60,7 +60,7 @@ def test_what_decides_a_verdict_is_never_hidden_and_comes_next():
     assert "In doubt about step: a column may be in another unit" in lines[1]
     assert "The network lacks something that the tests show" in lines[2]
     assert "Next: State the unit." in lines  # of two findings that of the inputs
-    assert "2 warnings (misfit, unit_suspected)" in lines[-1]
+    assert "warnings (misfit, unit_suspected)" in lines[-1]
     simulated = replace(unit, id="simulated_by_heatrun", remedy="Measure.")
     assert said(misfit, simulated)[0].startswith("NOT USABLE: Second order. No measurement")
     assert "Next: Measure." in said(misfit, simulated)
@@ -69,6 +69,11 @@ def test_what_decides_a_verdict_is_never_hidden_and_comes_next():
     lines = said(misfit, parameters={"Ceq_w": weak})
     assert "known only roughly (Ceq_w" in lines[0]
     assert "Next: A longer test would do for Ceq_w" in lines
+    blocked = replace(entry, identifiability="not identifiable", why="not informed by the data.")
+    cooling = Finding("no_heating", "warning", "It falls.", "step", "Add a test under load.")
+    lines = said(misfit, cooling, parameters={"Ceq_w": blocked})
+    assert lines[0].startswith("NOT USABLE: ")
+    assert "Next: Add a test under load." in lines
 
 
 def test_a_run_at_the_prompt_is_one_line():

@@ -93,16 +93,20 @@ def run(options: argparse.Namespace) -> int:
         print(to_json({"findings": findings, "tests": tests, "unclaimed": unclaimed,
                        "suitability": answers, "next": following}))  # fmt: skip
         return NOT_ALLOWED if has_error else DONE
+    # a channel that is missing may be among the columns that none claims
+    lacking = {finding.test for finding in findings if finding.id == "missing_channel"}
+    wrong = {finding.test for finding in findings if finding.severity == "error"} - lacking
     alike: dict[str, list[str]] = {}
     for answer in answers:
-        alike.setdefault(answer.sentence, []).append(answer.test)
+        verdict, colon, _ = answer.sentence.partition(": ")
+        # what is wrong stands below in full
+        said = f"{verdict}." if colon and answer.test in wrong else answer.sentence
+        alike.setdefault(said, []).append(answer.test)
     lines = [
         sentence if len(answers) == 1 else f"{', '.join(names)}: {sentence}"
         for sentence, names in alike.items()
     ]
     lines += findings_text(findings, verbose=options.verbose).splitlines()
-    # a channel that is missing may be among the columns that none claims
-    lacking = {finding.test for finding in findings if finding.id == "missing_channel"}
     for test, unused in unclaimed.items():
         if unused and (options.verbose or test in lacking):
             names = ", ".join(" ".join(name.split()) for name in unused)
@@ -110,8 +114,8 @@ def run(options: argparse.Namespace) -> int:
     if options.verbose:
         lines += mapping_text(tests).splitlines()
     else:
-        num = sum(finding.severity == "note" for finding in findings)
-        lines.append(f"With -v: how each column was read{f', {num} notes' if num else ''}.")
+        notes = ", notes" if any(finding.severity == "note" for finding in findings) else ""
+        lines.append(f"With -v: how each column was read{notes}.")
     print("\n".join(printable(line) for line in [*lines, f"Next: {following}"]))
     return NOT_ALLOWED if has_error else DONE
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from ..bench import Finding
 from ..bench.channels.column_mapping import mapping_text
+from ..bench.checks.suitability import WEAK
 from ..certificate import Certificate
 from ..io.printable import printable
 from ..io.quantities import printed_unit, quantity, rounded
@@ -83,7 +84,7 @@ def result_text(result: FitResult, run: str = "RUN", *, verbose: bool = False) -
         lines += _rest(result)
     else:
         ids = list(dict.fromkeys(f.id for f in result.findings if f.severity != "note"))
-        told = f"{len(ids)} warnings ({', '.join(ids)}), " if ids else ""
+        told = f"warnings ({', '.join(ids)}), " if ids else ""
         lines.append(f"With -v: {told}all networks, how each column was read.")
     return "\n".join(printable(line) for text in lines for line in text.split("\n"))
 
@@ -99,12 +100,19 @@ def next_step(result: FitResult, run: str) -> str:
     decisive = deciding(result)
     if decisive and decisive[0].id in BEFORE_PARAMETERS:
         return decisive[0].remedy
+    network = thermal(result.models[favoured(result)])
     for judgement in ("not identifiable", "weak"):
-        for name, entry in thermal(result.models[favoured(result)]).items():
+        poor = {
+            name: entry for name, entry in network.items() if entry.identifiability == judgement
+        }
+        for name, entry in poor.items():
             # what a longer test would give stands behind what is in the way
             longer = (known(entry.why) or "").partition(". ")[2]
-            if entry.identifiability == judgement and longer:
+            if longer:
                 return f"{longer.rstrip('.')} for {name}"
+        remedies = [f.remedy for f in result.findings if f.id in ("no_heating", *WEAK)]
+        if poor and any(remedies):
+            return next(filter(None, remedies))
     if decisive:
         return decisive[0].remedy
     if headline(result).use != "usable":

@@ -29,18 +29,12 @@ class OperatingMap:
         power_W: Mean electrical power [W], shape (torque cell, speed cell).
         efficiency: Output over input energy [1], shape as `power_W`; as a motor mechanical over
             electrical, as a generator electrical over mechanical, NaN where the signs differ.
-        efficiency_motor: Of the whole test where it drove [1], None if it did not.
-        efficiency_generator: Of the whole test where it braked [1], None if it did not.
-        formula: Which electrical power.
     """
 
     speed_rpm: Float[np.ndarray, " edge"]
     torque_Nm: Float[np.ndarray, " edge"]
     power_W: Float[np.ndarray, "torque speed"]
     efficiency: Float[np.ndarray, "torque speed"]
-    efficiency_motor: float | None
-    efficiency_generator: float | None
-    formula: str
 
 
 def operating_map(record: Record, motor: Motor) -> OperatingMap | None:
@@ -82,23 +76,7 @@ def operating_map(record: Record, motor: Motor) -> OperatingMap | None:
             shaft_J / input_J,
             np.where((input_J < 0.0) & (shaft_J < 0.0), input_J / shaft_J, np.nan),
         )
-    drives = (electrical > 0.0) & (mechanical > 0.0)
-    brakes = (electrical < 0.0) & (mechanical < 0.0)
-    return OperatingMap(
-        speed_rpm=edges[1],
-        torque_Nm=edges[0],
-        power_W=mean,
-        efficiency=efficiency,
-        efficiency_motor=ratio(mechanical, electrical, weight * drives),
-        efficiency_generator=ratio(electrical, mechanical, weight * brakes),
-        formula=power.formula,
-    )
-
-
-def ratio(output: np.ndarray, given: np.ndarray, weight: np.ndarray) -> float | None:
-    """Return an energy over another that was given for it [1]; None where none was."""
-    whole = float(np.sum(given * weight))
-    return float(np.sum(output * weight)) / whole if whole != 0.0 else None
+    return OperatingMap(speed_rpm=edges[1], torque_Nm=edges[0], power_W=mean, efficiency=efficiency)
 
 
 def above_one(record: Record, efficiency: np.ndarray) -> tuple[Finding, ...]:

@@ -12,7 +12,6 @@ from ....bench.record import Record
 from ....motor import Motor
 from .drive import electrical_power, has, with_powers
 from .integrate import bridged_steps, integrate
-from .operating_map import ratio
 
 NO_LOAD = 0.02
 """Share of the largest shaft power below which the machine delivers nothing [1]: the zero of a
@@ -98,22 +97,29 @@ def shaft_energy(record: Record, motor: Motor) -> ShaftEnergy | None:
 
     def of_range(name: str, inside: np.ndarray) -> OperatingRange:
         part = weight * inside
-        pair = (drawn, shaft) if name == "as a generator" else (shaft, drawn)
-        efficiency = None if name == "no load" else ratio(*pair, part)
+        efficiency = _ratio(drawn, shaft, part) if name == "as a generator" else None
+        if name not in ("as a generator", "no load"):
+            efficiency = _ratio(shaft, drawn, part)
         return OperatingRange(
             name,
             float(np.sum(part)),
             float(part @ drawn / np.sum(part)),
             float(drawn[inside][np.argmax(np.abs(drawn[inside]))]),
             float(part @ shaft / np.sum(part)),
-            efficiency if efficiency is not None and efficiency > 0.0 else None,
+            efficiency,
         )
 
     return ShaftEnergy(
         largest,
         whole.positive,
         -whole.negative,
-        ratio(shaft, drawn, weight * ((drawn > 0.0) & (shaft > 0.0))),
-        ratio(drawn, shaft, weight * ((drawn < 0.0) & (shaft < 0.0))),
+        _ratio(shaft, drawn, weight * ((drawn > 0.0) & (shaft > 0.0))),
+        _ratio(drawn, shaft, weight * ((drawn < 0.0) & (shaft < 0.0))),
         tuple(of_range(name, span) for name, span in spans if np.sum(weight * span) > 0.0),
     )
+
+
+def _ratio(output: np.ndarray, given: np.ndarray, weight: np.ndarray) -> float | None:
+    """Return an energy over another that was given for it [1]; None where they differ in sign."""
+    out_J, given_J = float(np.sum(output * weight)), float(np.sum(given * weight))
+    return out_J / given_J if out_J * given_J > 0.0 else None
