@@ -205,9 +205,8 @@ def _derived(entry: DerivedFigure, say: Texts) -> list[str]:
     sd = known(entry.sd)
     value, _ = format_value(known(entry.value), sd)
     ends = format_interval(known(entry.interval_95), sd)
-    unit = known(entry.unit) or ""
     return [
-        say.number(quantity(value, unit)),
+        quantity(say.again(value), known(entry.unit) or ""),
         say.again(known(entry.condition) or ""),
-        say.number(ends),
+        " … ".join(say.again(end) for end in ends.split(" … ")),
     ]
