@@ -219,6 +219,31 @@ def test_names_stand_on_page_1_to_the_letter(result, tmp_path):
     assert second.startswith("Findings")
 
 
+@pytest.mark.parametrize(("order", "own", "other"), [("first", "Ceq ", "Ceq_w"),
+                                                     ("second", "Ceq_w", "Ceq ")])  # fmt: skip
+def test_the_network_that_lost_is_not_on_the_pages(result, tmp_path, order, own, other):
+    """One line says how sure the choice is; findings about the other network are left out."""
+    lacks = [Finding("misfit", "warning", f"the {each}-order network is incomplete")
+             for each in ("first", "second")]  # fmt: skip
+    chosen = replace(result, verdict=replace(result.verdict, order=order), findings=tuple(lacks))
+    text = " ".join(pages(chosen, Certificate(), tmp_path))
+    assert own in text
+    assert other not in text
+    lost = {"first": "second", "second": "first"}[order]
+    assert f"{order}-order network" in text
+    assert f"{lost}-order network" not in text
+    assert text.count(f"{lost} order") <= 1
+
+
+def test_findings_stand_before_the_annex_the_worst_first(result, tmp_path):
+    said = (Finding("a", "note", "Small."), Finding("b", "warning", "Larger."),
+            Finding("c", "error", "Worst."))  # fmt: skip
+    _, second, *_ = pages(replace(result, findings=said), Certificate(), tmp_path)
+    places = [second.index(word) for word in ("Findings", "Worst.", "Larger.", "Notes: 1", "Annex")]
+    assert places == sorted(places)
+    assert "Small." not in second
+
+
 def test_what_the_motor_file_states_is_not_called_measured(result):
     def measured(*tests):
         found = sheet_content(replace(result, tests=tests), Certificate())

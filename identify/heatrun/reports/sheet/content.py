@@ -42,8 +42,8 @@ def sheet_content(
     certificate = certificate or Certificate()
     say = say or Texts(certificate.language or LANGUAGES[0])
     model = result.models[favoured(result)]
-    findings = sorted(result.findings, key=lambda each: GRAVITY[each.severity])
-    own = [each for each in findings if concerns(each, result, model)]
+    own = [each for each in result.findings if concerns(each, result, model)]
+    own.sort(key=lambda each: GRAVITY[each.severity])
     graver = [each for each in own if each.severity != "note"]
     columns = [(clean(names), rows, _assumed(rows)) for names, rows in grouped(result.tests)]
     return {
@@ -72,7 +72,7 @@ def sheet_content(
         "graver": [[say(each.severity), _sentence(each, result)] for each in graver],
         "after_findings": _after_findings(len(graver), len(own) - len(graver), say),
         "comparison": [clean(w) for w in (result.comparison.words if result.comparison else ())],
-        "findings": [[each.severity, _sentence(each, result)] for each in findings],
+        "findings": [[each.severity, _sentence(each, result)] for each in own],
         "limits": [
             say("scale_of_losses"),
             *filter(None, [say.again(model.about_missing())]),
@@ -205,9 +205,8 @@ def _derived(entry: DerivedFigure, say: Texts) -> list[str]:
     sd = known(entry.sd)
     value, _ = format_value(known(entry.value), sd)
     ends = format_interval(known(entry.interval_95), sd)
-    unit = known(entry.unit) or ""
     return [
-        say.number(quantity(value, unit)),
+        quantity(say.again(value), known(entry.unit) or ""),
         say.again(known(entry.condition) or ""),
-        say.number(ends),
+        " … ".join(say.again(end) for end in ends.split(" … ")),
     ]

@@ -74,7 +74,8 @@ def write_xlsx(
                for test in result.tests for row in test.mapping], say)  # fmt: skip
         _residuals(book, cells, model, say)
         _derived(book, cells, model, say)
-        _rows(book, cells, "findings", [say("severity"), say("finding")], content["findings"], say)
+        findings = [[say(severity), text] for severity, text in content["findings"]]
+        _rows(book, cells, "findings", [say("severity"), say("finding")], findings, say)
         name, _, table = tables[0]
         add_worksheet(book, cells, result, name, table, say)
     write_whole(path, buffer.getvalue())

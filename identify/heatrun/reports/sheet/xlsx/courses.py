@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
+from ....io.quantities import rounded
 from ...texts import Texts
 from ..figures import COLOURS
 from .cells import Cells, write
@@ -46,11 +48,23 @@ def add_courses(
                 sheet.write_formula(row, 3, formula, cells.digits(2), float(residual))
         sheet.set_column(0, 3, 20)
         sheet.freeze_panes(FIRST, 0)
-        sheet.insert_chart("F3", _chart(book, title, FIRST + len(table) - 1, head))
+        largest = float(np.nanmax(np.abs(columns[1] - columns[2]), initial=0.1))
+        last = FIRST + len(table) - 1
+        sheet.insert_chart("F3", _chart(book, title, last, head, float(rounded(largest, 1))))
 
 
-def _chart(book: Any, sheet: str, last: int, head: Sequence[str]) -> Any:
-    """Return the chart of the cells of a sheet, the residual at the axis on the right."""
+def _chart(book: Any, sheet: str, last: int, head: Sequence[str], largest: float) -> Any:
+    """Return the chart of the cells of a sheet.
+
+    The residual goes with the axis on the right, whose scale has it below the courses.
+
+    Args:
+        book: The workbook.
+        sheet: Name of the sheet.
+        last: Row of the last sample (counted from 0).
+        head: Names of the columns.
+        largest: Residual that the scale is made for [K].
+    """
     chart = book.add_chart({"type": "scatter", "subtype": "straight"})
     looks = (
         (1, {"none": True}, {"type": "circle", "size": 3, "fill": {"none": True},
@@ -73,7 +87,7 @@ def _chart(book: Any, sheet: str, last: int, head: Sequence[str]) -> Any:
     chart.set_title({"name": [sheet, 0, 0], "name_font": {"size": 12}})
     chart.set_x_axis({"name": head[0], "major_gridlines": {"visible": False}})
     chart.set_y_axis({"name": f"{head[1]}, {head[2]}"})
-    chart.set_y2_axis({"name": head[3]})
+    chart.set_y2_axis({"name": head[3], "min": -1.5 * largest, "max": 10.5 * largest})
     chart.set_legend({"position": "bottom"})
     chart.set_size({"width": 900, "height": 480})
     return chart
