@@ -7,6 +7,7 @@ import json
 import os
 import time
 from dataclasses import replace
+from html import escape
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -26,6 +27,7 @@ from heatrun.app.words import calibration_html, discovery_html, error_message, m
 from heatrun.errors import InputError
 from heatrun.results import DiscoveryResult, FitResult, from_json
 from heatrun.runs.run import open_run
+from heatrun.runs.verdict import favoured, restrictions
 
 STORED = Path(__file__).parents[1] / "stored"
 
@@ -204,6 +206,18 @@ def test_what_comes_from_files_is_escaped():
     assert "<script>" not in html.lower()
     assert run_name("../../etc/<b>", "x") == "_.._etc__b_"
     assert run_name("  ", "x") == "x"
+
+
+def test_the_page_says_what_restricts_the_use_and_the_certified_network_first():
+    fit = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "")
+    html = calibration_html(fit)
+    titles = [fit.models[name].title.capitalize() for name in fit.models]
+    places = {title: html.index(f"<h3>{title}") for title in titles}
+    assert (
+        min(places, key=lambda each: places[each]) == fit.models[favoured(fit)].title.capitalize()
+    )
+    for sentence in restrictions(fit):
+        assert html.index(escape(sentence)) < min(places.values())
 
 
 def _stored_run(path: Path) -> Path:

@@ -9,9 +9,10 @@ from typing import Any
 from ..bench import Finding
 from ..errors import InputError
 from ..io.quantities import printed_unit, rounded
-from ..reports.terminal import ranked
+from ..reports.terminal import ranked, verdict_lines
 from ..results import DiscoveryResult, FitResult
 from ..results.missing import MissingSpan
+from ..runs.verdict import favoured
 
 
 def message(kind: str, text: str) -> str:
@@ -52,8 +53,10 @@ def findings_html(findings: Sequence[Finding]) -> str:
 
 def calibration_html(result: FitResult) -> str:
     """Return the heart of `fit.json`: parameters with intervals, errors, comparison."""
-    parts = []
-    for model in result.models.values():
+    parts = [f"<p>{escape(each)}</p>" for each in verdict_lines(result)[1:]]
+    certified = favoured(result)  # stands first
+    for name in sorted(result.models, key=lambda each: each != certified):
+        model = result.models[name]
         parts.append(f"<h3>{escape(model.title.capitalize())}</h3>")
         parts.append(
             table(
@@ -77,6 +80,7 @@ def calibration_html(result: FitResult) -> str:
         )  # fmt: skip
         parts.append(f"<p class='faded'>{escape(model.posterior.verdict)}</p>")
         parts.append(f"<p class='faded'>{escape(model.about_missing())}</p>")
+    parts.append(f"<p>{escape(result.verdict.sentence)}</p>")
     if result.comparison is not None:
         parts += [f"<p>{escape(sentence)}</p>" for sentence in result.comparison.words]
     return "".join(parts)

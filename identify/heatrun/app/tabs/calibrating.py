@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ...reports.terminal import verdict_lines
 from ...results import FitResult
 from ..jobs.running import JobQueue
 from ..words import calibration_html
@@ -18,7 +19,7 @@ def calibrating(page: Choices, queue: JobQueue) -> Fitting[FitResult]:
         read=lambda run: run.calibration,
         orders={"first and second order": "both", "second order": "second",
                 "first order": "first"},
-        verdict=lambda result: result.verdict.sentence,
+        verdict=lambda result: verdict_lines(result)[0],
         say=calibration_html,
         intro="Fits the network to the tests that are chosen on the left.",
     )  # fmt: skip
