@@ -216,6 +216,8 @@ def _by_resistance(claim: Claim, column: Column, where: str) -> Claim:
         return claim
     said = claim.bracket if column.name == claim.base else claim.unit
     units = [one.text for one in statements(column)]
+    named = named_unit(column.label, "resistance")
+    units += [named.unit] if named and named.is_sure else []
     is_ohmic = any(find_unit(unit, "resistance") for unit in units)
     if said is not None and find_unit(said, "resistance"):
         is_ohmic, said = True, None
