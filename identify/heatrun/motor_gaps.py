@@ -20,6 +20,7 @@ from .bench.survey import Survey
 from .io.printable import printable
 from .motor_candidates import ROOM_RANGE, Candidate, Ranked, ranked
 from .motor_stated import stated_ohms
+from .motorfile import COEFFICIENTS_degC
 
 WHY = {
     "time_s": "no sample has a time. Name the column of times, or the sampling rate: "
@@ -41,8 +42,15 @@ ZERO = {**dict.fromkeys(AT_REST, "where the rotor stands"),
         "i_d_A": "where the field is not weakened"}  # fmt: skip
 """Channels that nobody records where they are 0, with when they are."""
 
+NEAR_THE_WINDING = frozenset(("winding_degC", "winding_resistance_ohm", "end_winding_degC",
+                              "stator_degC", "tooth_degC", "yoke_degC"))  # fmt: skip
+"""Bodies whose sensor may stand for the winding's where there is no other."""
+
 NUMBERS = {"time_s": "10", "ambient_degC": "22.0"}
 """Channels that a number may take the place of, with an example [Hz, °C]."""
+
+COLD_DEGC = 20.0
+"""What a winding is taken to have where its resistance is least, to judge a column of ohms [°C]."""
 
 MOST_CANDIDATES = 12
 LONGEST_LINE = 450
@@ -307,6 +315,10 @@ def _candidates(name: str, one: Survey) -> Iterator[Candidate]:
             )
     yield from (_mean(mean, held) for mean in one.means if mean.channel == name)
     yield from held.values()
+    for each in one.recognised if name == "winding_degC" else ():
+        if each.channel == "end_winding_degC":
+            note = "recognised as end_winding_degC, a part of the winding"
+            yield Candidate(each.column, note, LIKELY, False, None, (each.column,))
 
 
 def _proposal(name: str, column: FreeColumn) -> Proposal | None:
@@ -316,6 +328,9 @@ def _proposal(name: str, column: FreeColumn) -> Proposal | None:
     if name in ZERO and any(each.is_alone for each in of_others):
         return None
     speaks = name in column.evidence and column.evidence[name].speaks
+    # many a body warms with the load: a sure name says which
+    named = {one.channel for one in column.proposals if one.score >= SURE}
+    speaks &= name != "winding_degC" or named <= NEAR_THE_WINDING
     for one in column.proposals:
         is_winding = name == "winding_degC" and one.channel == "winding_resistance_ohm"
         if (one.channel == name or is_winding) and (one.is_likely or speaks or not is_others):
@@ -336,6 +351,11 @@ def _mean(mean: PhaseMean, held: Mapping[str, Candidate]) -> Candidate:
 
 
 def _in_unit_of(name: str, proposal: Proposal, column: FreeColumn) -> Course | None:
+    if proposal.channel == "winding_resistance_ohm":
+        if column.course is None or column.course.low <= 0.0:
+            return None
+        B = COEFFICIENTS_degC["copper"]
+        return column.course.converted((B + COLD_DEGC) / column.course.low, -B)
     unit = find_unit(proposal.unit, CHANNEL[name].quantity)
     if column.course is None or unit is None:
         return column.course

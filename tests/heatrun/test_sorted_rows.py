@@ -28,6 +28,8 @@ ORDERS = {
     "by torque, falling": (np.argsort(-RUN["torque_Nm"]), "torque_Nm"),
     "by the temperature": (np.argsort(RUN["winding_degC"]), "winding_degC"),
     "by losses": (np.argsort(RUN["losses_W"]), "losses_W"),
+    "the second half first": (np.roll(np.arange(N), N // 2), "another order"),
+    "backwards": (np.arange(N)[::-1], "the last sample stands first"),
     "mixed": (RNG.permutation(N), "another order"),
 }
 

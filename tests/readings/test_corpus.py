@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import tempfile
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
 import pytest
 from reading_corpus.case import Truth
 from reading_corpus.corpus import SOURCES
-from reading_corpus.oracle import MISREAD, NEEDLESS, TRACEBACK, Outcome, judge
+from reading_corpus.oracle import ASKED, MISREAD, NEEDLESS, REFUSED, TRACEBACK, Outcome, judge
 
 LARGEST_NEEDLESS_SHARE = 0.05
 """Of the files that leave nothing open: a tool that refuses everything misreads nothing, too."""
@@ -67,6 +68,15 @@ def test_no_ordinary_file_is_asked_about(every):
     needless = [o for kind in SOURCES for o in outcomes(kind, every)
                 if o.case.truth is Truth.PLAIN and o.verdict == NEEDLESS]  # fmt: skip
     assert not words(needless)
+
+
+def test_what_benches_send_is_named_and_each_kind_has_six_members():
+    found = [o for kind in SOURCES if "of benches" in kind for o in outcomes(kind, 1)]
+    members = Counter(outcome.case.cause for outcome in found)
+    assert len(members) == 10
+    assert min(members.values()) >= 6
+    unnamed = [o for o in found if o.verdict in (ASKED, REFUSED) and not o.named]
+    assert not words(unnamed)
 
 
 def test_the_corpus_is_large_and_its_names_are_unique():

@@ -202,11 +202,14 @@ def _proposals(column: Column, where: str) -> list[Proposal]:
             text, unit_from = unit_of(column, channel, where)
         except InputError:
             # of another quantity; or the file leaves it open, and the line would decide it
-            if stated or not score:
+            known = {find_unit(one.text, channel.quantity) for one in stated}
+            if not score or None in known or len(known) > 1:
                 continue
             unit_from = "assumed"
             named = named_unit(column.label, channel.quantity)
             text = named.unit if named and find_unit(named.unit, channel.quantity) else None
+            # "MW" in a name is also the German mean: what is marked goes before it
+            text = stated[0].text if stated else text
         if unit_from == "assumed" and not score:
             continue
         line = f"{column.name} [{text or channel.unit}]" if unit_from == "assumed" else column.name

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from .benches_containers import container_files
+from .benches_text import text_files
 from .binaries import hdf_files, other_files, parquet_files
 from .case import Case
 from .clocks import clocks, dates, epochs
@@ -41,6 +43,8 @@ SOURCES: dict[str, Callable[[], Iterator[Case]]] = {
     "broken": broken,
     "variants": variants,
     "unseen": unseen,
+    "containers of benches": container_files,
+    "text of benches": text_files,
 }
 """What makes the files of a kind; nothing uses chance that is not seeded."""
 

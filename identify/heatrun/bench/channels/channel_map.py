@@ -243,6 +243,8 @@ def _by_resistance(claim: Claim, column: Column, where: str) -> Claim:
         return claim
     said = claim.bracket if column.name == claim.base else claim.unit
     units = [one.text for one in statements(column)]
+    named = named_unit(column.label, "resistance")
+    units += [named.unit] if named and named.is_sure else []
     is_ohmic = any(find_unit(unit, "resistance") for unit in units)
     if said is not None and find_unit(said, "resistance"):
         is_ohmic, said = True, None
@@ -307,8 +309,9 @@ def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
     channel = CHANNEL[claim.channel]
     where = f"{mapping.where}, column '{column.name}' as {channel.name}"
     decided = claim.bracket if column.name == claim.base else claim.unit
-    if column.name == claim.text and len(read_heading(claim.text).units) > 1:
-        decided = None  # it says two things at once
+    says_two = len(read_heading(claim.text).units) > 1
+    if column.name == claim.text and (column.heading or says_two):
+        decided = None  # slashes of a path mark no unit; two units say two things
     if decided is None or column.is_seconds:
         left = None if statements(column) else _unit_left(claim, column)
         unit, unit_from = (left, "name") if left else unit_of(column, channel, where)

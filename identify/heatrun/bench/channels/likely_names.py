@@ -28,9 +28,9 @@ MEANINGS: dict[str, str] = {
     "time": "time times zeit zeitstempel uhrzeit tempo temps tiempo elapsed clock timestamp "
     "timestamps stamp datetime date datum ora heure hora fecha today 時間 時刻 日時 経過 时间 日期",
     "current": "current currents curr cur strom strome stroeme corrente corrent courant corriente "
-    "amps intensidad 電流 电流",
+    "amp amps ampere intensidad 電流 电流",
     "voltage": "voltage volt volts spannung tensione tension voltaje 電圧 电压 電壓",
-    "power": "power pwr leistung potenza puissance potencia 電力 功率",
+    "power": "power pwr watt watts leistung potenza puissance potencia 電力 功率",
     "speed": "speed spd drehzahl drehz velocita vitesse velocidad velocity vel rpm omega giri "
     "tours regime revs geschwindigkeit 回転数 回転速度 转速 轉速 速度",
     "torque": "torque torq trq tq drehmoment drehmom moment coppia couple par momento トルク "
@@ -38,11 +38,11 @@ MEANINGS: dict[str, str] = {
     "flow": "flow durchfluss durchfl volumenstrom portata debit caudal 流量",
     "resistance": "resistance widerstand resistenza resistencia ohm 抵抗 电阻 電阻",
     "other_quantity": "freq frequency frequenz frequenza frequence frecuencia hz energy energie "
-    "energia wh kwh ah position pos angle winkel angolo vibration schwingung pressure druck "
-    "pressione humidity feuchte inductance duty mass masse massa reactive apparent blindleistung "
-    "scheinleistung blind schein reattiva apparente efficiency eff_1 wirkungsgrad rendimento "
-    "rendement slip schlupf power_factor wind_speed windgeschwindigkeit 周波数 频率 効率 效率 皮相 "
-    "無効 无功 视在 風速 风速",
+    "energia wh kwh ah amp_hours watt_hours position pos angle winkel angolo vibration schwingung "
+    "pressure druck pressione humidity feuchte inductance duty mass masse massa reactive apparent "
+    "blindleistung scheinleistung blind schein reattiva apparente efficiency eff_1 wirkungsgrad "
+    "rendimento rendement slip schlupf power_factor wind_speed windgeschwindigkeit 周波数 频率 "
+    "効率 皮相 無効 无功 视在 風速 风速",
     # what no channel is
     "bookkeeping": "status state error fault faults warn warning alarm count counter counts "
     "zaehler zahler flag flags mode limit limits lim grenz grenze grenzwert threshold set setpoint "
@@ -130,6 +130,9 @@ SYMBOLS = {
     **{"i": "current", "p": "power", "u": "voltage", "v": "voltage", "n": "speed", "M": "torque"},
 }
 """Symbols of formulas to what they stand for; words say it before them."""
+
+UNITS_ALONE = {"V": "voltage direct", "A": "current direct", "Nm": "torque"}
+"""Names that are a unit and no more: meters of a battery, such as the Cycle Analyst, write so."""
 
 SUBSCRIPTS = {
     **{"w": "winding_short", "e": "ambient_short", "a": "ambient_short", "0": "ambient_short"},
@@ -285,6 +288,8 @@ def read_name(name: str) -> Spoken:
     Args:
         name: Without its unit, whose letters would be words.
     """
+    if name in UNITS_ALONE:
+        return Spoken(frozenset(UNITS_ALONE[name].split()), False, False)
     words = _words(name)
     meanings: set[str] = set()
     by_symbol, is_clear, place = "", bool(words), 0

@@ -1,0 +1,194 @@
+"""Signals in structs, matrices and groups, and logs of raw bus frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import scipy.io
+
+from .case import Case, Truth
+from .table import Sheet
+from .unseen_file import made
+
+CAUSE, FRAMES = "containers", "raw bus frames"
+UNITS = ("s", "A", "kW", "degC", "degC")
+HEADS, KEYS = "elapsed|Irms|Ploss|Troom|Tcoil", "- - kW - -"
+
+
+def columns_of(sheet: Sheet, form: str) -> dict[str, str]:
+    """Return `[columns]`: each a form of the name, the number and the unit of a column."""
+    return {
+        column.channel: form.format(name=column.header, k=k, unit=unit)
+        for k, (column, unit) in enumerate(zip(sheet.columns, UNITS, strict=True), 1)
+    }
+
+
+def structs(*fields: dict[str, Any]) -> np.ndarray:
+    """Return a MATLAB array of structs."""
+    found = np.empty((1, len(fields)), dtype=[(name, object) for name in fields[0]])
+    for k, one in enumerate(fields):
+        for name, value in one.items():
+            found[0, k][name] = value
+    return found
+
+
+def matlab(content: dict[str, Any]) -> Callable[[Path], None]:
+    """Return what writes a MATLAB 5 file."""
+    return lambda path: scipy.io.savemat(path, content, oned_as="column")
+
+
+def mat_files() -> Iterator[Case]:
+    """Make what MATLAB, Simulink and dSPACE save."""
+    n = count(1300)
+
+    def sheet_and_vectors() -> tuple[Sheet, dict[str, np.ndarray]]:
+        sheet = made(next(n), HEADS, KEYS)
+        return sheet, {column.header: column.numbers for column in sheet.columns}
+
+    def case(name: str, sheet: Sheet, content: dict[str, Any], form: str, first: int = 0) -> Case:
+        columns = dict(list(columns_of(sheet, form).items())[first:])
+        return sheet.case(CAUSE, name, Truth.READ, matlab(content), suffix=".mat", columns=columns)
+
+    sheet, vectors = sheet_and_vectors()
+    yield case("prova of an Italian bench", sheet, {"prova": {"operatore": "Neri", **vectors}},
+               "prova.{name} [{unit}]")  # fmt: skip
+    sheet, vectors = sheet_and_vectors()
+    deep = {"bench": {"cfg": {"gain": np.arange(4.0)}, "slow": {"daq": vectors}}}
+    yield case("a struct three levels down", sheet, deep, "bench.slow.daq.{name} [{unit}]")
+    sheet, vectors = sheet_and_vectors()
+    rows = {name: values[None, :] for name, values in vectors.items()}
+    yield case("a struct of rows beside scalars", sheet, {"fs": 0.2, "d": {**rows, "B": 234.5}},
+               "d.{name} [{unit}]")  # fmt: skip
+    sheet, vectors = sheet_and_vectors()
+    signals = structs(*({"values": values, "label": name, "title": ""}
+                        for name, values in list(vectors.items())[1:]))  # fmt: skip
+    scope = {"ScopeData": {"time": vectors["elapsed"], "signals": signals, "blockName": "m/S"}}
+    found = case("a scope of Simulink", sheet, scope, "{name} [{unit}]", 1)
+    found.columns["time_s"] = "ScopeData.time [s]"
+    yield found
+    sheet, vectors = sheet_and_vectors()
+    stack = np.column_stack(list(vectors.values())[1:])
+    found = case("Simulink, one signal of four columns", sheet, {
+        "yout": {"time": vectors["elapsed"], "signals": {"values": stack, "label": ""}},
+    }, "", 5)  # fmt: skip
+    found.columns["time_s"] = "yout.time [s]"
+    found.columns.update({column.channel: f"yout.signals.values(:,{k}) [{unit}]" for k, (
+        column, unit) in enumerate(zip(sheet.columns[1:], UNITS[1:], strict=True), 1)})  # fmt: skip
+    yield found
+    sheet, vectors = sheet_and_vectors()
+    axes = [
+        {"Name": f'"{name}"' if not k else name, "Data": values, "Unit": unit}
+        for k, ((name, values), unit) in enumerate(zip(vectors.items(), UNITS, strict=True))
+    ]
+    recorded = {"rec_004": {"X": axes[0], "Y": structs(*axes[1:]), "Capture": "CLOCK"}}
+    yield case("a capture of ControlDesk", sheet, recorded, "{name}", 1)
+    sheet, vectors = sheet_and_vectors()
+    yield case("a matrix of N rows", sheet, {"M": np.column_stack(list(vectors.values()))},
+               "M(:,{k}) [{unit}]")  # fmt: skip
+    sheet, vectors = sheet_and_vectors()
+    yield case("a matrix of N columns", sheet, {"log": np.vstack(list(vectors.values()))},
+               "log({k},:) [{unit}]")  # fmt: skip
+    sheet, vectors = sheet_and_vectors()
+    cell = np.empty(5, dtype=object)
+    for k, values in enumerate(vectors.values()):
+        cell[k] = values
+    yield case("a cell of vectors", sheet, {"sig": cell}, "sig({k}) [{unit}]")
+
+
+def hdf_files() -> Iterator[Case]:
+    """Make HDF5 files with groups of their own, and MATLAB 7.3."""
+    n = count(1320)
+    for name, form, write in (
+        ("two groups of a rig", "{place}/{name} [{unit}]", _two_groups),
+        ("a table of records", "bench/rows/{name} [{unit}]", _records),
+        ("a struct of MATLAB 7.3", "run.{name} [{unit}]", _struct_7_3),
+        ("units at each data set of a deep group", "a/b/c/{name}", _deep),
+    ):
+        sheet = made(next(n), HEADS, KEYS)
+        columns = {
+            column.channel: form.format(name=column.header, unit=unit,
+                                        place="rig/heat" if k > 2 else "rig/drive")
+            for k, (column, unit) in enumerate(zip(sheet.columns, UNITS, strict=True))
+        }  # fmt: skip
+
+        def content(path: Path, sheet: Sheet = sheet, write: Callable = write) -> None:
+            with h5py.File(path, "w", userblock_size=512) as file:
+                write(file, sheet)
+
+        suffix = ".mat" if "MATLAB" in name else ".h5"
+        yield sheet.case(CAUSE, name, Truth.READ, content, suffix=suffix, columns=columns)
+
+
+def _two_groups(file: h5py.File, sheet: Sheet) -> None:
+    for k, column in enumerate(sheet.columns):
+        place = "rig/heat" if k > 2 else "rig/drive"
+        file[f"{place}/{column.header}"] = column.numbers
+
+
+def _records(file: h5py.File, sheet: Sheet) -> None:
+    kinds = [(column.header, "f8") for column in sheet.columns]
+    rows = np.zeros(len(sheet.columns[0].numbers), dtype=[*kinds, ("state", "S6")])
+    for column in sheet.columns:
+        rows[column.header] = column.numbers
+    file["bench/rows"] = rows
+
+
+def _struct_7_3(file: h5py.File, sheet: Sheet) -> None:
+    group = file.create_group("run")
+    group.attrs["MATLAB_class"] = np.bytes_("struct")
+    for column in sheet.columns:
+        item = group.create_dataset(column.header, data=column.numbers[None, :])
+        item.attrs["MATLAB_class"] = np.bytes_("double")
+
+
+def _deep(file: h5py.File, sheet: Sheet) -> None:
+    for column, unit in zip(sheet.columns, UNITS, strict=True):
+        file[f"a/b/c/{column.header}"] = column.numbers
+        file[f"a/b/c/{column.header}"].attrs["unit"] = unit
+
+
+LOGS: tuple[tuple[str, str, str], ...] = (
+    ("candump with an interface", "", "({t:.6f}) slcan0 {id:03X}#{data}\n"),
+    ("candump -x", "", " ({t:.6f})  can0  TX - -  {id:03X}   [8]  {bytes}\n"),
+    ("python-can table", "timestamp,arbitration_id,extended,remote,error,dlc,data\n",
+     "{t:.6f},0x{id:x},0,0,0,8,{base64}\n"),
+    ("CANoe with events", "date Fri May 3 10:12:00.000 2024\nbase hex  timestamps relative\n"
+     "internal events logged\n", "   0.010000 2  {id:X}x       Tx   d 8 {bytes}\n"),
+    ("PCAN-View 2.0", ";$FILEVERSION=2.0\n;$STARTTIME=45415.425\n;$COLUMNS=N,O,T,I,d,l,D\n",
+     "{i:7d} {t:13.3f} DT     {id:04X} Rx 8  {bytes}\n"),
+    ("SavvyCAN", "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n",
+     "{i}00000,{id:08X},true,Rx,1,8,{cells},\n"),
+    ("CSS with semicolons", "TimestampEpoch;BusChannel;ID;IDE;DLC;DataLength;Dir;EDL;BRS;"
+     "DataBytes\n", "{t:.4f};2;{id:X};1;8;8;0;0;0;{data}\n"),
+)  # fmt: skip
+
+
+def frames() -> Iterator[Case]:
+    """Make logs of buses that nobody has decoded."""
+    import base64
+
+    rng = np.random.default_rng(11)
+    sheet = made(1340)
+    for name, head, form in LOGS:
+        lines = []
+        for i in range(120):
+            raw = rng.integers(0, 256, 8).astype("u1").tobytes()
+            data = raw.hex(" ").upper()
+            lines.append(form.format(
+                i=i, t=1714731120.25 + 0.02 * i, id=0x1A0 + i % 4, data=data.replace(" ", ""),
+                bytes=data, cells=data.replace(" ", ","), base64=base64.b64encode(raw).decode(),
+            ))  # fmt: skip
+        text = head + "".join(lines)
+        yield sheet.case(FRAMES, name, Truth.REFUSE, text.encode(), channels={}, suffix=".log",
+                         subject="raw bus frames")  # fmt: skip
+
+
+def container_files() -> Iterator[Case]:
+    """Make all of them."""
+    for source in (mat_files, hdf_files, frames):
+        yield from source()
