@@ -151,7 +151,8 @@ def _bridge(record: Record, at: int, how: str, is_stated: bool) -> Finding:
         at,
         "The load is the same on both sides, and the winding goes on as under it: it is held "
         "through the gap",
-        f"If it was off: {_line(record, 'zero')}. If nobody knows: {_line(record, 'unknown')}.",
+        f"If the load was off in the gap: {_line(record, 'zero')}. If nobody knows: "
+        f"{_line(record, 'unknown')}.",
     )
 
 
