@@ -200,7 +200,7 @@ def test_effects_that_cannot_be_averaged_leave_the_draws_of_the_network(second_o
     drawn = normal_draws(second_order)
     monkeypatch.setattr(calibration, "sample", lambda *_, **__: drawn)
     effect = SimpleNamespace(probability=0.4)
-    screened = SimpleNamespace(alternatives=(SimpleNamespace(effect=effect),))
+    screened = SimpleNamespace(effects=(effect,))
     attempts = Attempts()
     found = calibration._sampled(
         second_order, screened, "quick", 0, None, lambda *_: None, attempts

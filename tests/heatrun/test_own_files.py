@@ -163,7 +163,8 @@ def test_a_packed_record_is_known_too(day):
 
 def test_the_live_view_lists_no_file_of_ours_but_what_is_there_to_be_looked_at(day):
     listing = Folder(day.resolve()).list()
-    assert set(listing.tests) == {"step.csv", "step_virtual.csv"}
+    assert set(listing.tests) == {"step.csv"}
+    assert set(listing.simulated) == {"step_virtual.csv"}
     assert listing.num_own == 4  # renamed.csv, the table of the report, prova.mat, its course
     assert np.all([not name.startswith("run") for name in listing.tests])
 

@@ -310,7 +310,7 @@ def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
     where = f"{mapping.where}, column '{column.name}' as {channel.name}"
     decided = claim.bracket if column.name == claim.base else claim.unit
     says_two = len(read_heading(claim.text).units) > 1
-    if column.name == claim.text and (column.heading or says_two):
+    if column.name == claim.text and (says_two or (column.heading and not claim.bracket)):
         decided = None  # slashes of a path mark no unit; two units say two things
     if decided is None or column.is_seconds:
         left = None if statements(column) else _unit_left(claim, column)

@@ -48,7 +48,7 @@ def add_courses(
                 sheet.write_formula(row, 3, formula, cells.digits(2), float(residual))
         sheet.set_column(0, 3, 20)
         sheet.freeze_panes(FIRST, 0)
-        largest = float(np.nanmax(np.abs(columns[1] - columns[2]), initial=0.1))
+        largest = float(np.max(np.nan_to_num(np.abs(columns[1] - columns[2])), initial=0.1))
         last = FIRST + len(table) - 1
         sheet.insert_chart("F3", _chart(book, title, last, head, float(rounded(largest, 1))))
 
