@@ -120,6 +120,7 @@ def test_a_slider_moves_the_model_over_the_measured_curve(served, tab):
     error = tab.locator("h3", has_text="RMSE")
     before = error.inner_text()
     handles = tab.locator(".noUi-handle")
+    handles.nth(3).wait_for()
     assert handles.count() == 4
     handles.first.press("ArrowRight")
     error.filter(has_not_text=before).wait_for()
