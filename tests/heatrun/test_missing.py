@@ -139,6 +139,16 @@ def test_a_large_effect_that_the_parameters_mimic_leaves_no_rounding_for_evidenc
     assert np.all(np.isfinite(size))
 
 
+def test_no_effect_to_be_weighed_is_none_that_is_missing(clean):
+    fitted, _ = clean
+    gain = next(kind for kind in all_effects() if kind.card.id == "loss_gain")
+    found = missing(fitted, [gain])  # an error of an instrument, which every network has
+    assert found is not None
+    assert found.effects == ()
+    assert not found.is_seen
+    assert [each.candidate.id for each in found.sights] == ["loss_gain"]
+
+
 def test_at_least_half_of_the_draws_are_of_the_network_alone():
     joined, at, _ = line(num_effects=2)
     joined[:, 0] += 9.0 * joined[:, 2:].sum(axis=1)  # so loud that both are there

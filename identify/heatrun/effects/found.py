@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -142,7 +142,6 @@ def find(
     kinds: Sequence[type[AbstractEffect]] | None = None,
     held_out: Sequence[Blocks] = (),
     start: Fit | None = None,
-    say: Callable[[str], None] = lambda sentence: None,
 ) -> Found | None:
     """Search for the effects that tests ask for; None where no effect can be searched.
 
@@ -153,7 +152,6 @@ def find(
         kinds: The effects that are searched; by default the catalogue and installed ones.
         held_out: Tests that must have what an effect needs too.
         start: Fit of the network alone, if there is one.
-        say: Told how far it is.
     """
     refuse_wrong_sums()
     usable, extended = with_catalogue(model, motor, tests, kinds, held_out)
@@ -168,7 +166,7 @@ def find(
             place = engine.find(slot.parameter.name, slot.test)
             if place is not None:
                 z[place] = score
-    best = search.run(z, say)
+    best = search.run(z)
     core, around = search.settled(search.core(best))
     alone = start or as_fit(search, search.fitted[frozenset()], model)
     chosen = as_fit(search, core, model) if core.effects else alone

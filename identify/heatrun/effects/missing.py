@@ -198,7 +198,8 @@ def _column(engine: Engine, search: Search, linear: Linear, candidate: Candidate
 def _small_effects(fit: Fit, engine: Engine, linear: Linear, columns: Sequence[_Column]) -> Missing:
     """Return which of the effects a network may lack, by the linear evidence around its fit."""
     alone, num = linear.centre, fit.z.size
-    changes = np.column_stack([each.change for each in columns])
+    nothing = np.zeros((alone.residual.size, 0))  # where no effect is left to be weighed
+    changes = np.column_stack([nothing, *(each.change for each in columns)])
     white = engine.whiten(fit.noise, np.column_stack([alone.jacobian, changes]))
     turn = np.zeros((num, len(columns)))
     for place, each in enumerate(columns):
@@ -210,8 +211,8 @@ def _small_effects(fit: Fit, engine: Engine, linear: Linear, columns: Sequence[_
             )
     # a resistance at its mean over the tests has taken up what the effect does to that
     around = _Around(
-        engine, fit.z, alone.residual, alone.jacobian, changes - alone.jacobian @ turn,
-        np.array([_has_one_sign(each.candidate) for each in columns]),
+        engine, alone, changes - alone.jacobian @ turn,
+        np.array([_has_one_sign(each.candidate) for each in columns], dtype=bool),
     )  # fmt: skip
     log_bayes, noise_z = around.weighed(fit.noise_z)
     size, moved = draw_sizes(around.rows(noise_z), fit.z, around.one_sign, seed=0)
@@ -223,7 +224,7 @@ def _small_effects(fit: Fit, engine: Engine, linear: Linear, columns: Sequence[_
         p=min(1.0, math.exp(-max(together, 0.0))),
         log_bayes=tuple(log_bayes[kept].tolist()),
         effects=tuple(
-            _described(fit, engine, linear, columns[place], turn[:, place], probability[place])
+            _described(engine, linear, columns[place], turn[:, place], probability[place])
             for place in kept
         ),
         size=(size / unit)[:, kept],
@@ -237,23 +238,27 @@ class _Around:
 
     Attributes:
         engine: The tests.
-        z: Scores of the fit.
-        residual: There [K].
-        jacobian: By the scores [K].
+        alone: The fit.
         changes: By the effects, per usual size [K].
         one_sign: Whether an effect cannot fall below zero.
     """
 
     engine: Engine
-    z: Float[np.ndarray, " parameter"]
-    residual: Float[np.ndarray, " block"]
-    jacobian: Float[np.ndarray, "block parameter"]
+    alone: Member
     changes: Float[np.ndarray, "block effect"]
     one_sign: Bool[np.ndarray, " effect"]
 
-    def rows(self, noise_z: np.ndarray) -> Float[np.ndarray, "row column"]:
-        """Return residual, parameters and effects, whitened under a noise."""
-        joined = np.column_stack([self.residual, self.jacobian, self.changes])
+    @property
+    def z(self) -> Float[np.ndarray, " parameter"]:
+        """Scores of the fit."""
+        return self.alone.z[list(self.alone.free)]
+
+    def rows(
+        self, noise_z: np.ndarray, places: Sequence[int] | slice = slice(None)
+    ) -> Float[np.ndarray, "row column"]:
+        """Return residual, parameters and effects, by default all, whitened under a noise."""
+        alone = self.alone
+        joined = np.column_stack([alone.residual, alone.jacobian, self.changes[:, places]])
         return self.engine.whiten(from_scores(noise_z), joined)
 
     def weighed(self, noise_z: np.ndarray) -> tuple[Float[np.ndarray, " effect"], np.ndarray]:
@@ -271,23 +276,25 @@ class _Around:
         best, of_best = -math.log(ODDS), noise_z
         for place in np.argsort(-log_bayes)[:MOST]:
             own = self._own_noise(place, noise_z)
+            under_own = _log_bayes(self.rows(own, [place]), self.z, self.one_sign[[place]])
             gained = self._of_none(own) - of_none
-            found = gained + _log_bayes(self.rows(own), self.z, self.one_sign)[place]
-            if found > log_bayes[place]:
-                log_bayes[place] = found
+            log_bayes[place] = max(log_bayes[place], gained + float(under_own[0]))
             if log_bayes[place] > best:
                 best, of_best = log_bayes[place], own
         return log_bayes, of_best
 
     def _own_noise(self, place: int, start: np.ndarray) -> np.ndarray:
-        columns = padded(np.column_stack([self.jacobian, SCALES[1] * self.changes[:, place]]))
+        usual = SCALES[1] * self.changes[:, place]
+        columns = padded(np.column_stack([self.alone.jacobian, usual]))
         scores = filled(np.append(self.z, 0.0), columns)
-        return estimate_noise(self.engine.problem, scores, self.residual, columns, start=start)
+        return estimate_noise(
+            self.engine.problem, scores, self.alone.residual, columns, start=start
+        )
 
     def _of_none(self, noise_z: np.ndarray) -> float:
-        columns = padded(self.jacobian)
+        columns = padded(self.alone.jacobian)
         scores = filled(self.z, columns)
-        return log_evidence(self.engine.problem, noise_z, scores, self.residual, columns)
+        return log_evidence(self.engine.problem, noise_z, scores, self.alone.residual, columns)
 
 
 def _parts(
@@ -434,7 +441,6 @@ def _sight(search: Search, linear: Linear, bare: Refit, column: _Column) -> Sigh
 
 
 def _described(
-    fit: Fit,
     engine: Engine,
     linear: Linear,
     column: _Column,

@@ -15,7 +15,7 @@ References: D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -164,7 +164,7 @@ class Search:
         """The most probable set so far."""
         return max(self.fitted.values(), key=lambda each: each.log_weight)
 
-    def climb(self, centre: Member, say: Callable[[str], None]) -> None:
+    def climb(self, centre: Member) -> None:
         """Go where steps by the linear evidence lead, as far as a fit confirms them."""
         tried: dict[Candidate, np.ndarray] = {}
         for _ in range(MOST_ROUNDS):
@@ -182,7 +182,6 @@ class Search:
             else:
                 break
             centre = after
-            say(f"log evidence {centre.log_weight:.1f} with {', '.join(centre.ids) or 'none'}")
 
     def _path(self, effects: Set, linear: Linear) -> list[Set]:
         """Return the sets of single steps uphill in the linear evidence."""
@@ -198,16 +197,15 @@ class Search:
             path.append(best)
         return path
 
-    def run(self, z: np.ndarray, say: Callable[[str], None] = lambda _: None) -> Member:
+    def run(self, z: np.ndarray) -> Member:
         """Search from all effects and from none, and return the best set.
 
         Args:
             z: Scores of the network alone to start from.
-            say: Told how far it is.
         """
         self.fit(frozenset(), z)
         for start in (frozenset(self.candidates), frozenset()):
-            self.climb(self.fitted.get(start) or self.fit(start, np.zeros_like(z)), say)
+            self.climb(self.fitted.get(start) or self.fit(start, np.zeros_like(z)))
         return self.best
 
     def reached_K(self, effects: Set, z: np.ndarray) -> float:
