@@ -117,7 +117,8 @@ def test_a_slider_moves_the_model_over_the_measured_curve(served, tab):
     _open(tab, served, "step_30min.csv.gz")
     _tab(tab, "By hand")
     _text(tab, "Starts from the priors of this machine, second order")
-    error = tab.locator("h3", has_text="RMSE")
+    error = tab.locator("h3", has_text="largest error")  # the verdict of a run names its RMSE too
+    error.wait_for()
     before = error.inner_text()
     handles = tab.locator(".noUi-handle")
     handles.nth(3).wait_for()
