@@ -107,6 +107,8 @@ def test_pulses_of_the_winding_do_not_hide_the_body(motor):
         degC[:, now + 1] = degC[:, now] + 2.0 * heat / np.array([126.0, 1286.0])
     channels = {"time_s": time, "phase_current_A": 0.02 * np.sqrt(watts), "losses_W": watts,
                 "winding_degC": degC[0], "ambient_degC": np.full(time.size, 20.0)}  # fmt: skip
-    capacity, resistance = one_node([reduce(Record("pulses", channels), motor)])
+    found = one_node([reduce(Record("pulses", channels), motor)])
+    assert found is not None
+    capacity, resistance = found
     assert 1412.0 / 3.0 < capacity < 1.5 * 1412.0
     assert 0.4 < resistance < 1.1
