@@ -34,6 +34,7 @@ test-latest:
 lint: $(VENV)/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-cache --no-logo
 
 types: $(VENV)/ready
 	$(BIN)/pyright --pythonpath $(BIN)/python
@@ -136,9 +137,10 @@ study-coverage: $(VENV)/ready
 notebooks: $(VENV)/ready
 	$(BIN)/pytest -n auto tests/test_notebooks.py $(if $(NOTEBOOKS),-k "$(NOTEBOOKS)")
 
-# The JSON schemas of fit.json, discovery.json and population.json, from the types in identify/heatrun/results.
+# The JSON schemas of fit.json, discovery.json and population.json, from the types in the rooms `results`.
 schemas: $(VENV)/ready
 	$(BIN)/python -m heatrun.results.schema
+	$(BIN)/python -m heatrun_fleet.results.schema
 
 # The reference page of the motor file, from the meanings of its keys.
 docs: $(VENV)/ready
