@@ -145,7 +145,7 @@ def main() -> None:
     upward = sorted(" → ".join(arrow) for arrow, num in upwards.items() if num)
     pairs = sorted(" ↔ ".join(arrow) for arrow in arrows if arrow < arrow[::-1] in arrows)
     print(f"\nArrows between rooms: {len(arrows)}; upwards: {len(upward)}; "
-          f"pairs of rooms that import each other: {len(pairs)}.")  # fmt: skip
+          f"pairs of rooms that import each other: {len(pairs)}.\n")  # fmt: skip
     for each in [
         *(f"upwards: {arrow}" for arrow in upward),
         *(f"mutual: {pair}" for pair in pairs),
