@@ -125,6 +125,10 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
         edited(LOCKED, "losses_W", 600.0, 900.0, lambda P: 1.06 * P),
         MOTOR, "warning", "ratio", (1.055, 1.065),
     ),
+    "resistance_coefficient": (
+        as_columns(changed(CLEAN, winding_resistance_ohm=1e-3 * (150.0 + CLEAN["winding_degC"]))),
+        MOTOR, "warning", "coefficient_degC", (148, 152),
+    ),
     "losses_of_shaft": (
         as_columns(changed(CLEAN, torque_Nm=0.9 * CLEAN["losses_W"] / CLEAN["speed_rpm"] * 9.549)),
         replace(MOTOR, phase_resistance_ohm=0.002), "error", "ratio", (1.1, 1.12),

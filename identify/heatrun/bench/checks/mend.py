@@ -32,6 +32,9 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         channel = finding.where.rpartition(", ")[2]
         values = np.asarray(record[channel], dtype=float) * (finding.values["factor"] or 1.0)
         return replace(record, channels={**record.channels, channel: values}), motor
+    if finding.id == "resistance_coefficient":
+        B = finding.values["coefficient_degC"] or motor.resistance_coefficient_degC
+        return record, replace(motor, resistance_coefficient_degC=B)
     if finding.severity != "error":
         return record, motor
     if finding.id == "time_backwards" and "sample" in finding.values:
