@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from heat_runs import CLEAN, MOTOR, as_columns, changed, every, fell_off, heat_run
+from heat_runs import CLEAN, MOTOR, as_columns, changed, decided, every, fell_off, heat_run
 
 from heatrun.bench.checks import check_record
 from heatrun.bench.checks.settling import cooling_constants
@@ -83,3 +83,28 @@ def test_a_steady_load_tells_its_rise():
     )  # fmt: skip
     (finding,) = [one for one in check_record(record, MOTOR) if one.id == "no_heating"]
     assert "60.0 K at 300 W, 0.2 K/W" in finding.message
+
+
+def test_amplitudes_are_told_once():
+    peaks = decided(changed(SLOW, phase_current_A=np.sqrt(2.0) * SLOW["phase_current_A"]))
+    told = [one for one in check_record(peaks, MOTOR) if one.severity != "note"]
+    assert [one.id for one in told] == ["losses_below_copper"]
+    assert "[A_peak]" in told[0].remedy
+
+
+def test_input_power_for_losses_is_not_told_of_the_clock_too():
+    """A small motor in a strong wind: its losses make 5 W/K and 90 s, the input power 40 W/K."""
+    time_s = np.arange(0.0, 2400.0, 2.0)
+    winding = 22.0 + 70.0 * -np.expm1(-time_s / 90.0)
+    torque = np.full(time_s.size, 3.2)
+    losses = np.full(time_s.size, 350.0)
+    shaft = torque * 8000.0 * np.pi / 30.0
+    record = as_columns(Record(
+        "run",
+        {"time_s": time_s, "winding_degC": np.round(winding, 1), "losses_W": losses + shaft,
+         "ambient_degC": np.full(time_s.size, 22.0), "torque_Nm": torque,
+         "speed_rpm": np.full(time_s.size, 8000.0)},
+    ))  # fmt: skip
+    told = {one.id for one in check_record(record, MOTOR)}
+    assert "losses_of_shaft" in told
+    assert "unit_suspected" not in told
