@@ -108,3 +108,33 @@ def test_input_power_for_losses_is_not_told_of_the_clock_too():
     told = {one.id for one in check_record(record, MOTOR)}
     assert "losses_of_shaft" in told
     assert "unit_suspected" not in told
+
+
+def test_a_sensor_below_its_housing_through_short_pulses_is_told_from_where_it_fell():
+    """Pulses of 40 s: no one of them is long enough by itself."""
+    time_s = np.arange(0.0, 3600.0)
+    loaded = time_s % 80.0 < 40.0
+    losses = np.where(loaded, 400.0, 0.0)
+    housing = 24.0 + 40.0 * -np.expm1(-time_s / 800.0)
+    swing = np.where(loaded, time_s % 80.0, 80.0 - time_s % 80.0) * 0.6
+    winding = housing + 4.0 + swing
+    off = time_s > 2000.0
+    fallen = 24.0 + (winding[2000] - 24.0) * np.exp(-(time_s[off] - 2000.0) / 25.0)
+    winding[off] = fallen
+    record = Record(
+        "run",
+        {"time_s": time_s, "winding_degC": np.round(winding, 1), "losses_W": losses,
+         "housing_degC": np.round(housing, 1), "ambient_degC": np.full(time_s.size, 24.0),
+         "phase_current_A": np.where(loaded, 120.0, 0.0)},
+    )  # fmt: skip
+    told = [one for one in check_record(record, MOTOR) if one.id == "sensor_detached"]
+    (finding,) = told
+    assert finding.values["from_s"] == pytest.approx(2000.0, abs=60.0)
+    assert "use = [[0.000, " in finding.remedy
+
+
+def test_a_shift_below_the_housing_is_told_as_the_shift_alone():
+    housing = SLOW["winding_degC"] - 5.0
+    shifted = np.where(SLOW.time_s < 1500.0, SLOW["winding_degC"], SLOW["winding_degC"] - 14.0)
+    record = changed(SLOW, winding_degC=shifted, housing_degC=housing)
+    assert errors(record) == ["temperature_jump"]
