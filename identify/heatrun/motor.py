@@ -35,6 +35,10 @@ class ParameterOverride:
     per_test: bool | None = None
 
 
+COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
+"""B of R(T) = R (B + T)/(B + Tref): copper by IEEE 112 and NEMA MG 1 (IEC 60034-1 uses 235 for
+copper), aluminium by IEC 60034-1."""
+
 HEAT_LIMITS = (1e-5, 0.05)
 """Smallest and largest share of the mean loss that heat outside the network may have [1]."""
 

@@ -18,9 +18,9 @@ from .bench.phase_means import PhaseMean
 from .bench.readers.read import name_of_test
 from .bench.survey import Survey
 from .io.printable import printable
+from .motor import COEFFICIENTS_degC
 from .motor_candidates import ROOM_RANGE, Candidate, Ranked, ranked
 from .motor_stated import stated_ohms
-from .motorfile import COEFFICIENTS_degC
 
 WHY = {
     "time_s": "no sample has a time. Name the column of times, or the sampling rate: "

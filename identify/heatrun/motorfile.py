@@ -14,14 +14,10 @@ from .certificate_file import parse_certificate
 from .errors import InputError, did_you_mean
 from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
 from .io.toml_values import shown, text_of
-from .motor import HEAT_LIMITS, Adequacy, Motor, ParameterOverride
+from .motor import HEAT_LIMITS, Adequacy, COEFFICIENTS_degC, Motor, ParameterOverride
 from .motor_parts import parse_columns, parse_parts
 from .motor_population import next_of_population
 from .plausible import RANGES, UNITS, refuse_implausible
-
-COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
-"""B of R(T) = R (B + T)/(B + Tref): copper by IEEE 112 and NEMA MG 1 (IEC 60034-1 uses 235 for
-copper), aluminium by IEC 60034-1."""
 
 INSULATION_CLASSES = ("A", "E", "B", "F", "H", "N", "R")
 """Letters of IEC 60085, in the order of their temperature."""

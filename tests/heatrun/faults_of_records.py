@@ -118,12 +118,18 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
         MOTOR, "error", "copper_share", (1.03, 2.0),
     ),
     "current_amplitude": (
-        decided(changed(CLEAN, phase_current_A=CLEAN["phase_current_A"] * np.sqrt(2.0))),
-        MOTOR, "warning", "copper_share_halved", (0.5, 1.0),
+        decided(changed(CLEAN, losses_W=MOTOR.copper_loss_W(
+            CLEAN["phase_current_A"], CLEAN["winding_degC"]
+        ))),
+        MOTOR, "warning", "copper_share_halved", (0.49, 0.51),
     ),
     "standstill_losses": (
         edited(LOCKED, "losses_W", 600.0, 900.0, lambda P: 1.06 * P),
         MOTOR, "warning", "ratio", (1.055, 1.065),
+    ),
+    "resistance_coefficient": (
+        as_columns(changed(CLEAN, winding_resistance_ohm=1e-3 * (150.0 + CLEAN["winding_degC"]))),
+        MOTOR, "warning", "coefficient_degC", (148, 152),
     ),
     "losses_of_shaft": (
         as_columns(changed(CLEAN, torque_Nm=0.9 * CLEAN["losses_W"] / CLEAN["speed_rpm"] * 9.549)),

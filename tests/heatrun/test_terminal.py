@@ -74,6 +74,17 @@ def test_what_decides_a_verdict_is_never_hidden_and_comes_next():
     lines = said(misfit, cooling, parameters={"Ceq_w": blocked})
     assert lines[0].startswith("NOT USABLE: ")
     assert "Next: Add a test under load." in lines
+    sampling = Finding("sampling", "warning", "Slow.", "step", "Export faster.")
+    lines = said(sampling, parameters={"Ceq_w": replace(blocked, why="")})
+    assert "Next: add a test with several steps of load and a cool-down" in lines
+
+
+def test_a_warning_of_the_other_network_alone_is_left_to_the_rest():
+    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+    (misfit,) = (one for one in stored.findings if one.id == "misfit")
+    assert "first-order" in misfit.message
+    assert result_text(stored).splitlines()[-1].startswith("With -v: warnings (single_step), ")
+    assert "(misfit)" in result_text(stored, verbose=True)
 
 
 def test_a_run_at_the_prompt_is_one_line():

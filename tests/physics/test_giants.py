@@ -134,4 +134,4 @@ def test_losses_of_a_coil_are_refused_below_what_instruments_explain(below, seve
     ]
     assert severities == ([] if severity is None else [severity])
     amplitudes = found(coil(below), "current_amplitude", "name", motor, units)
-    assert bool(amplitudes) == (below > 1.06)
+    assert amplitudes == []  # the losses say it, once

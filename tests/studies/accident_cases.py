@@ -1,7 +1,8 @@
 """Accidents that happen to ordinary bench records, each at the place that is known.
 
 Machines and loads are those of `ordinary_machines`; beside its columns a record here has a current
-for each phase and the housing. Some loggers round to 1 °C, some record the inrush of a start.
+for each phase and the housing, some the resistance between two terminals. Some loggers round to
+1 °C, some record the inrush of a start.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from ordinary_machines import COIL, KINDS, Columns, make
+from ordinary_machines import COIL, KINDS, PER_KELVIN, Columns, make
 
 from heatrun.bench.checks import check_record
 from heatrun.bench.joined import read_tests
@@ -23,10 +24,12 @@ HEADINGS = {
     "time": "t [s]", "amps1": "I1 [A]", "amps2": "I2 [A]", "amps3": "I3 [A]", "watts": "P [W]",
     "losses": "Pv [W]", "rpm": "n [rpm]", "torque": "M [Nm]", "winding": "Tw [degC]",
     "housing": "Th [degC]", "sink": "T0 [degC]",
+    "ohms": "R [Ohm]",
 }  # fmt: skip
 CHANNELS = {
     "time": "time_s", "watts": "electrical_power_W", "losses": "losses_W", "rpm": "speed_rpm",
     "torque": "torque_Nm", "winding": "winding_degC", "housing": "housing_degC",
+    "ohms": "winding_resistance_ohm",
 }  # fmt: skip
 MARKERS = (65535.0, 32767.0, 6553.5, 3276.7, 655.35, 4095.0)
 
@@ -39,6 +42,8 @@ class Bench:
     Attributes:
         columns: What the logger writes, by name.
         motor: `[motor]` and `[winding]` in numbers.
+        material: The line of `[winding]` that states B; none for copper.
+        ohms: Between two terminals [ohm]; a column of some records.
         rng: Random numbers of the case.
         loaded: Places under load, not near a load step nor to the ends.
     """
@@ -66,6 +71,7 @@ class Bench:
         if rng.random() < 0.25:
             columns["winding"] = np.rint(columns["winding"])
         self.columns = columns
+        self.material = ""
         self.motor = {"ohm": case.machine.physics["ohm"] * (1.0 + case.bench["ohm"])}
         load = amps > 0.5 * np.quantile(amps, 0.95)
         step = max(1, int(30.0 / (read["time"][1] - read["time"][0])))
@@ -75,6 +81,11 @@ class Bench:
         self.loaded = np.flatnonzero(load & (calm < 0.5) & warm & (inside > 0.15) & (inside < 0.85))
         if case.machine.is_coil:
             columns["losses"] = columns.pop("watts")
+        mean = course["winding"][np.minimum(at, course["winding"].size - 1)]
+        ohms = 2.0 * self.motor["ohm"] * (1.0 + PER_KELVIN * (mean - 20.0))
+        self.ohms = ohms * (1.0 + 1e-3 * rng.standard_normal(ohms.size))
+        if rng.random() < 0.25:
+            columns["ohms"] = self.ohms
 
     @property
     def time(self) -> np.ndarray:
@@ -100,7 +111,7 @@ class Bench:
         lines = [
             f'[motor]\nname = "M"\nphases = {self.machine.phases}\nsink = "{sink}"',
             f"[winding]\nphase_resistance_ohm = {self.motor['ohm']:.5g}",
-            "reference_temperature_degC = 20.0\n[columns]",
+            f"reference_temperature_degC = 20.0\n{self.material}\n[columns]",
             f'{sink}_degC = "T0"\nphase_current_A = "mean(I1, I2, I3)"',
         ]
         for name, heading in HEADINGS.items():
@@ -219,6 +230,12 @@ def between_lines(bench: Bench) -> None:
     bench.motor["ohm"] *= 2.0
 
 
+def wrong_material(bench: Bench) -> None:
+    bench.columns["ohms"] = bench.ohms
+    B = 234.5 + bench.rng.choice([-1.0, 1.0]) * bench.rng.uniform(70.0, 120.0)
+    bench.material = f"resistance_coefficient_degC = {B:.0f}"
+
+
 def peaks(bench: Bench) -> None:
     for name in PHASES:
         bench.columns[name] = np.round(np.sqrt(2.0) * bench.columns[name], 4)
@@ -273,6 +290,7 @@ ACCIDENTS: dict[str, Accident] = {
     "resistance between lines": Accident(
         between_lines, ("losses_below_copper|current_amplitude|unit_suspected",), "terminals"
     ),
+    "B of no winding": Accident(wrong_material, ("resistance_coefficient",), "material", True),
     "peak in place of rms": Accident(
         peaks, ("losses_below_copper|current_amplitude|unit_suspected",), "peak|amplitude"
     ),

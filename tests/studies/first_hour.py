@@ -33,7 +33,9 @@ from first_hour_files import FILES, KNOWN, VESC_SEED, Handed
 from heatrun.io.quantities import quantity, rounded
 from heatrun.reports.sheet.digits import format_interval
 from heatrun.reports.sheet.printed import printed
+from heatrun.results import FitResult, from_json
 from heatrun.results.parameter import FittedParameter
+from heatrun.runs.verdict import concerns, favoured
 
 TRUTH = Path(__file__).parents[2] / "data" / "synthetic" / "truth.json"
 
@@ -109,7 +111,8 @@ def run(kind: str, folder: Path) -> dict[str, Any]:
     row["unclaimed"] = next(iter(said["unclaimed"].values()))
     call("calibrate", motor, record, "--quick", "--out", out)
     row["seconds"] = sum(row["seconds_each"])
-    fit = json.loads((out / "fit.json").read_text(encoding="utf-8"))
+    content = (out / "fit.json").read_bytes()
+    fit = json.loads(content)
     found = fit["models"]["second"]["parameters"]
     truth = json.loads(TRUTH.read_text(encoding="utf-8"))["motor"]
     row["parameters"] = {name: entry_of(found[name], truth[name]) for name in NAMES}
@@ -118,8 +121,10 @@ def run(kind: str, folder: Path) -> dict[str, Any]:
         for each in row["parameters"].values()
     )
     row["rmse_K"] = fit["models"]["second"]["residuals"][0]["rmse_K"]
-    row["findings"] = sorted({each["id"] for each in fit["findings"]
-                              if each["severity"] == "warning"})  # fmt: skip
+    result = from_json(content, FitResult, "fit.json", "the run")
+    certified = result.models[favoured(result)]
+    row["findings"] = sorted({each.id for each in result.findings if each.severity == "warning"
+                              and concerns(each, result, certified)})  # fmt: skip
     row["written"] = sorted(path.name for path in out.iterdir() if path.is_file())
     return row
 
@@ -213,7 +218,10 @@ def table(content: Mapping[str, Any]) -> str:
             shown = (each[key] for key in ("printed", "printed_95", "printed_truth"))
             lines.append(f"| {name} | {' | '.join(shown)} |")
         warned = ", ".join(f"`{id}`" for id in row["findings"]) or "none"
-        lines += ["", f"Warnings of the run: {warned}. Written: {', '.join(row['written'])}."]
+        lines += [
+            "",
+            f"Warnings on the certified network: {warned}. Written: {', '.join(row['written'])}.",
+        ]
     return "\n".join(lines) + "\n"
 
 

@@ -17,6 +17,7 @@ from ..results.model import FittedModel
 from ..results.values import known
 from ..runs.verdict import (
     BEFORE_PARAMETERS,
+    concerns,
     deciding,
     favoured,
     headline,
@@ -83,7 +84,8 @@ def result_text(result: FitResult, run: str = "RUN", *, verbose: bool = False) -
     if verbose:
         lines += _rest(result)
     else:
-        ids = list(dict.fromkeys(f.id for f in result.findings if f.severity != "note"))
+        warnings = (f for f in result.findings if f.severity != "note")
+        ids = list(dict.fromkeys(f.id for f in warnings if concerns(f, result, model)))
         told = f"warnings ({', '.join(ids)}), " if ids else ""
         lines.append(f"With -v: {told}all networks, how each column was read.")
     return "\n".join(printable(line) for text in lines for line in text.split("\n"))
@@ -116,8 +118,7 @@ def next_step(result: FitResult, run: str) -> str:
     if decisive:
         return decisive[0].remedy
     if headline(result).use != "usable":
-        remedies = (f.remedy for f in ranked(result.findings) if f.severity != "note" and f.remedy)
-        return next(remedies, "add a test with several steps of load and a cool-down")
+        return "add a test with several steps of load and a cool-down"
     if all(test.role != "holdout" for test in result.tests):
         return "see how well it predicts a test that was not fitted: --holdout TEST"
     return f"heatrun simulate {result.motor.path or 'MOTOR.toml'} {run} TEST predicts other loads"

@@ -81,7 +81,7 @@ def with_winding(record: Record, motor: Motor) -> Record:
     """
     if "winding_degC" in record:
         return record
-    measured = _measured(record)
+    measured = measured_resistance(record)
     if measured is None:
         return record
     ohm, how = measured
@@ -127,7 +127,7 @@ def sensor_sd(record: Record, motor: Motor) -> tuple[float, float] | None:
     Returns:
         Offset [K] and relative error of the rise [1]; None for a sensor.
     """
-    measured = _measured(record) if by_resistance(record) else None
+    measured = measured_resistance(record) if by_resistance(record) else None
     if measured is None:
         return None
     above_B = motor.resistance_coefficient_degC + record["winding_degC"]
@@ -151,8 +151,8 @@ def resistance_sd(motor: Motor) -> float:
     return REFERENCE_SD if said.sd is None else said.sd / motor.phase_resistance_ohm
 
 
-def _measured(record: Record) -> tuple[Float[np.ndarray, " time"], str] | None:
-    """Return the resistance [ohm], NaN where it is none, and how it was measured."""
+def measured_resistance(record: Record) -> tuple[Float[np.ndarray, " time"], str] | None:
+    """Return the resistance [ohm], NaN where it is none, and how it was measured; None without."""
     if "winding_resistance_ohm" in record:
         ohm = record["winding_resistance_ohm"]
         return _possible(ohm), "as the meter shows it"

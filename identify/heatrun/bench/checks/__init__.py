@@ -27,7 +27,7 @@ from .resolution import resolution, truncation
 from .same_quantity import columns_disagree
 from .sensor import sensor_detached, temperature_jump
 from .shaft_power import losses_of_shaft
-from .standstill import current_scale_unchecked, standstill_losses
+from .standstill import current_scale_unchecked, resistance_coefficient, standstill_losses
 from .stillness import saturation, sensor_stuck
 from .suspicion import unit_suspected
 from .time_axis import (
@@ -55,6 +55,7 @@ CHECKS: tuple[Check, ...] = (
     nan_block,
     units_temperature,
     losses_of_shaft,
+    resistance_coefficient,
     unit_suspected,
     unit_assumed,
     sensor_detached,
@@ -86,7 +87,8 @@ OF_THE_COURSE = (start_not_in_equilibrium, cut_while_warm, ambient_moving, singl
 """Checks of how a test was run: of one that an error will change they say nothing."""
 
 OF_THE_BALANCE = (
-    losses_absurd, losses_negative, losses_below_copper, current_amplitude, standstill_losses
+    losses_absurd, losses_negative, losses_below_copper, current_amplitude, standstill_losses,
+    resistance_coefficient,
 )  # fmt: skip
 """Checks of powers and current, which say nothing before it is clear what these are."""
 
@@ -124,7 +126,10 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
             errors = {one.id for one in findings if one.severity == "error"}
             if errors and check in OF_THE_COURSE:
                 continue
-            if errors & {"unit_suspected", "losses_of_shaft"} and check in OF_THE_BALANCE:
+            if (
+                errors & {"unit_suspected", "losses_of_shaft", "units_temperature"}
+                and check in OF_THE_BALANCE
+            ):
                 continue
             if check in OF_THE_SENSOR and check is not OF_THE_SENSOR[0]:
                 continue

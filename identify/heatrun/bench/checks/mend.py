@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...motor import Motor
+from ..channels.derive import recorded_shaft_power
 from ..record import Finding, Record
 from ..stretch import bridge, mask, windows
 from .load_spike import spike_windows
@@ -32,6 +33,15 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         channel = finding.where.rpartition(", ")[2]
         values = np.asarray(record[channel], dtype=float) * (finding.values["factor"] or 1.0)
         return replace(record, channels={**record.channels, channel: values}), motor
+    if finding.id == "losses_of_shaft":
+        rest = {name: column for name, column in record.channels.items() if name != "losses_W"}
+        shaft = recorded_shaft_power(rest)
+        if shaft is not None and not finding.values["is_output"]:
+            rest["losses_W"] = record["losses_W"] - np.abs(shaft)
+        return replace(record, channels=rest), motor
+    if finding.id == "resistance_coefficient":
+        B = finding.values["coefficient_degC"] or motor.resistance_coefficient_degC
+        return record, replace(motor, resistance_coefficient_degC=B)
     if finding.severity != "error":
         return record, motor
     if finding.id == "time_backwards" and "sample" in finding.values:

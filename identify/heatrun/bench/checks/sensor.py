@@ -9,7 +9,7 @@ from ..record import Finding, Record
 from ..rounding import rounding_step
 from .advice import mask_line, use_line
 from .samples import is_loaded, place, runs, samples, sink_channel, with_all_heat
-from .unexplained import Movement, unexplained_movement
+from .unexplained import WINDOWS_S, Movement, unexplained_movement
 
 MAX_RATE_K_PER_S = 5.0
 """A winding heats adiabatically at rho J^2/(c d): with copper at 100 degC (2.3e-8 ohm m, 385 J/kg
@@ -260,20 +260,26 @@ def _fallen(record: Record, motor: Motor) -> Finding | None:
     if time_s.size < 3:
         return None
     room = BELOW_HOUSING_K + (rounding_step(winding) or 0.0)
-    first, past = runs((winding < housing - room) & is_loaded(losses))
-    lasting = [(a, b) for a, b in zip(first, past, strict=True)
-               if time_s[b - 1] - time_s[a] >= BELOW_HOUSING_S]  # fmt: skip
-    if not lasting:
+    first, past = runs(winding < housing - room)
+    heated_s = np.cumsum(np.append(0.0, np.diff(time_s)) * is_loaded(losses))
+    lasting = np.flatnonzero(heated_s[past - 1] - heated_s[first] >= BELOW_HOUSING_S)
+    if lasting.size == 0:
         return None
-    begin = lasting[0][0]
-    above = np.flatnonzero(winding[begin:] > housing[begin:])
-    until = begin + int(above[0]) - 1 if above.size else time_s.size - 1
-    least = float(np.min((winding - housing)[begin : until + 1]))
+    below, past_it = int(first[lasting[0]]), int(past[lasting[0]])
+    for jump in jumps_at_once(record, motor):
+        if jump.severity == "error" and (jump.values["from_s"] or 0.0) <= time_s[below]:
+            return None  # that tells it
+    # it fell from the highest reading just before
+    before = int(np.searchsorted(time_s, time_s[below] - WINDOWS_S[-1]))
+    begin = before + int(np.argmax(winding[before : below + 1]))
+    above = np.flatnonzero(winding[below:] > housing[below:])
+    until = below + int(above[0]) - 1 if above.size else time_s.size - 1
+    least = float(np.min((winding - housing)[below : until + 1]))
     return _detached(
         record,
         f"The winding reads less than its housing under load, {-least:.1f} K less at most: heat "
         "would flow into the winding that makes it.",
-        (float(time_s[begin]), float(time_s[lasting[0][1] - 1]), float(time_s[until])),
+        (float(time_s[begin]), float(time_s[past_it - 1]), float(time_s[until])),
         bool(above.size),
         {"below_housing_K": -least},
     )

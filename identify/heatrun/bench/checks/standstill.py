@@ -2,19 +2,20 @@
 
 A machine that turns hides an error of the current's scale: the copper loss changes with its square,
 and the other losses take up the difference. At standstill there are no others (direct current or a
-few hertz), so that current, losses and phase resistance must agree.
+few hertz), so that current, losses and phase resistance must agree, and the losses over the squared
+current must rise with the temperature as the winding's resistance does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...io.quantities import off_by, part_of
-from ...motor import Motor
-from ..channels.by_resistance import resistance_sd
+from ...io.quantities import off_by, part_of, rounded
+from ...motor import COEFFICIENTS_degC, Motor
+from ..channels.by_resistance import by_resistance, measured_resistance, resistance_sd
 from ..channels.derive import WITH_INVERTER, constants_of, dq_power, formulas
 from ..record import Finding, Record
 from .balance_errors import BLOCK_S, STANDSTILL_RPM
@@ -43,6 +44,9 @@ DQ = "u_d·i_d"
 
 DECISIVE = 2.0
 """Standard deviations from one that make the finding a warning [1]."""
+
+FEWEST_BLOCKS = 6
+"""Of a resistance at several temperatures."""
 
 FAR = 10.0
 """Ratio from which a unit is wrong and not an instrument [1]."""
@@ -93,6 +97,135 @@ def standstill_losses(record: Record, motor: Motor) -> tuple[Finding, ...]:
         what = "the powers of voltage and current in d and q"
         found.append(_finding(record, motor, quotient, "u_q_V", what, 1.0))
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class Rise:
+    """A resistance over the temperature of the winding, as a straight line.
+
+    Attributes:
+        zero_degC: B at which it is no more, as the line says [degC].
+        sd: Relative standard deviation of B + T [1], of the sensor and of scatter.
+        mean_degC: Mean temperature [degC].
+        span_degC: Lowest and highest temperature [degC].
+        ohm: At the mean temperature [ohm].
+    """
+
+    zero_degC: float
+    sd: float
+    mean_degC: float
+    span_degC: tuple[float, float]
+    ohm: float
+
+    def above(self, B: float) -> float:
+        """Return its B + T over that of a stated B [1]."""
+        return (self.zero_degC + self.mean_degC) / (B + self.mean_degC)
+
+    def at(self, temperature_degC: float) -> float:
+        """Return the resistance at a temperature [ohm]."""
+        zero = self.zero_degC
+        return self.ohm * (zero + temperature_degC) / (zero + self.mean_degC)
+
+
+def resistance_coefficient(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report a resistance that does not rise with the winding's temperature as B says.
+
+    Needs a sensor in the winding, and beside it a meter of the resistance (or direct voltage and
+    current), or the losses at standstill, where these agree with the phase resistance.
+    """
+    B = motor.resistance_coefficient_degC
+    seen = _by_meter(record, motor)
+    what, where = "the resistance that was measured", "winding_resistance_ohm"
+    if seen is None:
+        seen, what, where = _by_losses(record, motor), "losses_W/I² at standstill", "losses_W"
+    if seen is None or abs(np.log(seen.above(B))) <= DECISIVE * seen.sd:
+        return ()
+    above, band = seen.above(B), DECISIVE * seen.sd
+    usual = [name for name, known in COEFFICIENTS_degC.items()
+             if abs(np.log(seen.above(known))) <= band]  # fmt: skip
+    line = (
+        "material = " + " or ".join(f'"{name}"' for name in usual)
+        if usual
+        else f"resistance_coefficient_degC = {seen.zero_degC:.0f}"
+    )
+    leads = "" if above < 1.0 or where == "losses_W" else (
+        " Or leads that stay cold are in the reading: [winding] lead_resistance_ohm = "
+        f"{rounded(motor.lead_resistance_ohm + seen.ohm * (1.0 - 1.0 / above), 2)}."
+    )  # fmt: skip
+    low, high = seen.span_degC
+    uncertain = band * (seen.zero_degC + seen.mean_degC)
+    right = replace(motor, resistance_coefficient_degC=seen.zero_degC)
+    off = float(motor.resistance_ratio(np.asarray(high)) / right.resistance_ratio(np.asarray(high)))
+    return (
+        Finding(
+            "resistance_coefficient",
+            "warning",
+            f"Expected the winding's resistance to rise with B = {B:g} °C; {what} rises with B = "
+            f"{seen.zero_degC:.0f} ± {uncertain:.0f} °C (95 %) between {low:.0f} and {high:.0f} "
+            f"°C. The copper loss at {high:.0f} °C is {abs(100.0 * (off - 1.0)):.0f} % too "
+            f"{'high' if off > 1.0 else 'low'}.",
+            place(record, where, *samples(record, "winding_degC")[0][[0, -1]]),
+            f"Correct the material: [winding] {line}.{leads} If it is right, the sensor rises by "
+            f"{rounded(above, 3)} K where the mean of the winding rises by 1 K: check its place.",
+            values={"coefficient_degC": seen.zero_degC, "coefficient_sd_K": 0.5 * uncertain},
+        ),
+    )
+
+
+def _by_meter(record: Record, motor: Motor) -> Rise | None:
+    measured = None if by_resistance(record) else measured_resistance(record)
+    if measured is None or "winding_degC" not in record:
+        return None
+    both = {"time_s": record.time_s, "winding": record["winding_degC"],
+            "ohm": measured[0] - motor.lead_resistance_ohm}  # fmt: skip
+    time_s, winding, ohm = samples(Record("", both), "winding", "ohm")
+    _, winding, ohm = block_means(time_s, BLOCK_S, winding, ohm)
+    return _rise(winding, ohm)
+
+
+def _by_losses(record: Record, motor: Motor) -> Rise | None:
+    agreement = _of_losses(record, motor)
+    if agreement is None or motor.phase_resistance_ohm is None:
+        return None
+    names = ("speed_rpm", "phase_current_A", "losses_W", "winding_degC")
+    time_s, speed, current, losses, winding = samples(record, *names)
+    copper = motor.copper_loss_W(current, winding)
+    standing = _standing(time_s, speed, copper, losses, current**2, winding)
+    if standing is None:
+        return None
+    _, kept, _, *beside = standing
+    power, squared, temperature = (part[kept] for part in beside)
+    linear = np.hypot(POWER_SD, 2.0 * CURRENT_SD) * np.std(squared) / np.mean(squared)
+    seen = _rise(temperature, power / squared / motor.phases, float(linear))
+    if seen is None:
+        return None
+    # leads, iron or another current shift the line: then B is not what is wrong
+    stated = seen.at(motor.reference_temperature_degC) / motor.phase_resistance_ohm
+    return seen if abs(stated - 1.0) <= DECISIVE * agreement.sd else None
+
+
+def _rise(temperature: np.ndarray, ohm: np.ndarray, linear: float = 0.0) -> Rise | None:
+    """Fit a line to blocks; scatter lasts, as that of a sensor that lags: it counts in full.
+
+    Args:
+        temperature: Of the winding [degC], shape (blocks,).
+        ohm: Its resistance [ohm], shape (blocks,).
+        linear: What instruments may be off between small and large values [1].
+    """
+    if temperature.size < FEWEST_BLOCKS:
+        return None
+    mean, spread, mean_ohm = (float(x) for x in (temperature.mean(), temperature.std(), ohm.mean()))
+    slope = float(np.mean((temperature - mean) * ohm)) / spread**2 if spread > 0.0 else 0.0
+    if not slope > 0.0 or not mean_ohm > 0.0:
+        return None
+    scatter = float(np.std(ohm - slope * temperature)) + linear * mean_ohm
+    return Rise(
+        zero_degC=mean_ohm / slope - mean,
+        sd=float(np.hypot(SENSOR_SD_SHARE, scatter / (slope * spread))),
+        mean_degC=mean,
+        span_degC=(float(temperature.min()), float(temperature.max())),
+        ohm=mean_ohm,
+    )
 
 
 def current_scale_unchecked(motor: Motor, records: Sequence[Record]) -> tuple[Finding, ...]:
@@ -173,19 +306,10 @@ def _agreement(
     instruments: float,
 ) -> Agreement | None:
     """Compare two powers over the stretches at standstill; None if there is none."""
-    if time_s.size < 2:
+    standing = _standing(time_s, speed, expected, measured, current**2, winding)
+    if standing is None:
         return None
-    at, speed, power, copper, squared, temperature = block_means(
-        time_s, BLOCK_S, np.abs(speed), measured, expected, current**2, winding
-    )
-    stands = (speed < STANDSTILL_RPM) & is_loaded(copper)
-    kept = np.zeros(stands.size, dtype=bool)
-    for first, past in zip(*runs(stands), strict=True):
-        # the blocks at either end may hold a part of what came before or after
-        if at[past - 1] - at[first] + BLOCK_S >= LASTS_S and past - first > 3:
-            kept[first + 1 : past - 1] = True
-    if not kept.any():
-        return None
+    at, kept, copper, power, squared, temperature = standing
     total = float(np.sum(copper[kept]))
     ratio = float(np.sum(power[kept])) / total
     scatter = float(np.std(power[kept] - ratio * copper[kept])) * np.sqrt(kept.sum()) / total
@@ -207,6 +331,22 @@ def _agreement(
         lasts_s=float(kept.sum()) * BLOCK_S,
         current_A=float(np.sqrt(np.mean(squared[kept]))),
     )
+
+
+def _standing(
+    time_s: np.ndarray, speed: np.ndarray, copper: np.ndarray, *beside: np.ndarray
+) -> tuple[np.ndarray, ...] | None:
+    """Return times, what is kept at standstill, and the channels, as blocks; None if none is."""
+    if time_s.size < 2:
+        return None
+    at, speed, copper, *others = block_means(time_s, BLOCK_S, np.abs(speed), copper, *beside)
+    stands = (speed < STANDSTILL_RPM) & is_loaded(copper)
+    kept = np.zeros(stands.size, dtype=bool)
+    for first, past in zip(*runs(stands), strict=True):
+        # the blocks at either end may hold a part of what came before or after
+        if at[past - 1] - at[first] + BLOCK_S >= LASTS_S and past - first > 3:
+            kept[first + 1 : past - 1] = True
+    return (at, kept, copper, *others) if kept.any() else None
 
 
 def _largest_power(record: Record, measured: np.ndarray) -> np.ndarray:

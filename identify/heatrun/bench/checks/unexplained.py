@@ -53,10 +53,7 @@ BEGUN = 0.2
 """Share of the largest change between two samples [1] from which the movement has begun."""
 
 LEAP = 0.3
-"""Share of the fall [1] that a return makes up within a sample."""
-
-RETURNED = 0.35
-"""A sensor that is put back reads to this share of its fall [1] what it read before."""
+"""Share of the fall [1] that a return makes up within a sample, and keeps."""
 
 
 @dataclass(frozen=True)
@@ -235,12 +232,12 @@ class _Course:
         beside = self.reading - self.explained(size)
         beside = beside - np.median(beside[max(cell - 5, 0) : cell + 1])
         fall = abs(float(beside[moved]))
-        near = np.abs(beside[moved + 1 :]) < max(RETURNED * fall, 2.0 * self.step_K)
+        near = np.abs(beside[moved + 1 :]) < max((1.0 - LEAP) * fall, 2.0 * self.step_K)
         stays = max(1, min(self.widths[-1], near.size))
         if near.size < stays:
             return None
         held = np.convolve(near, np.ones(stays), "valid") > stays - 0.5
-        leaps = np.abs(np.diff(beside[moved:]))[: held.size] > LEAP * fall
+        leaps = (-np.sign(beside[moved]) * np.diff(beside[moved:]))[: held.size] > LEAP * fall
         found = np.flatnonzero(held & leaps)
         return moved + int(found[0]) if found.size else None
 

@@ -203,7 +203,7 @@ def _shortest(conductance_W_per_K: float, sink: str) -> float:
 def _stays_short(record: Record, motor: Motor, shortest_s: float) -> bool:
     """Whether two masses say the same: one mass takes a short test's winding for the machine."""
     fit = crude_fit(record, motor)
-    return fit is None or fit.tau_s < 1.5 * shortest_s
+    return fit is None or fit.tau_s < shortest_s
 
 
 def _copper(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
