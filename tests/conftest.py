@@ -16,6 +16,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from hypothesis import settings
 
 COMPILATIONS = "JAX_COMPILATION_CACHE_DIR"
 ONE_THREAD = "OPENBLAS_NUM_THREADS"
@@ -25,6 +26,9 @@ MOST_KEPT_BYTES = 1_000_000_000
 
 MOST_RESIDENT_BYTES = 1_400_000_000
 """Memory of a worker from which on it drops compiled programs between two files."""
+
+WORTH_DROPPING_BYTES = 600_000_000
+"""And what it must have grown by since it last did so: much of it is never given back."""
 
 PROGRAMS = {
     "chromium": ("chromium", "chromium-browser", "google-chrome"),
@@ -42,6 +46,14 @@ NOT_QUICK = ("app/", "benchmarks/", "crosschecks/", "faults/", "fleet/", "studie
 """Folders of tests that start other programs or fit a lot."""
 
 TAKEN: Counter[str] = Counter()
+
+LEFT_BYTES = pytest.StashKey[int]()
+"""Memory that was left when compiled programs were last dropped."""
+
+# The same examples in every run: a rare find is for `make study-fuzz` to make.
+settings.register_profile("same", derandomize=True, deadline=None, max_examples=60)
+settings.register_profile("random", deadline=None, max_examples=1000, print_blob=True)
+settings.load_profile("same")
 
 
 def _share_compilations() -> None:
@@ -80,13 +92,21 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         )
 
 
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Keep what imports and collection left out of every later garbage collection."""
+    gc.collect()
+    gc.freeze()
+
+
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
     """Drop compiled programs between files once they fill the memory."""
     if nextitem is not None and nextitem.path == item.path:
         return
-    if "jax" in sys.modules and _resident_bytes() > MOST_RESIDENT_BYTES:
+    most = max(MOST_RESIDENT_BYTES, item.config.stash.get(LEFT_BYTES, 0) + WORTH_DROPPING_BYTES)
+    if "jax" in sys.modules and _resident_bytes() > most:
         sys.modules["jax"].clear_caches()
         gc.collect()
+        item.config.stash[LEFT_BYTES] = _resident_bytes()
 
 
 def _resident_bytes() -> int:
