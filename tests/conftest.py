@@ -14,9 +14,11 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 from hypothesis import settings
+from xdist.scheduler import LoadFileScheduling
 
 COMPILATIONS = "JAX_COMPILATION_CACHE_DIR"
 ONE_THREAD = "OPENBLAS_NUM_THREADS"
@@ -44,6 +46,13 @@ MOST_QUICK_S = 1.0
 
 NOT_QUICK = ("app/", "benchmarks/", "crosschecks/", "faults/", "fleet/", "studies/")
 """Folders of tests that start other programs or fit a lot."""
+
+TOGETHER = dict.fromkeys(
+    (f"heatrun/test_{name}.py" for name in (
+        "discover", "effects_search", "discover_command", "page_invariant", "missing")),
+    "search for effects",
+)  # fmt: skip
+"""Files that one worker runs, for what the first has traced and compiled serves the others."""
 
 TAKEN: Counter[str] = Counter()
 
@@ -157,6 +166,18 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def _file(nodeid: str) -> str:
     """Return the file of a test below `tests`."""
     return nodeid.split("::")[0].removeprefix("tests/")
+
+
+class OneWorkerForAFile(LoadFileScheduling):
+    """Gives each worker whole files, and all of those that go together."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return TOGETHER.get(_file(nodeid)) or super()._split_scope(nodeid)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> OneWorkerForAFile | None:
+    """Return how files are given to workers where `--dist loadfile` is asked for."""
+    return OneWorkerForAFile(config, log) if config.getoption("dist") == "loadfile" else None
 
 
 @pytest.fixture(scope="session")
