@@ -72,7 +72,7 @@ def draft(
         rest = f"#   … and {len(free) - left + 1} more columns: heatrun check lists them"
         free = [*free[: left - 1], rest] if left else []
     lines = (*head, *motor, *winding, *recognised, *offered, *free, *constants, *overrides)
-    text = "\n".join(lines) + "\n"
+    text = printable("\n".join(lines) + "\n")  # names out of files stand in comments too
     for said, number in numbers.items():
         text = _with_number(text, said, number)
     return text
@@ -246,11 +246,11 @@ def _overrides(missing: Sequence[Gap], mark: str) -> list[str]:
 
 
 def _line(channel: str, side: str, note: str, mark: str) -> str:
-    note = printable(flat(note))
+    note = flat(note)
     return f"{mark}{channel} = {side}  # {note if mark else f'{PLEASE_CHECK}: {note}'}"
 
 
 def _comment(text: str) -> str:
     """Return a text as one line of comment; it may hold names out of a file."""
-    line = f"# {printable(text.replace(chr(10), ' '))}"
+    line = f"# {text.replace(chr(10), ' ')}"
     return line if len(line) <= WIDTH else f"{line[: WIDTH - 1]}…"

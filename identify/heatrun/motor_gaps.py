@@ -202,7 +202,7 @@ def found_resistance(surveys: Sequence[Survey]) -> dict[str, str]:
 
 def _resistance(surveys: Sequence[Survey]) -> Gap:
     notes = tuple(
-        f"# A resistance in {Path(one.path).name}: column '{printable(flat(column.name))}' holds "
+        f"# A resistance in {Path(one.path).name}: column '{flat(column.name)}' holds "
         f"{column.low:.6g} … {column.high:.6g}."
         for one in surveys
         for column in one.free
@@ -399,8 +399,7 @@ def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
             is_steady = value == column.high and not column.is_silent
             if is_room and value is not None and is_steady and _is_room(value):
                 what = "the one value of" if column.num_values == 1 else "throughout in"
-                column_name = printable(flat(column.name))
-                lines.append(f"# {name} = {value!r}  # {what} column '{column_name}'")
+                lines.append(f"# {name} = {value!r}  # {what} column '{flat(column.name)}'")
         for line in one.preamble:
             numbers = NUMBER.findall(line) if "ambient" in read_name(line).meanings else []
             values = [float(number.replace(",", ".")) for number in numbers]

@@ -15,6 +15,11 @@ from heatrun.effects.linear import Linear, evidence
 from heatrun.effects.search import Search, neighbours
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
+from lptn.effects.ambient_drift import AmbientDrift
+from lptn.effects.housing_node import HousingNode
+from lptn.effects.natural_convection import NaturalConvection
+from lptn.effects.neighbour_body import NeighbourBody
+from lptn.effects.radiation import Radiation
 
 FEW = ("speed_cooling", "sensor_lag", "rotor_node", "ambient_drift", "stray_load_loss")
 
@@ -149,3 +154,16 @@ def test_the_evidence_survives_columns_that_are_one():
     assert np.isfinite(value)
     # what one column of all three amplitudes would take
     assert np.sum(step) == pytest.approx(-joined[:, 0] @ column / (column @ column), rel=1e-2)
+
+
+@pytest.mark.slow
+def test_a_twin_is_told_although_it_explains_nothing_beside_the_other(hidden_bench, monkeypatch):
+    """A winding with a constant sink never tells a housing from a body beside the stator."""
+    monkeypatch.setattr("heatrun.effects.search.MOST_RIVALS", 1)
+    _, motor, tests, _ = machine(hidden_bench, ("neighbour_body",), 43, target_K=1.2)
+    model = Model.of("second", motor).scaled(motor, tests)
+    rows = [model.with_bodies(test) for test in tests]
+    kinds = (HousingNode, NeighbourBody, AmbientDrift, NaturalConvection, Radiation)
+    found = find(model, motor, rows, kinds=kinds)
+    (body,) = found.core.effects
+    assert {"housing_node", "neighbour_body"} == {body.id, *(one.id for one in found.tied(body))}

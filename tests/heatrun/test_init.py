@@ -272,6 +272,13 @@ def test_few_of_the_worksheets_names_are_not_taken_for_it(tmp_path, table):
     assert {one.channel for one in survey(tmp_path / "short.csv").recognised} == {"time_s"}
 
 
+def test_a_file_name_with_control_characters_leaves_a_draft_that_loads():
+    column = FreeColumn("R", "Ω", 0.1, 0.2, 100)
+    made = draft("motor", [Survey("a\x1fb.csv", "text", (), {}, (column,))])
+    assert "a\\x1fb.csv" in made
+    parse_motor(made.encode(), "motor.toml")
+
+
 NAMES = st.text(st.characters(codec="utf-8"), min_size=1, max_size=60)
 
 

@@ -12,7 +12,7 @@ from heatrun.bench.reduction import reduce
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.fit_checks import fit_findings
 from heatrun.inference.model import Model
-from heatrun.inference.networks.scale import scale_of_tests
+from heatrun.inference.networks.scale import one_node, scale_of_tests
 from heatrun.inference.posterior import weighted_draws
 from heatrun.inference.problem import Problem
 from heatrun.motor import ParameterOverride
@@ -93,3 +93,22 @@ def test_a_test_that_starts_warm_does_not_hide_how_fast_the_winding_is(motor):
     for name, true in {"Ceq_w": C_w, "Ceq_sr": C_sr, "Req_w": R_w, "Req_sr": R_sr}.items():
         low, high = priors[name].prior_interval_95()
         assert low < true < high, name
+
+
+def test_pulses_of_the_winding_do_not_hide_the_body(motor):
+    """An S3 duty of 10 min: the winding swings, and the machine behind it is ten times as large."""
+    time = np.arange(0.0, 4500.0, 2.0)
+    watts = np.where((time % 600.0 < 300.0) & (time < 3600.0), 170.0, 0.0)
+    degC = np.full((2, time.size), 20.0)
+    for now in range(time.size - 1):
+        winding, body = degC[:, now]
+        across, lost = (winding - body) / 0.52, (body - 20.0) / 0.5
+        heat = np.array([0.65 * watts[now] - across, 0.35 * watts[now] + across - lost])
+        degC[:, now + 1] = degC[:, now] + 2.0 * heat / np.array([126.0, 1286.0])
+    channels = {"time_s": time, "phase_current_A": 0.02 * np.sqrt(watts), "losses_W": watts,
+                "winding_degC": degC[0], "ambient_degC": np.full(time.size, 20.0)}  # fmt: skip
+    found = one_node([reduce(Record("pulses", channels), motor)])
+    assert found is not None
+    capacity, resistance = found
+    assert 1412.0 / 3.0 < capacity < 1.5 * 1412.0
+    assert 0.4 < resistance < 1.1

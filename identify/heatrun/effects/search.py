@@ -16,7 +16,7 @@ References: D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992)
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -47,8 +47,9 @@ NUM_SETTLED, SETTLED = 3, 0.05
 """Rounds of noise and least squares for a set, and the change of the noise's scores at which they
 end [1]."""
 
-MOST_AROUND, MOST_SETTLED = 6, 4
-"""Neighbours of the final set that are fitted, and how often one of them may take its place."""
+MOST_RIVALS, MOST_SETTLED = 2, 4
+"""Rivals of each effect of the final set that are fitted, and how often one of them may take its
+place."""
 
 LONGEST_S, UNLIMITED_S = 60.0, 2000.0
 """Correlation over longer than the first is no noise while causes are sought, and no noise reaches
@@ -251,28 +252,32 @@ class Search:
                 break
             member = self.fitted[best]
             around = self.around(member)
-        for each in member.effects:
-            if member.effects - {each} not in self.fitted:
-                self.fit(member.effects - {each}, member.z, member.noise_z)
         return member, around
 
     def around(self, member: Member) -> dict[Set, float]:
         """Return the sets that the tests do not tell from a fitted one, with probabilities [1].
 
-        They have one effect less, or another in the place of one; the best of them by the linear
-        evidence are fitted.
+        They have one effect less, or another in the place of one. A rival is tried where it
+        explains most without the effect: beside it, its twin explains nothing. The best by the
+        linear evidence are fitted.
 
         Args:
             member: The set, which is among them.
         """
-        linear = Linear(heated(self.engine, member.z), self.own, self.base, member, {})
         here = member.effects
-        others = [each for each in neighbours(here, self.candidates) if len(each) <= len(here)]
-        weights = {each: linear.log_evidence(each) + self.log_odds(each) for each in others}
-        near = sorted(others, key=lambda each: -weights[each])
-        for effects in near[:MOST_AROUND]:
-            if effects not in self.fitted:
-                self.fit(effects, linear.scores(effects), member.noise_z)
+        others = []
+        for each in here:
+            fewer = here - {each}
+            without = self.fitted.get(fewer) or self.fit(fewer, member.z, member.noise_z)
+            # under the noise of the set: without the effect, what it does is unmodelled heat
+            centre = replace(without, noise_z=member.noise_z)
+            linear = Linear(heated(self.engine, without.z), self.own, self.base, centre, {})
+            rivals = [fewer | {one} for one in self.candidates if one not in here]
+            weights = {one: linear.log_evidence(one) + self.log_odds(one) for one in rivals}
+            for rival in sorted(rivals, key=lambda one: -weights[one])[:MOST_RIVALS]:
+                if rival not in self.fitted:
+                    self.fit(rival, linear.scores(rival), member.noise_z)
+            others += [fewer, *rivals]
         fitted = [here, *(each for each in others if each in self.fitted)]
         found = np.array([self.fitted[each].log_weight for each in fitted])
         shares = np.exp(found - np.logaddexp.reduce(found))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from ...bench.blocks import Blocks
 from ...io.quantities import rounded
@@ -41,8 +42,8 @@ short test tells little of how hot the machine would become."""
 OF_LOSS = 0.1
 """Iron or friction loss at the largest speed over the mean loss [1], for each of its terms."""
 
-NUM_STRETCHES, FEWEST_STRETCHES = 30, 8
-"""Stretches of a test whose heat is balanced, and the fewest that say something."""
+NUM_STRETCHES, FEWEST_STRETCHES = (30, 15), 8
+"""Stretches of a test whose heat is balanced, short and long, and the fewest that say something."""
 
 LEAST_RISE_K = 1.0
 """Rise below which a test has no scale [K]."""
@@ -94,43 +95,58 @@ def scale_of_tests(tests: Sequence[Blocks], copper_ohm: float = 0.0) -> Scale | 
 def one_node(tests: Sequence[Blocks], copper_ohm: float = 0.0) -> tuple[float, float] | None:
     """Return heat capacity [J/K] and resistance to the sink [K/W] of the whole machine as one node.
 
-    By least squares on the heat balance of stretches; None if it is not that of a machine.
+    By least squares on the heat balance of stretches; None if it is not that of a machine. What
+    the winding swings above the body follows the square of the current and is no heat in the body.
+    In short stretches it hides the body, in long ones the body has settled: either way the
+    capacity is too small, so the larger one counts.
 
     Args:
         tests: Reduced records.
         copper_ohm: As `scale_of_tests`.
     """
-    balances = [_stretches(test.winding, copper_ohm) for test in tests]
-    slope, rise, loss = np.concatenate(balances, axis=1)
+    found = [_balanced(tests, copper_ohm, num) for num in NUM_STRETCHES]
+    return max((each for each in found if each is not None), default=None)
+
+
+def _balanced(tests: Sequence[Blocks], copper_ohm: float, num: int) -> tuple[float, float] | None:
+    balances = [_stretches(test.winding, copper_ohm, num) for test in tests]
+    slope, swing, rise, loss = np.concatenate(balances, axis=1)
     seen = np.isfinite(slope + rise + loss)
     if np.sum(seen) < FEWEST_STRETCHES:
         return None
-    heat = np.column_stack([slope, rise])[seen]
-    capacity, conductance = np.linalg.lstsq(heat, loss[seen], rcond=None)[0]
+    heat = np.column_stack([slope, rise, swing])[seen]
+    size = np.linalg.norm(heat, axis=0)
+    size[size == 0.0] = 1.0  # no current
+    capacity, conductance, _ = np.linalg.lstsq(heat / size, loss[seen], rcond=None)[0] / size
     if not (capacity > 0.0 and conductance > 0.0):
         return None
     return float(capacity), float(1.0 / conductance)
 
 
-def _stretches(test: Blocks, copper_ohm: float) -> Float[np.ndarray, "3 stretch"]:
-    """Return slope [K/s], rise [K] and loss [W] of stretches of a test, NaN where not measured."""
+def _stretches(test: Blocks, copper_ohm: float, num: int) -> Float[np.ndarray, "4 stretch"]:
+    """Return of stretches of a test slope [K/s], slope of the squared current [A²/s], rise [K] and
+    loss [W]; NaN where not measured.
+    """
     loss, sink = _drives(test, copper_ohm)
-    size = max(1, loss.size // NUM_STRETCHES)
+    size = max(1, loss.size // num)
     whole = loss.size // size * size
-    T, loss, sink = (
+    measured = np.where(test.is_observed, test.measured, np.nan)
+    T, squared, loss, sink = (
         rows[:whole].reshape(-1, size).mean(axis=1)
-        for rows in (np.where(test.is_observed, test.measured, np.nan), loss, sink)
+        for rows in (measured, _by_block(test.inputs.current_squared, test), loss, sink)
     )
-    slope = (T[2:] - T[:-2]) / (2.0 * size * test.block_s)
-    return np.stack([slope, (T - sink)[1:-1], loss[1:-1]])
+    slope, swing = ((e[2:] - e[:-2]) / (2.0 * size * test.block_s) for e in (T, squared))
+    return np.stack([slope, swing, (T - sink)[1:-1], loss[1:-1]])
 
 
 def _drives(test: Blocks, copper_ohm: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the loss [W] and the sink [degC] of each block."""
     loss = np.asarray(test.inputs.losses) + copper_ohm * np.asarray(test.inputs.current_squared)
-    sink = np.asarray(test.inputs.ambient)
-    loss, sink = (each.reshape(test.weight.shape).mean(axis=1) for each in (loss, sink))
-    return loss, sink
+    return _by_block(loss, test), _by_block(test.inputs.ambient, test)
+
+
+def _by_block(values: ArrayLike, test: Blocks) -> np.ndarray:
+    return np.asarray(values).reshape(test.weight.shape).mean(axis=1)
 
 
 def scaled(form: NetworkForm, scale: Scale | None, masses: Masses) -> NetworkForm:
