@@ -15,16 +15,17 @@ loops compile whole. Both happen before JAX is first used, in `heatrun.runtime`.
 loaded when it is first asked for.
 """
 
+from functools import cache
 from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any
 
 from . import runtime as runtime
 from .version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from .api import Found, calibrate, calibrate_fleet, check, compare, discover, simulate
+    from .api import Found, calibrate, check, compare, discover, simulate
     from .errors import InputError
-    from .fleet.population.job import population
     from .motorfile import load_motor
     from .runs.run import Run, open_run
 
@@ -33,13 +34,11 @@ __all__ = [
     "InputError",
     "Run",
     "calibrate",
-    "calibrate_fleet",
     "check",
     "compare",
     "discover",
     "load_motor",
     "open_run",
-    "population",
     "simulate",
 ]
 
@@ -48,15 +47,22 @@ _PLACES = {
     "load_motor": ".motorfile",
     "Run": ".runs.run",
     "open_run": ".runs.run",
-    "population": ".fleet.population.job",
 }
 
 
+@cache
+def _added() -> dict[str, EntryPoint]:
+    """Return the names that other packages add, by their entry points `heatrun.names`."""
+    return {entry.name: entry for entry in entry_points(group="heatrun.names")}
+
+
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_PLACES.get(name, ".api"), __name__), name)
+    if name in __all__:
+        return getattr(import_module(_PLACES.get(name, ".api"), __name__), name)
+    if not name.startswith("_") and name in _added():
+        return _added()[name].load()
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    return [*__all__, *_added(), "__version__"]

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from importlib import import_module
 
-from .commands import COMMANDS
+from .commands import COMMANDS, all_commands
 from .commands.any_order import AnyOrder
 from .commands.exit_codes import DONE, INTERRUPTED, NOT_ALLOWED, WRONG_USE
 from .commands.interrupt import SENTENCE, ends_at_once
@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     with ends_at_once():
-        parser = _parser()
+        parser = _parser(words[0] if words else "")
         if not words:  # whoever types the bare name wants to know what there is
             parser.print_help(sys.stderr)
             return WRONG_USE
@@ -104,7 +104,8 @@ def _drop_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(name: str = "") -> argparse.ArgumentParser:
+    """Return the parser of all commands; of one alone where it is asked for, which is faster."""
     parser = argparse.ArgumentParser(
         prog="heatrun",
         description="Thermal networks of motors from bench transients, with 95 % intervals.",
@@ -113,8 +114,11 @@ def _parser() -> argparse.ArgumentParser:
     subparsers = parser.add_subparsers(
         dest="command", required=True, metavar="COMMAND", parser_class=AnyOrder
     )
-    for name in COMMANDS:
-        command = import_module(f".commands.{name}", __package__)
+    if name in COMMANDS:
+        commands = [import_module(f".commands.{name}", __package__)]
+    else:
+        commands = [load() for load in all_commands().values()]
+    for command in commands:
         command.add_parser(subparsers).set_defaults(run_command=command.run)
     return parser
 

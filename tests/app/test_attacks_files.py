@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from heatrun.app.folder import Folder
-from heatrun.app.server.confined import open_inside, read_inside
 from heatrun.errors import InputError
 from heatrun.io.opening import opening_by
+from heatrun_view.folder import Folder
+from heatrun_view.server.confined import open_inside, read_inside
 
 SECRET = "root:x:0:0:secret of the system"
 NUM_SWAPS = 400

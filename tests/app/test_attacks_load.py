@@ -151,7 +151,7 @@ FEW_PAGES = 4
 
 @pytest.mark.slow
 def test_a_flood_of_pages_ends_at_a_number(serve, wire):
-    server = serve(constants={"heatrun.app.server.handlers:PageHandler.MAX_SESSIONS": FEW_PAGES})
+    server = serve(constants={"heatrun_view.server.handlers:PageHandler.MAX_SESSIONS": FEW_PAGES})
     tabs = [wire.Tab(server.url) for _ in range(2)]
     answers = []
     for _ in range(5):

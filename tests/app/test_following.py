@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heatrun.app.reading import Reader
-from heatrun.app.store import RecordStore
 from heatrun.bench.following import FollowedTest, NotFollowed
 from heatrun.bench.growing_columns import GrowingColumns
 from heatrun.bench.readers.read import read_record
 from heatrun.bench.readers.text.growth import MARK_BYTES, Growth
 from heatrun.errors import InputError
 from heatrun.motorfile import load_motor, parse_motor
+from heatrun_view.reading import Reader
+from heatrun_view.store import RecordStore
 
 WRITER = Path(__file__).with_name("bench_writer.py")
 PATIENCE_S = 120.0

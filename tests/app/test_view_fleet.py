@@ -15,18 +15,18 @@ import pytest
 from playwright.sync_api import expect
 
 import heatrun
-from heatrun.app.fleet_table import columns, details, headline, intervals
-from heatrun.app.fleets import Fleet, fleets_under
-from heatrun.app.folder import Folder
-from heatrun.app.runs import runs_under
-from heatrun.app.tabs.fleet import FOUND, ODD, POOR, FleetTab
 from heatrun.errors import InputError
+from heatrun_view.fleet_table import columns, details, headline, intervals
+from heatrun_view.fleets import Fleet, fleets_under
+from heatrun_view.folder import Folder
+from heatrun_view.runs import runs_under
+from heatrun_view.tabs.fleet import FOUND, ODD, POOR, FleetTab
 
 pytest.importorskip("pyarrow")
 sys.path.insert(0, str(Path(__file__).parents[1] / "fleet"))
 from rows_of_machines import machine, refused, write_rows
 
-from heatrun.fleet.parts import part_bytes
+from heatrun_fleet.parts import part_bytes
 
 # The page runs on Panel 1.6 too, which knows only the names that 2.0 will drop.
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")

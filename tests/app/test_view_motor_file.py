@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from heatrun.app.motor_text import fault_html, file_of_text, has_mixed_ends, line_of, text_of_file
-from heatrun.app.tabs.editing import Editing
 from heatrun.errors import InputError
 from heatrun.motorfile import parse_motor
+from heatrun_view.motor_text import fault_html, file_of_text, has_mixed_ends, line_of, text_of_file
+from heatrun_view.tabs.editing import Editing
 
 # The page runs on Panel 1.6 too, which knows only the names that 2.0 will drop.
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")

@@ -14,20 +14,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from heatrun.app.folder import Folder, Stamp
-from heatrun.app.jobs.running import JobQueue
-from heatrun.app.look import LIGHT
-from heatrun.app.plotting.trace import GAP, Trace
-from heatrun.app.runs import last_motor, runs_under
-from heatrun.app.store import RecordStore
-from heatrun.app.tabs.fit_figure import FitFigure, error_of
-from heatrun.app.tabs.run_view import run_name, run_view
-from heatrun.app.uploads import BoundedDropper, UploadRoom, keep_upload, safe_name
-from heatrun.app.words import calibration_html, discovery_html, error_message, message, table
 from heatrun.errors import InputError
 from heatrun.results import DiscoveryResult, FitResult, from_json
 from heatrun.runs.run import open_run
 from heatrun.runs.verdict import favoured, restrictions
+from heatrun_view.folder import Folder, Stamp
+from heatrun_view.jobs.running import JobQueue
+from heatrun_view.look import LIGHT
+from heatrun_view.plotting.trace import GAP, Trace
+from heatrun_view.runs import last_motor, runs_under
+from heatrun_view.store import RecordStore
+from heatrun_view.tabs.fit_figure import FitFigure, error_of
+from heatrun_view.tabs.run_view import run_name, run_view
+from heatrun_view.uploads import BoundedDropper, UploadRoom, keep_upload, safe_name
+from heatrun_view.words import calibration_html, discovery_html, error_message, message, table
 
 STORED = Path(__file__).parents[1] / "stored"
 

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from heatrun.app.folder import Folder
-from heatrun.app.store import RecordStore
-from heatrun.app.tabs.page import Page
-from heatrun.app.tabs.sidebar import NO_RUN
-from heatrun.app.uploads import UploadRoom
 from heatrun.cli import _parser
 from heatrun.errors import InputError
-from heatrun.reports.bench_tests.build import check_use
+from heatrun_reports.build import check_use
+from heatrun_view.folder import Folder
+from heatrun_view.store import RecordStore
+from heatrun_view.tabs.page import Page
+from heatrun_view.tabs.sidebar import NO_RUN
+from heatrun_view.uploads import UploadRoom
 
 # The page runs on Panel 1.6 too, which knows only the names that 2.0 will drop.
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")

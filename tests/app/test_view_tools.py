@@ -9,27 +9,27 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from heatrun.app.folder import Stamp
-from heatrun.app.frame import Screen
-from heatrun.app.look import DARK, LIGHT
-from heatrun.app.motor_windows import (
+from heatrun.bench import Record
+from heatrun.errors import InputError
+from heatrun_view.folder import Stamp
+from heatrun_view.frame import Screen
+from heatrun_view.look import DARK, LIGHT
+from heatrun_view.motor_windows import (
     windows_of,
     windows_text,
     with_window,
     without_window,
     write_windows,
 )
-from heatrun.app.plotting.linked import Plots, Told
-from heatrun.app.plotting.readout import cursor_table
-from heatrun.app.plotting.styles import colours
-from heatrun.app.plotting.time_axis import spoken, unit_of
-from heatrun.app.plotting.trace import Trace
-from heatrun.app.server.confined import replace_inside
-from heatrun.app.store import Opened
-from heatrun.app.tabs.aligning import shifts_of
-from heatrun.app.tabs.cutting import Cutting
-from heatrun.bench import Record
-from heatrun.errors import InputError
+from heatrun_view.plotting.linked import Plots, Told
+from heatrun_view.plotting.readout import cursor_table
+from heatrun_view.plotting.styles import colours
+from heatrun_view.plotting.time_axis import spoken, unit_of
+from heatrun_view.plotting.trace import Trace
+from heatrun_view.server.confined import replace_inside
+from heatrun_view.store import Opened
+from heatrun_view.tabs.aligning import shifts_of
+from heatrun_view.tabs.cutting import Cutting
 
 MOTOR = b"""# bench 3\r
 [motor]\r

@@ -14,7 +14,7 @@ from duty_record import record
 from measured import heatrun
 from rows import Row
 
-from heatrun.commands import COMMANDS
+from heatrun.commands import all_commands
 
 SECTION = "Processes"
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
@@ -24,7 +24,7 @@ LONG, LARGE = "A million samples", 1_000_000
 def help_of_each() -> list[Row]:
     """Time the help of every command: what a slow import at the top of a file would cost."""
     with tempfile.TemporaryDirectory() as folder:
-        times = {name: heatrun([name, "--help"], Path(folder)).wall_s for name in COMMANDS}
+        times = {name: heatrun([name, "--help"], Path(folder)).wall_s for name in all_commands()}
     slowest = max(times, key=lambda name: times[name])
     detail = ", ".join(f"{name} {1e3 * taken:.0f} ms" for name, taken in times.items())
     return [Row(SECTION, f"--help of the slowest command ({slowest})", times[slowest], "s", None,

@@ -16,9 +16,9 @@ pytest.importorskip("pyarrow")
 sys.path.insert(0, str(Path(__file__).parent))
 from simulated_fleet import write_fleet
 
-from heatrun.fleet.cluster import Workers
-from heatrun.fleet.fleet_file import load_fleet
-from heatrun.fleet.job import calibrate_fleet_into
+from heatrun_fleet.cluster import Workers
+from heatrun_fleet.fleet_file import load_fleet
+from heatrun_fleet.job import calibrate_fleet_into
 
 
 @pytest.fixture(scope="session")

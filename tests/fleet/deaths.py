@@ -6,10 +6,10 @@ import os
 import signal
 from pathlib import Path
 
-from heatrun.fleet.batches import Batch
-from heatrun.fleet.parts import part_bytes
-from heatrun.fleet.rows import REFUSED, unfitted
-from heatrun.fleet.work import Done
+from heatrun_fleet.batches import Batch
+from heatrun_fleet.parts import part_bytes
+from heatrun_fleet.rows import REFUSED, unfitted
+from heatrun_fleet.work import Done
 
 ALWAYS, ONCE = "M003", "M001"
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from heatrun.fleet.parts import part_bytes
-from heatrun.fleet.rows import COLUMNS
+from heatrun_fleet.parts import part_bytes
+from heatrun_fleet.rows import COLUMNS
 
 NAMES = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 UNITS = ("J/K", "J/K", "K/W", "K/W")

@@ -19,14 +19,14 @@ import pytest
 
 from heatrun import cli
 from heatrun.errors import InputError
-from heatrun.fleet import job
-from heatrun.fleet.batches import batches_of, digests_of, numerics
-from heatrun.fleet.cluster import Workers
-from heatrun.fleet.fleet_file import load_fleet
-from heatrun.fleet.job import calibrate_fleet_into
-from heatrun.fleet.parts import Parts, read_part
-from heatrun.fleet.work import Done
 from heatrun.io.folder_lock import FolderLock
+from heatrun_fleet import job
+from heatrun_fleet.batches import batches_of, digests_of, numerics
+from heatrun_fleet.cluster import Workers
+from heatrun_fleet.fleet_file import load_fleet
+from heatrun_fleet.job import calibrate_fleet_into
+from heatrun_fleet.parts import Parts, read_part
+from heatrun_fleet.work import Done
 
 pytest.importorskip("distributed")
 
@@ -254,7 +254,7 @@ def test_other_things_are_left_alone(bench, tmp_path):
 
 @pytest.mark.parametrize("gone", ["pyarrow", "distributed"])
 def test_what_is_not_installed_is_named(bench, tmp_path, monkeypatch, gone):
-    from heatrun.fleet import rows
+    from heatrun_fleet import rows
 
     rows.schema.cache_clear()
     monkeypatch.setitem(sys.modules, gone, None)

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from heatrun.errors import InputError
-from heatrun.fleet.fleet_file import load_fleet
+from heatrun_fleet.fleet_file import load_fleet
 
 HEAD = '[fleet]\nname = "line"\nmotor = "motor.toml"\n'
 TABLE = """machine,type,test,role,supplier

@@ -10,10 +10,10 @@ import duckdb
 import pytest
 
 import heatrun
-from heatrun.fleet.entries import COLUMNS as OF_A_TABLE
-from heatrun.fleet.fleet_file import KEYS
-from heatrun.fleet.population.table import COLUMNS as OF_A_POPULATION
-from heatrun.fleet.rows import COLUMNS
+from heatrun_fleet.entries import COLUMNS as OF_A_TABLE
+from heatrun_fleet.fleet_file import KEYS
+from heatrun_fleet.population.table import COLUMNS as OF_A_POPULATION
+from heatrun_fleet.rows import COLUMNS
 
 PAGE = (Path(__file__).parents[2] / "notebooks" / "fleet.md").read_text("utf-8")
 

@@ -10,17 +10,17 @@ import pytest
 from simulated_fleet import bench_file, machine_of
 
 from heatrun.calibration import load_tests
-from heatrun.fleet.batches import batches_of, digests_of, numerics
-from heatrun.fleet.cluster import Workers
-from heatrun.fleet.fleet_file import load_fleet
-from heatrun.fleet.job import calibrate_fleet_into
-from heatrun.fleet.machine import Prepared, prepare
-from heatrun.fleet.parts import read_part
-from heatrun.fleet.rows import COLUMNS, schema
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
 from heatrun.motorfile import load_motor
+from heatrun_fleet.batches import batches_of, digests_of, numerics
+from heatrun_fleet.cluster import Workers
+from heatrun_fleet.fleet_file import load_fleet
+from heatrun_fleet.job import calibrate_fleet_into
+from heatrun_fleet.machine import Prepared, prepare
+from heatrun_fleet.parts import read_part
+from heatrun_fleet.rows import COLUMNS, schema
 
 FAR = 4.0
 """Standard deviations; beyond it lie 6 in 100 000, and 24 numbers are looked at."""

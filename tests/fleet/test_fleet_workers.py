@@ -10,11 +10,11 @@ import pytest
 from deaths import ALWAYS, rows_alone, rows_or_death
 
 from heatrun.errors import InputError
-from heatrun.fleet import cluster, job
-from heatrun.fleet.batches import batches_of, digests_of, numerics
-from heatrun.fleet.cluster import Pool, Workers, connected, over_workers
-from heatrun.fleet.fleet_file import load_fleet
-from heatrun.fleet.parts import read_part
+from heatrun_fleet import cluster, job
+from heatrun_fleet.batches import batches_of, digests_of, numerics
+from heatrun_fleet.cluster import Pool, Workers, connected, over_workers
+from heatrun_fleet.fleet_file import load_fleet
+from heatrun_fleet.parts import read_part
 
 pytest.importorskip("distributed")
 

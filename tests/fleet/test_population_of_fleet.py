@@ -13,13 +13,14 @@ from rows_of_machines import MEDIAN, NAMES, SPREAD, machine, refused, write_rows
 import heatrun
 from heatrun import cli
 from heatrun.errors import InputError
-from heatrun.fleet.population.covariates import covariates_of
-from heatrun.fleet.population.design import designed
-from heatrun.fleet.population.of_fleet import gathered_of_fleet, read_fleet
-from heatrun.fleet.population.table import COLUMNS, schema
 from heatrun.motorfile import parse_motor
-from heatrun.results import PopulationResult, from_json
+from heatrun.results import from_json
 from heatrun.results.schema import shipped
+from heatrun_fleet.population.covariates import covariates_of
+from heatrun_fleet.population.design import designed
+from heatrun_fleet.population.of_fleet import gathered_of_fleet, read_fleet
+from heatrun_fleet.population.table import COLUMNS, schema
+from heatrun_fleet.results import PopulationResult
 
 NUM = 40
 SUPPLIER, DRIFT = 0.08, 0.10
@@ -110,7 +111,9 @@ def test_the_outlier_is_named_with_what_is_different(known):
 
 def test_the_file_holds_to_its_schema_and_reads_back(known):
     content = (known[1] / "population.json").read_bytes()
-    validator = jsonschema.Draft202012Validator(shipped("population-1.json"))
+    validator = jsonschema.Draft202012Validator(
+        shipped("population-1.json", "heatrun_fleet.results")
+    )
     assert [error.message for error in validator.iter_errors(json.loads(content))] == []
     read = from_json(content, PopulationResult, "population.json", "here")
     assert read == known[0].result

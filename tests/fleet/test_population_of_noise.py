@@ -19,7 +19,7 @@ import heatrun
 from heatrun.errors import InputError
 from heatrun.motor import HEAT_LIMITS
 from heatrun.motorfile import parse_motor
-from heatrun.reports.type_sheet.content import type_sheet_content
+from heatrun_fleet.type_sheet.content import type_sheet_content
 
 NUM = 60
 LOOSE, LATENT, SILENT = "M005", "M009", "M012"

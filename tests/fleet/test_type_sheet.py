@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from pypdf import PdfReader
 
-from heatrun.reports.type_sheet.content import type_sheet_content
-from heatrun.reports.type_sheet.document import write_type_sheet
-from heatrun.reports.type_sheet.figure import MOST_MACHINES, shown_machines, type_figures
-from heatrun.results import PopulationResult, from_json
+from heatrun.results import from_json
 from heatrun.results.gap import ValueWithInterval
+from heatrun_fleet.results import PopulationResult
+from heatrun_fleet.type_sheet.content import type_sheet_content
+from heatrun_fleet.type_sheet.document import write_type_sheet
+from heatrun_fleet.type_sheet.figure import MOST_MACHINES, shown_machines, type_figures
 
 STORED = Path(__file__).parents[1] / "stored" / "population-1.json"
 

@@ -13,11 +13,11 @@ from heatrun.bench.channels.schema import CHANNELS
 from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
-from heatrun.reports.bench_tests import TEST_TYPES, Reference, build_report, make_report
-from heatrun.reports.bench_tests.content import report_content
-from heatrun.reports.bench_tests.csv_table import csv_table
-from heatrun.reports.bench_tests.document import document_content
 from heatrun.results import to_json
+from heatrun_reports import TEST_TYPES, Reference, build_report, make_report
+from heatrun_reports.content import report_content
+from heatrun_reports.csv_table import csv_table
+from heatrun_reports.document import document_content
 
 NAMES = [channel.name for channel in CHANNELS if channel.name != "time_s"]
 MOTORS = (

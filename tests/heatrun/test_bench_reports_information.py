@@ -11,10 +11,10 @@ import pytest
 from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
-from heatrun.reports.bench_tests import build_report
-from heatrun.reports.bench_tests.analysis.general_information import general_information
-from heatrun.reports.bench_tests.analysis.operating_map import operating_map
-from heatrun.reports.bench_tests.analysis.operating_ranges import shaft_energy
+from heatrun_reports import build_report
+from heatrun_reports.analysis.general_information import general_information
+from heatrun_reports.analysis.operating_map import operating_map
+from heatrun_reports.analysis.operating_ranges import shaft_energy
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
 

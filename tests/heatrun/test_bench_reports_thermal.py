@@ -13,12 +13,12 @@ from heatrun.bench.readers.read import read_record
 from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
-from heatrun.reports.bench_tests import build_report, read_reference
-from heatrun.reports.bench_tests.analysis.equilibrium import equilibrium
-from heatrun.reports.bench_tests.analysis.loss_split import split_losses
-from heatrun.reports.bench_tests.simulated import simulate_run
 from heatrun.runs.run import open_run
 from heatrun.simulation import simulate_file
+from heatrun_reports import build_report, read_reference
+from heatrun_reports.analysis.equilibrium import equilibrium
+from heatrun_reports.analysis.loss_split import split_losses
+from heatrun_reports.simulated import simulate_run
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
 

@@ -18,10 +18,10 @@ from heatrun.bench.record import Record
 from heatrun.errors import InputError, UsageError
 from heatrun.motor import Motor
 from heatrun.motorfile import load_motor
-from heatrun.reports.bench_tests import Reference, build_report, read_reference
-from heatrun.reports.bench_tests.analysis.pair import pair_records
-from heatrun.reports.bench_tests.analysis.parse_tolerances import parse_tolerances
-from heatrun.reports.bench_tests.analysis.validation import validate
+from heatrun_reports import Reference, build_report, read_reference
+from heatrun_reports.analysis.pair import pair_records
+from heatrun_reports.analysis.parse_tolerances import parse_tolerances
+from heatrun_reports.analysis.validation import validate
 
 PROTOTYPES = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)

@@ -11,9 +11,9 @@ from heatrun.bench.record import Record
 from heatrun.errors import UsageError
 from heatrun.motor import Motor, ParameterOverride
 from heatrun.motorfile import load_motor
-from heatrun.reports.bench_tests import Reference, build_report, read_reference
-from heatrun.reports.bench_tests.analysis.parse_tolerances import parse_tolerances
-from heatrun.reports.bench_tests.analysis.validation import Validation, validate
+from heatrun_reports import Reference, build_report, read_reference
+from heatrun_reports.analysis.parse_tolerances import parse_tolerances
+from heatrun_reports.analysis.validation import Validation, validate
 
 PROTOTYPES = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
 CAR = Motor("car", phase_resistance_ohm=0.0062)

@@ -15,11 +15,11 @@ from pypdf import PdfReader
 
 from heatrun.bench.joined import read_test, read_tests
 from heatrun.cli import main
-from heatrun.commands.report import TYPES
 from heatrun.motor import Motor
-from heatrun.reports.bench_tests import CARDS, TEST_TYPES, job, make_report
-from heatrun.reports.bench_tests.csv_table import neutral
-from heatrun.reports.bench_tests.document import number, printed
+from heatrun_reports import CARDS, TEST_TYPES, job, make_report
+from heatrun_reports.command import TYPES
+from heatrun_reports.csv_table import neutral
+from heatrun_reports.document import number, printed
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
 HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* <script> \x1b[31m'

@@ -17,12 +17,12 @@ import pandas as pd
 import pytest
 
 from heatrun import cli
-from heatrun.commands import COMMANDS
+from heatrun.commands import all_commands
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 
 
-HELP = [["--help"], *([name, "--help"] for name in COMMANDS)]
+HELP = [["--help"], *([name, "--help"] for name in all_commands())]
 
 
 @pytest.mark.parametrize("words", HELP, ids=lambda words: words[0])
@@ -39,7 +39,7 @@ def test_every_help_is_printed(words, capsys):
 def test_the_bare_name_lists_the_commands(capsys):
     assert cli.main([]) == 2
     said = capsys.readouterr()
-    assert set(COMMANDS) <= set(said.err.split())
+    assert set(all_commands()) <= set(said.err.split())
     assert said.out == ""
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import pytest
 
 from heatrun import cli
-from heatrun.commands import COMMANDS
+from heatrun.commands import all_commands
 
 
-@pytest.mark.parametrize("words", [[], *([name] for name in COMMANDS)], ids=lambda w: " ".join(w))
+@pytest.mark.parametrize(
+    "words", [[], *([name] for name in all_commands())], ids=lambda w: " ".join(w)
+)
 def test_help_is_printed(words, capsys):
     with pytest.raises(SystemExit) as stop:
         cli.main([*words, "--help"])
@@ -17,4 +19,4 @@ def test_help_is_printed(words, capsys):
     assert " ".join(["usage: heatrun", *words]) in said.out
     if not words:
         assert "parameters with 95 % intervals" in said.out
-        assert all(name in said.out for name in COMMANDS)
+        assert all(name in said.out for name in all_commands())

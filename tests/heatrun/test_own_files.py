@@ -13,15 +13,15 @@ import pytest
 import xlsxwriter
 
 from heatrun import cli
-from heatrun.app.folder import Folder
 from heatrun.bench import own_files
 from heatrun.bench.checks import check_record
 from heatrun.bench.own_files import refuse_own_file
 from heatrun.bench.readers.read import read_record
 from heatrun.errors import InputError
-from heatrun.fleet.entries import ALIASES
 from heatrun.motorfile import load_motor
-from heatrun.reports.bench_tests.tests_in import tests_in as bench_tests_in
+from heatrun_fleet.entries import ALIASES
+from heatrun_reports.tests_in import tests_in as bench_tests_in
+from heatrun_view.folder import Folder
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 

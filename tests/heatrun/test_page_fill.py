@@ -8,10 +8,11 @@ import pytest
 from page_fill import fill_of_pages
 
 from heatrun.motorfile import load_motor
-from heatrun.reports.bench_tests import make_report
-from heatrun.reports.bench_tests.prototypes.job import make_prototypes_report
 from heatrun.reports.sheet.page_fill import HEIGHTS, filling_height
 from heatrun.reports.sheet.typeset import typeset
+from heatrun_reports import make_report
+from heatrun_reports.document import TEMPLATE
+from heatrun_reports.prototypes.job import make_prototypes_report
 
 SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
 PROTOTYPES = SYNTHETIC / "prototypes"
@@ -60,14 +61,14 @@ def _content(num_tables: int) -> dict:
 
 def test_figures_are_drawn_lower_or_higher_for_the_sake_of_the_last_page():
     # three figures of 3 in and the head go just beyond a page of 11.7 in less its margins
-    lower = filling_height("report.typ", _content(0), [(7.2, 3.0)] * 3)
+    lower = filling_height(TEMPLATE, _content(0), [(7.2, 3.0)] * 3)
     assert min(HEIGHTS) <= lower < 1.0
     # of three of 4.4 in the third has a page for itself and fills 0.4 of it
-    higher = filling_height("report.typ", _content(0), [(7.2, 4.4)] * 3)
+    higher = filling_height(TEMPLATE, _content(0), [(7.2, 4.4)] * 3)
     assert 1.0 < higher <= max(HEIGHTS)
 
 
 def test_where_nothing_is_drawn_the_heights_are_left_alone(tmp_path):
     content = {**_content(6), "captions": []}
-    assert filling_height("report.typ", content, []) == 1.0
-    assert typeset("report.typ", content, [], tmp_path / "a.pdf").exists()
+    assert filling_height(TEMPLATE, content, []) == 1.0
+    assert typeset(TEMPLATE, content, [], tmp_path / "a.pdf").exists()

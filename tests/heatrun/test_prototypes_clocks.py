@@ -9,10 +9,10 @@ from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 from heatrun.motorfile import load_motor
-from heatrun.reports.bench_tests import Reference
-from heatrun.reports.bench_tests.prototypes.confront import confront
-from heatrun.reports.bench_tests.prototypes.prototype import Prototype, read_prototypes
-from heatrun.reports.bench_tests.prototypes.report import prototypes_report
+from heatrun_reports import Reference
+from heatrun_reports.prototypes.confront import confront
+from heatrun_reports.prototypes.prototype import Prototype, read_prototypes
+from heatrun_reports.prototypes.report import prototypes_report
 
 MOTOR = Motor("car")
 CLOCK = np.arange(0.0, 900.0)

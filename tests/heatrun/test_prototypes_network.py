@@ -12,9 +12,9 @@ from run_near_truth import FITTED, run_near_truth
 from heatrun.bench.readers.read import read_record
 from heatrun.bench.record import Record, Source
 from heatrun.motor import Motor
-from heatrun.reports.bench_tests import Reference, build_report, read_reference
-from heatrun.reports.bench_tests.prototypes.prototype import Prototype, read_prototypes
-from heatrun.reports.bench_tests.prototypes.report import prototypes_report
+from heatrun_reports import Reference, build_report, read_reference
+from heatrun_reports.prototypes.prototype import Prototype, read_prototypes
+from heatrun_reports.prototypes.report import prototypes_report
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
 BIAS_K, EARLIER_S = 4.0, 25.0

@@ -11,8 +11,8 @@ import pytest
 
 from heatrun.io.file_set import FileSet
 from heatrun.motor import Motor
-from heatrun.reports.bench_tests import job, make_report
-from heatrun.reports.bench_tests.report_name import set_name
+from heatrun_reports import job, make_report
+from heatrun_reports.report_name import set_name
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
 STEM = "GeneralInformationTest_2022_12_07_001"
@@ -55,7 +55,7 @@ def test_a_killed_report_leaves_nothing_that_looks_like_one(test_file, tmp_path)
     program = (
         "import os, signal, sys, pathlib\n"
         "from heatrun.motor import Motor\n"
-        "from heatrun.reports.bench_tests import job, make_report\n"
+        "from heatrun_reports import job, make_report\n"
         "job.csv_table = lambda report: os.kill(os.getpid(), signal.SIGKILL)\n"
         f"make_report('general', Motor('car'), [pathlib.Path({str(test_file)!r})], "
         f"pathlib.Path({str(out)!r}))\n"

@@ -18,6 +18,9 @@ from heatrun.results.candidate import CandidateFate
 from heatrun.results.derived import DerivedFigure
 from heatrun.results.missing import MissingSpan
 from heatrun.results.schema import SCHEMAS, schema_text, shipped
+from heatrun_fleet.results.schema import SCHEMAS as SCHEMAS_OF_FLEETS
+
+ALL_SCHEMAS = {**SCHEMAS, **SCHEMAS_OF_FLEETS}
 
 STORED = Path(__file__).parents[1] / "stored"
 """Files as heatrun wrote them before its results were types (commit d93e2a8).
@@ -46,26 +49,31 @@ def found():
     return json.loads((STORED / "discovery-2.json").read_text(encoding="utf-8"))
 
 
+def shipped_anywhere(name):
+    return shipped(name, "heatrun.results" if name in SCHEMAS else "heatrun_fleet.results")
+
+
 def violations(content, name="fit-1.json"):
-    validator = jsonschema.Draft202012Validator(shipped(name))
+    validator = jsonschema.Draft202012Validator(shipped_anywhere(name))
     return [error.message for error in validator.iter_errors(content)]
 
 
-@pytest.mark.parametrize("name", SCHEMAS)
+@pytest.mark.parametrize("name", ALL_SCHEMAS)
 def test_the_shipped_schemas_are_those_of_the_types(name):
-    jsonschema.Draft202012Validator.check_schema(shipped(name))
-    assert shipped(name) == json.loads(schema_text(name)), "run `make schemas`"
-    kind, _ = SCHEMAS[name]
-    number = shipped(name)["properties"]["format"]["enum"][0].split("/")[1]
+    schema = shipped_anywhere(name)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert schema == json.loads(schema_text(name, ALL_SCHEMAS)), "run `make schemas`"
+    kind, _ = ALL_SCHEMAS[name]
+    number = schema["properties"]["format"]["enum"][0].split("/")[1]
     assert name.endswith(f"-{number}.json")
     fields = {field.name for field in dataclasses.fields(kind)}
-    assert set(shipped(name)["properties"]) == fields | {"run"}
+    assert set(schema["properties"]) == fields | {"run"}
 
 
-@pytest.mark.parametrize("name", SCHEMAS)
+@pytest.mark.parametrize("name", ALL_SCHEMAS)
 def test_a_file_of_an_earlier_version_reads_and_writes_to_the_same_bytes(name):
     content = (STORED / name).read_bytes()
-    kind, _ = SCHEMAS[name]
+    kind, _ = ALL_SCHEMAS[name]
     assert to_json(from_json(content, kind, name, "run")).encode() + b"\n" == content
     assert violations(json.loads(content), name) == []
     assert violations({**json.loads(content), "run": "folder"}, name) == []

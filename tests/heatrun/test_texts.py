@@ -18,13 +18,13 @@ from heatrun.bench.record import Finding
 from heatrun.certificate import Certificate
 from heatrun.inference.networks.built_in import SHIPPED, network_named
 from heatrun.motorfile import load_motor
-from heatrun.reports.bench_tests import make_report
-from heatrun.reports.bench_tests.document import document_content
 from heatrun.reports.sheet.content import LABELS, sheet_content
 from heatrun.reports.sheet.pdf import write_pdf
 from heatrun.reports.texts import FIELD, LANGUAGES, Texts, table
 from heatrun.results import FitResult, from_json
 from heatrun.runs.verdict import USES
+from heatrun_reports import make_report
+from heatrun_reports.document import document_content
 from lptn.effects import EFFECTS
 
 HEATRUN = Path(str(resources.files("heatrun")))
@@ -52,7 +52,8 @@ def test_every_text_stands_in_all_languages_with_the_same_fields():
 
 def test_every_text_that_a_page_asks_for_is_in_the_table():
     asked = set(LABELS)
-    for path in [*HEATRUN.glob("reports/**/*.py"), HEATRUN / "reports/sheet/templates/sheet.typ"]:
+    modules = (*HEATRUN.glob("reports/**/*.py"), *HEATRUN.parent.glob("heatrun_reports/**/*.py"))
+    for path in [*modules, HEATRUN / "reports/sheet/templates/sheet.typ"]:
         text = path.read_text(encoding="utf-8")
         asked |= set(re.findall(r"\bsay\(\s*\"(\w+)\"", text))
         if path.suffix == ".typ":

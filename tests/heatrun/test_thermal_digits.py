@@ -7,8 +7,8 @@ import pytest
 
 from heatrun.bench.record import Record
 from heatrun.motor import Motor
-from heatrun.reports.bench_tests.document import document_content
-from heatrun.reports.bench_tests.thermal import thermal_report
+from heatrun_reports.document import document_content
+from heatrun_reports.thermal import thermal_report
 
 MOTOR = Motor("m", phase_resistance_ohm=0.02)
 

@@ -25,8 +25,8 @@ from heatrun.inference.networks.text import network_of, network_text
 from heatrun.inference.problem import Problem
 from heatrun.motor import Motor
 from heatrun.motorfile import load_motor
-from heatrun.reports.bench_tests import build_report
-from heatrun.reports.bench_tests.flow_words import flow_words
+from heatrun_reports import build_report
+from heatrun_reports.flow_words import flow_words
 from lptn import CopperLosses, Drive, Inputs, Network, simulate, steady_state
 from lptn.effects import CoolantSink, SpeedCooling, applies, build
 

@@ -10,9 +10,11 @@ import pytest
 
 import heatrun
 
-ROOT = Path(heatrun.__file__).parent
+ROOT = Path(heatrun.__file__).parents[1]
 ROOMS = (
-    "app", "bench", "commands", "discovery", "export", "inference", "ratings", "reports", "runs",
+    "heatrun/bench", "heatrun/commands", "heatrun/discovery", "heatrun/export",
+    "heatrun/inference", "heatrun/ratings", "heatrun/reports", "heatrun/runs",
+    "heatrun_reports", "heatrun_view",
 )  # fmt: skip
 
 OTHER_TERMS = {

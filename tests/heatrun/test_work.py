@@ -13,7 +13,6 @@ import pytest
 from heatrun import cli
 from heatrun.commands.console import PROGRESS
 from heatrun.motorfile import load_motor
-from heatrun.reports.bench_tests.job import make_report
 from heatrun.work import (
     MOST_BEFORE_DONE,
     SILENT,
@@ -23,6 +22,7 @@ from heatrun.work import (
     work_of_calibration,
     work_of_discovery,
 )
+from heatrun_reports.job import make_report
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 

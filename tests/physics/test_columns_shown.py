@@ -9,8 +9,6 @@ import pytest
 from bench_machines import SERVO, bench_record
 
 from heatrun import cli
-from heatrun.app.reading import Reader
-from heatrun.app.store import RecordStore
 from heatrun.bench.channels.column_mapping import (
     LONGEST,
     ReadColumns,
@@ -21,6 +19,8 @@ from heatrun.bench.channels.column_mapping import (
 )
 from heatrun.bench.readers.read import read_record
 from heatrun.bench.record import ColumnReading
+from heatrun_view.reading import Reader
+from heatrun_view.store import RecordStore
 
 MOTOR = f"""
 [motor]

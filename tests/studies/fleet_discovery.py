@@ -22,9 +22,6 @@ from study_runs import rows_done, write_rows
 
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.fleet.batch.fit import fit_batch
-from heatrun.fleet.shared_effects.evidence import Evidence, evidence_of
-from heatrun.fleet.shared_effects.job import discover_type
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.fit_result import RESULT, Fit
 from heatrun.inference.model import Model
@@ -32,6 +29,9 @@ from heatrun.inference.problem import Problem
 from heatrun.motor import Motor
 from heatrun.results import to_plain
 from heatrun.runtime import configure
+from heatrun_fleet.batch.fit import fit_batch
+from heatrun_fleet.shared_effects.evidence import Evidence, evidence_of
+from heatrun_fleet.shared_effects.job import discover_type
 
 OUT = Path(__file__).parents[2] / "results" / "fleet"
 COMMAND = "make study-fleet-discovery"

@@ -37,12 +37,16 @@ from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 from numpyro.infer import MCMC, NUTS
 
 import heatrun
-from heatrun.fleet.batches import batches_of, digests_of, numerics
-from heatrun.fleet.fleet_file import load_fleet
-from heatrun.fleet.machine import Prepared, prepare
-from heatrun.fleet.population.design import designed
-from heatrun.fleet.population.factors import cholesky, solve_lower
-from heatrun.fleet.population.law import (
+from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.fit_result import Fit
+from heatrun.inference.noise import from_scores
+from heatrun.inference.problem import log_likelihood
+from heatrun_fleet.batches import batches_of, digests_of, numerics
+from heatrun_fleet.fleet_file import load_fleet
+from heatrun_fleet.machine import Prepared, prepare
+from heatrun_fleet.population.design import designed
+from heatrun_fleet.population.factors import cholesky, solve_lower
+from heatrun_fleet.population.law import (
     OUTLIER_SCALE,
     OUTLIER_SD,
     OUTLIER_SHARE,
@@ -50,13 +54,9 @@ from heatrun.fleet.population.law import (
     num_scores,
     unpack,
 )
-from heatrun.fleet.population.of_fleet import gathered_of_fleet, read_fleet
-from heatrun.fleet.population.report import default_hyperprior
-from heatrun.fleet.population.sampling import Population, sample_population
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_result import Fit
-from heatrun.inference.noise import from_scores
-from heatrun.inference.problem import log_likelihood
+from heatrun_fleet.population.of_fleet import gathered_of_fleet, read_fleet
+from heatrun_fleet.population.report import default_hyperprior
+from heatrun_fleet.population.sampling import Population, sample_population
 
 SEED = 60_000
 
@@ -187,7 +187,7 @@ def _machines(fits: list[Fit], two: Population) -> tuple[Any, Machines, np.ndarr
 
 
 def _outlier_probability(two: Population) -> np.ndarray:
-    from heatrun.fleet.population.machines import given_population
+    from heatrun_fleet.population.machines import given_population
 
     return given_population(two).outlier
 

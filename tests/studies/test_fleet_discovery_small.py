@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from heatrun import cli
-from heatrun.fleet.shared_effects.job import read_discovery
+from heatrun_fleet.shared_effects.job import read_discovery
 
 pytest.importorskip("pyarrow")
 sys.path.insert(0, str(Path(__file__).parent))

@@ -23,7 +23,7 @@ from fleet_cases import (
 )
 from fleet_table import table
 
-from heatrun.fleet.fleet_file import load_fleet
+from heatrun_fleet.fleet_file import load_fleet
 
 
 def test_a_machine_warms_as_scipy_says():
@@ -106,9 +106,9 @@ def test_scores_of_the_two_stages_are_their_laws():
     import jax.numpy as jnp
     from fleet_one_stage import _scores
 
-    from heatrun.fleet.population.evidence import Evidence
-    from heatrun.fleet.population.law import Hyperprior, num_scores, unpack
-    from heatrun.fleet.population.sampling import Population
+    from heatrun_fleet.population.evidence import Evidence
+    from heatrun_fleet.population.law import Hyperprior, num_scores, unpack
+    from heatrun_fleet.population.sampling import Population
 
     rng = np.random.default_rng(2)
     hyper = Hyperprior(np.arange(4.0), np.full(4, 2.0), np.full(4, 0.2), np.full(4, 0.1))

@@ -1,4 +1,4 @@
-"""What `fit.json`, `discovery.json` and `population.json` hold, as types.
+"""What `fit.json` and `discovery.json` hold, as types.
 
 Field names are the keys of the files.
 
@@ -8,8 +8,6 @@ them, `from_json` reads and checks one, and `python -m heatrun.results.schema` w
 
 from .discovery import DiscoveryResult as DiscoveryResult
 from .fit import FitResult as FitResult
-from .fleet_discovery import FleetDiscoveryResult as FleetDiscoveryResult
 from .json_text import from_json as from_json
 from .json_text import to_json as to_json
 from .json_text import to_plain as to_plain
-from .population import PopulationResult as PopulationResult

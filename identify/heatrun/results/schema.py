@@ -1,4 +1,4 @@
-"""The JSON schemas of `fit.json`, `discovery.json` and `population.json`, generated from the types.
+"""The JSON schemas of `fit.json` and `discovery.json`, generated from the types.
 
 They are shipped beside the types. `python -m heatrun.results.schema` (`make schemas`) writes them
 again after a type was changed; a test compares the two.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import inspect
 import json
 import re
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,6 @@ import msgspec
 
 from .discovery import DiscoveryResult
 from .fit import FitResult
-from .fleet_discovery import FleetDiscoveryResult
-from .population import PopulationResult
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -29,31 +28,26 @@ RUN = {"type": "string", "description": "The run folder; only in what --json pri
 ATTRIBUTE = re.compile(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", re.M)
 """A field and its description in a docstring."""
 
-SCHEMAS: dict[str, tuple[type, str]] = {
+Schemas = Mapping[str, tuple[type, str]]
+
+SCHEMAS: Schemas = {
     "fit-1.json": (FitResult, "fit.json of heatrun: what `heatrun calibrate` writes"),
     "discovery-2.json": (
         DiscoveryResult,
         "discovery.json of heatrun: what `heatrun discover` writes",
     ),
-    "population-1.json": (
-        PopulationResult,
-        "population.json of heatrun: what `heatrun population` writes",
-    ),
-    "fleet-discovery-1.json": (
-        FleetDiscoveryResult,
-        "fleet_discovery.json of heatrun: what `heatrun fleet --discover` writes",
-    ),
 }
 """Type and title by name of the file; its number is that of the format."""
 
 
-def schema_of(name: str) -> dict[str, Any]:
+def schema_of(name: str, schemas: Schemas = SCHEMAS) -> dict[str, Any]:
     """Return a schema, generated from its type.
 
     Args:
-        name: One of `SCHEMAS`.
+        name: One of them.
+        schemas: Type and title by name of the file; those of another package have its own types.
     """
-    kind, title = SCHEMAS[name]
+    kind, title = schemas[name]
     found = msgspec.json.schema(kind)
     definitions = {key: _tidy(each) for key, each in found["$defs"].items()}
     root = definitions.pop(kind.__name__)
@@ -70,22 +64,22 @@ def schema_of(name: str) -> dict[str, Any]:
     }
 
 
-def schema_text(name: str) -> str:
+def schema_text(name: str, schemas: Schemas = SCHEMAS) -> str:
     """Return a schema as it stands in its file; arguments as `schema_of`."""
-    return json.dumps(schema_of(name), indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(schema_of(name, schemas), indent=1, ensure_ascii=False) + "\n"
 
 
-def shipped(name: str) -> dict[str, Any]:
-    """Return a schema as it is shipped; arguments as `schema_of`."""
-    file = files("heatrun.results") / "schemas" / name
+def shipped(name: str, package: str = "heatrun.results") -> dict[str, Any]:
+    """Return a schema as it is shipped beside the types of a package."""
+    file = files(package) / "schemas" / name
     return json.loads(file.read_text(encoding="utf-8"))
 
 
-def write_schemas(folder: Path) -> list[Path]:
+def write_schemas(folder: Path, schemas: Schemas = SCHEMAS) -> list[Path]:
     """Write all schemas into a folder and return their paths."""
-    paths = [folder / name for name in SCHEMAS]
+    paths = [folder / name for name in schemas]
     for path in paths:
-        path.write_text(schema_text(path.name), encoding="utf-8")
+        path.write_text(schema_text(path.name, schemas), encoding="utf-8")
     return paths
 
 

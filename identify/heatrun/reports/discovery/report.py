@@ -16,7 +16,7 @@ from ...results.gap import Gap, HeldOutGap, ParameterBeforeAfter, ValueWithInter
 from ...results.missing import LocalisedMisfit, MissingSpan
 from ...results.values import number
 from ..sheet.digits import signed
-from ..sheet.typeset import typeset
+from ..sheet.typeset import TEMPLATES, typeset
 
 VERDICTS = {
     "adequate": "Nothing is missing",
@@ -46,7 +46,7 @@ def write_report(result: DiscoveryResult, figures: Sequence[Path], path: Path) -
         figures: Before and after first, then where.
         path: Where it goes; written whole or not at all.
     """
-    return typeset("discovery.typ", report_content(result), figures, path)
+    return typeset(TEMPLATES / "discovery.typ", report_content(result), figures, path)
 
 
 def report_content(result: DiscoveryResult) -> dict[str, Any]:

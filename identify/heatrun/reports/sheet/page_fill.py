@@ -12,6 +12,7 @@ import struct
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -55,7 +56,7 @@ class Fill:
 
 
 def filling_height(
-    template: str,
+    template: Traversable,
     content: Mapping[str, Any],
     sizes_in: Sequence[tuple[float, float]],
     largest: float = max(HEIGHTS),
@@ -63,7 +64,7 @@ def filling_height(
     """Return the share of their drawn height at which figures fill the pages best.
 
     Args:
-        template: Name of a file among the templates; it marks its figures and its end.
+        template: The file; it marks its figures and its end.
         content: As `heatrun.reports.sheet.typeset.typeset`.
         sizes_in: Width and height of each figure as it is drawn.
         largest: Share above which nothing is tried.
@@ -80,14 +81,14 @@ def filling_height(
     return best
 
 
-def _fill(template: str, found: Shown, sizes_in: Sequence[tuple[float, float]]) -> Fill:
+def _fill(template: Traversable, found: Shown, sizes_in: Sequence[tuple[float, float]]) -> Fill:
     pages = _lengths(asked(template, found, "<bottom>", sizes_in))
     endless = asked(template, found, "<bottom>", sizes_in, {"endless": "yes"})
     return Fill(pages[-1], sum(_lengths(endless)) / len(pages))
 
 
 def asked(
-    template: str,
+    template: Traversable,
     found: Shown,
     mark: str,
     sizes_in: Sequence[tuple[float, float]] = (),
@@ -96,7 +97,7 @@ def asked(
     """Return what a template says at its marks, where its figures are blank.
 
     Args:
-        template: Name of a file among the templates.
+        template: The file.
         found: Its content as the fonts of this machine can show it.
         mark: Selector of the marks.
         sizes_in: Width and height of each figure.
@@ -108,7 +109,7 @@ def asked(
         lay_out(folder, template, found.content, figures)
         return json.loads(
             typst.query(
-                folder / template, mark, field="value", root=folder, sys_inputs=dict(inputs),
+                folder / template.name, mark, field="value", root=folder, sys_inputs=dict(inputs),
                 ignore_system_fonts=not found.needs_system_fonts,
             )
         )  # fmt: skip

@@ -9,12 +9,12 @@ from typing import Any
 from ...io.printable import with_breaks
 from .glyphs import shown
 from .page_fill import asked, filling_height, size_in
-from .typeset import typeset
+from .typeset import TEMPLATES, typeset
 
 BREAKS_EVERY = 15
 """Letters of a long word after which it may break in the narrow cells of page 1."""
 
-TEMPLATE = "sheet.typ"
+TEMPLATE = TEMPLATES / "sheet.typ"
 
 WIDE = 82
 """Width of the figures in the annex [% of the line]."""

@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +16,20 @@ import typst
 from ...io.whole_files import PARTIAL, write_whole
 from .glyphs import shown
 
-SCALE = "scale.typ"
+TEMPLATES = resources.files("heatrun.reports.sheet") / "templates"
+"""Of sheets and of discoveries; other documents have theirs beside their modules."""
+
+SCALE = TEMPLATES / "scale.typ"
 """Sizes and tables that all documents share."""
 
 
-def typeset(template: str, content: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
+def typeset(
+    template: Traversable, content: Mapping[str, Any], figures: Sequence[Path], path: Path
+) -> Path:
     """Set a document as PDF.
 
     Args:
-        template: Name of a file among the templates; it reads `content.json`.
+        template: The file; it reads `content.json`.
         content: Strings, numbers, lists and objects; `figures` is added, the file names.
         figures: PNG files, in the order in which they are to appear.
         path: Where it goes; written whole or not at all.
@@ -35,7 +41,7 @@ def typeset(template: str, content: Mapping[str, Any], figures: Sequence[Path], 
         found = shown(content)
         lay_out(folder, template, found.content, figures)
         document = typst.compile(
-            folder / template, root=folder, ignore_system_fonts=not found.needs_system_fonts
+            folder / template.name, root=folder, ignore_system_fonts=not found.needs_system_fonts
         )
     assert isinstance(document, bytes)
     write_whole(path, document)
@@ -43,20 +49,18 @@ def typeset(template: str, content: Mapping[str, Any], figures: Sequence[Path], 
 
 
 def lay_out(
-    folder: Path, template: str, content: Mapping[str, Any], figures: Sequence[Path]
+    folder: Path, template: Traversable, content: Mapping[str, Any], figures: Sequence[Path]
 ) -> None:
     """Put what a document is set from into a folder: templates, `content.json`, figures.
 
     Args:
         folder: Where it goes.
-        template: Name of a file among the templates.
+        template: The file.
         content: As `typeset` takes it, every character one that the fonts have.
         figures: Files of images, in their order.
     """
-    templates = resources.files("heatrun.reports.sheet") / "templates"
     for each in (template, SCALE):
-        text = (templates / each).read_text(encoding="utf-8")
-        (folder / each).write_text(text, encoding="utf-8")
+        (folder / each.name).write_text(each.read_text(encoding="utf-8"), encoding="utf-8")
     names = [f"figure_{number}{figure.suffix}" for number, figure in enumerate(figures)]
     for figure, name in zip(figures, names, strict=True):
         shutil.copyfile(figure, folder / name)

@@ -1,1 +1,0 @@
-"""Many machines of a type: their calibrations and their population."""

@@ -1,0 +1,283 @@
+"""Noise and least squares in turns, for machines side by side, until the scores stand still."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from heatrun.inference.fitting.corner import SIDE, is_corner, near_corner
+from heatrun.inference.fitting.fit import NUM_ROUNDS, SETTLED
+from heatrun.inference.fitting.restricted import STARTS_S
+from heatrun.inference.noise import NOISE, Noise, free_of_columns, from_scores
+from heatrun.inference.problem import Structure
+
+from .heat import heat_columns
+from .lanes import kept
+from .machines import Group, Machines
+from .residuals import Means, values_of_group
+from .restricted import (
+    NUM_FILTER,
+    Linear,
+    NoiseSearch,
+    Restricted,
+    begun,
+    noise_precision,
+    restricted,
+    search_noise,
+)
+from .search import Heat, Search, linearise, search
+from .search import begun as search_begun
+from .whitening import filtered
+
+MOST_STEPS = 60
+"""Steps of a search for parameters or noise that starts near its end, or from a fair guess."""
+
+BEFORE_CORNERS = 25
+"""Steps of a search after which a delay of next to nothing is held at none: it may be most probable
+there, where no search ends."""
+
+TOGETHER = 0.03
+"""Noises nearer than this in all scores have come together [prior standard deviations]."""
+
+
+class Settled(NamedTuple):
+    """Where the turns have ended.
+
+    Attributes:
+        z: Scores, shape (parameter, machine).
+        noise_z: Scores of the noise, shape (noise, machine).
+        heat: What unmodelled heat does to each group of tests.
+        cost: Half the sum of squares at the end [nat].
+        shift: Change of the scores in the last turn.
+        has_ended: Whether all searches of the machine have converged.
+        has_rival: Whether another noise is as probable.
+    """
+
+    z: Float[Array, "parameter machine"]
+    noise_z: Float[Array, "noise machine"]
+    heat: Heat
+    cost: Float[Array, " machine"]
+    shift: Float[Array, " machine"]
+    has_ended: Bool[Array, " machine"]
+    has_rival: Bool[Array, " machine"]
+
+
+def settle(
+    structure: Structure, machines: Machines, z: Float[Array, "parameter machine"]
+) -> Settled:
+    """Return where noise and least squares come to rest from the optima for white noise.
+
+    Args:
+        structure: What is compiled.
+        machines: The numbers.
+        z: Scores.
+    """
+    num = z.shape[-1]
+    means, noise = linearise(structure, machines, z), None
+    is_done = has_rival = jnp.zeros(num, dtype=bool)
+    held = np.zeros(z.shape, dtype=bool)
+    state: Settled | None = None
+    for _ in range(NUM_ROUNDS):
+        heat = heat_columns(structure, machines, z)
+        linear = Linear(z, means, heat)
+        if noise is None:
+            noise, has_rival = _first_noise(machines, linear)
+        else:
+            # the second derivative that the last turn has found still holds
+            again = begun(noise.noise_z)._replace(curvature=noise.curvature)
+            noise = search_noise(machines, linear, again, jnp.asarray(MOST_STEPS))
+        found, held = _searched(
+            structure, machines, z, from_scores(noise.noise_z), heat, held
+        )  # fmt: skip
+        shift = jnp.max(jnp.abs(found.z - z), axis=0)
+        has_ended = found.has_ended & noise.has_ended
+        now = Settled(found.z, noise.noise_z, heat, found.normal.cost, shift, has_ended, has_rival)
+        if state is not None:
+            now = kept(is_done, state, now)
+        state, z = now, now.z
+        means = linearise(structure, machines, z)
+        is_done = (state.shift < SETTLED) | ~jnp.isfinite(state.shift)
+        if bool(jnp.all(is_done)):
+            break
+    assert state is not None
+    assert state.shift.shape == (num,)
+    return state
+
+
+def _searched(
+    structure: Structure,
+    machines: Machines,
+    z: Float[Array, "parameter machine"],
+    noise: Noise,
+    heat: Heat,
+    held: Bool[np.ndarray, "parameter machine"],
+) -> tuple[Search, Bool[np.ndarray, "parameter machine"]]:
+    """Return the searches from some scores, and which delays are at their corners.
+
+    Args:
+        structure: What is compiled.
+        machines: The numbers.
+        z: Scores.
+        noise: Of each machine.
+        heat: As `search.normal_equations`.
+        held: Delays that the last turn has left at their corners.
+    """
+
+    def ahead(state: Search, most: int, held: np.ndarray) -> Search:
+        return search(structure, machines, state, noise, heat, jnp.asarray(most), jnp.asarray(held))
+
+    found = ahead(search_begun(z), BEFORE_CORNERS, held)
+    ended = np.asarray(found.has_ended)
+    near = near_corner(structure.form, np.asarray(found.z)) & ~ended & ~held
+    if np.any(near):
+        held, is_new = held | near, jnp.asarray(near.any(axis=0))
+        at = search_begun(jnp.where(jnp.asarray(near), 0.0, found.z))
+        found = ahead(kept(is_new, at, found), MOST_STEPS, held)
+    if np.any(held):
+        # the first step is none: the slopes on the two sides, and no more
+        before, after = (
+            np.asarray(ahead(search_begun(found.z + side * held), 1, held).normal.gradient)
+            for side in (-SIDE, SIDE)
+        )
+        stays = is_corner(before, after, held)
+        held = held & stays
+        found = found._replace(has_ended=found.has_ended & jnp.asarray(stays))
+    if not np.all(np.asarray(found.has_ended)):
+        found = ahead(found, MOST_STEPS, held)
+    return found, held
+
+
+def _first_noise(machines: Machines, linear: Linear) -> tuple[NoiseSearch, Bool[Array, " machine"]]:
+    """Return the most probable noise, and whether another is as probable.
+
+    Where the likelihood has two maxima, so has that of the residuals as they are, which costs next
+    to nothing: its maxima are what the searches begin from. A machine that has one does not feel
+    that its neighbours are searched again.
+    """
+    bare = Linear(
+        linear.z[:0],
+        [Means(means.residual, means.jacobian[:, :0]) for means in linear.means],
+        tuple(heat[:, :0] for heat in linear.heat),
+    )
+    tried = [
+        search_noise(machines, bare, begun(start), jnp.asarray(MOST_STEPS))
+        for start in _noise_starts(machines, linear.means)
+    ]
+    first, is_alone = _best(tried)
+    of_first = _with_parameters(machines, linear, first)
+    has_rival = jnp.zeros_like(is_alone)
+    is_alone |= ~jnp.isfinite(first.value)
+    if bool(jnp.all(is_alone)):
+        return of_first, has_rival
+    others = [_with_parameters(machines, linear, each) for each in tried]
+    best, _ = _best([of_first, *others])
+    for each in others:
+        is_far = jnp.max(jnp.abs(each.noise_z - best.noise_z), axis=0) > TOGETHER
+        has_rival |= is_far & (each.value - best.value < RIVAL)
+    return kept(is_alone, of_first, best), has_rival & ~is_alone
+
+
+def _with_parameters(machines: Machines, linear: Linear, found: NoiseSearch) -> NoiseSearch:
+    """Return the noise with the parameters integrated out, searched from that without them."""
+    curvature = found.curvature.at[NUM_FILTER, NUM_FILTER].set(HEAT_CURVATURE)
+    start = begun(found.noise_z)._replace(curvature=curvature)
+    return search_noise(machines, linear, start, jnp.asarray(MOST_STEPS))
+
+
+RIVAL = 1e-3
+"""Log likelihoods nearer than this may change places with the last digits [nat]."""
+
+HEAT_CURVATURE = 5.0
+"""Second derivative by the size of the heat that a search begins with [nat]."""
+
+
+def _best(found: list[NoiseSearch]) -> tuple[NoiseSearch, Bool[Array, " machine"]]:
+    """Return the best of some searches, and whether all have come together there."""
+    stacked = jax.tree.map(lambda *parts: jnp.stack(parts, axis=-1), *found)
+    place = jnp.argmin(stacked.value, axis=-1)
+
+    def taken(values: Array) -> Array:
+        places = jnp.broadcast_to(place, values.shape[:-1])[..., None]
+        return jnp.take_along_axis(values, places, axis=-1)[..., 0]
+
+    best = jax.tree.map(taken, stacked)
+    apart = jnp.max(jnp.abs(stacked.noise_z - best.noise_z[..., None]), axis=(0, 2))
+    return best, apart < TOGETHER
+
+
+@jax.jit
+def _noise_starts(machines: Machines, means: list[Means]) -> list[Float[Array, "noise machine"]]:
+    """Return scores at the level of the residuals; as `inference.fitting.restricted` has them."""
+    count, total, square = 0.0, 0.0, 0.0
+    for of_group, group in zip(means, machines.groups, strict=True):
+        count = count + sum(group.by_test(group.num_blocks))
+        total = total + sum(group.by_test(jnp.sum(of_group.residual, axis=0)))
+        square = square + sum(group.by_test(jnp.sum(of_group.residual**2, axis=0)))
+    spread = jnp.sqrt(jnp.maximum(square / count - (total / count) ** 2, 0.0)) + 1e-6
+
+    def score(place: int, value: Array) -> Array:
+        return jnp.log(value / NOISE[place].centre) / NOISE[place].sd
+
+    ones = jnp.ones_like(spread)
+    return [
+        jnp.stack([score(0, spread), score(1, time * ones), score(2, spread), 0.0 * ones])
+        for time in STARTS_S
+    ]
+
+
+class Final(NamedTuple):
+    """What is said of the fit.
+
+    Attributes:
+        means: Residuals and Jacobian of each group of tests.
+        restricted: The restricted likelihood of the noise.
+        noise_precision: Its curvature, shape (noise, noise, machine).
+        innovations: Whitened residuals of each group of tests, shape (block, lane).
+        stiffness: Longest step over the longest that the march takes [1].
+    """
+
+    means: list[Means]
+    restricted: Restricted
+    noise_precision: Float[Array, "noise noise machine"]
+    innovations: list[Float[Array, "block lane"]]
+    stiffness: Float[Array, " machine"]
+
+
+def final(structure: Structure, machines: Machines, state: Settled) -> Final:
+    """Return what is said of the fit of each machine."""
+    means = linearise(structure, machines, state.z)
+    linear = Linear(state.z, means, state.heat)
+    found, innovations, stiffness = _final(structure, machines, linear, state.noise_z)
+    precision = noise_precision(machines, linear, state.noise_z)
+    return Final(means, found, precision, innovations, stiffness)
+
+
+@partial(jax.jit, static_argnames="structure")
+def _final(structure: Structure, machines: Machines, linear: Linear, noise_z: Array):
+    innovations, stiffness = [], jnp.zeros(noise_z.shape[-1])
+    noise = from_scores(noise_z)
+    for means, heat, group in zip(linear.means, linear.heat, machines.groups, strict=True):
+        own = jax.tree.map(group.by_lane, noise)
+        innovations.append(_innovations(means, heat, own, group))
+        values, _ = values_of_group(structure, machines, linear.z, group)
+        network = structure.model.network(values)
+        rates = [
+            sum(2.0 / R for link, R in network.resistance.items() if node in link)
+            / network.capacitance[node]
+            for node in network.nodes
+        ]
+        fastest = group.step * jnp.max(jnp.stack(rates), axis=0)
+        stiffness = jnp.maximum(stiffness, jnp.max(jnp.stack(group.by_test(fastest)), axis=0))
+    return restricted(machines, linear, noise_z), innovations, stiffness
+
+
+def _innovations(means: Means, heat: Array, noise: Noise, group: Group) -> Array:
+    own = jnp.concatenate([noise.heat * heat, group.moments], axis=1)
+    white, _ = filtered(jnp.concatenate([own, means.residual[:, None]], axis=1), noise, group)
+    freed, _ = jax.vmap(partial(free_of_columns, num=own.shape[1]))(white)
+    return jnp.moveaxis(freed[:, :, 0], 0, -1)

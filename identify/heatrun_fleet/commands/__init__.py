@@ -1,0 +1,1 @@
+"""`heatrun fleet` and `heatrun population`, as the modules of `heatrun.commands`."""

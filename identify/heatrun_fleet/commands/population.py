@@ -1,0 +1,112 @@
+"""`heatrun population`: what the machines of a type have in common, and which do not fit."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from heatrun.commands import words
+from heatrun.commands.console import printable, say
+from heatrun.commands.exit_codes import DONE, NOT_ALLOWED
+from heatrun.errors import UsageError
+
+if TYPE_CHECKING:
+    from ..population.types import Written
+
+
+def add_parser(commands: Any) -> argparse.ArgumentParser:
+    """Add the command's words to the subparsers `commands`."""
+    parser = commands.add_parser(
+        "population", help="what the machines of a type have in common, and which do not fit"
+    )
+    parser.add_argument(
+        "source",
+        nargs="+",
+        type=Path,
+        metavar="FLEET_FOLDER|RUN",
+        help="the folder that `heatrun fleet` wrote (or its machines.parquet), or a run folder for "
+        "each of three machines or more",
+    )
+    parser.add_argument(
+        "--type",
+        default=None,
+        metavar="TYPE",
+        help="type of the machines, where a fleet has several (default: all of them, each in a "
+        "folder of its own); of runs, its name for the record",
+    )
+    parser.add_argument(
+        "--covariate",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="column of the fleet file that may shift the parameters, such as supplier or date: "
+        "numbers as they are, dates (2026-03-31) in years, other texts as categories; may be given "
+        "again",
+    )
+    words.add_out(
+        parser,
+        "folder of the population, which [population] run of a motor file takes (default: "
+        "results/populations/TYPE)",
+    )
+    words.add_force(parser)
+    words.add_seed(parser)
+    words.add_json(parser)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Work out the populations, write their folders and print them."""
+    from heatrun.results import to_json
+
+    from ..population.of_fleet import is_fleet
+
+    if len(options.source) == 1 and is_fleet(options.source[0]):
+        written = _of_fleet(options)
+    else:
+        written = [_of_runs(options)]
+    if options.json:
+        print(to_json({"populations": [each.described() for each in written]}))
+    else:
+        print(printable(_text(written)))
+    return DONE if any(each.result is not None for each in written) else NOT_ALLOWED
+
+
+def _of_fleet(options: argparse.Namespace) -> list[Written]:
+    from ..population.of_fleet import read_fleet
+    from ..population.types import population_of_type, populations_of_fleet
+
+    fleet = read_fleet(options.source[0])
+    settings = {
+        "covariates": options.covariate,
+        "seed": options.seed,
+        "is_replacing": options.force,
+    }
+    num = sum(fleet.types.values())
+    if options.type is not None:
+        say(f"{num} machines in {fleet.path}; those of type {options.type} are taken")
+        return [population_of_type(fleet, options.type, options.out, **settings)]
+    types = f" of {len(fleet.types)} types" if len(fleet.types) > 1 else ""
+    say(f"{num} machines{types} in {fleet.path}")
+    return populations_of_fleet(fleet, options.out, **settings)
+
+
+def _of_runs(options: argparse.Namespace) -> Written:
+    from ..population.job import population
+    from ..population.types import Written, written_to
+
+    if options.covariate:
+        raise UsageError(
+            "--covariate names columns of a fleet file; of runs, heatrun.population takes values"
+        )
+    name = options.type or ""
+    source = options.source if len(options.source) > 1 else options.source[0]
+    found = population(source, type_name=name, seed=options.seed).result
+    files = written_to(options.out, name, found, is_replacing=options.force)
+    return Written(name, found, files)
+
+
+def _text(written: list[Written]) -> str:
+    from ..population.text import population_text
+
+    return "\n\n".join(population_text(each) for each in written)

@@ -1,0 +1,223 @@
+"""The machines of a fleet as its file names them: rows of a table, gathered by machine.
+
+A row that cannot be used never stops the others: its machine is kept, with the finding that says
+why, and is refused when its turn comes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from heatrun.bench.record import Finding
+from heatrun.errors import InputError, did_you_mean
+
+ROLES = ("calibration", "holdout")
+
+COLUMNS = ("machine", "type", "motor", "test", "tests", "holdout", "role")
+"""What heatrun knows of a row; any other column is a covariate."""
+
+ALIASES = {"id": "machine", "machine_id": "machine", "serial": "machine"}
+
+BETWEEN = "|"
+"""Between several tests in one cell: no sign of the words that name a test."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the fleet's table.
+
+    Attributes:
+        place: Where it stands, in words, such as `"line 7"`.
+        cells: Texts by column, empty cells left out.
+        problem: Why the row cannot be read as one; empty if it can.
+    """
+
+    place: str
+    cells: Mapping[str, str]
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A machine of the fleet.
+
+    Attributes:
+        machine: Its name, unique in the fleet.
+        type: What it is one of; empty if nothing is said.
+        motor: Its motor file, relative to the fleet file; empty if none is named.
+        tests: Tests that are fitted, as the command line names them, relative to the fleet file.
+        holdout: Tests that are predicted only.
+        covariates: Further columns with their texts, in the order of the file.
+        findings: What its rows suffer from; one of severity `"error"` refuses the machine.
+    """
+
+    machine: str
+    type: str
+    motor: str
+    tests: tuple[str, ...]
+    holdout: tuple[str, ...] = ()
+    covariates: tuple[tuple[str, str], ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def is_refused(self) -> bool:
+        """Whether its rows alone forbid a fit."""
+        return any(finding.severity == "error" for finding in self.findings)
+
+
+def check_columns(names: Sequence[str], covariates: Sequence[str] | None, where: str) -> None:
+    """Refuse a table whose columns cannot be what was meant.
+
+    Args:
+        names: Columns, after `ALIASES`.
+        covariates: Columns that are covariates, where the fleet file lists them; None lets every
+            column be one whose name is not close to one of `COLUMNS`.
+        where: The table, for messages.
+
+    Raises:
+        InputError: If a column is missing, there twice, not known, or looks misspelt.
+    """
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(
+            f"The column '{twice[0]}' stands there twice.",
+            where=where,
+            remedy="Rename or remove one of them; id, machine_id and serial mean machine.",
+        )
+    if "machine" not in names:
+        raise InputError(
+            f"Expected a column machine, found {', '.join(names)[:200] or 'none'}.",
+            where=where,
+            remedy="Name the column that tells the machines apart machine (or id).",
+        )
+    if not {"test", "tests"} & set(names):
+        raise InputError(
+            "Expected a column test or tests with the bench files, found none.",
+            where=where,
+            remedy=f"Several files in a cell stand between {BETWEEN!r}, or in rows of their own.",
+        )
+    for name in names:
+        if name in COLUMNS or (covariates is not None and name in covariates):
+            continue
+        near = did_you_mean(name, COLUMNS) if _is_close(name) else ""
+        if covariates is not None or near:
+            raise InputError(
+                f"The column '{name[:60]}' is not known. {near}".strip(),
+                where=where,
+                remedy=f"Known are {', '.join(COLUMNS)}; name covariates in "
+                f'[fleet] covariates = ["{name[:60]}"].',
+            )
+
+
+def gathered(rows: Sequence[Row], *, type: str, motor: str, where: str) -> tuple[Entry, ...]:
+    """Return the machines of a table in the order of their first rows.
+
+    Args:
+        rows: The rows; those of one machine are its tests.
+        type: Type of machines whose rows name none.
+        motor: Motor file of machines whose rows name none.
+        where: The table, for findings.
+    """
+    by_machine: dict[str, list[Row]] = {}
+    for row in rows:
+        name = row.cells.get("machine", "")
+        by_machine.setdefault(name or f"({row.place})", []).append(row)
+    return tuple(_entry(name, group, type, motor, where) for name, group in by_machine.items())
+
+
+def _entry(name: str, rows: Sequence[Row], type: str, motor: str, where: str) -> Entry:
+    findings = [_finding("bad_row", row.problem, f"{where}, {row.place}")
+                for row in rows if row.problem]  # fmt: skip
+    if "machine" not in rows[0].cells:
+        findings.append(
+            _finding("no_machine", "The row names no machine.", f"{where}, {rows[0].place}",
+                     "Write the name of the machine into the column machine.")
+        )  # fmt: skip
+    said: dict[str, str] = {}
+    for row in rows:
+        for column, text in row.cells.items():
+            if column in ("machine", "test", "tests", "holdout", "role"):
+                continue
+            if said.setdefault(column, text) != text:
+                findings.append(
+                    _finding("contradictory_rows",
+                             f"{column} is {said[column]!r:.60} in one row and {text!r:.60} in "
+                             "another.", f"{where}, {row.place}",
+                             "One machine has one of it: correct the rows, or give the machines "
+                             "names of their own.")
+                )  # fmt: skip
+    tests: dict[str, list[str]] = {role: [] for role in ROLES}
+    for row in rows:
+        role = row.cells.get("role", ROLES[0]).casefold()
+        if role not in ROLES:
+            near = did_you_mean(role, ROLES)
+            findings.append(
+                _finding("unknown_role", f"Expected the role {' or '.join(ROLES)}, got "
+                         f"{role!r:.60}. {near}".strip(), f"{where}, {row.place}")
+            )  # fmt: skip
+            role = ROLES[0]
+        tests[role] += [*_files(row, "test"), *_files(row, "tests")]
+        tests["holdout"] += _files(row, "holdout")
+    findings += _test_findings(tests, where, rows[0].place)
+    motor_file = said.pop("motor", motor)
+    if not motor_file:
+        findings.append(
+            _finding("no_motor", "No motor file is named.", f"{where}, {rows[0].place}",
+                     "Fill the column motor, or write motor = \"motor.toml\" under [fleet] of a "
+                     "fleet file.")
+        )  # fmt: skip
+    return Entry(
+        machine=name,
+        type=said.pop("type", type),
+        motor=motor_file,
+        tests=tuple(tests["calibration"]),
+        holdout=tuple(tests["holdout"]),
+        covariates=tuple(said.items()),
+        findings=tuple(findings),
+    )
+
+
+def _test_findings(tests: Mapping[str, Sequence[str]], where: str, place: str) -> list[Finding]:
+    found = []
+    if not tests["calibration"]:
+        found.append(
+            _finding("no_test", "The machine has no test to be fitted.", f"{where}, {place}",
+                     "Name a bench file in the column test.")
+        )  # fmt: skip
+    every = [test for role in ROLES for test in tests[role]]
+    for test in dict.fromkeys(every):
+        if every.count(test) > 1:
+            found.append(
+                _finding("duplicate_test", f"The test {test[:200]} is named {every.count(test)} "
+                         "times.", f"{where}, {place}", "Name each test once: twice the "
+                         "same readings would look twice as sure.")
+            )  # fmt: skip
+    return found
+
+
+def _files(row: Row, column: str) -> list[str]:
+    return [part.strip() for part in row.cells.get(column, "").split(BETWEEN) if part.strip()]
+
+
+def _finding(id: str, message: str, where: str, remedy: str = "") -> Finding:
+    return Finding(id, "error", message, where, remedy or "Correct the row.")
+
+
+def _is_close(name: str) -> bool:
+    """Whether a column is likely a misspelling: `motors`, `machin`, not `date` or `rate`."""
+    folded = name.casefold()
+    return any(
+        len(name) > 3 and _distance(folded, known) <= 1 + (len(known) > 5) for known in COLUMNS
+    )
+
+
+def _distance(one: str, other: str) -> int:
+    """Return how many letters must be put in, left out or replaced (Levenshtein)."""
+    before = list(range(len(other) + 1))
+    for i, a in enumerate(one, start=1):
+        now = [i]
+        for j, b in enumerate(other, start=1):
+            now.append(min(before[j] + 1, now[-1] + 1, before[j - 1] + (a != b)))
+        before = now
+    return before[-1]

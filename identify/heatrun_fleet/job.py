@@ -1,0 +1,331 @@
+"""A fleet from its file to its folder: `machines.parquet`, `timing.json` and `manifest.json`.
+
+The folder grows in place. Parts, one per batch, are written as they are finished; a killed run goes
+on from them, and a fleet with further machines works out what is new. In the end the parts are
+joined in the order of the fleet file, and the three files take their places together.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from heatrun.errors import InputError
+from heatrun.io.file_set import is_aside, together
+from heatrun.io.folder_lock import FolderLock
+from heatrun.io.free_names import numbered, refuse_replacing
+from heatrun.io.moment import moment
+from heatrun.io.whole_files import writable, write_whole
+from heatrun.results.json_text import to_json
+from heatrun.runs.places import refuse_unwritable
+from heatrun.runs.run_folder import environment
+from heatrun.work import Progress, Work
+
+from .batches import Batch, batches_of, digests_of, numerics
+from .cluster import Workers, connected, over_workers, require_dask
+from .fleet_file import Fleet
+from .parts import FOLDER, Parts, join, read_part
+from .results import FleetDiscoveryResult
+from .rows import schema
+from .shared_effects.job import NAME as DISCOVERY
+from .shared_effects.job import discover_fleet, read_discovery
+from .work import Done, work_out
+
+FORMAT = "heatrun-fleet/1"
+MACHINES, TIMING, MANIFEST = "machines.parquet", "timing.json", "manifest.json"
+
+BATCH = 64
+"""Machines in a batch, if nothing is said."""
+
+USUAL_S = 2.0
+"""What a machine usually takes [s]; only shares of it matter."""
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class FleetResult:
+    """What a fleet's calibrations left.
+
+    Attributes:
+        path: The folder.
+        manifest: What stands in its `manifest.json`.
+    """
+
+    path: Path
+    manifest: dict[str, Any]
+
+    @property
+    def machines_path(self) -> Path:
+        """The rows of all machines, a Parquet file."""
+        return self.path / MACHINES
+
+    def table(self) -> Any:
+        """Return the rows of all machines as an Arrow table, as `heatrun_fleet.rows` has them."""
+        return read_part(self.machines_path)
+
+    def frame(self) -> Any:
+        """Return the rows of all machines as a data frame; lists are arrays."""
+        return self.table().to_pandas()
+
+    def discovery(self) -> FleetDiscoveryResult:
+        """Return the effects that the machines share, where the fleet was told to `discover`.
+
+        Raises:
+            InputError: If it was not, or the file cannot be read.
+        """
+        return read_discovery(self.path)
+
+
+def calibrate_fleet_into(
+    path: Path,
+    fleet: Fleet,
+    *,
+    workers: Workers = Workers(),  # noqa: B008  it is frozen
+    batch: int = BATCH,
+    discover: bool = False,
+    seed: int = 0,
+    command: str = "",
+    is_named: bool = True,
+    is_replacing: bool = False,
+    say: Say = lambda sentence: None,
+    progress: Progress | None = None,
+) -> FleetResult:
+    """Calibrate the machines of a fleet and write its folder.
+
+    Args:
+        path: The folder; an unfinished or finished one of the same fleet there is taken up.
+        fleet: From `heatrun_fleet.fleet_file.load_fleet`.
+        workers: Which processes work.
+        batch: Machines in a batch.
+        discover: Whether effects are sought that the machines of a type share.
+        seed: Random seed, the same for each machine.
+        command: As it is to stand in the manifest.
+        is_named: Whether `path` is where the user wants the result; else it gets a number where
+            another result stands there.
+        is_replacing: Whether another result at `path` is replaced; what has not changed is kept.
+        say: Told what is being done.
+        progress: Called with a sentence and the share done, 1 when the folder is there.
+
+    Raises:
+        InputError: If pyarrow or dask is needed and not installed, the folder holds something
+            else, a file was changed meanwhile, or workers cannot be reached.
+        OSError: If the disk is full; what was finished is kept.
+    """
+    schema()  # before any work: pyarrow may be missing
+    if not workers.is_here:
+        require_dask()
+    refuse_unwritable(path)
+    say(f"{fleet.name}: {_count(len(fleet.entries), 'machine')}; taking the digests of their files")
+    digests = digests_of(fleet)
+    batches = batches_of(fleet, digests, batch, seed=seed, discovers=discover,
+                         numerics=numerics(**workers.settings))  # fmt: skip
+    identity = _identity(batches)
+    if not is_named and not is_replacing:
+        path = next(place for place in numbered(path) if not _holds_another(place, identity))
+    _refuse_what_stands_there(path, identity, is_replacing=is_replacing)
+    with writable("the folder of the fleet", path.parent):
+        lock = FolderLock.take(path / FOLDER)
+    try:
+        done = _finished(path, identity)
+        if done is not None:
+            say(f"{path} holds this fleet already: nothing is left to do")
+            return done
+        parts = Parts(path / FOLDER)
+        _work_out(batches, parts, workers, say=say, progress=progress)
+        result = _assemble(path, fleet, batches, parts, digests, identity, command, seed, batch)
+        parts.sweep(each.name for each in batches)
+    finally:
+        lock.release()
+    if progress is not None:
+        progress("done", 1.0)
+    return result
+
+
+def default_folder(fleet: Fleet) -> Path:
+    """Return where a fleet goes if no folder is given: named after it."""
+    slug = "".join(c if c.isalnum() and c.isascii() else "-" for c in fleet.name.lower())
+    while "--" in slug:
+        slug = slug.replace("--", "-")
+    return Path("results") / "fleets" / (slug.strip("-")[:80] or "fleet")
+
+
+def _work_out(
+    batches: Sequence[Batch], parts: Parts, workers: Workers, *, say: Say,
+    progress: Progress | None,
+) -> None:  # fmt: skip
+    """Write the parts that are not there yet."""
+    names = {each.name: [e.machine for e in each.entries] for each in batches}
+    left = [each for each in batches if not parts.holds(each.name, names[each.name])]
+    num = sum(len(each.entries) for each in batches)
+    todo = sum(len(each.entries) for each in left)
+    if len(left) < len(batches):
+        say(f"{num - todo} of {_count(num, 'machine')} were worked out before")
+    if not left:
+        return
+    work = Work({each.name: USUAL_S * len(each.entries) for each in left}, progress)
+    finished = num - todo
+    changed: list[str] = []
+
+    def done(batch: Batch, result: Done) -> None:
+        nonlocal finished
+        if result.changed:
+            changed.append(result.changed)
+            return
+        parts.write(batch.name, result.part, result.timing, is_lost=bool(result.lost))
+        finished += len(batch.entries)
+        work.done(batch.name, f"{finished} of {_count(num, 'machine')}")
+
+    work.at(left[0].name, f"{finished} of {_count(num, 'machine')}")
+    with work:
+        if workers.is_here:
+            for each in left:
+                done(each, work_out(each))
+        else:
+            with connected(workers, len(left)) as pool:
+                over_workers(pool, left, done)
+    if changed:
+        more = f" ({len(changed)} batches)" if len(changed) > 1 else ""
+        raise InputError(
+            f"{changed[0]}{more}",
+            remedy="All others were worked out and are kept.",
+        )
+
+
+def _assemble(
+    path: Path, fleet: Fleet, batches: Sequence[Batch], parts: Parts, digests: dict[str, str],
+    identity: str, command: str, seed: int, size: int,
+) -> FleetResult:  # fmt: skip
+    """Join the parts and let the files of the result take their places together."""
+    places = [
+        whole if (whole := parts.path(each.name)).is_file() else parts.lost_path(each.name)
+        for each in batches
+    ]
+    lost = [place for place in places if place.name.endswith(".lost.parquet")]
+    timing = {
+        "unit": "s",
+        "batches": [
+            {"name": each.name, **json.loads(parts.timing_path(each.name).read_bytes())}
+            for each in batches
+        ],
+    }
+    with together(path, "fleet") as files:
+        join(places, files.aside / MACHINES)
+        status = Counter(_statuses(files.aside / MACHINES))
+        write_whole(files.aside / TIMING, (to_json(timing) + "\n").encode())
+        names = (MACHINES, TIMING)
+        if batches[0].discovers:
+            shared = discover_fleet(files.aside / MACHINES, fleet.name, seed=seed)
+            write_whole(files.aside / DISCOVERY, (to_json(shared) + "\n").encode())
+            names = (*names, DISCOVERY)
+        manifest = {
+            "format": FORMAT,
+            "fleet": fleet.name,
+            "command": command,
+            "seed": seed,
+            "batch": size,
+            "model": fleet.network.name,
+            "date": moment().isoformat(timespec="seconds"),
+            "platform": platform.system(),
+            "machines": {"all": len(fleet.entries), **dict(sorted(status.items()))},
+            "inputs": {
+                **fleet.inputs,
+                "tests and motor files": _digest([f"{k} {v}" for k, v in sorted(digests.items())]),
+            },
+            "identity": identity,
+            "is_whole": not lost,
+            "numerics": dict(batches[0].numerics),
+            **environment(),
+            "fleet_packages": {name: _version(name) for name in ("pyarrow", "dask", "distributed")},
+            "files": {name: _sha256(files.aside / name) for name in names},
+        }
+        write_whole(files.aside / MANIFEST, (to_json(manifest) + "\n").encode())
+    if DISCOVERY not in names:
+        (path / DISCOVERY).unlink(missing_ok=True)  # of a fleet that was replaced
+    return FleetResult(path, json.loads(to_json(manifest)))
+
+
+def _statuses(path: Path) -> list[str]:
+    from pyarrow.parquet import ParquetFile
+
+    with ParquetFile(path) as file:
+        return file.read(columns=["status"]).column("status").to_pylist()
+
+
+def _identity(batches: Sequence[Batch]) -> str:
+    return _digest([each.name for each in batches])
+
+
+def _digest(lines: Sequence[str]) -> str:
+    return hashlib.sha256("\n".join(lines).encode(errors="backslashreplace")).hexdigest()
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _manifest(path: Path) -> dict[str, Any]:
+    """Return the manifest of a fleet's folder; empty where there is none."""
+    try:
+        content = json.loads((path / MANIFEST).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    is_fleet = isinstance(content, dict) and content.get("format") == FORMAT
+    return content if is_fleet else {}
+
+
+def _holds_another(path: Path, identity: str) -> bool:
+    """Whether something stands at a path that is no folder of this fleet."""
+    if not path.exists():
+        return False
+    if path.is_dir() and _manifest(path):
+        return _manifest(path).get("identity") != identity
+    return not path.is_dir() or not _is_unfinished(path)
+
+
+def _is_unfinished(path: Path) -> bool:
+    """Whether a folder holds nothing but parts."""
+    return all(entry.name == FOLDER or is_aside(Path(entry.name)) for entry in path.iterdir())
+
+
+def _refuse_what_stands_there(path: Path, identity: str, *, is_replacing: bool) -> None:
+    if not _holds_another(path, identity):
+        return
+    if not _manifest(path):
+        raise InputError(
+            f"{path} exists and is not the folder of a fleet (it has no {MANIFEST} of one).",
+            remedy="Choose another --out.",
+        )
+    if not is_replacing:
+        refuse_replacing(path, "another fleet, or this one with other inputs or settings")
+
+
+def _finished(path: Path, identity: str) -> FleetResult | None:
+    """Return what stands there already, if it is this fleet, whole and undamaged."""
+    manifest = _manifest(path)
+    if manifest.get("identity") != identity or not manifest.get("is_whole"):
+        return None
+    try:
+        is_sound = all(_sha256(path / name) == sha for name, sha in manifest["files"].items())
+    except (OSError, KeyError, AttributeError):
+        return None
+    return FleetResult(path, manifest) if is_sound else None
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return ""
+
+
+def _count(num: int, what: str) -> str:
+    return f"{num} {what}{'' if num == 1 else 's'}"

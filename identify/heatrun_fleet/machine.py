@@ -1,0 +1,240 @@
+"""A machine from its files to a problem that can be fitted, or to the finding that forbids it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from heatrun.bench.blocks import Blocks
+from heatrun.bench.checks import current_scale_unchecked
+from heatrun.bench.record import Finding
+from heatrun.calibration import BenchTest, Refused, load_tests, refuse_unplaced_bodies
+from heatrun.errors import InputError
+from heatrun.inference.catalogue import known_effects
+from heatrun.inference.draws import Draws
+from heatrun.inference.fitting.fit_result import RESULT, Fit
+from heatrun.inference.model import Model
+from heatrun.inference.predict import predict
+from heatrun.inference.problem import Problem
+from heatrun.motor import Motor
+from heatrun.motorfile import load_motor
+
+from .batches import Batch, digest_or_none, files_by_role, resolved
+from .entries import Entry
+from .rows import FAILED, REFUSED, Row, file_row, fitted, unfitted
+from .shared_effects.columns import effect_columns
+from .shared_effects.evidence import evidence_of
+
+NUM_DRAWS = 400
+"""Draws behind the band of a held-out test."""
+
+
+class ChangedInputError(InputError):
+    """A file holds other bytes than when the batch got its name."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A machine that can be fitted. Its records are no longer held: a batch has many machines.
+
+    Attributes:
+        entry: The machine.
+        problem: Model and tests.
+        duration_s: Length of the fitted records in all [s].
+        holdout: Records that are predicted only: name, and what they were reduced to.
+        findings: About its rows and records.
+        inputs: Its files, for the row.
+    """
+
+    entry: Entry
+    problem: Problem
+    duration_s: float
+    holdout: tuple[tuple[str, Blocks], ...]
+    findings: tuple[Finding, ...]
+    inputs: tuple[Row, ...]
+
+
+def prepare(entry: Entry, batch: Batch) -> Prepared | Row:
+    """Read and check the tests of a machine.
+
+    Args:
+        entry: The machine.
+        batch: What it belongs to.
+
+    Returns:
+        What can be fitted, or the row of a machine that is refused.
+
+    Raises:
+        ChangedInputError: If a file is another than when the batch was made.
+    """
+    inputs = tuple(
+        file_row(path, role, batch.digests[path])
+        for role, path in files_by_role(entry, batch.folder)
+    )
+    name = batch.network.name
+    if entry.is_refused:
+        return unfitted(entry, name, REFUSED, entry.findings, inputs)
+    try:
+        return _prepared(entry, batch, inputs)
+    except ChangedInputError:
+        raise
+    except Refused as refusal:
+        _refuse_changed_files(entry, batch)
+        found = [*entry.findings, *refusal.findings]
+    except InputError as error:
+        _refuse_changed_files(entry, batch)
+        gone = [each["path"] for each in inputs if not each["sha256"]]
+        found = [*entry.findings, _of_error(error, "missing_file" if gone else "input_error")]
+    except MemoryError:
+        raise
+    except Exception as error:  # a fault of heatrun: the other machines are worked out all the same
+        found = [*entry.findings, _of_fault(error)]
+        return unfitted(entry, name, FAILED, _placed(found, batch.folder), inputs)
+    return unfitted(entry, name, REFUSED, _placed(found, batch.folder), inputs)
+
+
+def row_of(prepared: Prepared, found: Fit | Exception, batch: Batch) -> Row:
+    """Return the row of a machine after its fit.
+
+    Args:
+        prepared: From `prepare`.
+        found: The fit, or what it raised.
+        batch: What the machine belongs to.
+    """
+    entry, name = prepared.entry, batch.network.name
+    if isinstance(found, Fit):
+        try:
+            holdout = [_predicted(found, *each, batch.seed) for each in prepared.holdout]
+            own = replace(found, findings=_placed(found.findings, batch.folder))
+            row = fitted(entry, own, prepared.findings, prepared.inputs,
+                         duration_s=prepared.duration_s, holdout=holdout)  # fmt: skip
+            is_sound = found.result is not RESULT.no_start
+            if batch.discovers and is_sound:
+                row |= effect_columns(evidence_of(found))
+            return row
+        except MemoryError:
+            raise
+        except Exception as error:
+            found = error
+    is_input = isinstance(found, InputError)
+    said = _of_error(found, "input_error") if is_input else _of_fault(found)
+    findings = [*prepared.findings, *_placed([said], batch.folder)]
+    status = REFUSED if is_input else FAILED
+    return unfitted(entry, name, status, findings, prepared.inputs)
+
+
+def lost(entry: Entry, batch: Batch, deaths: int) -> Row:
+    """Return the row of a machine on which worker processes died.
+
+    Args:
+        entry: The machine.
+        batch: What it belongs to.
+        deaths: How many did.
+    """
+    finding = Finding(
+        "worker_lost",
+        "error",
+        f"the worker process ended {deaths} times while it worked on this machine alone, most "
+        "likely for lack of memory.",
+        remedy="Give fewer workers (--workers 1) or more memory (--memory), or shorter records; "
+        "the same command tries this machine again.",
+    )
+    inputs = [file_row(path, role, batch.digests[path])
+              for role, path in files_by_role(entry, batch.folder)]  # fmt: skip
+    return unfitted(entry, batch.network.name, FAILED, [*entry.findings, finding], inputs)
+
+
+def _prepared(entry: Entry, batch: Batch, inputs: tuple[Row, ...]) -> Prepared:
+    motor_path = Path(batch.folder) / entry.motor
+    motor = _motor(str(motor_path), batch.digests[entry.motor])
+    _refuse_changed(motor.sha256, batch.digests[entry.motor], entry.motor)
+    fits, predicted = ([resolved(test, batch.folder) for test in tests]
+                       for tests in (entry.tests, entry.holdout))  # fmt: skip
+    tests = load_tests(motor, fits, predicted)
+    planned = {each["sha256"] for each in inputs}
+    for source in (source for test in tests for source in test.record.sources):
+        if source.sha256 not in planned:
+            _refuse_changed(source.sha256, "", source.path)
+    reduced = [test.blocks for test in tests if test.role == "calibration"]
+    effects = known_effects(motor, ",".join(batch.effects))
+    model = Model.of(batch.network, motor, effects).scaled(motor, reduced)
+    refuse_unplaced_bodies(motor, [model])
+    model.refuse_unusable([test.blocks for test in tests])
+    problem = Problem.of(model, motor, [model.with_bodies(rows) for rows in reduced])
+    findings = [finding for test in tests for finding in test.findings]
+    findings += current_scale_unchecked(motor, [test.record for test in tests])
+    return Prepared(
+        entry=entry,
+        problem=problem,
+        duration_s=float(sum(t.record.duration_s for t in _of(tests, "calibration"))),
+        holdout=tuple((t.record.name, t.blocks) for t in _of(tests, "holdout")),
+        findings=(*entry.findings, *_placed(findings, batch.folder)),
+        inputs=inputs,
+    )
+
+
+@lru_cache(maxsize=64)
+def _motor(path: str, sha256: str) -> Motor:
+    """Return a motor file, read once for all machines that name it."""
+    return load_motor(path)
+
+
+def _refuse_changed_files(entry: Entry, batch: Batch) -> None:
+    """Refuse a file that has changed, before a machine is refused for what it held meanwhile."""
+    for _, path in files_by_role(entry, batch.folder):
+        _refuse_changed(digest_or_none(Path(batch.folder) / path), batch.digests[path], path)
+
+
+def _refuse_changed(now: str, planned: str, path: str) -> None:
+    if now != planned:
+        raise ChangedInputError(
+            "The file was changed while the fleet was worked out.",
+            where=path,
+            remedy="Wait until it is whole; the same command goes on from what was finished.",
+        )
+
+
+def _of(tests: Sequence[BenchTest], role: str) -> list[BenchTest]:
+    return [test for test in tests if test.role == role]
+
+
+def _predicted(fit: Fit, name: str, blocks: Blocks, seed: int) -> tuple[str, float, float]:
+    """Return name, RMSE [K] and coverage [1] of a held-out test, by draws around the fit."""
+    problem = fit.problem
+    rng = np.random.default_rng(seed)
+    size = fit.vector.size
+    root = np.linalg.cholesky(fit.covariance + 1e-12 * np.eye(size))
+    vectors = fit.vector + rng.standard_normal((NUM_DRAWS, size)) @ root.T
+    draws = Draws(problem.model, problem.motor, problem.parameters, vectors, None, problem.loggers)
+    predicted = predict(draws, blocks, num_draws=NUM_DRAWS, seed=seed)
+    return name, predicted.rmse_K, predicted.coverage_95()
+
+
+def _of_error(error: InputError, id: str) -> Finding:
+    return Finding(id, "error", error.problem, error.where, error.remedy)
+
+
+def _of_fault(error: Exception) -> Finding:
+    return Finding(
+        "internal_error",
+        "error",
+        f"the machine could not be worked out ({type(error).__name__}: {str(error)[:300]}).",
+        remedy="Calibrate it by itself with `heatrun calibrate` and report what that says.",
+    )
+
+
+def _placed(findings: Sequence[Finding], folder: str) -> tuple[Finding, ...]:
+    """Return findings whose files are named as in the fleet file, wherever that lies."""
+    base = f"{folder}/"
+
+    def placed(text: str) -> str:
+        return text.replace(base, "")
+
+    return tuple(
+        replace(f, message=placed(f.message), where=placed(f.where), remedy=placed(f.remedy))
+        for f in findings
+    )

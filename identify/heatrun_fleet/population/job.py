@@ -1,0 +1,251 @@
+"""From the calibrations of the machines of a type to their population: `heatrun.population`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from msgspec import UNSET, UnsetType
+
+from heatrun.errors import InputError
+from heatrun.results import to_plain
+from heatrun.runs.run import Run, open_run
+
+from ..job import FleetResult
+from ..results.population import PopulationNoise, PopulationParameter, PopulationResult
+from .design import Design, designed, given_columns
+from .files import write_population
+from .gathered import FEWEST, Gathered
+from .of_fleet import FleetRows, gathered_of_fleet, is_fleet, read_fleet
+from .of_runs import gathered_of_runs
+from .report import NOISE_SPREAD, default_hyperprior, noise_result, population_result
+from .sampling import sample_population
+
+Covariates = Mapping[str, Sequence[Any]] | Sequence[str]
+
+
+@dataclass(frozen=True)
+class TypeOfMachine:
+    """What is known of a type of machine.
+
+    Attributes:
+        result: What stands in `population.json`.
+    """
+
+    result: PopulationResult
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """The same as plain lists and mappings."""
+        return to_plain(self.result)
+
+    def summary(self) -> pd.DataFrame:
+        """Return a row for each parameter: median, spread over machines, and the limits between
+        which 95 % of the machines lie, at 95 % confidence; in their units, spreads as shares.
+        """
+        return _summary(self.result.parameters)
+
+    def noise(self) -> pd.DataFrame:
+        """Return the same for noise and unmodelled heat; no rows where they are not known."""
+        return _summary(self.result.noise.parameters if self.result.noise else {})
+
+    def machines(self) -> pd.DataFrame:
+        """Return a row for each machine: probability that it does not belong to the type, what is
+        different about it, its parameters given all machines [their units], and the probability
+        that its noise is not that of the type (NaN where its noise does not count).
+        """
+        of_noise = self.result.noise.machines if self.result.noise else []
+        odd_noise = {said.name: said.outlier_probability for said in of_noise}
+        rows = [
+            {
+                "machine": said.name,
+                "outlier_probability": said.outlier_probability,
+                "different": ", ".join(said.different),
+                **{name: entry.value for name, entry in said.parameters.items()},
+                "noise_outlier_probability": odd_noise.get(said.name, math.nan),
+            }
+            for said in self.result.machines
+        ]
+        return pd.DataFrame(rows)
+
+    def left_out(self) -> pd.DataFrame:
+        """Return a row for each machine that does not count, with the reason."""
+        rows = [(each.name, each.reason) for each in self.result.left_out]
+        return pd.DataFrame(rows, columns=["machine", "reason"])
+
+    def _repr_html_(self) -> str:
+        return self.summary().to_html(index=False)
+
+
+def _summary(parameters: Mapping[str, PopulationParameter]) -> pd.DataFrame:
+    rows = [
+        {
+            "parameter": name,
+            "median": said.median.value,
+            "low_95": said.median.interval_95[0],
+            "high_95": said.median.interval_95[1],
+            "spread": said.spread.value,
+            "spread_low_95": said.spread.interval_95[0],
+            "spread_high_95": said.spread.interval_95[1],
+            "tolerance_low": said.tolerance_95_95[0],
+            "tolerance_high": said.tolerance_95_95[1],
+            "unit": said.unit,
+        }
+        for name, said in parameters.items()
+    ]
+    return pd.DataFrame(rows)
+
+
+def population(
+    source: FleetResult | str | Path | Sequence[Run | str | Path],
+    *,
+    type: str | None = None,
+    covariates: Covariates = (),
+    network: str | None = None,
+    type_name: str = "",
+    seed: int = 0,
+    out: str | Path | None = None,
+    force: bool = False,
+) -> TypeOfMachine:
+    """Say what machines of a type have in common, how they differ, and which do not fit.
+
+    Each machine counts with the posterior of its calibration, with the prior divided out, so that a
+    short test borrows from the others and never outweighs them.
+
+    Args:
+        source: A fleet: its folder, its `machines.parquet`, or what `heatrun.calibrate_fleet`
+            returns. Or a run for each machine, as folders or opened.
+        type: Of a fleet with several types, the one that is meant.
+        covariates: What may shift the parameters: of a fleet, names of columns of the fleet file;
+            of runs, a value for each machine by name. Numbers count as they are, dates (ISO 8601)
+            in years, other texts as categories, such as the supplier.
+        network: Name of the network, where runs have several.
+        type_name: Of the machines, for the record; by default the fleet's.
+        seed: Random seed.
+        out: Folder for `population.json`, `population.parquet` and `type_sheet.pdf`, which
+            `[population] run` of a motor file takes; made if it is not there. None writes nothing.
+        force: Whether another population in `out` is replaced.
+
+    Raises:
+        InputError: If the source cannot be read, has several types and none is chosen, has fewer
+            than three machines that can count, runs were fitted with different networks, or a
+            covariate is not there or has not a value for each run.
+
+    Example:
+        >>> known = heatrun.population("results/fleets/line-3", covariates=["supplier"])
+        ... # doctest: +SKIP
+        >>> known.summary()  # doctest: +SKIP
+    """
+    if is_fleet(source):
+        fleet = read_fleet(source)  # type: ignore[arg-type]
+        if isinstance(covariates, Mapping):
+            raise InputError(
+                "Expected names of columns of the fleet file as covariates, got values.",
+                remedy='Write covariates=["supplier"].',
+            )
+        chosen = _only_type(fleet) if type is None else type
+        result = pooled(
+            gathered_of_fleet(fleet, chosen), _names(covariates), str(fleet.path),
+            type_name=type_name or chosen, seed=seed,
+        )  # fmt: skip
+    else:
+        result = _of_runs(source, type, covariates, network, type_name=type_name, seed=seed)
+    if out is not None:
+        write_population(Path(out), result, is_replacing=force)
+    return TypeOfMachine(result)
+
+
+def pooled(
+    gathered: Gathered, covariates: Sequence[str], where: str, *, type_name: str, seed: int
+) -> PopulationResult:
+    """Return the population of machines.
+
+    Args:
+        gathered: The machines.
+        covariates: Names of columns.
+        where: What they were taken from, for messages.
+        type_name: Of the machines.
+        seed: Random seed.
+
+    Raises:
+        InputError: If fewer than three machines are left, or a covariate is not there.
+    """
+    gathered.refuse_few(where)
+    design = designed(gathered, covariates, where)
+    machines = design.gathered
+    found = sample_population(
+        machines.evidence(), default_hyperprior(machines), design.matrix(), seed=seed
+    )
+    notes = list(design.notes)
+    if not found.is_converged:
+        notes.append("The sampling did not converge: the intervals are indicative.")
+    noise = _noise(design, seed)
+    if noise and not noise.is_converged:
+        notes.append("The sampling of the noise did not converge: its intervals are indicative.")
+    return population_result(
+        found, machines, design.covariates, type_name=type_name, noise=noise, seed=seed,
+        notes=notes,
+    )  # fmt: skip
+
+
+def _noise(design: Design, seed: int) -> PopulationNoise | UnsetType:
+    """Return the population of noise and unmodelled heat, with the same covariates."""
+    noise = design.gathered.noise
+    if noise is None or len(noise.machines) < FEWEST + len(design.covariates):
+        return UNSET
+    used = [design.gathered.machines.index(name) for name in noise.machines]
+    found = sample_population(
+        noise.evidence(), default_hyperprior(noise, NOISE_SPREAD), design.matrix(used), seed=seed
+    )
+    return noise_result(found, noise, design.covariates, seed=seed)
+
+
+def _of_runs(
+    source: Any, type: str | None, covariates: Covariates, network: str | None, *,
+    type_name: str, seed: int,
+) -> PopulationResult:  # fmt: skip
+    if isinstance(source, str | Path):
+        raise InputError(
+            "Expected the folder of a fleet, or the runs of several machines, got one path that is "
+            "no fleet.",
+            where=str(source),
+            remedy="Give the folder that `heatrun fleet` wrote, or a list of run folders.",
+        )
+    if type is not None:
+        raise InputError(
+            "Runs have no types to choose from.", remedy="Leave type out, or write type_name."
+        )
+    if any(is_fleet(each) for each in source):
+        raise InputError(
+            "Expected one fleet alone, or runs alone, got a fleet among several.",
+            where=", ".join(map(str, source))[:200],
+            remedy="Put all machines into one fleet file.",
+        )
+    if covariates and not isinstance(covariates, Mapping):
+        raise InputError(
+            "Expected a value for each run of a covariate, got names alone.",
+            remedy='Write covariates={"supplier": ["north", "south", …]}.',
+        )
+    opened = [run if isinstance(run, Run) else open_run(run) for run in source]
+    given = covariates if isinstance(covariates, Mapping) else {}
+    gathered = given_columns(gathered_of_runs(opened, network), given)
+    return pooled(gathered, list(given), "", type_name=type_name, seed=seed)
+
+
+def _names(covariates: Covariates) -> list[str]:
+    return [covariates] if isinstance(covariates, str) else list(covariates)
+
+
+def _only_type(fleet: FleetRows) -> str:
+    if len(fleet.types) == 1:
+        return next(iter(fleet.types))
+    named = ", ".join(f"{name!r} ({num} machines)" for name, num in fleet.types.items())
+    raise InputError(
+        f"Expected one type of machine, found {len(fleet.types)}: {named}.",
+        where=str(fleet.path),
+        remedy="Choose one with type=…; `heatrun population` works out all of them.",
+    )

@@ -1,0 +1,234 @@
+"""Draws of a population's law: importance sampling about its mode, emcee where that will not do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import emcee
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.optimize import minimize
+
+from heatrun.inference.kernels import log_student, student
+from heatrun.inference.sampling.diagnostics import pareto_smoothed
+from heatrun.inference.sampling.ensemble import evolution
+
+from .evidence import Evidence
+from .law import Hyperprior, Law, log_marginals, num_scores, unpack
+
+NUM_PROPOSED, NUM_KEPT = 4096, 2000
+"""Importance draws that are weighed, and draws that are kept."""
+
+ENOUGH = 600.0
+"""Effective draws (Kish) at which the proposal is good enough [1]."""
+
+MOST_PARETO_K = 0.6
+"""Shape of the tail of the weights up to which importance sampling is reliable [1]."""
+
+NUM_ROUNDS = 8
+"""Rounds of the proposal, at most; the first is the normal law about the mode."""
+
+STEP = 1e-4
+"""Of the differences that give the curvature [scores, of which the prior's are of order 1]."""
+
+FEWEST_PLACES = 16
+"""Places for machines that a compiled program has at least; it has up to a quarter too many."""
+
+LARGE_FLEET = 2000
+"""Machines from which on the law is so well known that no ensemble is needed."""
+
+WALKERS_PER_SCORE, MOST_STEPS, CHUNK = 4, 12_000, 1000
+"""Size of an ensemble over the number of scores, and its steps, at most and between two looks."""
+
+TIMES = 50.0
+"""Autocorrelation times that an ensemble has to run for [1]."""
+
+
+@dataclass(frozen=True)
+class Population:
+    """Draws of the law of a population.
+
+    Attributes:
+        evidence: Of its machines.
+        design: Covariates, each less its mean over the machines, shape (machine, covariate).
+        hyper: What was assumed.
+        laws: Equally probable draws, along the first axis of each array.
+        method: How they were drawn.
+        pareto_k: Of the importance weights [1].
+        is_converged: Whether the draws are to be relied on.
+    """
+
+    evidence: Evidence
+    design: Float[np.ndarray, "machine covariate"]
+    hyper: Hyperprior
+    laws: Law
+    method: Literal["importance", "emcee"]
+    pareto_k: float
+    is_converged: bool
+
+
+def sample_population(
+    evidence: Evidence,
+    hyper: Hyperprior,
+    design: Float[np.ndarray, "machine covariate"] | None = None,
+    *,
+    seed: int = 0,
+) -> Population:
+    """Return draws of the law behind the machines.
+
+    Args:
+        evidence: Of the machines.
+        hyper: What is assumed of the population.
+        design: Covariates, centred; none by default.
+        seed: Random seed.
+    """
+    design = np.zeros((evidence.num_machines, 0)) if design is None else np.asarray(design, float)
+    num_covariates = design.shape[1]
+    data = Data.of(evidence, design)
+    rng = np.random.default_rng([seed, 17])
+    mode = _mode(data, hyper, num_scores(len(evidence.names), num_covariates))
+    scores, k = _importance(data, hyper, mode, rng)
+    method, is_converged = "importance", k <= MOST_PARETO_K
+    if not is_converged and evidence.num_machines < LARGE_FLEET:
+        scores, is_converged = _ensemble(data, hyper, scores, rng)
+        method = "emcee"
+    laws = _laws(hyper, num_covariates, jnp.asarray(scores))
+    return Population(evidence, design, hyper, laws, method, k, is_converged)
+
+
+class Data(NamedTuple):
+    """The machines: covariates, information and precision.
+
+    There are as many as the next of few sizes has place for, so that not every fleet compiles
+    anew. Those at the end that are none have no test and so weigh nothing.
+    """
+
+    design: Array
+    information: Array
+    precision: Array
+
+    @classmethod
+    def of(cls, evidence: Evidence, design: Float[np.ndarray, "machine covariate"]) -> Data:
+        """Return the machines with what fills the place behind them.
+
+        Args:
+            evidence: Of the machines.
+            design: Covariates.
+        """
+        num = evidence.num_machines
+        step = max(FEWEST_PLACES, 2 ** (num.bit_length() - 3))
+        empty = -num % step
+        return cls(*(
+            jnp.asarray(np.pad(part, [(0, empty)] + [(0, 0)] * (part.ndim - 1)))
+            for part in (design, evidence.information, evidence.precision)
+        ))  # fmt: skip
+
+
+@eqx.filter_jit
+def _laws(hyper: Hyperprior, num_covariates: int, scores: Float[Array, "draw score"]) -> Law:
+    return jax.vmap(lambda z: unpack(z, hyper, num_covariates)[0])(scores)
+
+
+def _log_density(data: Data, hyper: Hyperprior, scores: Float[Array, " score"]) -> Array:
+    law, log_prior = unpack(scores, hyper, data.design.shape[1])
+    usual, other = log_marginals(law, *data, has_outliers=hyper.has_outliers)
+    total = jnp.logaddexp(usual, other) if hyper.has_outliers else usual
+    return log_prior + jnp.sum(total)
+
+
+_value_and_slope = eqx.filter_jit(jax.value_and_grad(_log_density, argnums=2))
+
+
+@eqx.filter_jit
+def _many(data: Data, hyper: Hyperprior, rows: Float[Array, "draw score"]) -> Array:
+    return jax.lax.map(lambda z: _log_density(data, hyper, z), rows, batch_size=32)
+
+
+def _mode(data: Data, hyper: Hyperprior, size: int) -> np.ndarray:
+    def objective(z: np.ndarray) -> tuple[float, np.ndarray]:
+        value, slope = _value_and_slope(data, hyper, jnp.asarray(z))
+        return -float(value), -np.asarray(slope)
+
+    found = [
+        minimize(objective, start, jac=True, method="L-BFGS-B", options={"maxiter": 2000})
+        for start in (np.zeros(size), np.full(size, -0.5))
+    ]
+    return np.asarray(min(found, key=lambda each: each.fun).x)
+
+
+def _curvature(data: Data, hyper: Hyperprior, mode: np.ndarray) -> Float[np.ndarray, "score score"]:
+    """Return the second derivatives, for the proposal: by differences, which compile nothing."""
+    rows = []
+    for step in STEP * np.eye(mode.size):
+        slopes = [_value_and_slope(data, hyper, jnp.asarray(mode + by))[1] for by in (step, -step)]
+        rows.append(np.subtract(*map(np.asarray, slopes)) / (2.0 * STEP))
+    return 0.5 * (np.array(rows) + np.array(rows).T)
+
+
+def _importance(
+    data: Data, hyper: Hyperprior, mode: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, float]:
+    """Return draws picked by weight, and the shape of the weights' tail.
+
+    The proposal begins at the mode's normal law and takes over mean and covariance of its draws,
+    weighted, until the weights are even enough.
+
+    Reference: O. Cappe, A. Guillin, J. M. Marin, C. P. Robert, Population Monte Carlo, Journal of
+        Computational and Graphical Statistics 13 (2004) 907-929.
+    """
+    values, directions = np.linalg.eigh(-_curvature(data, hyper, mode))
+    centre, covariance = mode, (directions / np.maximum(values, 0.05)) @ directions.T
+    scores, smoothed = mode[None], pareto_smoothed(np.zeros(1))
+    for _ in range(NUM_ROUNDS):
+        factor = np.linalg.cholesky(covariance)
+        white = student(NUM_PROPOSED, mode.size, rng)
+        scores = centre + white @ factor.T
+        proposed = log_student(jnp.asarray(np.sum(white**2, axis=1)), mode.size)
+        found = np.asarray(_many(data, hyper, jnp.asarray(scores)) - proposed)
+        found = np.where(np.isfinite(found), found, -np.inf)
+        smoothed = pareto_smoothed(found)
+        num_effective = 1.0 / np.sum(np.exp(2.0 * smoothed.log_weight))
+        if smoothed.pareto_k <= MOST_PARETO_K and num_effective >= ENOUGH:
+            break
+        # of the roots of the weights: fewer draws dominate, and the proposal stays wide
+        weight = np.exp(0.5 * (found - found.max()))
+        weight /= weight.sum()
+        centre = weight @ scores
+        apart = scores - centre
+        covariance = (weight * apart.T) @ apart + 1e-12 * np.eye(mode.size)
+    # by evenly spaced quantiles: as few ties as the weights allow
+    at = (np.arange(NUM_KEPT) + rng.uniform()) / NUM_KEPT
+    picked = np.searchsorted(np.cumsum(np.exp(smoothed.log_weight)), at)
+    return scores[np.minimum(picked, NUM_PROPOSED - 1)], smoothed.pareto_k
+
+
+def _ensemble(
+    data: Data, hyper: Hyperprior, scores: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, bool]:
+    """Return draws of an ensemble of walkers, and whether it ran long enough.
+
+    It starts at the importance draws, which are too few of the far ones at worst.
+    """
+    size = scores.shape[1]
+    num = WALKERS_PER_SCORE * size + WALKERS_PER_SCORE * size % 2
+    sampler = emcee.EnsembleSampler(
+        num,
+        size,
+        lambda rows: np.nan_to_num(np.asarray(_many(data, hyper, jnp.asarray(rows))), nan=-np.inf),
+        vectorize=True,
+        moves=evolution(),
+    )
+    start = scores[rng.choice(scores.shape[0], num, replace=False)]
+    start = start + 0.05 * scores.std(axis=0) * rng.standard_normal(start.shape)
+    state = emcee.State(start, random_state=np.random.RandomState(rng.integers(2**31)).get_state())
+    is_converged = False
+    while sampler.iteration < MOST_STEPS and not is_converged:
+        state = sampler.run_mcmc(state, CHUNK)
+        time = float(np.max(sampler.get_autocorr_time(tol=0)))
+        is_converged = bool(np.isfinite(time) and sampler.iteration > TIMES * time)
+    chain = np.asarray(sampler.get_chain(discard=sampler.iteration // 4, flat=True))
+    return chain[rng.choice(chain.shape[0], NUM_KEPT, replace=False)], is_converged

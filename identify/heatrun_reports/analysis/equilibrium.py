@@ -1,0 +1,228 @@
+"""Has the machine reached thermal equilibrium, on each stretch of constant load by itself?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from heatrun.bench.checks.samples import block_means, samples, sink_channel
+from heatrun.bench.clocks.clock_offset import correlation
+from heatrun.bench.record import Record
+from heatrun.bench.rounding import rounding_step
+from heatrun.motor import Motor
+
+from .constant_load import BLOCK_S, Stretch, load_channels, stretches
+from .steady_rise import SteadyRise, steady_rise
+
+INTERVALS_S = (1800.0, 1200.0, 900.0)
+"""Lengths of each of two successive intervals at the end of a stretch [s]: the longest tells coarse
+readings from a drift, the shortest is free of the answer to a load step first. Ours: the standard
+speaks of two successive reasonable intervals."""
+
+MOST = 3.0
+"""An interval is at most this part of the stretch [1]: the rest belongs to the answer to the load
+step. Stretches below 45 min have intervals of this part alone."""
+
+LARGEST_GRADIENT_K_PER_H = 2.0
+"""As in the definition of thermal equilibrium of IEC 60034-1:2010 [K/h]; other editions differ."""
+
+MIN_BLOCKS = 10
+"""Means in an interval below which its gradient is not told [1]."""
+
+MIN_SPAN = 0.8
+"""Share of an interval that its means must span [1]: a line over less is that of another one."""
+
+SHORTEST_S = 1800.0 - BLOCK_S
+"""Stretches that are judged [s]; one of half an hour may lack its last samples."""
+
+LOOK_EVERY_S = 300.0
+"""How often a stretch is asked whether it has settled by then [s]."""
+
+COVER = 2.0
+"""Standard errors on each side of a gradient that must agree with the statement [1]: about 95 %."""
+
+CRITERION = (
+    "Judged at the end of each stretch of constant load of half an hour or more; a change of the "
+    "load by 5 % of its largest magnitude ends a stretch, and a load that is not known or never "
+    "held makes the record one. Reached where the rise of a part over the sink surely changes by "
+    "at most 2 K per hour in two successive intervals of half an hour, 20 or 15 minutes (at most a "
+    "third of the stretch); not reached where it surely changes faster in one of the shortest; "
+    "else undecided. Surely is by two standard errors of a line through means of a minute. The 2 K "
+    "per hour follow the definition of thermal equilibrium in IEC 60034-1:2010, the rest is ours; "
+    "other editions and standards ask for other figures: check the one that binds the test."
+)
+"""The criterion, in words of the report."""
+
+EXTRAPOLATION = (
+    "Where a stretch ends before equilibrium, the rise after its first ten minutes is continued by "
+    "one exponential; the band holds 95 % of the time constants and steady states that the "
+    "readings leave open under constant load and sink. It is no measurement, and a machine with "
+    "several slow parts may settle higher."
+)
+"""What a continued course is, in words of the report."""
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Whether one part of the machine has settled on a stretch of constant load.
+
+    Attributes:
+        channel: The temperature.
+        is_reached: At the end of the stretch; None where it does not allow a statement.
+        gradients_K_per_h: Over the last but one and the last interval [K/h]; empty without them.
+        errors_K_per_h: Their standard errors [K/h].
+        reason: Why there is no statement; else empty.
+        first_reached_s: When the criterion was first met by the intervals before [s], looked for
+            every five minutes; None if never.
+        stretch: The stretch; None where the record has no sample for it.
+        steady: Where it was not reached, the steady rise that the course tends to, extrapolated;
+            why there is none; or None where it was reached.
+        sink_degC: Mean of the sink over the last interval [degC]; NaN without samples.
+        is_held: Whether the load is known to have been constant.
+    """
+
+    channel: str
+    is_reached: bool | None
+    gradients_K_per_h: tuple[float, ...] = ()
+    errors_K_per_h: tuple[float, ...] = ()
+    reason: str = ""
+    first_reached_s: float | None = None
+    stretch: Stretch | None = None
+    steady: SteadyRise | str | None = None
+    sink_degC: float = float("nan")
+    is_held: bool = False
+
+
+def equilibria(record: Record, motor: Motor, channel: str) -> tuple[Equilibrium, ...]:
+    """Judge whether the rise of a part over the sink has settled on each stretch.
+
+    Args:
+        record: Any record.
+        motor: Says which channel is the sink.
+        channel: A temperature of the machine.
+
+    Returns:
+        One for each stretch of constant load, in their order; one for the whole record where the
+        load was not recorded or never held.
+    """
+    sink = sink_channel(motor)
+    time_s, part, cold = samples(record, channel, sink)
+    if time_s.size == 0:
+        return (Equilibrium(channel, None, reason=f"no sample with both {channel} and {sink}"),)
+    loads = load_channels(record)
+    held = stretches(record, SHORTEST_S) if loads else ()
+    if held:
+        return tuple(_judged(time_s, part, cold, channel, stretch, "") for stretch in held)
+    unknown = "the load is not held" if loads else "no channel tells whether the load was held"
+    whole = Stretch(float(time_s[0]), float(time_s[-1]))
+    return (_judged(time_s, part, cold, channel, whole, unknown),)
+
+
+def equilibrium(record: Record, motor: Motor, channel: str) -> Equilibrium:
+    """Return the verdict on the last stretch; as `equilibria`."""
+    return equilibria(record, motor, channel)[-1]
+
+
+def _judged(
+    time_s: np.ndarray,
+    part: np.ndarray,
+    cold: np.ndarray,
+    channel: str,
+    stretch: Stretch,
+    unknown: str,
+) -> Equilibrium:
+    """The verdict on one stretch; `unknown` says why its course cannot be continued."""
+    inside = (time_s >= stretch.from_s) & (time_s <= stretch.to_s)
+    time_s, part, cold = time_s[inside], part[inside], cold[inside]
+    if stretch.length_s < SHORTEST_S or time_s.size < 2:
+        reason = f"{stretch.length_s / 60.0:.0f} min were measured, half an hour is needed"
+        return Equilibrium(channel, None, reason=reason, stretch=stretch)
+    step_K = rounding_step(part) or 0.0
+
+    def slopes_at(end_s: float) -> list[tuple[float, float]]:
+        """Those that show equilibrium, else those of the shortest intervals."""
+        longest_s = (end_s - stretch.from_s) / MOST
+        lengths_s = [s for s in INTERVALS_S if s <= longest_s] or [longest_s]
+        found = [_slopes(time_s, part, cold, step_K, end_s, s) for s in lengths_s]
+        return next((slopes for slopes in found if _state(slopes) is True), found[-1])
+
+    ends_s = np.arange(stretch.from_s + SHORTEST_S, stretch.to_s, LOOK_EVERY_S)
+    first_s = next((float(end_s) for end_s in ends_s if _state(slopes_at(end_s)) is True), None)
+    slopes = slopes_at(stretch.to_s)
+    late = time_s >= stretch.to_s - min(INTERVALS_S[0], stretch.length_s / MOST)
+    sink_degC = float(np.mean(cold[late])) if late.any() else float("nan")
+    if len(slopes) < 2:
+        reason = "a gap lies in the last intervals, or they have too few samples"
+        return Equilibrium(channel, None, reason=reason, first_reached_s=first_s, stretch=stretch,
+                           sink_degC=sink_degC)  # fmt: skip
+    state = _state(slopes)
+    return Equilibrium(
+        channel=channel,
+        is_reached=state,
+        gradients_K_per_h=tuple(gradient for gradient, _ in slopes),
+        errors_K_per_h=tuple(error for _, error in slopes),
+        reason="2 K/h lie within two standard errors of a gradient" if state is None else "",
+        first_reached_s=stretch.to_s if state is True and first_s is None else first_s,
+        stretch=stretch,
+        steady=None if state is True else unknown or steady_rise(time_s, part - cold),
+        sink_degC=sink_degC,
+        is_held=not unknown,
+    )
+
+
+def _state(slopes: list[tuple[float, float]]) -> bool | None:
+    """Whether both intervals are surely within the limit; None where that is undecided."""
+    limit = LARGEST_GRADIENT_K_PER_H
+    if len(slopes) == 2 and all(abs(g) + COVER * e <= limit for g, e in slopes):
+        return True
+    if any(abs(g) - COVER * e > limit for g, e in slopes):
+        return False
+    return None
+
+
+def _slopes(
+    time_s: np.ndarray,
+    part: np.ndarray,
+    cold: np.ndarray,
+    rounding_K: float,
+    end_s: float,
+    interval_s: float,
+) -> list[tuple[float, float]]:
+    """Gradient and standard error [K/h] of the two intervals before a moment, without gaps.
+
+    A reading that stands still on a coarse step may be off by a uniform error at either end of the
+    interval, 1/12 of the step squared each; where noise carries it to and fro, means know better.
+    """
+    slopes = []
+    for number in (2, 1):
+        last_s = end_s - (number - 1) * interval_s
+        inside = (time_s > last_s - interval_s) & (time_s <= last_s)
+        middle_s, means = block_means(time_s[inside], BLOCK_S, (part - cold)[inside])
+        if middle_s.size >= MIN_BLOCKS and np.ptp(middle_s) >= MIN_SPAN * interval_s:
+            slope, error = _slope(middle_s / 3600.0, means)
+            stuck = _stuck(time_s[inside], part[inside])
+            coarse = rounding_K * float(np.sqrt(stuck / 6.0)) / (interval_s / 3600.0)
+            slopes.append((slope, float(np.hypot(error, coarse))))
+    return slopes
+
+
+def _stuck(time_s: np.ndarray, values: np.ndarray) -> float:
+    """Share of the means' minutes in which a reading does not change [1]."""
+    _, mean, square = block_means(time_s, BLOCK_S, values, values**2)
+    return float(np.mean(square - mean**2 < 1e-9 * (1.0 + square)))
+
+
+def _slope(time_h: np.ndarray, rise_K: np.ndarray) -> tuple[float, float]:
+    """Slope of a line [K/h] and its standard error, with residuals counted as far as they are new.
+
+    Readings that were rounded to whole degrees leave a step in a flat course; its residuals hang
+    together for minutes, and white noise in their place would make the slope look certain.
+    """
+    centred = time_h - np.mean(time_h)
+    spread = float(np.sum(centred**2))
+    slope = float(centred @ rise_K) / spread
+    residual = rise_K - np.mean(rise_K) - slope * centred
+    freedom = max(rise_K.size / correlation(residual) - 2.0, 1.0)
+    variance = float(np.sum(residual**2)) / freedom / spread
+    return slope, float(np.sqrt(variance))

@@ -1,0 +1,246 @@
+"""The General Information table: energy, distance, consumption, and what recuperation saved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from heatrun.bench.checks.samples import is_measured, place, samples
+from heatrun.bench.record import Finding, Record
+from heatrun.errors import InputError
+from heatrun.motor import Motor
+
+from .drive import Course, electrical_power, is_of_vehicle, road_speed
+from .integrate import Integral, integrate
+
+J_PER_KWH = 3.6e6
+
+SHORTEST_KM = 1e-3
+"""Below a metre [km] the zero of a speed sensor makes the distance, and no consumption follows."""
+
+FIGURES = (
+    ("energy_kWh", "Energy", "kWh"),
+    ("energy_without_regeneration_kWh", "Energy without regeneration", "kWh"),
+    ("distance_km", "Distance", "km"),
+    ("consumption_Wh_per_km", "Consumption", "Wh/km"),
+    ("consumption_without_regeneration_Wh_per_km", "Consumption without regeneration", "Wh/km"),
+    ("reduction_percent", "Consumption reduction", "%"),
+)
+"""Name, wording and unit of the figures, in the order of the table."""
+
+NEEDS = {
+    "energy_kWh": ("power",),
+    "energy_without_regeneration_kWh": ("power",),
+    "distance_km": ("speed",),
+    "consumption_Wh_per_km": ("power", "speed"),
+    "consumption_without_regeneration_Wh_per_km": ("power", "speed"),
+    "reduction_percent": ("power",),
+}
+"""What each figure is made of."""
+
+DEFINITIONS = (
+    ("Energy", "∫ P dt, what was drawn less what was fed back."),
+    (
+        "Energy without regeneration",
+        "∫ max(P, 0) dt: what would have been drawn had nothing been fed back.",
+    ),
+    ("Distance", "∫ |v| dt; driving in reverse counts."),
+    ("Consumption", "Energy over distance; undefined below a distance of 1 m."),
+    ("Consumption without regeneration", "Energy without regeneration over distance."),
+    ("Consumption reduction", "100 · (1 − energy / energy without regeneration)."),
+    (
+        "Integration",
+        "Trapezoids between neighbouring samples on the record's own time axis; where the power "
+        "changes sign between two samples, the zero of the straight line is one more point. Steps "
+        "above three usual ones are gaps: they add neither energy nor distance.",
+    ),
+)
+"""What the figures are, in words of the report."""
+
+
+@dataclass(frozen=True)
+class GeneralInformation:
+    r"""The figures of the General Information table; None where undefined.
+
+    With the electrical power P and the speed v, both integrals by
+    `heatrun_reports.analysis.integrate`:
+
+    $$ E = \int P\,dt, \quad E_+ = \int \max(P, 0)\,dt, \quad d = \int |v|\,dt, \quad
+       e = E/d, \quad r = 100\,(1 - E/E_+) $$
+
+    Attributes:
+        energy_kWh: Drawn less fed back [kWh].
+        energy_without_regeneration_kWh: Drawn alone [kWh].
+        distance_km: Path, forwards and backwards [km].
+        consumption_Wh_per_km: Energy over distance [Wh/km].
+        consumption_without_regeneration_Wh_per_km: Energy drawn alone over distance [Wh/km].
+        reduction_percent: By how much feeding back reduced the consumption [%].
+        undefined: Reason for each figure that is None.
+        formulas: Where power and speed come from.
+        of_vehicle: Whether distance and consumption are asked for.
+        covered_s: Time integrated over [s].
+        left_out_s: Time in gaps [s].
+        findings: What is doubtful.
+    """
+
+    energy_kWh: float | None
+    energy_without_regeneration_kWh: float | None
+    distance_km: float | None
+    consumption_Wh_per_km: float | None
+    consumption_without_regeneration_Wh_per_km: float | None
+    reduction_percent: float | None
+    undefined: Mapping[str, str] = field(default_factory=dict)
+    formulas: tuple[str, ...] = ()
+    covered_s: float = 0.0
+    left_out_s: float = 0.0
+    findings: tuple[Finding, ...] = ()
+    of_vehicle: bool = True
+
+    @property
+    def figures(self) -> tuple[tuple[str, str, str], ...]:
+        """Those of `FIGURES` that are asked for: without a vehicle, energies alone."""
+        return tuple(one for one in FIGURES if self.of_vehicle or one[0].startswith("energy"))
+
+
+def general_information(record: Record, motor: Motor) -> GeneralInformation:
+    """Return the figures of the General Information table.
+
+    Energy and distance are integrated over the same time: where either is not measured, neither
+    counts.
+
+    Args:
+        record: Any record.
+        motor: Gives gear ratio and wheel radius; of a machine that is in no vehicle, there is no
+            distance. What else is missing becomes a finding, and its figures are None.
+
+    Raises:
+        InputError: If time runs backwards, or fewer than two samples can be used.
+    """
+    of_vehicle = is_of_vehicle(record, motor)
+    courses: dict[str, Course] = {}
+    lacking: dict[str, InputError] = {}
+    for name, find in (("power", electrical_power), ("speed", road_speed)):
+        if name == "speed" and not of_vehicle:
+            continue
+        try:
+            courses[name] = find(record, motor)
+        except InputError as error:
+            lacking[name] = error
+    integrals = _integrals(record, courses)
+    findings = [_not_determined(record, name, error) for name, error in lacking.items()]
+    findings += _gaps(record, integrals)
+    power, speed = integrals.get("power"), integrals.get("speed")
+    undefined = {}
+    net = drawn = distance = consumption = without = reduction = None
+    if power is not None:
+        net, drawn = power.net / J_PER_KWH, power.positive / J_PER_KWH
+        findings += _sign(record, power)
+        if drawn > 0.0:
+            reduction = 100.0 * (1.0 - net / drawn)
+        else:
+            undefined["reduction_percent"] = "no energy was drawn that could have been reduced"
+    if speed is not None:
+        distance = speed.absolute / 1000.0
+    if net is not None and drawn is not None and distance is not None:
+        if distance >= SHORTEST_KM:
+            consumption, without = 1000.0 * net / distance, 1000.0 * drawn / distance
+        else:
+            reason = f"the distance of {1000.0 * distance:.3g} m is below 1 m"
+            undefined["consumption_Wh_per_km"] = reason
+            undefined["consumption_without_regeneration_Wh_per_km"] = reason
+            findings.append(
+                Finding(
+                    "distance_zero",
+                    "warning",
+                    f"Expected a distance for the consumption; {reason}.",
+                    record.name,
+                    "Is the speed mapped, and did the test drive?",
+                    record.name,
+                )
+            )
+    values = (net, drawn, distance, consumption, without, reduction)
+    for (name, _, _), value in zip(FIGURES, values, strict=True):
+        if value is None and name not in undefined:
+            missing = [f"no {what}" for what in NEEDS[name] if what in lacking]
+            why = f"{' and '.join(missing)} in the record" if missing else "no vehicle is stated"
+            undefined[name] = why
+    longest = max(integrals.values(), key=lambda i: i.covered_s, default=None)
+    return GeneralInformation(
+        *values,
+        undefined=undefined,
+        formulas=tuple(course.formula for course in courses.values()),
+        covered_s=0.0 if longest is None else longest.covered_s,
+        left_out_s=0.0 if longest is None else longest.left_out_s,
+        findings=tuple(findings),
+        of_vehicle=of_vehicle,
+    )
+
+
+def _integrals(record: Record, courses: Mapping[str, Course]) -> dict[str, Integral]:
+    time_s = record.time_s[is_measured(record.time_s)]
+    back = np.flatnonzero(np.diff(time_s) < 0.0)
+    if back.size:
+        raise InputError(
+            f"Expected increasing time; it falls from {time_s[back[0]]:.3f} s to "
+            f"{time_s[back[0] + 1]:.3f} s.",
+            where=place(record, "time_s", float(time_s[back[0]])),
+            remedy="Split the file there.",
+        )
+    if not courses:
+        return {}
+    columns = {name: course.values for name, course in courses.items()}
+    drive = Record(record.name, {"time_s": record.time_s, **columns})
+    common_s, *values = samples(drive, *columns)
+    if common_s.size < 2:
+        raise InputError(
+            f"Expected at least two samples with {' and '.join(columns)}, got {common_s.size}.",
+            where=record.name,
+            remedy="Check that the columns are mapped and filled at the same times.",
+        )
+    return {n: integrate(common_s, v) for n, v in zip(columns, values, strict=True)}
+
+
+def _not_determined(record: Record, name: str, error: InputError) -> Finding:
+    return Finding(
+        f"no_{name}", "warning", error.problem, error.where, error.remedy, test=record.name
+    )
+
+
+def _gaps(record: Record, integrals: Mapping[str, Integral]) -> list[Finding]:
+    one = next(iter(integrals.values()), None)
+    if one is None:
+        return []
+    beyond_s = record.duration_s - one.covered_s - one.left_out_s
+    if one.num_gaps == 0 and beyond_s <= 1e-9 * record.duration_s:
+        return []
+    return [
+        Finding(
+            "not_integrated",
+            "warning",
+            f"{one.num_gaps} gaps of together {one.left_out_s:.1f} s, and {max(beyond_s, 0.0):.1f} "
+            "s before the first and after the last complete sample, add nothing to energy and "
+            f"distance; the record lasts {record.duration_s:.1f} s.",
+            record.name,
+            "Check the logger, or read the figures as those of the rest.",
+            record.name,
+            {"num_gaps": float(one.num_gaps), "left_out_s": one.left_out_s},
+        )
+    ]
+
+
+def _sign(record: Record, power: Integral) -> list[Finding]:
+    if power.positive > 0.0 or power.negative == 0.0:
+        return []
+    return [
+        Finding(
+            "power_negative",
+            "warning",
+            f"Expected power to be drawn; it is negative throughout, {power.net / J_PER_KWH:.4g} "
+            "kWh in all.",
+            record.name,
+            "A braking test, or a current that counts the other way? Then turn its sign.",
+            record.name,
+        )
+    ]

@@ -1,0 +1,204 @@
+"""The report as PDF: numbers to the digits that are read, words that fit their cells."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from heatrun.io.printable import with_breaks
+from heatrun.io.quantities import plain
+from heatrun.io.without_folders import without_folders
+from heatrun.reports.sheet.digits import fixed
+from heatrun.reports.sheet.figures import save
+from heatrun.reports.sheet.page_fill import filling_height
+from heatrun.reports.sheet.typeset import typeset
+from heatrun.reports.texts import Texts
+
+from .card import CARDS
+from .report import Cell, Line, Report, Row, Table
+
+TEMPLATE = resources.files("heatrun_reports") / "report.typ"
+LONGEST_TEXT = 900
+"""Characters of a text in the PDF; a longer one ends in an ellipsis, the JSON holds all of it."""
+
+LONGEST_VALUE = 28
+"""Characters of a word in the column of the values; a longer one stands among the notes."""
+
+BREAKS_EVERY = 40
+"""Letters of a long word after which it may break, where it has no sign to break behind."""
+
+SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e6
+"""Numbers outside have three digits; far outside, a power of ten."""
+
+
+def write_pdf(
+    report: Report, content: Mapping[str, Any], path: Path, say: Texts | None = None
+) -> Path:
+    """Draw the figures of a report and set it as PDF.
+
+    Args:
+        report: What is to be set.
+        content: As `heatrun_reports.content.report_content`, with `"report"`, the
+            file's name.
+        path: Where it goes; written whole or not at all.
+        say: The texts in the language of the report; None for English.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        texts = document_content(report, content, say or Texts())
+        drawn = [drawing.draw() for drawing in report.drawings]
+        sizes_in = [tuple(figure.get_size_inches()) for figure in drawn]
+        height = filling_height(TEMPLATE, texts, sizes_in)
+        figures = []
+        for number, (figure, size_in) in enumerate(zip(drawn, sizes_in, strict=True)):
+            figure.set_size_inches(size_in[0], height * size_in[1])
+            figures.append(save(figure, folder / f"{number:03d}.png"))
+        return typeset(TEMPLATE, texts, figures, path)
+
+
+def document_content(
+    report: Report, content: Mapping[str, Any], say: Texts | None = None
+) -> dict[str, Any]:
+    """Return the texts of the PDF, each cell as it is printed; as `write_pdf`."""
+    dated = f"{content['date']} ({content['date_from']})" if content.get("date") else "not known"
+    texts = {
+        "version": f"heatrun {version('heatrun')}",
+        "title": report.title,
+        "heading": CARDS[report.kind].heading,
+        "test": report.test,
+        "summary": report.summary,
+        "meta": [["Motor", report.motor], ["Date of the test", dated]]
+        + [
+            [
+                "File" if number == 0 else "and",
+                f"{source.path} · SHA-256 {source.sha256[:16]}… · {source.reader}",
+            ]
+            for number, source in enumerate(report.sources)
+        ],
+        "rows": [_row(row) for row in report.rows],
+        "tables": [_table(table) for table in report.tables],
+        "captions": [drawing.caption for drawing in report.drawings],
+        "findings": [[f.severity, f.sentence()] for f in report.findings],
+        "definitions": [[name, text] for name, text in report.definitions],
+    }
+    return _printed(_again(texts, say or Texts()), [source.path for source in report.sources])
+
+
+def _again(texts: Mapping[str, Any], say: Texts) -> dict[str, Any]:
+    """Return the texts of a report in another language, as far as the table has them."""
+
+    def rows(key: str, *as_given: int) -> list[list[str]]:
+        return [
+            [text if place in as_given else say.again(text) for place, text in enumerate(row)]
+            for row in texts[key]
+        ]
+
+    return {
+        **texts,
+        **{key: say.again(texts[key]) for key in ("title", "heading", "summary")},
+        "meta": rows("meta", 1),
+        "rows": rows("rows", 2),
+        "definitions": rows("definitions"),
+        "captions": [say.again(text) for text in texts["captions"]],
+        "findings": [[say(severity), text] for severity, text in texts["findings"]],
+        "tables": [
+            {
+                "title": say.again(table["title"]),
+                "head": [say.again(text) for text in table["head"]],
+                "lines": [[say.again(text) for text in line] for line in table["lines"]],
+                "notes": [say.again(text) for text in table["notes"]],
+            }
+            for table in texts["tables"]
+        ],
+        "labels": {key: say(key) for key in ("findings", "definitions", "page", "of")},
+        "remark": say("rest_in_english"),
+    }
+
+
+def _printed(value: Any, paths: Sequence[str]) -> Any:
+    """Return texts as they are printed, at any depth of lists and objects."""
+    if isinstance(value, str):
+        return printed(without_folders(value, paths))
+    if isinstance(value, Mapping):
+        return {key: _printed(item, paths) for key, item in value.items()}
+    return [_printed(item, paths) for item in value]
+
+
+def number(value: Cell, places: int | None = None) -> str:
+    """Return a cell as it is printed: a text as it is, five digits, a dash where it is undefined.
+
+    Args:
+        value: Of the cell.
+        places: Decimal places that its uncertainty leaves, negative for tens; None for five digits.
+
+    Example:
+        >>> number(0.0039), number(247.11654), number(None), number(-0.0)
+        ('0.0039', '247.12', '–', '0')
+        >>> number(204.078, 1), number(712.13, 0), number(4711.0, -1), number(-0.01, 1)
+        ('204.1', '712', '4710', '0.0')
+    """
+    if isinstance(value, str):
+        return value
+    if value is None or not math.isfinite(value):
+        return "–"
+    if places is not None:
+        return fixed(value, places)
+    if value == 0.0:
+        return "0"
+    if not SMALLEST_PLAIN <= abs(value) < LARGEST_PLAIN:
+        return plain(value, 3)
+    places = max(0, 4 - math.floor(math.log10(abs(value))))
+    text = f"{value:.{places}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def printed(text: str) -> str:
+    """Return a text without control characters, of bounded length, with breaks in long words."""
+    plain = "".join(c if c.isprintable() else " " for c in text)
+    if len(plain) > LONGEST_TEXT:
+        plain = plain[: LONGEST_TEXT - 1] + "…"
+    return with_breaks(plain, BREAKS_EVERY)
+
+
+def _row(row: Row) -> list[str]:
+    value, note = number(row.value, row.places), row.note
+    if len(value) > LONGEST_VALUE:  # it would take the room of the notes
+        value, note = "", f"{value}; {note}" if note else value
+    return [row.label, value, row.unit, note]
+
+
+def _table(table: Table) -> dict[str, Any]:
+    head = [_with_unit(column.label, column.unit) for column in table.columns]
+    lines = [[_with_unit(line.name, line.unit), *_short_cells(line)] for line in table.lines]
+    notes = [f"{line.name}: {line.note}" for line in table.lines if line.note]
+    return {
+        "title": table.title,
+        "head": ["", *head],
+        "lines": lines,
+        "notes": [*notes, table.note] if table.note else notes,
+    }
+
+
+def _with_unit(name: str, unit: str | None) -> str:
+    return name if unit in (None, "", "1") else f"{name} [{unit}]"
+
+
+def _short_cells(line: Line) -> list[str]:
+    places = line.places or (None,) * len(line.cells)
+    return [
+        _short(cell) if each is None else number(cell, each)
+        for cell, each in zip(line.cells, places, strict=True)
+    ]
+
+
+def _short(value: Cell) -> str:
+    """A cell of a table with many columns: four digits."""
+    if isinstance(value, float) and math.isfinite(value) and 1e-3 <= abs(value) < 1e5:
+        places = max(0, 3 - math.floor(math.log10(abs(value))))
+        return f"{value:.{min(places, 4)}f}"
+    return number(value)

@@ -1,0 +1,246 @@
+"""The chosen tests read and checked, for a thread beside the page."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from html import escape
+from pathlib import Path
+
+from heatrun.bench.channels.column_mapping import HEAD, describe_columns, grouped
+from heatrun.bench.checks import check_record
+from heatrun.bench.following import NotFollowed
+from heatrun.bench.gaps import over_gaps
+from heatrun.bench.record import Finding, Record
+from heatrun.bench.survey import Survey, survey
+from heatrun.errors import InputError
+from heatrun.io.opening import Opener, opening_by
+from heatrun.motor import Motor, PartsOfTest
+from heatrun.motorfile import load_motor
+
+from .folder import Stamp
+from .store import Opened, RecordStore
+from .words import error_message, findings_html, message, table
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A file that could not be read.
+
+    Attributes:
+        stamp: Its state at that time.
+        problem: Why, as HTML.
+    """
+
+    stamp: Stamp
+    problem: str
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What became of the chosen tests.
+
+    Attributes:
+        opened: Those that could be read, by the names of the page.
+        problems: Why the others could not, as HTML.
+        checks: Findings and how the files were read, as HTML; None where they were not checked.
+        refused: The files that could not be read, by the names of the page.
+    """
+
+    opened: Mapping[str, Opened]
+    problems: str
+    checks: str | None = None
+    refused: Mapping[str, Refused] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Reads tests for one tab.
+
+    Attributes:
+        path: Returns the file of a name as the page lists it, or raises InputError.
+        store: Holds what was read before.
+        opener: Opens files in the folders that are shown, and no others.
+    """
+
+    path: Callable[[str], Path]
+    store: RecordStore
+    opener: Opener
+
+    def read(self, names: Sequence[str], motor_name: str | None) -> Reading:
+        """Read and check tests; one that cannot be read is named, and the others are.
+
+        Of a text file that is written meanwhile the whole lines are taken.
+
+        Args:
+            names: Tests as the page lists them.
+            motor_name: The motor file as the page lists it, or None.
+        """
+        with opening_by(self.opener):
+            try:
+                motor = self._motor(motor_name)
+            except Exception as error:
+                fault = message("warning", "The motor file is at fault.")
+                return Reading({}, problem(str(motor_name), error), fault)
+        return self._read(names, motor)
+
+    def check(self, names: Sequence[str], motor: Motor) -> str:
+        """Return what a machine that stands in no file yet finds in tests, as HTML.
+
+        Args:
+            names: As `read`.
+            motor: The machine.
+        """
+        reading = self._read(names, motor)
+        return reading.problems + (reading.checks or "")
+
+    def _read(self, names: Sequence[str], motor: Motor | None) -> Reading:
+        opened: dict[str, Opened] = {}
+        refused: dict[str, Refused] = {}
+        findings = []
+        with opening_by(self.opener):
+            for name in names:
+                stamp = Stamp(-1, -1)
+                try:
+                    path = self.path(name)
+                    stamp = Stamp.of(path)
+                    test = self._open(path, motor, stamp)
+                    findings += _found(test.record, motor) if motor else []
+                    opened[name] = test
+                except Exception as error:
+                    refused[name] = Refused(stamp, problem(name, error))
+        checks = _checks(list(opened.values()), motor, findings)
+        problems = "".join(each.problem for each in refused.values())
+        return Reading(opened, problems, checks, refused)
+
+    def follow(self, before: Mapping[str, Opened | Refused], motor_name: str | None) -> Reading:
+        """Read what has been written to tests; one that cannot be read stays as it was.
+
+        Args:
+            before: The tests by the names of the page, as they were read last or could not be.
+            motor_name: As `read`.
+        """
+        opened = {name: each for name, each in before.items() if isinstance(each, Opened)}
+        refused = {name: each for name, each in before.items() if isinstance(each, Refused)}
+        problems: list[str] = []
+        with opening_by(self.opener):
+            try:
+                motor = self._motor(motor_name)
+            except Exception as error:
+                return Reading(opened, problem(str(motor_name), error), None, refused)
+            for name, last in before.items():
+                stamp = Stamp(-1, -1)
+                try:
+                    path = self.path(name)
+                    stamp = Stamp.of(path)
+                    if stamp != last.stamp:
+                        opened[name] = self._followed(path, motor)
+                        refused.pop(name, None)
+                except Exception as error:
+                    said = problem(name, error)
+                    if name in opened:
+                        problems.append(said)
+                    else:
+                        refused[name] = Refused(stamp, said)
+        notices = "".join(
+            message("warning", f"{name}: {each.notice}")
+            for name, each in opened.items()
+            if each.notice
+        )
+        problems += [each.problem for each in refused.values()]
+        return Reading(opened, "".join(problems) + notices, None, refused)
+
+    def survey(self, names: Sequence[str]) -> list[Survey]:
+        """Return what tests hold, without any motor file.
+
+        Raises:
+            InputError: If one cannot be read.
+        """
+        with opening_by(self.opener):
+            paths = [self.path(name) for name in names]
+            return [replace(survey(path), test=str(path)) for path in paths]
+
+    def motor(self, name: str) -> Motor:
+        """Return the machine of a motor file as the page lists it.
+
+        Raises:
+            InputError: If it cannot be read or is none.
+        """
+        return load_motor(self.path(name))
+
+    def _motor(self, name: str | None) -> Motor | None:
+        return None if name is None else self.motor(name)
+
+    def _open(self, path: Path, motor: Motor | None, stamp: Stamp) -> Opened:
+        try:
+            return self.store.open(path, motor)
+        except InputError as error:
+            if Stamp.of(path) == stamp:
+                raise
+            try:
+                return self.store.follow(path, motor, self.opener)
+            except NotFollowed:
+                raise error from None
+
+    def _followed(self, path: Path, motor: Motor | None) -> Opened:
+        try:
+            return self.store.follow(path, motor, self.opener)
+        except NotFollowed:
+            return self.store.open(path, motor)
+
+
+def problem(name: str, error: Exception) -> str:
+    """Return what went wrong with a file as HTML; what is not the file's fault is printed too.
+
+    Args:
+        name: The file as the page lists it.
+        error: What was raised.
+    """
+    if isinstance(error, InputError):
+        return error_message(error)
+    if isinstance(error, MemoryError):
+        return message("error", f"{name}: there is not enough memory to read it.")
+    traceback.print_exception(error)
+    words = f"{name}: internal error ({error!r:.200}); the details are in the terminal."
+    return message("error", words)
+
+
+def _found(record: Record, motor: Motor) -> list[Finding]:
+    """Return what is to be said about a record, as a calibration takes its gaps."""
+    load = motor.tests.get(record.name, PartsOfTest()).gap_load
+    return [f for part in over_gaps(record, load, splits=True) for f in check_record(part, motor)]
+
+
+def _checks(opened: Sequence[Opened], motor: Motor | None, findings: Sequence) -> str:
+    if not opened:
+        return message("note", "Choose tests on the left.")
+    parts = [each.record.name for each in opened if each.is_part]
+    said = (
+        message(
+            "note",
+            f"{', '.join(parts)}: the file was being written; this is about its lines so far. "
+            "“Look again” checks it anew.",
+        )
+        if parts
+        else ""
+    )
+    if motor is None:
+        return said + message("warning", "Choose a motor file: checks need it.") + _notes(opened)
+    return said + findings_html(findings) + _notes(opened)
+
+
+def _notes(opened: Sequence[Opened]) -> str:
+    rows = [(each.record.name, note) for each in opened for note in each.record.notes]
+    rows += [
+        (each.record.name, f"Columns that are not used: {', '.join(each.record.unused)}")
+        for each in opened
+        if each.record.unused
+    ]
+    tests = [describe_columns(each.record) for each in opened]
+    columns = "".join(
+        f"<h3>Columns of {escape(names)}</h3>" + table(HEAD, lines)
+        for names, lines in grouped(tests)
+    )
+    notes = "<h3>How the files were read</h3>" + table(("test", "note"), rows) if rows else ""
+    return columns + notes

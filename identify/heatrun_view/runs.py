@@ -1,0 +1,178 @@
+"""Run folders that the page can show: their results, bands and files."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import pandas as pd
+
+from heatrun.errors import InputError
+from heatrun.results import DiscoveryResult, FitResult
+from heatrun.runs.run import Run as OpenedRun
+from heatrun.runs.run import course_name, open_run
+from heatrun.runs.run_folder import MANIFEST
+
+from .fleets import MACHINES
+from .folder import Stamp
+from .plotting.band import Band
+from .server.confined import is_inside, read_inside
+from .store import Opened
+
+DOWNLOADS = ("sheet.pdf", "sheet.xlsx", "sheet.json", "fit.json", "discovery.pdf", "discovery.json")
+"""Files of a run that the page hands out."""
+
+MAX_BYTES = 200_000_000
+"""Largest file of a run that is read [byte]; it goes to the browser as one message."""
+
+MAX_FIGURES = 100
+MAX_RUNS = 500
+
+
+@dataclass(frozen=True)
+class Run:
+    """A whole run folder.
+
+    Attributes:
+        path: The folder, with links resolved.
+        root: The folder that is shown or that runs go to, outside of which nothing is read.
+    """
+
+    path: Path
+    root: Path
+
+    @property
+    def discovery(self) -> DiscoveryResult | None:
+        """What `heatrun discover` found, or None."""
+        return _discovery(self.path, self.root, self.stamp)
+
+    @property
+    def calibration(self) -> FitResult | None:
+        """What `heatrun calibrate` found, or None."""
+        return None if self.opened is None else self.opened.result
+
+    @property
+    def opened(self) -> OpenedRun | None:
+        """The run with its model and its draws; None if it is damaged."""
+        return _opened(self.path, self.root, self.stamp)
+
+    @property
+    def stamp(self) -> Stamp:
+        """State of the run's manifest: another one means another run under the same name."""
+        return Stamp.of(self.path / MANIFEST)
+
+    def read(self, path: Path, max_bytes: int = MAX_BYTES) -> bytes:
+        """Return the content of a file of the run.
+
+        Raises:
+            InputError: If it is none, is too large or lies elsewhere.
+        """
+        return read_inside(self.root, path, max_bytes)
+
+    def figures(self) -> list[Path]:
+        """Return the figures, those of the discovery first."""
+        folders = [self.path / "discovery", self.path / "figures"]
+        found = [file for folder in folders for file in sorted(folder.glob("*.png"))]
+        return [file for file in found if is_inside(self.root, file)][:MAX_FIGURES]
+
+    def downloads(self) -> list[Path]:
+        """Return the files that the page hands out."""
+        courses = sorted(self.path.glob("course_*.csv"))
+        named = [self.path / name for name in DOWNLOADS]
+        return [path for path in [*named, *courses] if is_inside(self.root, path)]
+
+    def bands(self, tests: Sequence[Opened]) -> list[Band]:
+        """Return the predicted courses of those tests that the run has seen.
+
+        A test is the same if its file's digest is; the last network counts where there are two.
+        """
+        result = self.calibration
+        if result is None:
+            return []
+        found = []
+        for number, entry in enumerate(result.tests, start=1):
+            for opened in tests:
+                if entry.sha256 == opened.record.sources[0].sha256:
+                    band = self.band(number, opened.record.name)
+                    found += [band] if band else []
+        return found
+
+    def band(self, number: int, test: str) -> Band | None:
+        """Return the predicted course of the last network; None where there is none.
+
+        Args:
+            number: Of the test in the run, counted from 1.
+            test: How it is called.
+        """
+        file = self.path / course_name(number)
+        try:
+            course = pd.read_csv(io.BytesIO(self.read(file)))
+        except (OSError, ValueError):
+            return None
+        order = next(
+            (c.removesuffix("_residual_K") for c in reversed(course.columns)
+             if c.endswith("_residual_K")), ""
+        )  # fmt: skip
+        columns = [f"{order}_winding_degC", f"{order}_total_95_low_degC",
+                   f"{order}_total_95_high_degC", "measured_degC"]  # fmt: skip
+        if "time_s" not in course or any(name not in course for name in columns):
+            return None
+        median, low, high, measured = (course[name].to_numpy(float) for name in columns)
+        label = f"simulated, 95 % ({order}) · {test}"
+        return Band(label, course["time_s"].to_numpy(float), median, low, high, test, measured)
+
+
+def runs_under(places: Sequence[tuple[Path, Path]]) -> list[Run]:
+    """Return the run folders directly in some folders, the youngest first.
+
+    Args:
+        places: Folders, each with the one that its runs must lie in.
+    """
+    found = {
+        Run(path.parent.resolve(), root.resolve())
+        for folder, root in places
+        if folder.is_dir()
+        for path in folder.glob(f"*/{MANIFEST}")
+        if is_inside(root.resolve(), path) and not (path.parent / MACHINES).exists()
+    }
+    return sorted(found, key=lambda run: run.stamp.changed_ns, reverse=True)[:MAX_RUNS]
+
+
+def last_motor(runs: Sequence[Run], motors: Mapping[str, Path]) -> str | None:
+    """Return the name of the motor file that was used last; None where no run used any of them.
+
+    Args:
+        runs: The youngest first.
+        motors: Motor files by name. A run keeps the path that it was given, which may be relative
+            to another folder than the present one.
+    """
+    for run in runs:
+        result = run.calibration
+        given = Path(os.path.normpath(result.motor.path)).parts if result else ()
+        used = tuple(part for part in given if part != "..")
+        for name, path in motors.items():
+            if used and path.parts[-len(used) :] == used:
+                return name
+    return None
+
+
+@lru_cache(maxsize=256)
+def _opened(path: Path, root: Path, stamp: Stamp) -> OpenedRun | None:
+    """Return a run, checked and parsed once for as long as the manifest stays."""
+    try:
+        return open_run(path, lambda file: read_inside(root, file, MAX_BYTES))
+    except InputError:
+        return None
+
+
+@lru_cache(maxsize=256)
+def _discovery(path: Path, root: Path, stamp: Stamp) -> DiscoveryResult | None:
+    opened = _opened(path, root, stamp)
+    try:
+        return None if opened is None else opened.discovery
+    except (ValueError, LookupError, TypeError, RecursionError):  # InputError too
+        return None

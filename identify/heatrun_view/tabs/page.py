@@ -1,0 +1,404 @@
+"""One tab of the browser: what is chosen on the left, what comes of it on the right."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from html import escape
+from io import BufferedReader
+from pathlib import Path
+from typing import Any
+
+import panel as pn
+
+from heatrun.errors import InputError
+from heatrun_reports import TEST_TYPES, Kind
+
+from ..folder import Folder, Listing
+from ..frame import Screen, asked_theme, framed
+from ..jobs.running import JobQueue
+from ..look import TABS_CSS
+from ..pane import text_pane
+from ..reading import Reader, Reading, problem
+from ..runs import Run, last_motor, runs_under
+from ..store import Opened, RecordStore
+from ..uploads import UploadRoom
+from ..words import error_message, message
+from .calibrating import calibrating
+from .cutting import Cutting
+from .discovering import discovering
+from .editing import Editing
+from .fleet import FleetTab
+from .following import Tests
+from .reporting import Reporting
+from .sending import Sending
+from .sidebar import Sidebar
+from .signals import Signals
+from .sliders import Sliders
+from .start import Start
+from .using import Using
+
+WATCH_MS = 1000
+"""How often the files that are shown are looked at for changes."""
+
+UPLOADED = "uploaded/"
+
+SIGNALS = 1
+"""Place of the tab of signals."""
+
+
+class Page:
+    """A tab.
+
+    Attributes:
+        view: The page.
+        out: Folder of the runs.
+        root: The folder that is shown.
+        reader: Reads and checks the tests.
+    """
+
+    def __init__(
+        self, folder: Folder, out: Path, room: UploadRoom, store: RecordStore, queue: JobQueue
+    ) -> None:
+        self.folder, self.out, self.root = folder, out, folder.root
+        self._uploads = Folder(room.folder)
+        self._store = store
+        self._runs: dict[str, Run] = {}
+        self._theme = asked_theme()
+        self.reader = Reader(self.path, store, self._open)
+        self._tests = Tests(self.reader, self._take)
+
+        self._sidebar = Sidebar()
+        self._sending = Sending(room, self.list_folder)
+        self._banner = text_pane()
+        self.signals = Signals(Cutting(self), lambda: self._draw())
+        self._checks = text_pane(message("note", "Choose tests on the left."))
+        self.editing = Editing(self)
+        self.sliders = Sliders(self.reader)
+        self.calibrating = calibrating(self, queue)
+        self.start = Start(self.reader, self.root, self._take_motor, self._calibrate)
+        self.discovering = discovering(self, queue)
+        self.reporting = Reporting(self, queue)
+        self.using = Using(self, queue)
+        self.fleet = FleetTab(self.root, self.show_tests)
+        self._tabs = pn.Tabs(
+            ("Start", self.start.view),
+            ("Signals", self.signals.view),
+            ("Checks", self._checks),
+            ("Motor file", self.editing.view),
+            ("By hand", self.sliders.view),
+            ("Calibration", self.calibrating.view),
+            ("Discovery", self.discovering.view),
+            ("Report", self.reporting.view),
+            ("Simulate and export", self.using.view),
+            sizing_mode="stretch_width",
+            dynamic=False,
+            active=SIGNALS,
+            stylesheets=[TABS_CSS],
+        )
+        left = self._sidebar.view(folder.root.name, str(folder.root), [self._sending.view])
+        self._has_fleet = False
+        self.view = framed(left, [self._banner, self._tabs], self._look_like)
+        self.list_folder()
+        self._sidebar.take_address()
+        self._connect()
+        self._choose_channels()
+        self.editing.choose()
+        if self.chosen:
+            self.open_tests()
+        elif self.motor_name is None and self._tabs.active == SIGNALS:
+            self._tabs.active = 0
+        self._offer_tab()
+
+    def _connect(self) -> None:
+        """Let the widgets act, and time too."""
+        left = self._sidebar
+        for widget, act in (
+            (left.motor, self.open_tests),
+            (left.motor, self.editing.choose),
+            (left.tests, self.open_tests),
+            (left.simulated, self.open_tests),
+            (left.kind, self._choose_channels),
+            (left.channels, self._draw),
+            (left.others, self._draw),
+            (left.run, self._show_run),
+            (left.follow, self._begin_following),
+        ):
+            widget.param.watch(_without_event(act), "value")
+        self._tabs.param.watch(_without_event(self._offer_tab), "active")
+        left.refresh.on_click(lambda _: self._look_again())
+        if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
+            pn.state.add_periodic_callback(self._watch_in_time, period=WATCH_MS)
+            pn.state.on_session_destroyed(lambda _: self._sending.close())
+
+    @property
+    def opened(self) -> tuple[Opened, ...]:
+        """The tests that are shown."""
+        return tuple(self._tests.opened.values())
+
+    @property
+    def kind(self) -> Kind:
+        """The test type that is chosen."""
+        return self._sidebar.kind.value  # pyright: ignore[reportReturnType]
+
+    @property
+    def motor_name(self) -> str | None:
+        """The motor file that is chosen, as the page lists it, or None."""
+        return self._sidebar.motor_name
+
+    @property
+    def motor_path(self) -> Path | None:
+        """The motor file that is chosen, or None."""
+        return None if self.motor_name is None else self.path(self.motor_name)
+
+    @property
+    def tests(self) -> list[str]:
+        """Names of the tests in folder and uploads."""
+        return list(self._sidebar.tests.options)
+
+    @property
+    def simulated(self) -> list[str]:
+        """Names of the virtual records there."""
+        return list(self._sidebar.simulated.options)
+
+    @property
+    def chosen(self) -> list[str]:
+        """Names of the tests and virtual records that are chosen."""
+        return self._sidebar.chosen
+
+    @property
+    def run(self) -> Run | None:
+        """The run whose simulated course is shown."""
+        return self._runs.get(str(self._sidebar.run.value))
+
+    def path(self, name: str) -> Path:
+        """Return the file of a name in the lists.
+
+        Raises:
+            InputError: If there is none inside the folders that may be read.
+        """
+        if name.startswith(UPLOADED):
+            return self._uploads.path(name.removeprefix(UPLOADED))
+        return self.folder.path(name)
+
+    def _open(self, path: Path) -> BufferedReader:
+        sent = self._uploads
+        return (sent if path.is_relative_to(sent.root) else self.folder).open(path)
+
+    def pane(self, html: str) -> pn.pane.HTML:
+        """Return a pane of text in the page's style."""
+        return text_pane(html)
+
+    def say(self, html: str) -> None:
+        """Show a sentence above everything."""
+        self._banner.object = html
+
+    def _look_like(self, screen: Screen) -> None:
+        self._theme = ("dark" if screen.look.is_dark else "light") if screen.is_chosen else ""
+        figures = (each.figure for each in (self.sliders, self.calibrating, self.discovering))
+        for part in (self.signals, *figures):
+            part.look_like(screen)
+        self._write_address()
+
+    def _look_again(self) -> None:
+        self.list_folder()
+        self.editing.choose()
+        self.open_tests()
+
+    def list_folder(self) -> None:
+        """Bring the lists up to date; what is chosen and still there stays chosen."""
+        listing = self.folder.list()
+        sent = self._uploads.list()
+        tests, simulated, motors = (
+            [*own, *(UPLOADED + name for name in of_page)]
+            for own, of_page in (
+                (listing.tests, sent.tests),
+                (listing.simulated, sent.simulated),
+                (listing.motors, sent.motors),
+            )
+        )
+        last = last_motor(self._runs_there(), {name: self.root / name for name in listing.motors})
+        self._sidebar.list_files(tests, simulated, motors, last)
+        self.list_runs()
+        has_tests = bool(tests or simulated)
+        self._list_fleets(has_tests)
+        self._say_of_folder(listing, has_tests)
+
+    def _list_fleets(self, has_tests: bool) -> None:
+        """Show the tab of fleets where there is one; in front where there is nothing else."""
+        if self.fleet.list_fleets() and not self._has_fleet:
+            self._has_fleet = True
+            self._tabs.append(("Fleet", self.fleet.view))
+            if not has_tests:
+                self._tabs.active = len(self._tabs) - 1
+
+    def show_tests(self, names: list[str], motor: str | None) -> None:
+        """Choose tests, and a motor file, as if on the left, and show their signals.
+
+        Args:
+            names: Of the tests; those that are not listed are passed over.
+            motor: Name of a motor file; None keeps the choice.
+        """
+        left = self._sidebar
+        if motor in left.motor.options:
+            left.motor.value = motor
+        left.choose(names)
+        self._tabs.active = SIGNALS
+
+    def list_runs(self, choose: Path | None = None) -> None:
+        """Bring the list of runs up to date.
+
+        Args:
+            choose: A run whose simulated course is shown from now on.
+        """
+        self._runs = {run.path.name: run for run in reversed(self._runs_there())}
+        youngest_first = [*reversed(self._runs)]
+        self._sidebar.list_runs(youngest_first, None if choose is None else choose.name)
+        self.discovering.offer([self._runs[name] for name in youngest_first])
+        self.calibrating.offer([self._runs[name] for name in youngest_first])
+
+    def _runs_there(self) -> list[Run]:
+        """Return the run folders, the youngest first."""
+        root = self.folder.root
+        return runs_under([(self.out, self.out), (root, root), (root / "runs", root)])
+
+    def open_tests(self) -> None:
+        """Read the chosen tests in the background and show them."""
+        self._tabs.loading = True
+        self._tests.open(self.chosen, self._sidebar.motor_name)
+
+    def _take(self, reading: Reading, is_growth: bool) -> None:
+        self._banner.object = reading.problems
+        if reading.checks is not None:
+            self._checks.object = reading.checks
+        self._tabs.loading = False
+        if not is_growth or not self._grow():
+            self._choose_channels()
+            self._offer_tab()
+        self._say_following()
+
+    def _offer_tab(self) -> None:
+        """Prepare what takes a while once it is looked at."""
+        shown = self._tabs[self._tabs.active]
+        is_asked = shown is self.start.view and bool(self.chosen) and self.motor_name is None
+        self._banner.visible = not is_asked  # the tab asks for what could not be read
+        if shown is self.sliders.view:
+            self.sliders.offer(self.opened, self.motor_name, self.run)
+        elif shown is self.start.view:
+            self.start.offer(self.chosen, self.motor_name)
+
+    def _take_motor(self, name: str) -> None:
+        """Choose a motor file that has been written."""
+        self.list_folder()
+        self._sidebar.motor.value = name
+
+    def _calibrate(self) -> None:
+        self._tabs.active = list(self._tabs).index(self.calibrating.view)
+        self.calibrating.start()
+
+    def _grow(self) -> bool:
+        left = self._sidebar
+        return self.signals.grow(self._with_others(), left.channels.value, left.others.value)
+
+    def _choose_channels(self) -> None:
+        """Offer the signals of the tests, and say what they lack for the test type."""
+        card = TEST_TYPES[self.kind]
+        missing = [
+            f"{each.record.name} holds no {need.meaning}, which this test type needs."
+            for each in self.opened
+            for need in card.missing(each.record)
+        ]
+        self.reporting.say_missing(missing)
+        self._sidebar.offer_signals(self.opened, self._draw)
+
+    def _with_others(self) -> list[Opened]:
+        """Return the tests, with the columns that are no channel if such are to be drawn."""
+        if not self._sidebar.others.value:
+            return list(self.opened)
+        found = []
+        for each in self.opened:
+            try:
+                found.append(self._store.with_others(each, self._open))
+            except InputError as error:
+                self.say(error_message(error))
+                found.append(each)
+        return found
+
+    def _draw(self) -> None:
+        self._write_address()
+        try:
+            bands = self.run.bands(self.opened) if self.run else []
+        except Exception as error:  # a result of another version, or a damaged one
+            bands = []
+            self.say(problem(f"run {self._sidebar.run.value}", error))
+        left = self._sidebar
+        self.signals.show(self._with_others(), left.channels.value, left.others.value, bands)
+
+    def _show_run(self) -> None:
+        self.reporting.offer_references()
+        self._offer_tab()
+        self._draw()
+
+    def _write_address(self) -> None:
+        self._sidebar.write_address({"theme": self._theme} if self._theme else {})
+
+    def _begin_following(self) -> None:
+        self._write_address()
+        self._watch()
+        self._say_following()
+
+    def _watch_in_time(self) -> None:
+        if pn.state.loaded:
+            self._watch()
+
+    def _watch(self) -> None:
+        self.editing.look()
+        self.fleet.look()
+        if self._sidebar.follow.value:
+            if self._tests.has_news:
+                self._tests.follow(self._sidebar.motor_name)
+            return
+        changed = self._tests.outdated()
+        if changed and self._tests.is_idle:
+            self._banner.object = message(
+                "warning",
+                f"{', '.join(changed)}: the file has changed or is gone since it was opened; what "
+                "is shown is the old content. “Look again” shows the new one, “Follow changes” "
+                "goes with it.",
+            )
+
+    def _say_following(self) -> None:
+        """Say how far the tests that are followed have come."""
+        rows = [
+            f"{escape(each.record.name)}: {each.record.time_s.size} rows, to "
+            f"{each.record.time_s[-1] / 60:.2f} min"
+            for each in self.opened
+            if each.is_part
+        ]
+        is_on = bool(self._sidebar.follow.value)
+        said = f"<br>as of {time.strftime('%H:%M:%S')}" if rows else "the chosen tests"
+        self._sidebar.status.object = (
+            f"<p class='faded'>Following {'<br>'.join(rows)}{said}</p>" if is_on else ""
+        )
+
+    def _say_of_folder(self, listing: Listing, has_tests: bool) -> None:
+        if listing.is_cut:
+            self._banner.object = message(
+                "warning", "The folder holds more files than are listed. Show a smaller folder."
+            )
+        elif not has_tests and not self._has_fleet:
+            self._banner.object = message(
+                "note",
+                f"There are no bench files in {self.folder.root}. Drop one on the left, or start "
+                "`heatrun view` on the folder of your tests.",
+            )
+        elif listing.num_own and not self._banner.object:
+            self._banner.object = message(
+                "note",
+                f"Files that heatrun itself has written are no tests and not listed: "
+                f"{listing.num_own}.",
+            )
+
+
+def _without_event(act: Callable[[], None]) -> Callable[[Any], None]:
+    return lambda _: act()
