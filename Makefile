@@ -121,7 +121,9 @@ study-fleet-discovery: $(VENV)/ready
 study-fleet-kills: $(VENV)/ready
 	$(BIN)/python tests/fleet/kills_campaign.py --kills 60
 
+# Properties on random examples too, which `make test` tries on the same ones each time.
 study-fuzz: $(VENV)/ready
+	$(BIN)/pytest --hypothesis-profile random -m hypothesis
 	$(BIN)/python tests/fuzz/campaign.py
 
 study-readings: $(VENV)/ready

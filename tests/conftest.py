@@ -14,8 +14,11 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
+from hypothesis import settings
+from xdist.scheduler import LoadFileScheduling
 
 COMPILATIONS = "JAX_COMPILATION_CACHE_DIR"
 ONE_THREAD = "OPENBLAS_NUM_THREADS"
@@ -25,6 +28,9 @@ MOST_KEPT_BYTES = 1_000_000_000
 
 MOST_RESIDENT_BYTES = 1_400_000_000
 """Memory of a worker from which on it drops compiled programs between two files."""
+
+WORTH_DROPPING_BYTES = 600_000_000
+"""And what it must have grown by since it last did so: much of it is never given back."""
 
 PROGRAMS = {
     "chromium": ("chromium", "chromium-browser", "google-chrome"),
@@ -41,7 +47,22 @@ MOST_QUICK_S = 1.0
 NOT_QUICK = ("app/", "benchmarks/", "crosschecks/", "faults/", "fleet/", "studies/")
 """Folders of tests that start other programs or fit a lot."""
 
+TOGETHER = dict.fromkeys(
+    (f"heatrun/test_{name}.py" for name in (
+        "discover", "effects_search", "discover_command", "page_invariant", "missing")),
+    "search for effects",
+)  # fmt: skip
+"""Files that one worker runs, for what the first has traced and compiled serves the others."""
+
 TAKEN: Counter[str] = Counter()
+
+LEFT_BYTES = pytest.StashKey[int]()
+"""Memory that was left when compiled programs were last dropped."""
+
+# The same examples in every run: a rare find is for `make study-fuzz` to make.
+settings.register_profile("same", derandomize=True, deadline=None, max_examples=60)
+settings.register_profile("random", deadline=None, max_examples=1000, print_blob=True)
+settings.load_profile("same")
 
 
 def _share_compilations() -> None:
@@ -80,13 +101,21 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         )
 
 
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Keep what imports and collection left out of every later garbage collection."""
+    gc.collect()
+    gc.freeze()
+
+
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
     """Drop compiled programs between files once they fill the memory."""
     if nextitem is not None and nextitem.path == item.path:
         return
-    if "jax" in sys.modules and _resident_bytes() > MOST_RESIDENT_BYTES:
+    most = max(MOST_RESIDENT_BYTES, item.config.stash.get(LEFT_BYTES, 0) + WORTH_DROPPING_BYTES)
+    if "jax" in sys.modules and _resident_bytes() > most:
         sys.modules["jax"].clear_caches()
         gc.collect()
+        item.config.stash[LEFT_BYTES] = _resident_bytes()
 
 
 def _resident_bytes() -> int:
@@ -137,6 +166,18 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def _file(nodeid: str) -> str:
     """Return the file of a test below `tests`."""
     return nodeid.split("::")[0].removeprefix("tests/")
+
+
+class OneWorkerForAFile(LoadFileScheduling):
+    """Gives each worker whole files, and all of those that go together."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return TOGETHER.get(_file(nodeid)) or super()._split_scope(nodeid)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> OneWorkerForAFile | None:
+    """Return how files are given to workers where `--dist loadfile` is asked for."""
+    return OneWorkerForAFile(config, log) if config.getoption("dist") == "loadfile" else None
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,10 @@ ROOT = Path(__file__).parents[2]
 DATA = ROOT / "data" / "synthetic"
 CHROMIUM = next((p for name in ("chromium", "chromium-browser", "google-chrome")
                  if (p := shutil.which(name))), None)  # fmt: skip
-START_S = 60
+START_S, END_S = 180, 60
+
+LONG_MS = 120_000
+"""What a browser is waited for: a slow machine is no fault of the page."""
 
 WARM = Path(__file__).with_name("warm.py")
 
@@ -65,7 +68,7 @@ class Warm:
         self._process.stdin.close()
         self._process.stdout.close()
         try:
-            self._process.wait(20)
+            self._process.wait(END_S)
         finally:
             self._process.kill()
             self._process.wait()
@@ -153,7 +156,7 @@ class Served:
     def close(self) -> None:
         self.process.terminate()
         try:
-            self.process.wait(20)
+            self.process.wait(END_S)
         finally:
             self.process.kill()
             self.process.wait()
@@ -260,7 +263,9 @@ def wire():
 def browser():
     if CHROMIUM is None:
         pytest.skip("no Chromium is installed")
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import expect, sync_playwright
+
+    expect.set_options(timeout=LONG_MS)
 
     with sync_playwright() as playwright:
         found = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
@@ -273,7 +278,7 @@ def tab(browser):
     """A tab of its own context, at a laptop's size; what it asks for elsewhere is kept."""
     context = browser.new_context(viewport={"width": 1366, "height": 800}, accept_downloads=True)
     page = context.new_page()
-    page.set_default_timeout(60_000)
+    page.set_default_timeout(LONG_MS)
     page.problems = []
     page.elsewhere = []
     page.on("pageerror", lambda error: page.problems.append(str(error)))

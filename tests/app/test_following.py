@@ -22,7 +22,7 @@ from heatrun_view.reading import Reader
 from heatrun_view.store import RecordStore
 
 WRITER = Path(__file__).with_name("bench_writer.py")
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 MOTOR = b'[motor]\nname = "x"\n[winding]\nphase_resistance_ohm = 0.01\n'
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 playwright = pytest.importorskip("playwright.sync_api")
+sees = playwright.expect
 
 WRITER = Path(__file__).with_name("bench_writer.py")
 
@@ -116,13 +118,10 @@ def test_two_running_tests_are_followed_until_the_button_is_pressed(served, tab)
         files[0].write_text("".join(written[:1] + written[5:9]))
         tab.get_by_text("replaced or cut").first.wait_for()
         tab.wait_for_function(f"() => ({LAST_TIMES})().some((x) => Math.abs(x - 0.15) < 1e-6)")
-        assert (
-            tab.get_by_role("button", name="Follow changes")
-            .get_attribute("class")
-            .count("bk-active")
-        )
-        tab.get_by_role("button", name="Follow changes").click()
-        tab.get_by_text("the file has changed or is gone").wait_for()
+        follows = tab.get_by_role("button", name="Follow changes")
+        sees(follows).to_have_class(re.compile("bk-active"))
+        follows.click()
+        tab.get_by_text("the file has changed or is gone").first.wait_for()
     finally:
         for writer in writers:
             writer.kill()
@@ -144,12 +143,10 @@ def test_room_cursors_a_cut_for_the_motor_file_and_colours_without_a_reload(serv
     box = tab.locator(".bk-Figure").first.bounding_box()
     y = box["y"] + box["height"] / 2
     tab.mouse.move(box["x"] + 0.2 * box["width"], y)
-    tab.locator("td b").first.wait_for()
-    assert tab.locator("td b").count() == 9  # five signals of one test and four of the other
-    assert tab.locator("td b", has_text="–").count() == 0
+    sees(tab.locator("td b")).to_have_count(9)  # five signals of one test and four of the other
+    sees(tab.locator("td b", has_text="–")).to_have_count(0)
     tab.mouse.move(box["x"] + 0.8 * box["width"], y)  # behind the end of the shorter test
-    tab.locator("td b", has_text="–").first.wait_for()
-    assert tab.locator("td b", has_text="–").count() == 4
+    sees(tab.locator("td b", has_text="–")).to_have_count(4)
     tab.mouse.click(box["x"] + 0.4 * box["width"], y)
     tab.get_by_text("Shift and click sets cursor B").first.wait_for()
     _until(tab, lambda: _click_with_shift(tab, 0.7), "Δt")

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 import heatrun
 from heatrun.errors import InputError
@@ -202,6 +203,7 @@ def test_a_fleet_in_a_browser(shown, tmp_path, served_class, warm, browser):
     server = served_class(folder, warm=warm)
     try:
         page = browser.new_page(viewport={"width": 1400, "height": 900})
+        page.set_default_timeout(120_000)
         problems: list[str] = []
         page.on("pageerror", lambda error: problems.append(str(error)))
         page.goto(server.url)
@@ -212,7 +214,7 @@ def test_a_fleet_in_a_browser(shown, tmp_path, served_class, warm, browser):
         page.locator(".slick-header-column", has_text="P(outlier)").click()
         page.locator(".slick-header-column", has_text="P(outlier)").click()  # the largest first
         rows.nth(0).get_by_text(f"M{ODD_ONE:03d}").wait_for()
-        assert rows.nth(0).locator("svg circle").count() == 4
+        expect(rows.nth(0).locator("svg circle")).to_have_count(4)
         rows.nth(0).locator(".slick-cell").first.click()
         page.get_by_text("different: Req_sr").wait_for()
         page.get_by_label("Name or covariate holds").fill("<img")
@@ -228,7 +230,7 @@ def test_a_fleet_in_a_browser(shown, tmp_path, served_class, warm, browser):
         rows.nth(0).locator(".slick-cell").first.click()
         page.get_by_role("button", name="Show its tests").click()
         page.locator(".bk-Figure").first.wait_for()
-        assert page.get_by_label("duty_30min.csv.gz").first.is_checked()
+        expect(page.get_by_label("duty_30min.csv.gz").first).to_be_checked()
         assert problems == []
     finally:
         server.close()

@@ -12,7 +12,7 @@ import struct
 from typing import Any
 from urllib.parse import urlsplit
 
-WAIT_S = 60.0
+WAIT_S = 120.0
 
 
 def ask(

@@ -82,6 +82,7 @@ def test_no_array_of_steps_by_walkers_is_written_out(counts):
     assert memory["temporary_bytes_with_heat"] < 4 * (memory["num_heat"] + 1) * by_blocks, memory
 
 
+@pytest.mark.slow
 def test_one_likelihood_and_its_jacobian_keep_up_with_c(tmp_path):
     """Fastest of twenty turns, so that other users of the machine do not count.
 

@@ -37,9 +37,7 @@ def test_every_target_is_named(targets):
 def test_a_changed_file_gives_our_error_or_a_result(name, targets):
     target = targets[name]
 
-    @settings(
-        max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow], database=None
-    )
+    @settings(suppress_health_check=[HealthCheck.too_slow])
     @given(st.sampled_from(target.seeds), mutations())
     def holds(seed, changes):
         target.run(mutated(seed, changes))

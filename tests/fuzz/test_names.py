@@ -18,15 +18,16 @@ TABLE = "time_s,phase_current_A,losses_W,ambient_degC,winding_degC\n" + "".join(
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
-@pytest.mark.parametrize("name", [b"duty\xff\x1b[31m.csv", "=cmd()|'\u202e.csv".encode()])
-def test_a_name_that_is_no_text_is_escaped(name, options, tmp_path):
+def test_a_name_that_is_no_text_is_escaped(options, tmp_path):
     (tmp_path / "motor.toml").write_text('[motor]\nname = "\\u001b]0;x\\u0007"\n')
-    path = os.path.join(os.fsencode(tmp_path), name)
-    with open(path, "w") as file:
-        file.write(TABLE)
+    names = (b"duty\xff\x1b[31m.csv", "=cmd()|'\u202e.csv".encode())
+    paths = [os.path.join(os.fsencode(tmp_path), name) for name in names]
+    for path in paths:
+        with open(path, "w") as file:
+            file.write(TABLE)
     done = subprocess.run(
         [sys.executable, "-m", "heatrun.cli", "check", str(tmp_path / "motor.toml"),
-         os.fsdecode(path), *options],
+         *map(os.fsdecode, paths), *options],
         capture_output=True, check=False, env={**os.environ, "PYTHONIOENCODING": "ascii"},
     )  # fmt: skip
     assert done.returncode in (0, 1)
@@ -35,7 +36,9 @@ def test_a_name_that_is_no_text_is_escaped(name, options, tmp_path):
         assert b"\x1b" not in stream
         assert b"\xff" not in stream
     if options:
-        assert json.loads(done.stdout)["findings"]
+        said = json.loads(done.stdout)
+        assert said["findings"]
+        assert len(said["tests"]) == len(names)
 
 
 def test_a_test_is_named_after_what_can_be_printed(tmp_path):

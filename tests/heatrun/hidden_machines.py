@@ -8,7 +8,10 @@ from heatrun.motor import Motor
 
 
 def machine(hidden_bench, hidden, seed, **options):
-    """Return case, motor, calibration tests and all tests."""
+    """Return case, motor, calibration tests and all tests.
+
+    An amplitude in place of a target saves the bench a search of its own.
+    """
     case = hidden_bench.make_case(hidden, seed, resolution_K=0.1, **options)
     motor = Motor(
         "study",

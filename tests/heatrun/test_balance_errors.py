@@ -22,13 +22,16 @@ from heatrun.motor import ParameterOverride
 from heatrun.ratings.tested import tested as seen_in
 
 GAIN = 0.05
+NUM_LOADS = 16
+LENGTH_S = 5400.0
+"""Of both tests, so that they share what is compiled [s]."""
 
 
 @pytest.fixture(scope="module")
 def driven(generator):
     """A staircase, with a torque of the scale of the electrical power."""
     return measured_record(
-        generator, generator.staircase(5400.0), 82, "driven", stator=False, shaft_gain=0.0
+        generator, generator.staircase(LENGTH_S), 82, "driven", stator=False, shaft_gain=0.0
     )
 
 
@@ -39,11 +42,13 @@ def both_ways(generator):
     loads = [
         generator.Segment(float(length), float(torque), float(speed))
         for length, torque, speed in zip(
-            rng.integers(120, 500, 24), rng.uniform(-0.6, 0.9, 24), rng.uniform(0.3, 1.0, 24),
-            strict=True,
+            rng.integers(120, 500, NUM_LOADS), rng.uniform(-0.6, 0.9, NUM_LOADS),
+            rng.uniform(0.3, 1.0, NUM_LOADS), strict=True,
         )
     ]  # fmt: skip
-    profile = generator.Profile((generator.Segment(60.0, 0.0, 0.0), *loads))
+    rest_s = LENGTH_S - 60.0 - sum(load.duration_s for load in loads)
+    rests = [generator.Segment(length, 0.0, 0.0) for length in (60.0, rest_s)]
+    profile = generator.Profile((rests[0], *loads, rests[1]))
     return measured_record(generator, profile, 83, "both ways", stator=False, shaft_gain=GAIN)
 
 

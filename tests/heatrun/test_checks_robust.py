@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -41,7 +41,6 @@ def records(draw):
     return Record("any", channels)
 
 
-@settings(max_examples=150, deadline=None)
 @given(records(), st.sampled_from(MOTORS))
 def test_no_record_stops_the_checks(record, motor):
     for finding in check_record(record, motor):

@@ -27,7 +27,10 @@ FEW = ("speed_cooling", "sensor_lag", "rotor_node", "ambient_drift", "stray_load
 @pytest.fixture(scope="module")
 def two(hidden_bench):
     """A machine with a fan on its shaft and a sensor that lags."""
-    return machine(hidden_bench, ("speed_cooling", "sensor_lag"), 41, target_K=1.2)
+    case, motor, (staircase, _), tests = machine(
+        hidden_bench, ("speed_cooling", "sensor_lag"), 41, amplitude=1.0
+    )
+    return case, motor, [staircase], tests
 
 
 @pytest.fixture(scope="module")

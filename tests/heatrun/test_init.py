@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.io
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mdf_files import signal, written
 
@@ -282,7 +282,6 @@ def test_a_file_name_with_control_characters_leaves_a_draft_that_loads():
 NAMES = st.text(st.characters(codec="utf-8"), min_size=1, max_size=60)
 
 
-@settings(max_examples=60, deadline=None)
 @given(name=NAMES, text=NAMES, unit=NAMES, question=NAMES)
 def test_any_name_out_of_a_file_leaves_a_file_that_loads(name, text, unit, question):
     proposal = Proposal("winding_degC", name, "stated", LIKELY)

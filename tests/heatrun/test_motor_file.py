@@ -160,9 +160,7 @@ def test_no_file(tmp_path):
         load_motor(tmp_path)
 
 
-@settings(
-    max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cut=st.integers(0, len(FULL)), inserted=st.text(max_size=6))
 def test_a_broken_file_raises_our_error_alone(tmp_path, cut, inserted):
     problem, motor = None, None

@@ -16,7 +16,7 @@ import openpyxl
 import pandas as pd
 import pytest
 import xlsxwriter
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from heatrun import cli
@@ -141,7 +141,6 @@ def test_a_number_of_three_decimals_is_no_question(path):
     assert read_record(path)["losses_W"].tolist() == [4.125, 4.625]
 
 
-@settings(max_examples=300, deadline=None)
 @given(value=st.floats(allow_nan=False, allow_infinity=False))
 def test_every_number_reads_back_as_itself(value):
     text = as_text(value, datetime(1899, 12, 30))
@@ -279,7 +278,6 @@ def test_a_cut_workbook_is_refused(whole, path, share):
         read_record(path)
 
 
-@settings(max_examples=150, deadline=None)
 @given(data=st.data())
 def test_a_damaged_workbook_gives_a_record_or_a_message(whole, tmp_path_factory, data):
     changed = bytearray(whole)

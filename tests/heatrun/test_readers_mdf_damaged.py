@@ -129,7 +129,6 @@ def test_a_cut_file_is_refused(path, whole, capfd):
 
 
 @settings(
-    max_examples=300,
     deadline=20_000,  # a file of 25 kB that takes seconds is followed in circles
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

@@ -13,7 +13,6 @@ from heatrun.bench.readers.read import read_record
 from heatrun.bench.readers.text.reader import read_text
 from heatrun.errors import InputError
 
-FEW = settings(max_examples=120, deadline=None)
 NAMES = ("T_winding", "Stator Body", "torque", "P")
 UNITS = ("°C", "degC", "Nm", "kW")
 
@@ -61,7 +60,6 @@ def written(values, style):
     return style["end"].join([*lead, *lines, ""]).encode(style["codec"])
 
 
-@FEW
 @given(numbers(), styles())
 def test_the_numbers_come_back_exactly(values, style):
     table = read_text(written(values, style), "test.csv")
@@ -75,7 +73,6 @@ def test_the_numbers_come_back_exactly(values, style):
     assert table.findings == ()
 
 
-@FEW
 @given(numbers(), styles(), st.data())
 def test_a_cut_file_gives_a_record_or_our_error(values, style, data):
     whole = written(values, style)
@@ -87,7 +84,6 @@ def test_a_cut_file_gives_a_record_or_our_error(values, style, data):
     assert 1 <= table.num_rows <= len(values) + 1
 
 
-@FEW
 @given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
 @example(b'"')
 @example(b"a,b\n1e999,2\n")
@@ -98,9 +94,7 @@ def test_random_bytes_raise_our_error_alone(data):
         read_text(data, "test.csv")
 
 
-@settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.sampled_from([b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n\x1a\n", b"PAR1", b"\x1f\x8b", b"t,T\n"]),
     st.binary(max_size=400),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from chance_machines import drawn_machine, drawn_record
@@ -21,11 +23,16 @@ WRONG = {
 }
 
 
+@cache
+def recorded(number, *, slow=False):
+    return drawn_record(drawn_machine(number), number, slow=slow)
+
+
 @pytest.mark.parametrize("number", NUMBERS)
 @pytest.mark.parametrize("slow", [False, True])
 def test_a_right_record_is_not_asked_about(number, slow):
     machine = drawn_machine(number)
-    columns = drawn_record(machine, number, slow=slow)
+    columns = recorded(number, slow=slow)
     for only in (FIVE, SHAFT, DRIVE):
         assert asked(as_read(columns, only=only), motor_of(machine)) == []
 
@@ -33,10 +40,9 @@ def test_a_right_record_is_not_asked_about(number, slow):
 @pytest.mark.parametrize("name", list(WRONG))
 def test_a_wrong_unit_is_named_on_most_machines(name):
     only, factors = WRONG[name]
-    machines = [drawn_machine(number) for number in NUMBERS]
     found = [
-        asked(as_read(drawn_record(m, n), only=only, factors=factors), motor_of(m))
-        for n, m in zip(NUMBERS, machines, strict=True)
+        asked(as_read(recorded(n), only=only, factors=factors), motor_of(drawn_machine(n)))
+        for n in NUMBERS
     ]
     named = sum(any(name in supposed(finding) for finding in each) for each in found)
     # A poor machine behind a poor inverter hides a speed in rad/s; nothing is asserted of each.

@@ -22,6 +22,7 @@ from bench_machines import (
     bench_record,
     cooling_record,
 )
+from in_turn import in_turn
 
 from heatrun.bench.channels.derive import derive
 from heatrun.bench.checks import check_record
@@ -139,9 +140,8 @@ CASES: dict[str, tuple[dict[str, float], str, str, str]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("machine", MACHINES, ids=lambda m: m.name)
-@pytest.mark.parametrize("case", list(CASES))
-def test_a_wrong_unit_is_named(machine, case):
+@pytest.mark.parametrize(("case", "machine"), in_turn(CASES, MACHINES))
+def test_a_wrong_unit_is_named(case, machine):
     factors, name, *severities = CASES[case]
     for only, severity in zip((FIVE, WHOLE), severities, strict=True):
         if not severity:
@@ -170,10 +170,9 @@ TEMPERATURES = {
 
 
 @pytest.mark.parametrize(
-    "machine", [m for m in MACHINES if m.sink == "ambient"], ids=lambda m: m.name
+    ("case", "machine"), in_turn(TEMPERATURES, [m for m in MACHINES if m.sink == "ambient"])
 )
-@pytest.mark.parametrize("case", list(TEMPERATURES))
-def test_a_wrong_unit_of_temperature_is_named(machine, case):
+def test_a_wrong_unit_of_temperature_is_named(case, machine):
     names, factor, offset, channel, severity = TEMPERATURES[case]
     columns = dict(made(machine, "steps"))
     columns |= {name: factor * columns[name] + offset for name in names}

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bench_machines import DUTIES, LARGE, MACHINES, SERVO, STANDARD, bench_record, cooling_record
+from in_turn import in_turn
 from test_units_by_physics import FIVE, as_read, asked, made, motor_of, supposed
 
 from heatrun.bench.checks import check_record
@@ -45,17 +46,19 @@ def test_a_clean_record_of_a_drive_is_not_asked_about(machine, duty):
         assert asked(as_read(columns, only=only), motor_of(machine)) == []
 
 
-@pytest.mark.parametrize("machine", MACHINES, ids=lambda m: m.name)
 @pytest.mark.parametrize(
-    ("factors", "name"),
-    [
-        ({"speed_rpm": 1e-3}, "factor_speed_rpm_krpm"),
-        ({"speed_rpm": 1.0 / 60.0}, "factor_speed_rpm_rev/s"),
-        ({"speed_rpm": np.pi / 30.0}, "factor_speed_rpm_rad/s"),
-        ({"torque_Nm": 1e-3}, "factor_torque_Nm_kNm"),
-    ],
+    ("factors", "name", "machine"),
+    in_turn(
+        [
+            ({"speed_rpm": 1e-3}, "factor_speed_rpm_krpm"),
+            ({"speed_rpm": 1.0 / 60.0}, "factor_speed_rpm_rev/s"),
+            ({"speed_rpm": np.pi / 30.0}, "factor_speed_rpm_rad/s"),
+            ({"torque_Nm": 1e-3}, "factor_torque_Nm_kNm"),
+        ],
+        MACHINES,
+    ),
 )
-def test_power_that_an_inverter_would_have_to_take_names_the_unit(machine, factors, name):
+def test_power_that_an_inverter_would_have_to_take_names_the_unit(factors, name, machine):
     (finding,) = asked(
         as_read(behind_inverter(machine), only=DRIVE, factors=factors), motor_of(machine)
     )
@@ -74,23 +77,25 @@ def test_a_poor_inverter_and_a_locked_rotor_are_not_asked_about(machine):
     assert asked(as_read(columns, only=DRIVE), motor_of(machine)) == []
 
 
-@pytest.mark.parametrize("machine", MACHINES, ids=lambda m: m.name)
 @pytest.mark.parametrize(
-    ("factors", "name"),
-    [
-        ({"torque_Nm": 1e3}, "factor_torque_Nm_mNm"),
-        ({"losses_W": 1e-3}, "factor_losses_W_kW"),
-        (
-            {"losses_W": 1e-3, "phase_current_A": 1e-3},
-            "factor_losses_W_and_phase_current_A_kW_and_kA_rms",
-        ),
-        (
-            {"losses_W": 1e3, "phase_current_A": 1e3},
-            "factor_losses_W_and_phase_current_A_mW_and_mA_rms",
-        ),
-    ],
+    ("factors", "name", "machine"),
+    in_turn(
+        [
+            ({"torque_Nm": 1e3}, "factor_torque_Nm_mNm"),
+            ({"losses_W": 1e-3}, "factor_losses_W_kW"),
+            (
+                {"losses_W": 1e-3, "phase_current_A": 1e-3},
+                "factor_losses_W_and_phase_current_A_kW_and_kA_rms",
+            ),
+            (
+                {"losses_W": 1e3, "phase_current_A": 1e3},
+                "factor_losses_W_and_phase_current_A_mW_and_mA_rms",
+            ),
+        ],
+        MACHINES,
+    ),
 )
-def test_losses_too_small_for_the_shaft_name_the_unit(machine, factors, name):
+def test_losses_too_small_for_the_shaft_name_the_unit(factors, name, machine):
     record = as_read(made(machine, "steps"), only=SHAFT, factors=factors)
     (finding,) = asked(record, motor_of(machine))
     assert name in supposed(finding), finding
@@ -147,12 +152,12 @@ def started_hot(machine, at_degC, duty):
     return {**columns, "winding_degC": np.round(columns["winding_degC"] + excess, 1)}
 
 
-@pytest.mark.parametrize("machine", AIR, ids=lambda m: m.name)
 @pytest.mark.parametrize(
-    ("sensors_K", "hall_K"), [(-2.0, 0.0), (0.0, 0.0), (2.0, 0.0), (0.0, -20.0)]
+    ("sensors_K", "hall_K", "machine"),
+    in_turn([(-2.0, 0.0), (0.0, 0.0), (2.0, 0.0), (0.0, -20.0)], AIR),
 )
 def test_a_winding_in_fahrenheit_is_named_where_the_load_is_on_from_the_start(
-    machine, sensors_K, hall_K
+    sensors_K, hall_K, machine
 ):
     columns = in_hall(start_of(made(machine, "steps"), 1e9), hall_K)
     true = columns["winding_degC"] + sensors_K
@@ -171,13 +176,19 @@ def test_a_hot_start_is_no_fahrenheit_where_the_winding_cools_again(machine):
         assert not [f for f in found if f.id == "units_temperature"]
 
 
-@pytest.mark.parametrize("machine", AIR, ids=lambda m: m.name)
-@pytest.mark.parametrize("scale", [10.0, 100.0, 1000.0])
 @pytest.mark.parametrize(
-    ("is_decided", "severity", "hall_K"),
-    [(False, "error", 0.0), (True, "warning", 0.0), (False, "error", -15.0)],
+    ("scale", "is_decided", "severity", "hall_K", "machine"),
+    in_turn(
+        [
+            (scale, *said)
+            for scale in (10.0, 100.0, 1000.0)
+            for said in [(False, "error", 0.0), (True, "warning", 0.0), (False, "error", -15.0)]
+        ],
+        AIR,
+        num=1,
+    ),
 )
-def test_a_winding_in_tenths_of_degrees_is_named(machine, scale, is_decided, severity, hall_K):
+def test_a_winding_in_tenths_of_degrees_is_named(scale, is_decided, severity, hall_K, machine):
     columns = in_hall(made(machine, "steps"), hall_K)
     columns["winding_degC"] = scale * columns["winding_degC"]
     record = as_read(columns, unit_from="stated", is_decided=is_decided)

@@ -61,27 +61,30 @@ def visible_misfit(machine: Machine, tests: list[Seen], kind: str) -> float:
         k0 = 3.0 * machine.phase_resistance_ohm * (1.0 + gain_R) / (234.5 + 25.0)
         h = MEAN_S / 2.0
 
-        def slope(w, s, k, power, cold):
-            copper = k * (234.5 + w)
-            other = (1.0 + gain_P) * power - (copper if kind == "balance" else 0.0)
-            across = (w - s) / R_w
-            return (copper - across) / C_w, (other + across - (s - cold) / R_sr) / C_sr
-
         out = []
         for index, (squared, losses, ambient, reading) in enumerate(reduced):
             shift = (points * scale).T[7 + 2 * index : 9 + 2 * index]
-            winding, stator = reading[0] + shift[0], reading[0] + shift[1]
-            course = np.empty((reading.size, points.shape[0]))
+            state = np.stack([reading[0] + shift[0], reading[0] + shift[1]], axis=1)
+            # slopes of winding and stator: matrix times state plus heat, by row and point
+            k = squared[:, None] * k0
+            held = k if kind == "balance" else np.zeros_like(k)
+            across = np.stack([(k - 1.0 / R_w) / C_w, 1.0 / (R_w * C_w) + 0.0 * k], axis=-1)
+            into = (1.0 / R_w - held) / C_sr
+            back = (-1.0 / R_w - 1.0 / R_sr) / C_sr + 0.0 * k
+            matrix = np.stack([across, np.stack([into, back], axis=-1)], axis=-2)
+            other = (1.0 + gain_P) * losses[:, None] - 234.5 * held + ambient[:, None] / R_sr
+            heat = np.stack([234.5 * k / C_w, other / C_sr], axis=-1)
+            # Heun's method in two steps of half the length, each an affine map
+            of_state = np.eye(2) + h * matrix + 0.5 * h**2 * matrix @ matrix
+            of_heat = h * heat + 0.5 * h**2 * np.einsum("...ij,...j->...i", matrix, heat)
+            twice = np.einsum("...ij,...j->...i", of_state, of_heat) + of_heat
+            of_state = of_state @ of_state
+            course = np.empty((reading.size + 1, points.shape[0]))
+            course[0] = state[:, 0]
             for i in range(reading.size):
-                k = k0 * squared[i]
-                before = winding
-                for _ in range(2):  # Heun's method in two steps of half the length
-                    a, b = slope(winding, stator, k, losses[i], ambient[i])
-                    c, d = slope(winding + h * a, stator + h * b, k, losses[i], ambient[i])
-                    winding = winding + 0.5 * h * (a + c)
-                    stator = stator + 0.5 * h * (b + d)
-                course[i] = 0.5 * (before + winding) + offset
-            out.append((course - reading[:, None]).T)
+                state = np.matmul(of_state[i], state[:, :, None])[:, :, 0] + twice[i]
+                course[i + 1] = state[:, 0]
+            out.append((0.5 * (course[:-1] + course[1:]) + offset - reading[:, None]).T)
         return np.concatenate(out, axis=1)
 
     def residual(x: Array) -> Array:
