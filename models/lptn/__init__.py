@@ -4,21 +4,18 @@ Knows no file, no data frame and no statistics. SI units inside, temperatures in
 rms, speed in rad/s. Needs float64: `jax.config.update("jax_enable_x64", True)`.
 """
 
-from .accumulate import accumulate
-from .block_means import block_means
 from .constant_drive import heat_input, link_resistances
 from .effects import EFFECTS
-from .hold import Held, hold
+from .effects.losses import SpeedLoss
+from .hold import Held, hold, time_to
 from .inputs import SIGNALS, Drive, Inputs
-from .linearise import Linearised, linearise, time_constants
+from .linearise import Linearised, growth_rate, is_stable, linearise, time_constants
 from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, copper_loss
+from .march import accumulate
 from .network import Network, first_order, second_order
 from .sensor import Sensor
-from .simulate import Trace, longest_step, reading, reference, simulate
-from .speed_loss import SpeedLoss
-from .stability import growth_rate, is_stable
+from .simulate import Trace, block_means, longest_step, reading, reference, simulate
 from .steady_state import SteadyCurrent, steady_current, steady_state
-from .time_to import time_to
 
 __all__ = [
     "ALUMINIUM_COEFFICIENT",

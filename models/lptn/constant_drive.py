@@ -12,13 +12,13 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .balance import heat_balance, rates
 from .effects.base import AbstractEffect, Terms
 from .inputs import Drive
 from .losses import CopperLosses
 from .march import heat_effects, prepare
 from .network import Link, Network
 from .sensor import Sensor
+from .stepping import heat_balance, rates
 
 
 class Field(NamedTuple):

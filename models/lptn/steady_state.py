@@ -11,11 +11,11 @@ from jaxtyping import Array, Bool, Float
 
 from .constant_drive import field
 from .effects.base import AbstractEffect
-from .elimination import eliminate
 from .inputs import Drive
+from .linearise import is_stable
 from .losses import CopperLosses
 from .network import Network
-from .stability import is_stable
+from .stepping import eliminate
 
 Vector = Float[Array, " node"]
 

@@ -1,4 +1,13 @@
-"""One explicit third-order step of a network, in two forms that give the same numbers.
+"""Heat balance, rates of change, and the steps of the march.
+
+The heat balance of a network under its losses and effects, at one instant or at many.
+
+Linear equations of a few nodes, solved without a library's kernel.
+
+A solver of LAPACK inside a compiled loop over thousands of parameter sets waited for ever on two
+cores; for matrices of a few rows the elimination written out is also the faster one.
+
+One explicit third-order step of a network, in two forms that give the same numbers.
 
 The general form evaluates the balance three times. Where no effect acts on the balance and the
 steps are equal, the step is affine in the temperatures with coefficients that are polynomials of
@@ -13,13 +22,106 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .balance import heat_balance, rates
-from .effects.base import HeatEffect
+from .effects.base import HeatEffect, Terms
 from .inputs import Drive
 from .losses import CopperLosses
 from .network import Network
+
+Temperatures = Mapping[str, Float[Array, "..."]]
+
+
+def loss_split(
+    losses: CopperLosses, winding: Float[Array, "..."], drive: Drive
+) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    """Return the copper loss P_js and the other losses P_ol [W].
+
+    Args:
+        losses: Resistance, and what the loss channel means.
+        winding: Temperature of the copper node [degC].
+        drive: Inputs, scalars or arrays like `winding`.
+    """
+    copper = losses.slope(drive.current_squared) * (losses.coefficient + winding)
+    channel = (1.0 + losses.power_gain) * drive.losses
+    if drive.speed_rad is not None:
+        channel = channel - losses.torque_offset * drive.speed_rad
+    if drive.shaft_power is not None:
+        missing = losses.shaft_power_gain * drive.shaft_power + losses.shaft_power_offset
+        channel = channel - missing
+    return copper, channel - copper if losses.kind == "balance" else channel
+
+
+def heat_balance(
+    network: Network,
+    losses: CopperLosses,
+    effects: Sequence[HeatEffect],
+    temperature: Temperatures,
+    drive: Drive,
+) -> Terms:
+    """Return sources [W], conductances [W/K] and sink [degC] at the given temperatures.
+
+    Everything broadcasts: scalars inside a scan, arrays over time after it.
+    """
+    copper, other = loss_split(losses, temperature[network.copper_node], drive)
+    zero = 0.0 * copper
+    heat = {
+        node: network.share[node] * other if node in network.share else zero
+        for node in network.nodes
+    }
+    heat[network.copper_node] = heat[network.copper_node] + copper
+    terms = Terms(
+        heat=heat,
+        conductance={link: 1.0 / network.resistance[link] for link in network.links},
+        sink=drive.ambient + losses.ambient_offset,
+        second_sink=None
+        if drive.second_sink is None
+        else drive.second_sink + losses.second_sink_offset,
+        network=network,
+        losses=losses,
+        copper=copper,
+        other=other,
+    )
+    for effect in effects:
+        terms = effect.apply(terms, temperature, drive)
+    return terms
+
+
+def rates(
+    network: Network, terms: Terms, temperature: Temperatures
+) -> dict[str, Float[Array, "..."]]:
+    """Return dT/dt of each node [K/s]."""
+    net = dict(terms.heat)
+    for link in network.links:
+        first, second = link
+        flow = terms.flow(link, temperature)
+        net[first] = net[first] - flow
+        if second not in network.boundaries:
+            net[second] = net[second] + flow
+    return {node: net[node] / network.capacitance[node] for node in network.nodes}
+
+
+def eliminate(
+    matrix: Float[Array, "node node"], right: Float[Array, "node column"]
+) -> Float[Array, "node column"]:
+    """Return X of A X = B by elimination, without looking for pivots.
+
+    Args:
+        matrix: A, shape (node, node).
+        right: B, shape (node, column).
+
+    Valid for: matrices of heat balances, whose diagonal outweighs its row or its column; a zero
+        in the diagonal gives values that are not finite.
+    """
+    num = matrix.shape[0]
+    rows = jnp.concatenate([matrix, right], axis=1)
+    for place in range(num):
+        row = rows[place] / rows[place, place]
+        others = rows - rows[:, place, None] * row[None, :]
+        rows = others.at[place].set(row)
+    return rows[:, num:]
+
 
 Scalar = Float[Array, ""] | float
 State = dict[str, Float[Array, "..."]]

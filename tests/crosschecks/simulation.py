@@ -12,11 +12,10 @@ import lptn
 from heatrun.bench.joined import read_test
 from heatrun.bench.reduction import reduce
 from heatrun.motorfile import load_motor
-from lptn.effects.ac_copper_loss import AcCopperLoss
-from lptn.effects.insulation_conductivity import InsulationConductivity
-from lptn.effects.radiation import Radiation
-from lptn.effects.speed_cooling import SpeedCooling
-from lptn.effects.stray_load_loss import StrayLoadLoss
+from lptn.effects.cooling import SpeedCooling
+from lptn.effects.losses import AcCopperLoss, StrayLoadLoss
+from lptn.effects.surface import Radiation
+from lptn.effects.winding_path import InsulationConductivity
 
 SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
 

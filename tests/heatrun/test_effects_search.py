@@ -15,11 +15,9 @@ from heatrun.effects.linear import Linear, evidence
 from heatrun.effects.search import Search, neighbours
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
-from lptn.effects.ambient_drift import AmbientDrift
-from lptn.effects.housing_node import HousingNode
-from lptn.effects.natural_convection import NaturalConvection
-from lptn.effects.neighbour_body import NeighbourBody
-from lptn.effects.radiation import Radiation
+from lptn.effects.bodies import HousingNode, NeighbourBody
+from lptn.effects.sinks import AmbientDrift
+from lptn.effects.surface import NaturalConvection, Radiation
 
 FEW = ("speed_cooling", "sensor_lag", "rotor_node", "ambient_drift", "stray_load_loss")
 

@@ -21,8 +21,7 @@ from heatrun.inference.model import Model
 from heatrun.inference.networks import network_named
 from heatrun.motor import Motor
 from lptn import EFFECTS, SpeedLoss
-from lptn.effects.cooling_step import CoolingStep
-from lptn.effects.speed_cooling import SpeedCooling
+from lptn.effects.cooling import CoolingStep, SpeedCooling
 
 MOTOR = Motor("bench", phase_resistance_ohm=0.0062)
 VALUES = {

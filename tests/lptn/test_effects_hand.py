@@ -10,21 +10,13 @@ import pytest
 
 import lptn
 from lptn import CopperLosses
-from lptn.balance import heat_balance
 from lptn.effects import build
-from lptn.effects.ambient_drift import AmbientDrift
-from lptn.effects.ambient_recirculation import AmbientRecirculation
-from lptn.effects.bearing_friction import BearingFriction
-from lptn.effects.contact_drift import ContactDrift
-from lptn.effects.coolant_sink import CoolantSink
-from lptn.effects.cooling_step import CoolingStep
-from lptn.effects.fan_cooling import FanCooling
-from lptn.effects.insulation_conductivity import InsulationConductivity
-from lptn.effects.loss_gain import LossGain
-from lptn.effects.sensor_contact import SensorContact
-from lptn.effects.sensor_gain import SensorGain
-from lptn.effects.standby_loss import StandbyLoss
-from lptn.effects.winding_resistance import WindingResistance
+from lptn.effects.cooling import CoolingStep, FanCooling
+from lptn.effects.losses import BearingFriction, LossGain, StandbyLoss, WindingResistance
+from lptn.effects.sensors import SensorContact, SensorGain
+from lptn.effects.sinks import AmbientDrift, AmbientRecirculation, CoolantSink
+from lptn.effects.winding_path import ContactDrift, InsulationConductivity
+from lptn.stepping import heat_balance
 
 TEMPERATURE = {"winding": jnp.asarray(90.0), "stator": jnp.asarray(80.0)}
 MOMENT = lptn.Drive(

@@ -12,19 +12,18 @@ from compiled import constant, simulate
 
 import lptn
 from lptn import CopperLosses
-from lptn.balance import heat_balance
 from lptn.effects import build
-from lptn.effects.ac_copper_loss import AcCopperLoss
-from lptn.effects.copper_coefficient import CopperCoefficient
-from lptn.effects.end_winding_node import EndWindingNode
-from lptn.effects.external_loss import ExternalLoss
-from lptn.effects.housing_node import HousingNode
-from lptn.effects.iron_loss_in_winding import IronLossInWinding
-from lptn.effects.natural_convection import NaturalConvection
-from lptn.effects.radiation import Radiation
-from lptn.effects.rotor_node import RotorNode
-from lptn.effects.stray_load_loss import StrayLoadLoss
-from lptn.effects.time_shift import TimeShift
+from lptn.effects.bodies import EndWindingNode, HousingNode, RotorNode
+from lptn.effects.losses import (
+    AcCopperLoss,
+    CopperCoefficient,
+    ExternalLoss,
+    IronLossInWinding,
+    StrayLoadLoss,
+)
+from lptn.effects.sensors import TimeShift
+from lptn.effects.surface import NaturalConvection, Radiation
+from lptn.stepping import heat_balance
 
 HOT = {"winding": jnp.asarray(90.0), "stator": jnp.asarray(80.0)}
 

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 
 import lptn
 from lptn import CopperLosses, Drive, Inputs, first_order
-from lptn.balance import heat_balance, rates
+from lptn.stepping import heat_balance, rates
 
 B = lptn.COPPER_COEFFICIENT
 

@@ -12,7 +12,7 @@ import pytest
 
 import lptn
 from lptn import CopperLosses, Inputs, Network
-from lptn.effects.sensor_lag import SensorLag
+from lptn.effects.sensors import SensorLag
 
 
 def inputs_of(step, num=10):

@@ -11,12 +11,9 @@ from scipy.integrate import solve_ivp
 import lptn
 from lptn import EFFECTS, CopperLosses
 from lptn.effects import applies, build, build_all
-from lptn.effects.ac_copper_loss import AcCopperLoss
-from lptn.effects.housing_node import HousingNode
-from lptn.effects.neighbour_body import NeighbourBody
-from lptn.effects.rotor_node import RotorNode
-from lptn.effects.speed_cooling import SpeedCooling
-from lptn.effects.winding_node import WindingNode
+from lptn.effects.bodies import HousingNode, NeighbourBody, RotorNode, WindingNode
+from lptn.effects.cooling import SpeedCooling
+from lptn.effects.losses import AcCopperLoss
 
 Ceq_w, Ceq_sr, Req_w, Req_sr = 666.75, 15060.1, 0.14485, 0.11625
 ONE = lptn.first_order(Ceq_w + Ceq_sr, Req_sr)

@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from lptn import Inputs, Trace
-from lptn.balance import heat_balance, rates
 from lptn.effects import NodeEffect, SensorEffect
 from lptn.march import heat_effects
 from lptn.sensor import lagged
+from lptn.stepping import heat_balance, rates
 
 from ..bench.blocks import Blocks
 from ..inference.model import Model, Values

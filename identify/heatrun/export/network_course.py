@@ -11,19 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.io
 
-from lptn import (
-    EFFECTS,
-    CopperLosses,
-    Inputs,
-    Network,
-    Sensor,
-    SpeedLoss,
-    longest_step,
-    simulate,
-)
+from lptn import EFFECTS, CopperLosses, Inputs, Network, Sensor, SpeedLoss, longest_step, simulate
 from lptn.effects import AbstractEffect, NodeEffect
-from lptn.effects.sensor_lag import SensorLag
-from lptn.effects.time_shift import TimeShift
+from lptn.effects.sensors import SensorLag, TimeShift
 
 from .grid import Grid
 from .network_file import RPM

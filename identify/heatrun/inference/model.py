@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from lptn import CopperLosses, Inputs, Network, Sensor, Trace, block_means, simulate
 from lptn.effects import AbstractEffect, build_all
-from lptn.effects.time_shift import TimeShift
+from lptn.effects.sensors import TimeShift
 
 from ..bench.blocks import Blocks, Observation
 from ..bench.channels.schema import body_name

@@ -16,15 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from lptn import (
-    CopperLosses,
-    Drive,
-    Network,
-    heat_input,
-    steady_current,
-    steady_state,
-    time_to,
-)
+from lptn import CopperLosses, Drive, Network, heat_input, steady_current, steady_state, time_to
 from lptn.effects import AbstractEffect
 
 from ..inference.model import Model

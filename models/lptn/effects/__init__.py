@@ -1,8 +1,5 @@
 """The catalogue of physical effects: one small file each, listed in `EFFECTS`."""
 
-from .ac_copper_loss import AcCopperLoss
-from .ambient_drift import AmbientDrift
-from .ambient_recirculation import AmbientRecirculation
 from .base import (
     AbstractEffect,
     EffectCard,
@@ -18,31 +15,23 @@ from .base import (
     power,
     require,
 )
-from .bearing_friction import BearingFriction
-from .contact_drift import ContactDrift
-from .coolant_sink import CoolantSink
-from .cooling_step import CoolingStep
-from .copper_coefficient import CopperCoefficient
-from .end_winding_node import EndWindingNode
-from .external_loss import ExternalLoss
-from .fan_cooling import FanCooling
-from .housing_node import HousingNode
-from .insulation_conductivity import InsulationConductivity
-from .iron_loss_in_winding import IronLossInWinding
-from .loss_gain import LossGain
-from .natural_convection import NaturalConvection
-from .neighbour_body import NeighbourBody
-from .radiation import Radiation
-from .rotor_node import RotorNode
-from .sensor_contact import SensorContact
-from .sensor_gain import SensorGain
-from .sensor_lag import SensorLag
-from .speed_cooling import SpeedCooling
-from .standby_loss import StandbyLoss
-from .stray_load_loss import StrayLoadLoss
-from .time_shift import TimeShift
-from .winding_node import WindingNode
-from .winding_resistance import WindingResistance
+from .bodies import EndWindingNode, HousingNode, NeighbourBody, RotorNode, WindingNode
+from .cooling import CoolingStep, FanCooling, SpeedCooling
+from .losses import (
+    AcCopperLoss,
+    BearingFriction,
+    CopperCoefficient,
+    ExternalLoss,
+    IronLossInWinding,
+    LossGain,
+    StandbyLoss,
+    StrayLoadLoss,
+    WindingResistance,
+)
+from .sensors import SensorContact, SensorGain, SensorLag, TimeShift
+from .sinks import AmbientDrift, AmbientRecirculation, CoolantSink
+from .surface import NaturalConvection, Radiation
+from .winding_path import ContactDrift, InsulationConductivity
 
 EFFECTS: tuple[type[AbstractEffect], ...] = (
     Radiation,

@@ -1,4 +1,4 @@
-"""Conductivity of the insulation: a residual at hot windings when it is missing."""
+"""Effects of the path from winding to stator: its resistance changes with temperature or time."""
 
 from __future__ import annotations
 
@@ -50,3 +50,38 @@ class InsulationConductivity(HeatEffect):
         """As `HeatEffect.apply`."""
         rise = temperature[self.link[0]] - REFERENCE_DEGC
         return terms.scale_conductance(self.link, 1.0 + self.b * rise)
+
+
+class ContactDrift(HeatEffect):
+    r"""The contact between winding and core gets worse in the course of a test.
+
+    $$ R_{eq,w} \to R_{eq,w}\,(1 + d\,t) $$
+
+    Attributes:
+        d: Relative rise of the resistance per hour [1/h].
+        link: Link that it acts on.
+
+    Valid for: a steady change from the start of each test.
+    """
+
+    d: Float[Array, ""]
+    link: tuple[str, str] = eqx.field(static=True, default=("winding", "stator"))
+
+    card: ClassVar[EffectCard] = EffectCard(
+        id="contact_drift",
+        family="winding path",
+        law="Req,w -> Req,w (1 + d t)",
+        needs=(),
+        signature="a residual in proportion to copper loss times time",
+        separating_test="the same step of current at the beginning and at the end of the test, "
+        "equally warm",
+        parameters={
+            "d": Quantity("1/h", 0.0, 0.0, 0.15, 0.05, "relative rise of the resistance per hour"),
+        },
+    )
+
+    def apply(
+        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
+    ) -> Terms:
+        """As `HeatEffect.apply`."""
+        return terms.scale_conductance(self.link, 1.0 / (1.0 + self.d * drive.time / 3600.0))

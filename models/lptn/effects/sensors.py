@@ -1,0 +1,157 @@
+"""Effects of the sensor: what it reads is not the winding's temperature at that time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..inputs import Inputs
+from ..sensor import lagged
+from .base import EffectCard, Quantity, SensorEffect
+
+
+class SensorLag(SensorEffect):
+    r"""A potted sensor follows the winding with a first-order lag.
+
+    $$ \tau_s \dot T_m = T_w - T_m $$
+
+    Solved exactly for a reading that is linear between edges, so that a lag much shorter than
+    the interval is as stable as a long one. It starts in equilibrium.
+
+    Attributes:
+        tau: Time constant of the sensor [s].
+
+    Valid for: a sensor that is small against the winding (it takes no heat away).
+    """
+
+    tau: Float[Array, ""]
+
+    card: ClassVar[EffectCard] = EffectCard(
+        id="sensor_lag",
+        family="sensor",
+        law="tau_s dTm/dt = Tw - Tm",
+        needs=(),
+        signature="a spike at every step of the current",
+        separating_test="temperature by resistance right after a current step, beside the sensor",
+        parameters={"tau": Quantity("s", 0.0, 1.0, 60.0, 10.0, "time constant of the sensor")},
+    )
+
+    def observe(
+        self,
+        reading: Float[Array, " edge"],
+        temperature: Mapping[str, Float[Array, " edge"]],
+        inputs: Inputs,
+    ) -> Float[Array, " edge"]:
+        """As `SensorEffect.observe`."""
+        return lagged(reading, self.tau, jnp.diff(inputs.edges()))
+
+
+class SensorContact(SensorEffect):
+    r"""The sensor sits between winding and stator, or at a spot hotter than the mean.
+
+    $$ T_m = (1-k)\,T_w + k\,T_{sr} $$
+
+    Attributes:
+        k: Share of the stator in the reading [1]; negative at a hot spot.
+        node: Node that it touches beside the winding.
+
+    Valid for: a sensor that is small against both.
+    """
+
+    k: Float[Array, ""]
+    node: str = eqx.field(static=True, default="stator")
+
+    card: ClassVar[EffectCard] = EffectCard(
+        id="sensor_contact",
+        family="sensor",
+        law="Tm = (1 - k) Tw + k Tsr",
+        needs=(),
+        signature="the fast part of the response to a step of current is too small, or too large",
+        separating_test="temperature by resistance right after a step of current, by the sensor",
+        parameters={
+            "k": Quantity("1", 0.0, -0.2, 0.5, 0.15, "share of the stator in the reading", 1.0),
+        },
+    )
+
+    def observe(
+        self,
+        reading: Float[Array, " edge"],
+        temperature: Mapping[str, Float[Array, " edge"]],
+        inputs: Inputs,
+    ) -> Float[Array, " edge"]:
+        """As `SensorEffect.observe`."""
+        return reading + self.k * (temperature[self.node] - temperature["winding"])
+
+
+class SensorGain(SensorEffect):
+    r"""The sensor reads the rise wrong by a factor.
+
+    $$ T_m = T_0 + (1+g)\,(T_w - T_0) $$
+
+    Attributes:
+        g: Relative error of the rise [1].
+
+    Valid for: an error in proportion to the rise above the sink.
+    """
+
+    g: Float[Array, ""]
+
+    card: ClassVar[EffectCard] = EffectCard(
+        id="sensor_gain",
+        family="sensor",
+        law="Tm = T0 + (1 + g)(Tw - T0)",
+        needs=(),
+        signature="hardly anything: it looks like another coefficient of the copper",
+        separating_test="the sensor in a bath at two known temperatures",
+        parameters={"g": Quantity("1", 0.0, -0.03, 0.03, 0.02, "relative error of the rise")},
+    )
+
+    def observe(
+        self,
+        reading: Float[Array, " edge"],
+        temperature: Mapping[str, Float[Array, " edge"]],
+        inputs: Inputs,
+    ) -> Float[Array, " edge"]:
+        """As `SensorEffect.observe`."""
+        return reading + self.g * (reading - inputs.ambient_at_edges())
+
+
+class TimeShift(SensorEffect):
+    r"""The temperature is recorded late: another logger, a filter, a slow bus.
+
+    $$ T_m(t) = T_w(t - d) $$
+
+    Straight lines between the edges; before the start the first temperature holds.
+
+    Attributes:
+        d: Delay [s].
+
+    Valid for: one delay throughout the tests.
+    """
+
+    d: Float[Array, ""]
+
+    card: ClassVar[EffectCard] = EffectCard(
+        id="time_shift",
+        family="sensor",
+        law="Tm(t) = Tw(t - d)",
+        needs=(),
+        signature="spikes of zero mean at all steps of the inputs",
+        separating_test="a steep step of current, with current and temperature on one logger",
+        parameters={"d": Quantity("s", 0.0, 0.0, 60.0, 9.0, "delay of the temperature")},
+    )
+
+    def observe(
+        self,
+        reading: Float[Array, " edge"],
+        temperature: Mapping[str, Float[Array, " edge"]],
+        inputs: Inputs,
+    ) -> Float[Array, " edge"]:
+        """As `SensorEffect.observe`."""
+        edges = inputs.edges()
+        # a nanosecond puts d = 0 on the side from which the slope by d is true
+        return jnp.interp(edges - (self.d + 1e-9), edges, reading)
