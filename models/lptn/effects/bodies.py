@@ -133,9 +133,6 @@ class RotorNode(NodeEffect, HeatEffect):
 
 OVERHANG = "overhang"
 
-LEAST_OVERHANG = 1e-12
-"""Share that is left at the null value, where 0/0 would stand [1]."""
-
 
 class EndWindingNode(NodeEffect, HeatEffect, SensorEffect):
     r"""The winding splits into a part in the slots and an overhang that only the slots cool.
@@ -177,7 +174,7 @@ class EndWindingNode(NodeEffect, HeatEffect, SensorEffect):
         """As `NodeEffect.extend`."""
         winding = network.copper_node
         whole = network.capacitance[winding]
-        part = (self.f + LEAST_OVERHANG) * whole
+        part = (self.f + LEAST_SHARE) * whole
         split = Network(
             capacitance=network.capacitance | {winding: (1.0 - self.f) * whole},
             resistance=network.resistance,
@@ -196,7 +193,7 @@ class EndWindingNode(NodeEffect, HeatEffect, SensorEffect):
         self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
     ) -> Terms:
         """As `HeatEffect.apply`."""
-        moved = (self.f + LEAST_OVERHANG) * terms.copper
+        moved = (self.f + LEAST_SHARE) * terms.copper
         return terms.move_heat(terms.network.copper_node, OVERHANG, moved)
 
     def observe(
@@ -210,9 +207,6 @@ class EndWindingNode(NodeEffect, HeatEffect, SensorEffect):
 
 
 HOUSING = "housing"
-
-LEAST_SHARE_OUTSIDE = 1e-12
-"""Share that is left at the null value, where 0/0 would stand [1]."""
 
 
 class HousingNode(NodeEffect):
@@ -258,7 +252,7 @@ class HousingNode(NodeEffect):
     def extend(self, network: Network) -> Network:
         """As `NodeEffect.extend`."""
         whole = network.resistance[self.link]
-        conductance = (self.x + LEAST_SHARE_OUTSIDE) / ((1.0 - self.x) * whole)
+        conductance = (self.x + LEAST_SHARE) / ((1.0 - self.x) * whole)
         return network.with_node(
             HOUSING,
             capacitance=self.tau * conductance,
