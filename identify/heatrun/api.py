@@ -22,10 +22,9 @@ from .inference.networks import NetworkForm, network_named, networks_of, pair_of
 from .jobs import calibrate_into, discover_into
 from .motor import Motor
 from .motorfile import load_motor
-from .parameter_files import read_parameters
 from .results import DiscoveryResult
 from .runs.run import Run, open_run
-from .simulation import simulate_values
+from .simulation import read_parameters, simulate_values
 
 Files = Sequence[str | Path] | str | Path
 Method = Literal["emcee", "quick"]

@@ -16,31 +16,27 @@ from .attempts import Attempts
 from .bench import Finding, Record
 from .bench.blocks import Blocks
 from .bench.checks import check_record, current_scale_unchecked
-from .bench.checks.holdout import as_holdout
+from .bench.checks.suitability import as_holdout
 from .bench.joined import read_tests
 from .bench.load_moments import with_load_moments
 from .bench.reduction import reduce
-from .effects.averaging import averaged
 from .effects.found import Found, asked_findings, find
-from .effects.missing import Missing, missing, missing_finding
+from .effects.missing import Missing, averaged, missing, missing_finding
 from .errors import InputError, did_you_mean
-from .inference.batches import at_once
 from .inference.fitting.fit import fit
-from .inference.fitting.fit_checks import fit_findings
+from .inference.fitting.fit_checks import fit_findings, holding_heat
 from .inference.fitting.fit_result import Fit
-from .inference.fitting.held_heat import holding_heat
-from .inference.fitting.reduction_checks import check_reduction
+from .inference.fitting.identifiability import check_reduction
 from .inference.fitting.test_to_test import changes_finding, fit_with_changes
+from .inference.kernels import at_once
 from .inference.model import Model
 from .inference.networks import NetworkForm
 from .inference.posterior import Posterior, normal_draws, sample
 from .inference.predict import Prediction, predict, unpredicted
 from .inference.problem import Problem
-from .io.moment import moment
+from .io.whole_files import moment
 from .motor import Motor
-from .results.fit import FitResult
-from .results.model import FittedModel
-from .results.tested import DescribedTest
+from .results.model import DescribedTest, FitResult, FittedModel
 from .results.values import Role
 from .runs.result import assemble, describe_model, describe_test
 from .runs.run_folder import RunFolder, environment

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from .bench.readers.open_file import read_start
-from .certificate import INSTRUMENT_KEYS, PLACES, Certificate, Instrument
 from .errors import InputError, did_you_mean
-from .io.printable import JOINERS
-from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
-from .io.toml_values import shown, text_of
+from .io.quantities import JOINERS
+from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml, shown, text_of
+from .motor import INSTRUMENT_KEYS, PLACES, Certificate, Instrument
 from .reports.texts import LANGUAGES
 
 NAME, LINES, PARAGRAPH = 120, 200, 500

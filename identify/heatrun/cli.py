@@ -12,12 +12,11 @@ from contextlib import nullcontext, suppress
 from importlib import import_module
 
 from .commands import COMMANDS, all_commands
-from .commands.any_order import AnyOrder
-from .commands.exit_codes import DONE, INTERRUPTED, NOT_ALLOWED, WRONG_USE
-from .commands.interrupt import SENTENCE, ends_at_once
+from .commands.console import DONE, INTERRUPTED, NOT_ALLOWED, SENTENCE, WRONG_USE, ends_at_once
+from .commands.words import AnyOrder
 from .errors import InputError, UsageError, of_file
 from .io.caches import damaged_are_replaced, use_caches
-from .io.moment import check_stated_moment
+from .io.whole_files import check_stated_moment
 from .memory_limit import is_for_lack_of_memory, prepare_for_limit
 from .runtime import one_thread_for_small_matrices
 from .version import __version__

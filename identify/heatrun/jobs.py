@@ -17,8 +17,7 @@ from .inference.networks import NetworkForm
 from .inference.networks.text import network_text
 from .motor import Motor
 from .reports.sheet.of_run import with_sheet
-from .runs.places import refuse_unwritable
-from .runs.run_folder import RunFolder, free_place
+from .runs.run_folder import RunFolder, free_place, refuse_unwritable
 from .runs.write import write_run
 from .work import Progress, work_of_calibration, work_of_discovery
 

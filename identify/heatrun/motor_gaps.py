@@ -1,4 +1,23 @@
-"""What tests do not say and a calibration needs: why it matters, and where it may come from."""
+"""In which order columns are offered for a channel, by their names and by what they hold.
+
+- Winding: copper is heated by its own loss and has little heat capacity, so its temperature moves
+  the most of all; what stays while others move is none. A mean of three phases goes before each.
+- Ambient: every body of the machine becomes warmer than the room, so the room is the column whose
+  highest value is the lowest; what moves nearly as far as the warmest body is none.
+- Phase current: an rms value is never negative; the one that moves the most with the load.
+- Losses: positive in the mean. Time: never falls.
+
+A name that speaks for the channel goes before values, unless they contradict it, as a power that is
+torque·omega and a little more contradicts its name of losses. Columns that stay at one number come
+last, except for the ambient, which may be one.
+
+The phase resistance as the head of a file or its scalars state it, for a person to confirm.
+
+Heads are written by hand: `Rs: 0.0062 ohm`, `Phasenwiderstand R20 = 6,2 mΩ`. A resistance between
+terminals, of the insulation or of a shunt is none of the phase.
+
+What tests do not say and a calibration needs: why it matters, and where it may come from.
+"""
 
 from __future__ import annotations
 
@@ -8,19 +27,343 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from .bench.channels.by_resistance import tells_winding
+from .bench.channels.claims import CHANNEL, REQUIRED
 from .bench.channels.derive import DERIVATIONS, ELECTRICAL, Derivation
 from .bench.channels.likely_names import LIKELY, SURE, read_name
-from .bench.channels.schema import CHANNEL, REQUIRED
 from .bench.channels.units import find_unit
-from .bench.column_course import Course
-from .bench.free_columns import FreeColumn, Proposal, flat
+from .bench.free_columns import Course, Evidence, FreeColumn, Proposal, flat
 from .bench.phase_means import PhaseMean
 from .bench.readers.read import name_of_test
 from .bench.survey import Survey
-from .io.printable import printable
+from .io.quantities import printable
 from .motor import COEFFICIENTS_degC
-from .motor_candidates import ROOM_RANGE, Candidate, Ranked, ranked
-from .motor_stated import stated_ohms
+
+LEAST_MOVE_K = 5.0
+"""Below it, temperatures of a record do not tell bodies apart [K]."""
+
+STAYS_SHARE, DRIFTS_SHARE, FOLLOWS_SHARE = 0.05, 0.1, 0.5
+"""Of the largest move [1]: what moves by less stays and is no winding; a room may drift by more
+than that; what moves by more follows the load."""
+
+WINDING_RANGE = (-60.0, 300.0)
+"""No insulation lives above; an open thermocouple reads there [°C]."""
+
+ROOM_RANGE = (-40.0, 60.0)
+"""Rooms in which motors are tested [°C]."""
+
+OFFSET_SHARE = 0.02
+"""A current transducer's zero may be below 0 by this share of its largest reading [1]."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A line of `[columns]` that may be a channel.
+
+    Attributes:
+        line: Right-hand side.
+        shown: What its column holds, in words.
+        score: How surely the name speaks for the channel, as `likely_names`.
+        is_assumed: Its unit is not known.
+        course: In the channel's unit; None where the values were not looked at.
+        columns: Its column, or those of the three phases that it is the mean of.
+        evidence: What other columns say of it, or None.
+    """
+
+    line: str
+    shown: str
+    score: int
+    is_assumed: bool
+    course: Course | None
+    columns: tuple[str, ...]
+    evidence: Evidence | None = None
+
+    @property
+    def is_mean(self) -> bool:
+        """It is the mean of the sensors of three phases."""
+        return len(self.columns) > 1
+
+    @property
+    def is_likely(self) -> bool:
+        """The name speaks for the channel, or the other columns do, and for no other one."""
+        return self.score >= LIKELY or (self.evidence is not None and self.evidence.is_alone)
+
+    @property
+    def move(self) -> float:
+        """How far it moves, in the channel's unit."""
+        return 0.0 if self.course is None else self.course.high - self.course.low
+
+
+@dataclass(frozen=True)
+class _Verdict:
+    """What values say.
+
+    Attributes:
+        grade: 0 where they speak for the channel, 1 where they allow it, 2 where they speak
+            against it, 3 where they say nothing.
+        order: Among columns of one grade, the smaller first.
+        words: Why.
+        praise: Why, if it is the first.
+    """
+
+    grade: int
+    order: float = 0.0
+    words: str = ""
+    praise: str = ""
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A candidate in its place.
+
+    Attributes:
+        candidate: The candidate.
+        note: What speaks for it or against it.
+        is_open: Nothing speaks against it.
+    """
+
+    candidate: Candidate
+    note: str
+    is_open: bool
+
+
+def ranked(channel: str, candidates: Sequence[Candidate]) -> list[Ranked]:
+    """Return candidates with a note on each, the likely ones first, each line once.
+
+    Args:
+        channel: Canonical name.
+        candidates: In the order of the files.
+    """
+    moves = [one.move for one in candidates if not _is_outside(WINDING_RANGE, one)]
+    largest = max(moves, default=0.0)
+    judged = [(one, _verdict(channel, one, largest)) for one in candidates]
+    judged.sort(key=_place)
+    found: dict[str, Ranked] = {}
+    for one, said in judged:
+        words = [one.shown]
+        if len(judged) > 1 and not found:
+            words += ["by its name"] if one.score >= LIKELY and not one.is_mean else []
+            words.append(said.praise or said.words)
+        elif len(judged) > 1 or said.grade > 1:
+            words.append(said.words)
+        words.append(one.evidence.words if one.evidence and one.evidence.speaks else "")
+        note = "; ".join(filter(None, words))
+        found.setdefault(one.line, Ranked(one, note, said.grade <= 1))
+    return list(found.values())
+
+
+def _place(judged: tuple[Candidate, _Verdict]) -> tuple[float, ...]:
+    one, said = judged
+    return (
+        said.grade if said.grade > 1 else 0,
+        not one.is_likely,
+        -one.score if one.is_likely else 0,
+        one.is_assumed,
+        said.grade,
+        not (one.is_mean and one.is_likely),
+        said.order,
+        not one.is_mean,
+    )
+
+
+def _verdict(channel: str, one: Candidate, largest: float) -> _Verdict:
+    course = one.course
+    if one.evidence is not None and not one.evidence.speaks:
+        return _Verdict(2, words=one.evidence.words)
+    if course is None:
+        return _Verdict(1)
+    if channel == "ambient_degC":
+        return _ambient(one, course, largest)
+    if channel == "winding_degC":
+        return _winding(one, largest)
+    if course.low == course.high and channel in REQUIRED:
+        return _Verdict(3)
+    if channel == "phase_current_A":
+        if course.low < -OFFSET_SHARE * abs(course.high):
+            return _Verdict(2, -one.move, "negative at times, which an rms value never is")
+        return _Verdict(0, -one.move, praise="never negative, varies the most")
+    if channel == "losses_W" and course.mean < 0.0:
+        return _Verdict(2, words="negative in the mean")
+    if channel == "time_s" and not course.is_growing:
+        return _Verdict(2, words="does not grow throughout")
+    return _Verdict(0)
+
+
+def _winding(one: Candidate, largest: float) -> _Verdict:
+    if _is_outside(WINDING_RANGE, one):
+        return _Verdict(2, words=_outside(WINDING_RANGE, "windings"))
+    if largest < LEAST_MOVE_K:
+        return _Verdict(0, -one.move)
+    if one.move == 0.0:
+        return _Verdict(3)
+    if one.move < STAYS_SHARE * largest:
+        return _Verdict(2, -one.move, f"stays within {_kelvin(one.move)}")
+    moves = f"moves by {_kelvin(one.move)}"
+    return _Verdict(0, -one.move, moves, f"{moves}, the most" if one.move == largest else moves)
+
+
+def _ambient(one: Candidate, course: Course, largest: float) -> _Verdict:
+    if _is_outside(ROOM_RANGE, one):
+        return _Verdict(2, course.high, _outside(ROOM_RANGE, "rooms"))
+    if largest < LEAST_MOVE_K:
+        return _Verdict(0, course.high)
+    if one.move > FOLLOWS_SHARE * largest:
+        return _Verdict(2, course.high, f"moves by {_kelvin(one.move)}")
+    if one.move > DRIFTS_SHARE * largest:
+        return _Verdict(1, course.high, f"moves by {_kelvin(one.move)}")
+    if one.move == 0.0:
+        return _Verdict(1, course.high)
+    stays = f"stays within {_kelvin(one.move)}"
+    return _Verdict(0, course.high, stays, f"{stays} and is the coldest")
+
+
+def _is_outside(limits: tuple[float, float], one: Candidate) -> bool:
+    low, high = limits
+    return one.course is not None and not low <= one.course.low <= one.course.high <= high
+
+
+def _outside(limits: tuple[float, float], of: str) -> str:
+    return f"outside of the {limits[0]:g} … {limits[1]:g} °C of {of}"
+
+
+def _kelvin(move: float) -> str:
+    return f"{move:.2g} K" if move < 10.0 else f"{move:.0f} K"
+
+
+NUMBER = r"[+-]?[0-9]{1,6}(?:[.,][0-9]+)?(?:[eE][+-]?[0-9]{1,2})?(?![\w.,]*[0-9])"
+OHM = r"(?P<{0}>(?-i:[mMµμuk]?)(?:ohms?|[Ω\u2126])(?![a-z]))"
+DEGREES = r"(?:°\s?C|deg\s?C|℃|C\b)"
+
+SYMBOL = (
+    r"R_?s(?:0|_?20|_?25)?|R_?ph(?:ase)?(?:_?20|_?25)?|R_?str(?:ang)?(?:_?20|_?25)?|R_?(?:20|25)"
+)
+WORDS = (
+    r"phase resistance|resistance per phase|stator resistance|phasenwiderstand|strangwiderstand"
+    r"|statorwiderstand|st[äa]nderwiderstand|resistenza (?:di|per) fase"
+    r"|resistenza (?:di statore|statorica)|r[ée]sistance (?:de|par) phase"
+    r"|r[ée]sistance statorique|resistencia de fase"
+)
+AT = rf"(?:bei|at|a|à|@)\s*{NUMBER}\s*{DEGREES}"
+STATED = re.compile(
+    rf"(?<![\w.])(?P<name>(?:(?:{WORDS})\s*)?(?:{SYMBOL})|{WORDS})(?!\w)"
+    rf"(?P<between>(?:\s*(?:\([^()]*\)|\[[^\[\]]*\]|{AT}))*)"
+    rf"[\s:=;,|]*(?P<number>{NUMBER})[\s;,|]*(?:{OHM.format('unit')})?",
+    re.IGNORECASE,
+)
+"""Name, what stands between it and the number in brackets or as "at 20 °C", number and unit."""
+
+OTHER = re.compile(
+    r"terminal|klemme|line.?to.?line|line.?line|verkettet|concatenat|insulat|isol|shunt|between"
+    r"|zwischen|morsett|bornes",
+    re.IGNORECASE,
+)
+IN_BRACKET = re.compile(OHM.format("unit"), re.IGNORECASE)
+AT_DEGREES = re.compile(rf"({NUMBER})\s*{DEGREES}", re.IGNORECASE)
+BEHIND = re.compile(rf"\s*(?:bei|at|a|à|@|\()\s*({NUMBER})\s*{DEGREES}", re.IGNORECASE)
+IN_NAME = re.compile(r"(20|25)$")
+REFERENCE = re.compile(
+    r"(?<![\w.])(?:Ts|T_?ref|T_?rif|reference temp(?:erature)?|Bezugstemperatur"
+    rf"|Referenztemperatur|temperatura di riferimento)[\s:=;,|]*({NUMBER})[\s;,|]*{DEGREES}",
+    re.IGNORECASE,
+)
+"""The temperature in a line of its own; `Ts` is that of `Rs` on the worksheet of the thesis."""
+
+SCALAR = re.compile(rf"{SYMBOL}|phase_resistance(?:_ohm)?", re.IGNORECASE)
+SCALAR_REFERENCE = re.compile(r"T_?ref|T_?rif|reference_temperature(?:_degC)?", re.IGNORECASE)
+
+FACTORS = {"m": 1e-3, "µ": 1e-6, "μ": 1e-6, "u": 1e-6, "k": 1e3, "M": 1e6}
+LEAST_OHM, MOST_OHM = 1e-6, 1e3
+"""Phases of the largest generators and of the smallest motors [Ω]."""
+
+COLDEST, HOTTEST = -60.0, 250.0
+"""Temperatures at which a resistance may have been measured [°C]."""
+
+Stated = tuple[float, str]
+"""A value and where it stands."""
+
+
+def stated_resistance(surveys: Sequence[Survey]) -> dict[str, dict[float, str]]:
+    """Return values of `[winding]` by their key, with where each stands; none without a resistance.
+
+    Args:
+        surveys: What the files hold.
+    """
+    found: dict[str, dict[float, str]] = {
+        "phase_resistance_ohm": {},
+        "reference_temperature_degC": {},
+    }
+    ohms, degrees = found.values()
+    for one in surveys:
+        for (value, where), temperature in (*_in_head(one.preamble), *_in_scalars(one)):
+            ohms.setdefault(value, where)
+            if temperature is not None:
+                degrees.setdefault(temperature, where)
+    if not ohms:
+        return {}
+    for one in surveys:
+        for value, where in _references(one):
+            degrees.setdefault(value, where)
+    return found
+
+
+def stated_ohms(surveys: Sequence[Survey]) -> list[float]:
+    """Return the phase resistances that the tests state [Ω]."""
+    return list(stated_resistance(surveys).get("phase_resistance_ohm", ()))
+
+
+def _in_head(lines: Sequence[str]) -> Iterator[tuple[Stated, float | None]]:
+    """Yield each resistance [Ω] and its temperature [°C] where the line has one."""
+    for line in lines:
+        if OTHER.search(line):
+            continue
+        for found in STATED.finditer(line):
+            in_bracket = IN_BRACKET.search(found["between"])
+            unit = found["unit"] or (in_bracket["unit"] if in_bracket else "")
+            # to 12 digits: 6.2 mΩ are 0.0062 Ω, and not the double next to it
+            value = float(f"{_number(found['number']) * FACTORS.get(unit[:1], 1.0):.12g}")
+            doubt = "" if unit else ", no unit given"
+            if LEAST_OHM <= value <= MOST_OHM:
+                yield (value, f"{_quoted(line)}{doubt}"), _temperature(found, line)
+
+
+def _temperature(found: re.Match[str], line: str) -> float | None:
+    inside = AT_DEGREES.search(found["between"])
+    stated = inside or BEHIND.match(line, found.end()) or IN_NAME.search(found["name"])
+    return next(_temperatures([stated[1]] if stated else []), None)
+
+
+def _in_scalars(one: Survey) -> Iterator[tuple[Stated, float | None]]:
+    for name, value in (one.constants or {}).items():
+        if SCALAR.fullmatch(name) and LEAST_OHM <= value <= MOST_OHM:
+            where = f"scalar '{printable(flat(name))}' of {_file(one)}, no unit given"
+            yield (value, where), None
+
+
+def _references(one: Survey) -> Iterator[Stated]:
+    """Yield each reference temperature [°C] that stands apart from its resistance."""
+    for line in one.preamble:
+        for value in _temperatures(REFERENCE.findall(line)):
+            yield value, _quoted(line)
+    for name, value in (one.constants or {}).items():
+        if SCALAR_REFERENCE.fullmatch(name) and COLDEST < value < HOTTEST:
+            yield value, f"scalar '{printable(flat(name))}' of {_file(one)}"
+
+
+def _temperatures(texts: Sequence[str]) -> Iterator[float]:
+    values = (_number(text) for text in texts)
+    return (value for value in values if COLDEST < value < HOTTEST)
+
+
+def _number(text: str) -> float:
+    return float(text.replace(",", "."))
+
+
+def _quoted(line: str) -> str:
+    return f"the line '{printable(flat(line))[:80]}'"
+
+
+def _file(one: Survey) -> str:
+    return printable(flat(Path(one.path).name))
+
 
 WHY = {
     "time_s": "no sample has a time. Name the column of times, or the sampling rate: "
@@ -36,7 +379,7 @@ WHY = {
 }
 """Why a channel that a calibration needs matters."""
 
-NUMBER = re.compile(r"(?<![\w.,])[+-]?[0-9]{1,4}(?:[.,][0-9]+)?(?![\w.,]*[0-9])")
+ANY_NUMBER = re.compile(r"(?<![\w.,])[+-]?[0-9]{1,4}(?:[.,][0-9]+)?(?![\w.,]*[0-9])")
 AT_REST = frozenset(("mechanical_power_W", "torque_Nm", "speed_rpm"))
 ZERO = {**dict.fromkeys(AT_REST, "where the rotor stands"),
         "i_d_A": "where the field is not weakened"}  # fmt: skip
@@ -401,7 +744,7 @@ def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
                 what = "the one value of" if column.num_values == 1 else "throughout in"
                 lines.append(f"# {name} = {value!r}  # {what} column '{flat(column.name)}'")
         for line in one.preamble:
-            numbers = NUMBER.findall(line) if "ambient" in read_name(line).meanings else []
+            numbers = ANY_NUMBER.findall(line) if "ambient" in read_name(line).meanings else []
             values = [float(number.replace(",", ".")) for number in numbers]
             lines += [f"# {name} = {value!r}  # from the line '{printable(flat(line))[:80]}'"
                       for value in values if _is_room(value)]  # fmt: skip

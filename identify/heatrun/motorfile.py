@@ -1,23 +1,381 @@
-"""Reading the motor file: every key is known, every value checked, nothing guessed."""
+"""`[tests.NAME]` of the motor file: which parts of a test count, and its own `[columns]`.
+
+Which values a parameter can have in any machine: what lies outside was mistyped, or is a test.
+
+The ranges are wide: from a motor of some grams to a generator of thousands of tonnes. They keep
+numbers out with which nothing can be computed, such as 1e300, and a unit that is wrong by far.
+
+`[population]` of a motor file: what its sisters say of a machine before its first test.
+
+Reading the motor file: every key is known, every value checked, nothing guessed.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal, cast, get_args
 
-from .bench.channels.schema import BODIES, CHANNEL
+from .bench.channels.claims import BODIES, CHANNEL, body_name, parse_claims
 from .bench.readers.open_file import read_start
+from .bench.stretch import Stretch, in_order, parse_time
 from .certificate_file import parse_certificate
 from .errors import InputError, did_you_mean
-from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml
-from .io.toml_values import shown, text_of
-from .motor import HEAT_LIMITS, Adequacy, COEFFICIENTS_degC, Motor, ParameterOverride
-from .motor_parts import parse_columns, parse_parts
-from .motor_population import next_of_population
-from .plausible import RANGES, UNITS, refuse_implausible
+from .io.toml_text import LARGEST_BYTES, check_keys, parse_toml, shown, text_of
+from .motor import (
+    HEAT_LIMITS,
+    Adequacy,
+    COEFFICIENTS_degC,
+    GapLoad,
+    Motor,
+    ParameterOverride,
+    PartsOfTest,
+)
+
+PARTS_KEYS = ("use", "use_rows", "mask", "bridge", "gap", "columns")
+
+MOST_CHOICES = 20
+"""Right-hand sides of one channel."""
+
+MOST_PARTS = 200
+"""Of one test; each stretch becomes a test with temperatures of its own at the start."""
+
+
+def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest]:
+    """Return what `[tests.NAME]` says, by name of the test.
+
+    Args:
+        section: The parsed `[tests]`.
+        where: The motor file, for messages.
+
+    Raises:
+        InputError: If a key is not known, or a window is no pair of times or rows in order.
+    """
+    parts = {}
+    for name, keys in section.items():
+        at = f"{where}, [tests.{name}]"
+        if not isinstance(keys, dict):
+            raise InputError(
+                "Expected a section with use, use_rows, mask, bridge, gap or columns.",
+                where=at,
+                remedy=f"Write [tests.{name}] and below it use = [[600, 5400]], for example.",
+            )
+        check_keys(keys, PARTS_KEYS, at, "key")
+        if "use" in keys and "use_rows" in keys:
+            raise InputError(
+                "Both use and use_rows are given.", where=at, remedy="Keep one of them."
+            )
+        use = _stretches(keys, "use", at) + _stretches(keys, "use_rows", at)
+        mask, bridge = (
+            tuple((part.start, part.end) for part in _stretches(keys, key, at))
+            for key in ("mask", "bridge")
+        )
+        if any(math.isinf(end) for _, end in (*mask, *bridge)):
+            raise InputError("mask and bridge need both ends of a window.", where=at)
+        columns = parse_columns(keys.get("columns", {}), at)
+        parts[name] = PartsOfTest(use, mask, bridge, _gap_load(keys, at), columns)
+    return parts
+
+
+def _gap_load(keys: Mapping[str, Any], where: str) -> GapLoad | None:
+    """Return the load in gaps."""
+    section = keys.get("gap")
+    load = section.get("load") if isinstance(section, dict) else section
+    if section is None or (load in get_args(GapLoad) and section == {"load": load}):
+        return load
+    raise InputError(
+        f"Expected the load in the gaps of the logger, got {str(section)[:80]}.",
+        where=f"{where}, gap",
+        remedy='Write gap.load = "held", "zero" or "unknown".',
+    )
+
+
+def parse_columns(section: Any, where: str) -> dict[str, str | tuple[str, ...]]:
+    """Return `[columns]`, or that of a test.
+
+    Args:
+        section: As parsed.
+        where: The motor file and what the section is under, for messages.
+
+    Raises:
+        InputError: If a channel is not known, or what stands behind it is no text and no list.
+    """
+    at = f"{where}, [columns]"
+    if not isinstance(section, dict):
+        raise InputError("Expected a section with lines such as winding_degC = …", where=at)
+    columns: dict[str, str | tuple[str, ...]] = {}
+    for key, said in section.items():
+        if not isinstance(said, list):
+            columns[key] = text_of(section, key, at)
+            continue
+        if not 0 < len(said) <= MOST_CHOICES:
+            raise InputError(
+                f"Expected 1 to {MOST_CHOICES} columns for {key}, got {len(said)}.", where=at
+            )
+        columns[key] = tuple(text_of({key: text}, key, at) for text in said)
+    parse_claims(columns, where)
+    return columns
+
+
+def _stretches(keys: Mapping[str, Any], key: str, where: str) -> tuple[Stretch, ...]:
+    if key not in keys:
+        return ()
+    listed = keys[key]
+    pairs = isinstance(listed, list) and all(
+        isinstance(pair, list) and len(pair) == 2 for pair in listed
+    )
+    if not pairs or not listed or len(listed) > MOST_PARTS:
+        raise InputError(
+            f"Expected a list of 1 to {MOST_PARTS} pairs for {key}, got {str(listed)[:80]}.",
+            where=where,
+            remedy=f"Write {key} = [[600, 5400], [7200, 9000]]: first and last "
+            f"{'row' if key == 'use_rows' else 'second'} of each.",
+        )
+    at = f"{where}, {key}"
+    return tuple(
+        in_order(Stretch(_end(first, key, at), _end(last, key, at), key == "use_rows"), at)
+        for first, last in listed
+    )
+
+
+def _end(value: Any, key: str, where: str) -> float:
+    """Return one end of a window, a time [s] or a row."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if key == "use_rows":
+        kind = "a whole number from 1"
+        if is_number and isinstance(value, int) and 1 <= value < 10**15:
+            return float(value)
+    else:
+        kind = "seconds from 0, or a text such as '90 min'"
+        if is_number and 0 <= value <= 1e12:
+            return float(value)
+        if isinstance(value, str) and value.strip():
+            return parse_time(
+                value, where, "Rows stand under use_rows, as numbers: use_rows = [[1, 5000]]."
+            )
+    raise InputError(
+        f"Expected {kind} for an end of {key}, got {str(value)[:80]!r}.",
+        where=where,
+        remedy="Times are counted from the first sample of the file.",
+    )
+
+
+UNITS = {
+    "Ceq": "J/K", "Ceq_w": "J/K", "Ceq_sr": "J/K",
+    "Req": "K/W", "Req_w": "K/W", "Req_sr": "K/W",
+    "Rs0": "ohm",
+    "Tw_start": "degC", "Tsr_start": "degC",
+    "sensor_offset": "K", "ambient_offset": "K", "second_sink_offset": "K",
+    "power_gain": "1", "sensor_gain": "1", "current_gain": "1",
+    "torque_offset": "N m",
+    "shaft_power_gain": "1", "shaft_power_offset": "W",
+    "load_timing": "s",
+    **{
+        f"{body_name(channel)}_{part}": unit
+        for channel in BODIES
+        for part, unit in (("gain", "1"), ("offset", "K"), ("lag", "s"))
+    },
+}  # fmt: skip
+"""Units of the parameters beside those of effects, known before any model is made."""
+
+RANGES = {
+    "J/K": (1e-3, 1e10),  # copper has 385 J/(kg K)
+    "K/W": (1e-7, 1e5),  # still air around a thumb: some 100 K/W
+    "ohm": (1e-9, 1e6),
+    "degC": (-273.15, 1500.0),  # absolute zero; where iron melts
+    "K": (-500.0, 500.0),
+    "1": (-0.99, 10.0),  # relative errors: at -1 nothing is left of what is measured
+    "N m": (-1e6, 1e6),
+    "W": (-1e9, 1e9),
+    "s": (-86400.0, 86400.0),
+}
+"""Lowest and highest value by unit."""
+
+RELATIVE_SD = (1e-6, 1e3)
+"""Standard deviation of a prior relative to its value [1]: below, the parameter is fixed; above,
+the interval spans six powers of ten."""
+
+SMALLEST_SHARE = 1e-12
+"""Smallest standard deviation of a prior as a share of the range: below, the parameter is fixed."""
+
+WIDTHS = 25.0
+"""How far an effect's parameter may lie from the middle of its plausible range, in its widths; the
+width is four standard deviations of the prior."""
+
+
+LOG_WIDTHS = 10.0
+"""The same for a log-normal parameter, in standard deviations of the logarithm."""
+
+
+def refuse_implausible(
+    name: str, said: ParameterOverride, unit: str, limits: tuple[float, float], where: str
+) -> None:
+    """Refuse values of a motor file that no machine has.
+
+    Args:
+        name: Of the parameter.
+        said: What the motor file says of it.
+        unit: Of the parameter.
+        limits: Lowest and highest value [unit].
+        where: The place in the motor file.
+
+    Raises:
+        InputError: With the range.
+    """
+    low, high = limits
+    of_unit = "" if unit == "1" else f" {unit}"
+    for label, number in (("fixed", said.fixed), ("value", said.value)):
+        if number is not None and not low <= number <= high:
+            raise InputError(
+                f"{label} = {number:g}{of_unit} is beyond what {name} is in any machine: "
+                f"{low:g} to {high:g}{of_unit}.",
+                where=where,
+                remedy=f"Correct it (the unit is {unit}), or leave it out to have it estimated.",
+            )
+    widest, smallest = high - min(low, 0.0), SMALLEST_SHARE * (high - low)
+    if said.sd is not None and not smallest <= said.sd <= widest:
+        raise InputError(
+            f"sd = {said.sd:g}{of_unit} is no standard deviation of {name}: expected "
+            f"{smallest:.2g} to {widest:g}{of_unit}.",
+            where=where,
+            remedy="Correct it, or write fixed = … for a value that is known.",
+        )
+    low, high = RELATIVE_SD
+    if said.relative_sd is not None and not low <= said.relative_sd <= high:
+        raise InputError(
+            f"relative_sd = {said.relative_sd:g} is no standard deviation of {name} relative to "
+            f"its value: expected {low:g} to {high:g} (0.2 is 20 %).",
+            where=where,
+            remedy="Correct it, or write fixed = … for a value that is known.",
+        )
+
+
+def limits_around(centre: float, sd: float, *, is_log: bool) -> tuple[float, float]:
+    """Return the limits of an effect's parameter from its prior, which is wide already.
+
+    Args:
+        centre: Of the prior [its unit].
+        sd: Of the prior, of the logarithm [1] or [its unit].
+        is_log: Whether the prior is one of the logarithm.
+    """
+    if is_log:
+        reach = math.exp(min(LOG_WIDTHS * sd, 200.0))
+        return centre / reach, centre * reach
+    return centre - 4.0 * WIDTHS * sd, centre + 4.0 * WIDTHS * sd
+
+
+NAME = "population.json"
+"""The file of a population, in its folder."""
+
+HEAT = "unmodelled_heat"
+"""Name of the heat that a network misses, among the parameters of the noise."""
+
+
+@dataclass(frozen=True)
+class NextMachine:
+    """What a population says of its next machine before its first test.
+
+    Attributes:
+        parameters: Prior of each thermal parameter.
+        effects: Ids of the effects that its machines were calibrated with.
+        unmodelled_heat: Median of the prior of the heat that the network misses, sd over the mean
+            loss [1]; None where the machines do not tell it.
+    """
+
+    parameters: dict[str, ParameterOverride]
+    effects: tuple[str, ...] = ()
+    unmodelled_heat: float | None = None
+
+
+def next_of_population(section: Mapping[str, Any], where: str) -> NextMachine:
+    """Return what is known of a machine of a known type; nothing where no type is given.
+
+    Each parameter has its own: correlations over the machines are left aside, and covariates are at
+    their mean over the machines.
+
+    Args:
+        section: `[population]`.
+        where: The motor file; a folder is sought from where it is.
+
+    Raises:
+        InputError: If there is no population where it says.
+    """
+    if not section:
+        return NextMachine({})
+    at = f"{where}, [population]"
+    folder = Path(where).parent / text_of(section, "run", at)
+    return read_next_machine(folder, at)
+
+
+def read_next_machine(folder: Path, where: str) -> NextMachine:
+    """Return what a population says of its next machine before its first test.
+
+    Args:
+        folder: Of the population, or its file.
+        where: What asked for it, for messages.
+
+    Raises:
+        InputError: If there is no such file, or it is not one that heatrun wrote.
+    """
+    path = folder / NAME if folder.is_dir() else folder
+    remedy = "Give the folder that `heatrun population` wrote."
+    try:
+        content = json.loads(path.read_bytes())
+        found = {name: _prior(said) for name, said in content["parameters"].items()}
+        heat = _heat(content.get("noise") or {})
+    except OSError as error:
+        types = sorted(each.parent.name for each in folder.glob(f"*/{NAME}"))
+        raise InputError(
+            f"Expected a population, found no readable {path} ({error.strerror}).",
+            where=where,
+            remedy=f"Name one of the types in it: {', '.join(types)[:200]}." if types else remedy,
+        ) from None
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError):
+        raise InputError(
+            f"Expected a population as heatrun writes it, got another content in {path}.",
+            where=where,
+            remedy=remedy,
+        ) from None
+    sound = [_is_sound(each) for each in found.values()]
+    if not found or not all(sound) or not (heat is None or 0.0 < heat < math.inf):
+        raise InputError(
+            f"Expected positive medians and widths of the parameters in {path}.",
+            where=where,
+            remedy=remedy,
+        )
+    effects = dict.fromkeys(name.partition(".")[0] for name in found if "." in name)
+    return NextMachine(found, tuple(effects), _within_limits(heat))
+
+
+def _heat(noise: dict[str, Any]) -> float | None:
+    said = noise.get("parameters", {}).get(HEAT)
+    return None if said is None else float(said["next_median"])
+
+
+def _within_limits(heat: float | None) -> float | None:
+    """Return the heat as far as a motor file may say it: the tail of a law may reach beyond."""
+    low, high = HEAT_LIMITS
+    return None if heat is None else min(max(heat, low), high)
+
+
+def _prior(said: dict[str, Any]) -> ParameterOverride:
+    centre = float(said["next_median"])
+    if said.get("transform", "log") == "linear":
+        return ParameterOverride(value=centre, sd=float(said["next_sd"]))
+    return ParameterOverride(value=centre, relative_sd=math.expm1(float(said["next_log_sd"])))
+
+
+def _is_sound(prior: ParameterOverride) -> bool:
+    width = prior.sd if prior.relative_sd is None else prior.relative_sd
+    assert prior.value is not None
+    assert width is not None
+    is_positive = prior.relative_sd is None or prior.value > 0.0
+    return math.isfinite(prior.value) and is_positive and math.isfinite(width) and width > 0.0
+
 
 INSULATION_CLASSES = ("A", "E", "B", "F", "H", "N", "R")
 """Letters of IEC 60085, in the order of their temperature."""

@@ -25,11 +25,9 @@ from typing import Any
 from heatrun.bench.readers.open_file import read_start
 from heatrun.errors import InputError
 from heatrun.inference.networks import NetworkForm, network_named
-from heatrun.io.toml_text import LARGEST_BYTES, check_keys, parse_toml
-from heatrun.io.toml_values import shown, text_of
+from heatrun.io.toml_text import LARGEST_BYTES, check_keys, parse_toml, shown, text_of
 
-from .entries import ALIASES, COLUMNS, Entry, Row, check_columns, gathered
-from .manifest import cell_text, read_manifest
+from .entries import ALIASES, COLUMNS, Entry, Row, cell_text, check_columns, gathered, read_manifest
 
 KEYS = ("name", "model", "motor", "type", "effects", "manifest", "covariates")
 

@@ -18,14 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from heatrun.errors import InputError
+from heatrun.io.caches import FolderLock
 from heatrun.io.file_set import is_aside, together
-from heatrun.io.folder_lock import FolderLock
-from heatrun.io.free_names import numbered, refuse_replacing
-from heatrun.io.moment import moment
-from heatrun.io.whole_files import writable, write_whole
+from heatrun.io.whole_files import moment, numbered, refuse_replacing, writable, write_whole
 from heatrun.results.json_text import to_json
-from heatrun.runs.places import refuse_unwritable
-from heatrun.runs.run_folder import environment
+from heatrun.runs.run_folder import environment, refuse_unwritable
 from heatrun.work import Progress, Work
 
 from .batches import Batch, batches_of, digests_of, numerics

@@ -15,9 +15,9 @@ from heatrun.bench.record import Finding
 from heatrun.calibration import BenchTest, Refused, load_tests, refuse_unplaced_bodies
 from heatrun.errors import InputError
 from heatrun.inference.catalogue import known_effects
-from heatrun.inference.draws import Draws
 from heatrun.inference.fitting.fit_result import RESULT, Fit
 from heatrun.inference.model import Model
+from heatrun.inference.posterior import Draws
 from heatrun.inference.predict import predict
 from heatrun.inference.problem import Problem
 from heatrun.motor import Motor
@@ -27,7 +27,7 @@ from .batches import Batch, digest_or_none, files_by_role, resolved
 from .entries import Entry
 from .rows import FAILED, REFUSED, Row, file_row, fitted, unfitted
 from .shared_effects.columns import effect_columns
-from .shared_effects.evidence import evidence_of
+from .shared_effects.pooled import evidence_of
 
 NUM_DRAWS = 400
 """Draws behind the band of a held-out test."""

@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from .card import TEST_TYPES as TEST_TYPES
     from .card import BenchTestType as BenchTestType
     from .card import Kind as Kind
-    from .energy import energy_report as energy_report
+    from .general import energy_report as energy_report
     from .general import general_report as general_report
     from .job import Outcome as Outcome
     from .job import make_report as make_report
-    from .prototypes.job import make_prototypes_report as make_prototypes_report
-    from .reference import Reference as Reference
-    from .reference import read_reference as read_reference
+    from .prototypes.report import make_prototypes_report as make_prototypes_report
     from .report import Report as Report
+    from .simulated import Reference as Reference
+    from .simulated import read_reference as read_reference
     from .thermal import thermal_report as thermal_report
     from .validation_report import validation_report as validation_report
 
@@ -31,13 +31,13 @@ _PLACES = {
     "TEST_TYPES": ".card",
     "BenchTestType": ".card",
     "Kind": ".card",
-    "energy_report": ".energy",
+    "energy_report": ".general",
     "general_report": ".general",
     "Outcome": ".job",
     "make_report": ".job",
-    "make_prototypes_report": ".prototypes.job",
-    "Reference": ".reference",
-    "read_reference": ".reference",
+    "make_prototypes_report": ".prototypes.report",
+    "Reference": ".simulated",
+    "read_reference": ".simulated",
     "Report": ".report",
     "thermal_report": ".thermal",
     "validation_report": ".validation_report",

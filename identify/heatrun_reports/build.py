@@ -11,11 +11,9 @@ from heatrun.errors import UsageError
 from heatrun.motor import Motor
 
 from .card import TEST_TYPES, Kind
-from .energy import energy_report
-from .general import general_report
-from .reference import Reference, reference_of_run
+from .general import energy_report, general_report
 from .report import Report
-from .simulated import simulate_run
+from .simulated import Reference, reference_of_run, simulate_run
 from .thermal import thermal_report
 from .validation_report import validation_report
 

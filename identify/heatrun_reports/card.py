@@ -1,4 +1,7 @@
-"""The test types of the bench: what each is called, what it needs and what it shows."""
+"""The test types of the bench: what each is called, what it needs and what it shows.
+
+What the heat flows of a network are called in a report: symbol and words, by link.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
-from heatrun.bench.channels.schema import CHANNELS
+from heatrun.bench.channels.claims import CHANNELS
+from heatrun.inference.networks.form import NetworkForm
 
 Kind = Literal["general", "thermal", "energy", "virtual", "real", "prototypes"]
 """Test type, as `heatrun report --type` takes it."""
@@ -155,3 +159,29 @@ PROTOTYPES = BenchTestType(
 
 CARDS: Mapping[Kind, BenchTestType] = MappingProxyType({**TEST_TYPES, "prototypes": PROTOTYPES})
 """Every kind of report, by its word on the command line."""
+
+
+WITHIN = ("winding", "stator")
+
+
+def flow_words(form: NetworkForm) -> dict[tuple[str, str], tuple[str, str]]:
+    """Return symbol and words of the heat flow of each link of a network.
+
+    P_ws and P_se are the two flows of the thesis: from winding to stator, and from the machine to
+    the sink that T0 stands for. Of two sinks, that one is named.
+
+    Args:
+        form: The network.
+    """
+    sink = f"the {form.sink}" if form.second_sink else "the sink"
+    body = "stator" if "stator" in form.nodes else "winding"
+    known = {
+        WITHIN: ("P_ws", "winding to stator"),
+        (body, form.sink): ("P_se", f"{body if body == 'stator' else 'machine'} to {sink}"),
+    }
+    return {link: known.get(link, unnamed(link)) for link, _ in form.resistance}
+
+
+def unnamed(link: tuple[str, str]) -> tuple[str, str]:
+    """Return what stands for symbol and words of a flow that has no symbol of its own."""
+    return " to ".join(link), "heat flow"

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from heatrun.commands import words
-from heatrun.commands.console import bar, printable, say
-from heatrun.commands.exit_codes import DONE, NOT_ALLOWED
+from heatrun.commands.console import DONE, NOT_ALLOWED, bar, printable, say
 
 if TYPE_CHECKING:
     from . import Outcome
@@ -73,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
     from heatrun.motorfile import load_motor
 
     from . import make_report
-    from .analysis.parse_tolerances import parse_tolerances
+    from .analysis.general_information import parse_tolerances
 
     tolerances = parse_tolerances(options.tolerance)
     if options.kind == "prototypes":
@@ -101,7 +100,7 @@ def _prototypes(options: argparse.Namespace, tolerances: Mapping[str, float]) ->
     from heatrun.motorfile import load_motor
 
     from . import make_prototypes_report
-    from .prototypes.roles import parse_roles
+    from .prototypes.prototype import parse_roles
 
     if options.reference is not None or options.offset is not None:
         raise UsageError(

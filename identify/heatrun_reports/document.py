@@ -10,13 +10,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from heatrun.io.printable import with_breaks
-from heatrun.io.quantities import plain
-from heatrun.io.without_folders import without_folders
-from heatrun.reports.sheet.digits import fixed
+from heatrun.io.quantities import plain, with_breaks
+from heatrun.io.whole_files import without_folders
 from heatrun.reports.sheet.figures import save
-from heatrun.reports.sheet.page_fill import filling_height
-from heatrun.reports.sheet.typeset import typeset
+from heatrun.reports.sheet.pdf import filling_height, typeset
+from heatrun.reports.sheet.printed import fixed
 from heatrun.reports.texts import Texts
 
 from .card import CARDS

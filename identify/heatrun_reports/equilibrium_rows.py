@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 from heatrun.reports.sheet.printed import places_of
 
-from .analysis.equilibrium import Equilibrium
+from .analysis.equilibrium import Equilibrium, SteadyRise
 from .analysis.steady_of_network import SteadyNetwork
-from .analysis.steady_rise import SteadyRise
 from .figures.plot import wording
 from .report import Column, Line, Row, Table
 

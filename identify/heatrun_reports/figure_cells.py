@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .analysis.compare_figures import FigureComparison
+from .analysis.validation import FigureComparison
 
 
 def is_judged(figure: FigureComparison) -> bool:

@@ -23,11 +23,10 @@ from .card import Kind
 from .content import report_content
 from .csv_table import csv_table
 from .document import write_pdf
-from .reference import read_reference
 from .report import Report
 from .report_name import DateOfTest, choose_name, date_of_record, date_of_test, set_name
+from .simulated import read_reference, refuse_changed
 from .tests_in import tests_in
-from .unchanged import refuse_changed
 
 USUAL_S = 2.0
 """Time that a report usually takes [s]."""

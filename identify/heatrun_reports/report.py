@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from heatrun.bench.record import Finding, Source
 
+from .analysis.equilibrium import ThermalBehaviour
 from .analysis.general_information import GeneralInformation
-from .analysis.thermal_behaviour import ThermalBehaviour
 from .analysis.validation import Validation
 from .card import Kind
 from .prototypes.confront import Confrontation

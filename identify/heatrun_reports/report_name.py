@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from heatrun.bench import Record
-from heatrun.bench.clocks.day import CLOCK
+from heatrun.bench.clocks.header_date import CLOCK_OF_DAY as CLOCK
 from heatrun.errors import InputError
 from heatrun.io.file_set import names_begun
 

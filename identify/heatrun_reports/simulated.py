@@ -1,14 +1,30 @@
-"""What a run says of a test, for the reports that set it beside the measurement."""
+"""What a run says of a test, for the reports that set it beside the measurement.
+
+A report names the digest of its files, so that they must still be the files it was made of.
+
+The record of the other prototype: a bench file, a simulated one, or a run driven by the test.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from heatrun.bench.record import Record
+import numpy as np
+from jaxtyping import Float
+
+from heatrun.bench.channels.claims import CHANNELS
+from heatrun.bench.checks.samples import sink_channel
+from heatrun.bench.readers.open_file import digest, is_pipe
+from heatrun.bench.readers.read import read_raw, read_record
+from heatrun.bench.record import Record, Source
+from heatrun.errors import InputError
 from heatrun.inference.predict import Prediction
 from heatrun.motor import Motor
 from heatrun.runs.run import open_run
+
+from .analysis.pair import Pair
 
 
 @dataclass(frozen=True)
@@ -53,3 +69,150 @@ def simulate_run(run: Path, record: Record, motor: Motor, *, seed: int = 0) -> S
     opened = open_run(run)
     found = opened.predict(record, motor=motor, seed=seed)
     return Simulated(found, not found.is_held_out, opened.result.motor.name)
+
+
+def refuse_changed(sources: Iterable[Source]) -> None:
+    """Check that files on disk are those that were read.
+
+    Args:
+        sources: As the readers left them.
+
+    Raises:
+        InputError: If a file is gone or holds other bytes than when it was read.
+    """
+    for source in sources:
+        if is_pipe(source.path):  # it was read once and cannot be read again, nor replaced
+            continue
+        try:
+            now = digest(source.path)
+        except OSError as error:
+            raise InputError(
+                f"The file was there and cannot be opened any more ({error.strerror}).",
+                where=source.path,
+                remedy="Start again when nothing else writes to it.",
+            ) from error
+        if now != source.sha256:
+            raise InputError(
+                f"The file was replaced while it was read: SHA-256 {source.sha256[:16]} was read, "
+                f"{now[:16]} lies there now.",
+                where=source.path,
+                remedy="Start again when the logger or the copy has finished.",
+            )
+
+
+SIDES = ("low", "high")
+SIMULATED = ("time_s", "copper_loss_W", "other_loss_W")
+"""Columns that `heatrun simulate` writes; no bench measures the last two."""
+
+Limits = tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The record that a test is compared with.
+
+    Attributes:
+        record: On its own clock.
+        bands: Lower and upper 95 % limit by channel, on the record's time axis.
+        inputs: Channels that drove a simulation, and say nothing of how good it is.
+        starts_at_s: Where the first sample of a simulated file lies on the clock of the bench test
+            that it was simulated along [s]; None for any other record.
+        run: The run folder that was driven by the test; empty for a file.
+        is_model: Whether it is given as a virtual prototype: whatever made it, no sensor did.
+    """
+
+    record: Record
+    bands: Mapping[str, Limits] = field(default_factory=dict)
+    inputs: frozenset[str] = frozenset()
+    starts_at_s: float | None = None
+    run: str = ""
+    is_model: bool = False
+
+    @property
+    def is_of_heatrun(self) -> bool:
+        """Whether heatrun simulated it."""
+        return self.starts_at_s is not None or bool(self.run)
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether it is a simulation, by heatrun or another program."""
+        return self.is_of_heatrun or self.is_model
+
+
+def read_reference(path: Path, motor: Motor) -> Reference:
+    """Read the record of the other prototype.
+
+    A column that `[columns]` names and that this file lacks is no error, since prototypes are
+    logged by different devices; canonical and known names are found as ever. A band is two columns
+    such as `winding_95_low_degC` and `winding_95_high_degC`, in the unit of the channel.
+
+    Args:
+        path: The file.
+        motor: The machine.
+
+    Raises:
+        InputError: If the file cannot be read, or changes meanwhile.
+    """
+    record = read_record(path, motor, is_part=True)
+    columns = {column.name.strip(): column.values for column in read_raw(path).columns}
+    refuse_changed(record.sources)
+    bands = {}
+    for channel in CHANNELS:
+        stem = channel.name.removesuffix(f"_{channel.unit}")
+        names = [f"{stem}_95_{side}_{channel.unit}" for side in SIDES]
+        if channel.name in record and all(name in columns for name in names):
+            low, high = (np.asarray(columns[name], dtype=float) for name in names)
+            bands[channel.name] = (low, high)
+    is_simulated = all(name in columns for name in SIMULATED)
+    return Reference(
+        record=record,
+        bands=bands,
+        inputs=driving(motor) if is_simulated else frozenset(),
+        starts_at_s=float(columns["time_s"][0]) if is_simulated else None,
+    )
+
+
+def reference_of_run(simulated: Simulated, run: Path, motor: Motor) -> Reference:
+    """Return the winding and stator that a run says of a test, as the record of a prototype.
+
+    Args:
+        simulated: The run, driven by the test.
+        run: Its folder.
+        motor: The machine.
+    """
+    found = simulated.prediction
+    channels = {"time_s": found.time_s, "winding_degC": found.median}
+    bands = {"winding_degC": found.total["95"]}
+    stator = found.model.form.sensed("stator_degC")
+    if stator is not None:
+        channels["stator_degC"] = found.nodes[stator]
+        bands["stator_degC"] = found.nodes_95[stator]
+    return Reference(
+        record=Record(f"run {run.name}", channels),
+        bands=bands,
+        inputs=driving(motor),
+        run=str(run),
+    )
+
+
+def driving(motor: Motor) -> frozenset[str]:
+    """Return the channels that drive a simulation of the network."""
+    return frozenset(("phase_current_A", "losses_W", "speed_rpm", sink_channel(motor)))
+
+
+def bands_on_axis(reference: Reference, pair: Pair) -> dict[str, Limits]:
+    """Return the bands of a reference on the common axis of a pair, by channel."""
+    clock = reference.record.time_s + pair.offset.offset_s
+    on_axis = {}
+    for channel, sides in reference.bands.items():
+        if channel in pair.theirs:
+            low, high = (_on_axis(pair.time_s, clock, side) for side in sides)
+            on_axis[channel] = (low, high)
+    return on_axis
+
+
+def _on_axis(axis: np.ndarray, clock: np.ndarray, values: np.ndarray) -> np.ndarray:
+    known = np.isfinite(values) & np.isfinite(clock)
+    if not known.any():
+        return np.full(axis.size, np.nan)
+    return np.interp(axis, clock[known], values[known], left=np.nan, right=np.nan)

@@ -11,17 +11,19 @@ import numpy as np
 from heatrun.bench.checks.samples import samples
 from heatrun.bench.record import Finding, Record
 from heatrun.motor import Motor
-from heatrun.reports.sheet.digits import format_interval, format_value
-from heatrun.reports.sheet.printed import COVERAGE_FACTOR, places_of
+from heatrun.reports.sheet.printed import COVERAGE_FACTOR, format_interval, format_value, places_of
 
-from .analysis.combined_uncertainty import instrument_class
-from .analysis.equilibrium import CRITERION, EXTRAPOLATION
-from .analysis.integrate import integrate
-from .analysis.loss_split import LossSplit
-from .analysis.signal_table import places_of_readings, recorded, rise_lines, signal_table
-from .analysis.steady_rise import SteadyRise
-from .analysis.thermal_behaviour import ThermalBehaviour, thermal_behaviour
-from .card import NOT_OF_THE_MACHINE, TEST_TYPES
+from .analysis.drive import LossSplit, integrate
+from .analysis.equilibrium import (
+    CRITERION,
+    EXTRAPOLATION,
+    SteadyRise,
+    ThermalBehaviour,
+    thermal_behaviour,
+)
+from .analysis.operating_ranges import places_of_readings, recorded, rise_lines, signal_table
+from .analysis.validation import instrument_class
+from .card import NOT_OF_THE_MACHINE, TEST_TYPES, flow_words, unnamed
 from .document import number
 from .equilibrium_rows import (
     equilibrium_rows,
@@ -32,7 +34,6 @@ from .equilibrium_rows import (
 )
 from .figures import thermal as figures
 from .figures.plot import wording
-from .flow_words import flow_words, unnamed
 from .independence import before, fitted_by
 from .report import Drawing, Report, Row
 from .simulated import Simulated

@@ -11,17 +11,21 @@ from typing import Literal
 from heatrun.bench.record import Record
 from heatrun.motor import Motor
 
-from .analysis.compare_figures import FigureComparison
-from .analysis.compare_signals import VERDICTS, SignalComparison
-from .analysis.tolerances import PERCENT, RULE
-from .analysis.validation import Validation, validate
+from .analysis.validation import (
+    PERCENT,
+    RULE,
+    VERDICTS,
+    FigureComparison,
+    SignalComparison,
+    Validation,
+    validate,
+)
 from .card import TEST_TYPES
 from .figure_cells import figure_cells, is_judged
-from .figures.pair import overlay
-from .figures.plot import unit, wording
+from .figures.plot import overlay, unit, wording
 from .independence import before, fitted_by, same_file, simulated_as
-from .reference import Reference
 from .report import Column, Drawing, Line, Report, Row, Table
+from .simulated import Reference
 
 DIFFERENCE_COLUMNS = (
     Column("bias"),

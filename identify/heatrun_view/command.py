@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from heatrun.commands import words
-from heatrun.commands.exit_codes import DONE
+from heatrun.commands.console import DONE
 
 if TYPE_CHECKING:
     from .server.running import ViewServer

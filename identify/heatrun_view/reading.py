@@ -8,19 +8,18 @@ from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
 
-from heatrun.bench.channels.column_mapping import HEAD, describe_columns, grouped
+from heatrun.bench.channels.mapping import HEAD, describe_columns, grouped
 from heatrun.bench.checks import check_record
 from heatrun.bench.following import NotFollowed
 from heatrun.bench.gaps import over_gaps
 from heatrun.bench.record import Finding, Record
 from heatrun.bench.survey import Survey, survey
 from heatrun.errors import InputError
-from heatrun.io.opening import Opener, opening_by
+from heatrun.io.whole_files import Opener, opening_by
 from heatrun.motor import Motor, PartsOfTest
 from heatrun.motorfile import load_motor
 
-from .folder import Stamp
-from .store import Opened, RecordStore
+from .store import Opened, RecordStore, Stamp
 from .words import error_message, findings_html, message, table
 
 

@@ -1,4 +1,7 @@
-"""Run folders that the page can show: their results, bands and files."""
+"""Run folders that the page can show: their results, bands and files.
+
+Files that the page hands out: read when they are asked for, from inside their folder alone.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import pandas as pd
+import panel as pn
 
 from heatrun.errors import InputError
 from heatrun.results import DiscoveryResult, FitResult
@@ -18,10 +22,9 @@ from heatrun.runs.run import course_name, open_run
 from heatrun.runs.run_folder import MANIFEST
 
 from .fleets import MACHINES
-from .folder import Stamp
-from .plotting.band import Band
-from .server.confined import is_inside, read_inside
-from .store import Opened
+from .plotting.linked import Band
+from .server.gate import is_inside, read_inside
+from .store import Opened, Stamp
 
 DOWNLOADS = ("sheet.pdf", "sheet.xlsx", "sheet.json", "fit.json", "discovery.pdf", "discovery.json")
 """Files of a run that the page hands out."""
@@ -176,3 +179,25 @@ def _discovery(path: Path, root: Path, stamp: Stamp) -> DiscoveryResult | None:
         return None if opened is None else opened.discovery
     except (ValueError, LookupError, TypeError, RecursionError):  # InputError too
         return None
+
+
+def download(path: Path, root: Path, *, width: int) -> pn.widgets.FileDownload:
+    """Return a button that hands out a file.
+
+    Args:
+        path: The file.
+        root: The folder outside of which nothing is read, with links resolved.
+        width: Of the button [px].
+    """
+
+    def content() -> io.BytesIO:
+        try:
+            return io.BytesIO(read_inside(root, path, MAX_BYTES))
+        except InputError as error:
+            button.label = f"{path.name} cannot be read"
+            return io.BytesIO(f"{error}\n".encode(errors="backslashreplace"))
+
+    button = pn.widgets.FileDownload(
+        callback=content, filename=path.name, label=path.name, button_type="default", width=width
+    )
+    return button

@@ -13,7 +13,7 @@ import panel as pn
 from heatrun.errors import InputError
 from heatrun.io.whole_files import write_whole
 
-from .folder import SUFFIXES
+from .store import SUFFIXES
 
 MAX_NAME = 100
 """Longest file name that is kept [character]."""

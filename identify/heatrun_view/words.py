@@ -11,7 +11,7 @@ from heatrun.errors import InputError
 from heatrun.io.quantities import printed_unit, rounded
 from heatrun.reports.terminal import ranked, verdict_lines
 from heatrun.results import DiscoveryResult, FitResult
-from heatrun.results.missing import MissingSpan
+from heatrun.results.model import MissingSpan
 from heatrun.runs.verdict import favoured
 
 

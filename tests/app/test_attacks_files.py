@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from heatrun.errors import InputError
-from heatrun.io.opening import opening_by
-from heatrun_view.folder import Folder
-from heatrun_view.server.confined import open_inside, read_inside
+from heatrun.io.whole_files import opening_by
+from heatrun_view.server.gate import open_inside, read_inside
+from heatrun_view.store import Folder
 
 SECRET = "root:x:0:0:secret of the system"
 NUM_SWAPS = 400

@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heatrun.bench.following import FollowedTest, NotFollowed
-from heatrun.bench.growing_columns import GrowingColumns
+from heatrun.bench.following import FollowedTest, GrowingColumns, NotFollowed
 from heatrun.bench.readers.read import read_record
-from heatrun.bench.readers.text.growth import MARK_BYTES, Growth
+from heatrun.bench.readers.text.values import MARK_BYTES, Growth
 from heatrun.errors import InputError
 from heatrun.motorfile import load_motor, parse_motor
 from heatrun_view.reading import Reader

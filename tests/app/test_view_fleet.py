@@ -16,10 +16,9 @@ from playwright.sync_api import expect
 
 import heatrun
 from heatrun.errors import InputError
-from heatrun_view.fleet_table import columns, details, headline, intervals
-from heatrun_view.fleets import Fleet, fleets_under
-from heatrun_view.folder import Folder
+from heatrun_view.fleets import Fleet, columns, details, fleets_under, headline, intervals
 from heatrun_view.runs import runs_under
+from heatrun_view.store import Folder
 from heatrun_view.tabs.fleet import FOUND, ODD, POOR, FleetTab
 
 pytest.importorskip("pyarrow")

@@ -11,10 +11,8 @@ import pytest
 
 from heatrun.bench import Record
 from heatrun.errors import InputError
-from heatrun_view.folder import Stamp
-from heatrun_view.frame import Screen
-from heatrun_view.look import DARK, LIGHT
-from heatrun_view.motor_windows import (
+from heatrun_view.look import DARK, LIGHT, Screen
+from heatrun_view.motor_text import (
     windows_of,
     windows_text,
     with_window,
@@ -22,14 +20,10 @@ from heatrun_view.motor_windows import (
     write_windows,
 )
 from heatrun_view.plotting.linked import Plots, Told
-from heatrun_view.plotting.readout import cursor_table
-from heatrun_view.plotting.styles import colours
-from heatrun_view.plotting.time_axis import spoken, unit_of
-from heatrun_view.plotting.trace import Trace
-from heatrun_view.server.confined import replace_inside
-from heatrun_view.store import Opened
-from heatrun_view.tabs.aligning import shifts_of
-from heatrun_view.tabs.cutting import Cutting
+from heatrun_view.plotting.trace import Trace, colours, cursor_table, spoken, unit_of
+from heatrun_view.server.gate import replace_inside
+from heatrun_view.store import Opened, Stamp
+from heatrun_view.tabs.signals import Cutting, shifts_of
 
 MOTOR = b"""# bench 3\r
 [motor]\r

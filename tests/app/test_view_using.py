@@ -9,8 +9,7 @@ import pytest
 
 from heatrun.cli import _parser
 from heatrun.errors import InputError
-from heatrun_view.folder import Folder
-from heatrun_view.store import RecordStore
+from heatrun_view.store import Folder, RecordStore
 from heatrun_view.tabs.page import Page
 from heatrun_view.uploads import UploadRoom
 

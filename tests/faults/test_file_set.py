@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from heatrun.io.file_set import FileSet, names_begun, together
-from heatrun.io.undisturbed import undisturbed
+from heatrun.io.whole_files import undisturbed
 
 NUM_FILES = 5
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from heatrun.errors import InputError
-from heatrun.io import folder_lock
-from heatrun.io.folder_lock import FolderLock
+from heatrun.io import caches as folder_lock
+from heatrun.io.caches import FolderLock
 
 HOLD = """
 import sys, time

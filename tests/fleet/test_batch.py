@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 from fleet_machines import machine
 
-from heatrun.inference.fitting.corner import delays
-from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.fit import delays, fit
 from heatrun.inference.fitting.restricted import polished_noise
 from heatrun.inference.problem import Problem, linearise, whitened
 from heatrun.motor import ParameterOverride
 from heatrun_fleet.batch.fit import fit_batch, fits
 from heatrun_fleet.batch.layout import NotBatched, bucket, key_of, pack
-from heatrun_fleet.batch.matrices import solve, sweep
-from heatrun_fleet.batch.residuals import residuals_of_group
+from heatrun_fleet.batch.residuals import residuals_of_group, solve, sweep
 from heatrun_fleet.batch.search import search
 
 SAME = 1e-6

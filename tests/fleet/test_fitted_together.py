@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 from simulated_fleet import write_fleet
 
-from heatrun_fleet import fitting
+from heatrun_fleet import work as fitting
 from heatrun_fleet.batches import batches_of, digests_of, numerics
 from heatrun_fleet.cluster import Workers
-from heatrun_fleet.fitting import FEWEST, TOO_FEW, fit_machines
 from heatrun_fleet.fleet_file import load_fleet
 from heatrun_fleet.job import calibrate_fleet_into
 from heatrun_fleet.machine import Prepared, prepare
 from heatrun_fleet.parts import read_part, table_bytes
-from heatrun_fleet.work import work_out
+from heatrun_fleet.work import FEWEST, TOO_FEW, fit_machines, work_out
 
 NUM = FEWEST + 2
 

@@ -19,7 +19,7 @@ import pytest
 
 from heatrun import cli
 from heatrun.errors import InputError
-from heatrun.io.folder_lock import FolderLock
+from heatrun.io.caches import FolderLock
 from heatrun_fleet import job
 from heatrun_fleet.batches import batches_of, digests_of, numerics
 from heatrun_fleet.cluster import Workers

@@ -11,13 +11,24 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from heatrun.errors import InputError
-from heatrun_fleet.population.evidence import Evidence
-from heatrun_fleet.population.factors import cholesky, solve_lower
-from heatrun_fleet.population.law import Hyperprior, log_marginal, num_scores, unpack
-from heatrun_fleet.population.machines import _under, given_population
-from heatrun_fleet.population.next_machine import next_machine
-from heatrun_fleet.population.sampling import Data, _many, sample_population
-from heatrun_fleet.population.tolerance import tolerance_limits
+from heatrun_fleet.population.gathered import Evidence
+from heatrun_fleet.population.law import (
+    Hyperprior,
+    cholesky,
+    log_marginal,
+    num_scores,
+    solve_lower,
+    unpack,
+)
+from heatrun_fleet.population.sampling import (
+    Data,
+    _many,
+    _under,
+    given_population,
+    next_machine,
+    sample_population,
+    tolerance_limits,
+)
 
 # D. B. Rubin, Estimation in parallel randomized experiments, Journal of Educational Statistics 6
 # (1981) 377-401: effects of coaching in eight schools and their standard errors

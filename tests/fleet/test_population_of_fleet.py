@@ -16,8 +16,7 @@ from heatrun.errors import InputError
 from heatrun.motorfile import parse_motor
 from heatrun.results import from_json
 from heatrun.results.schema import shipped
-from heatrun_fleet.population.covariates import covariates_of
-from heatrun_fleet.population.design import designed
+from heatrun_fleet.population.design import covariates_of, designed
 from heatrun_fleet.population.of_fleet import gathered_of_fleet, read_fleet
 from heatrun_fleet.population.table import COLUMNS, schema
 from heatrun_fleet.results import PopulationResult

@@ -16,19 +16,18 @@ from simulated_fleet import write_fleet
 from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.laplace import whiten_fit
+from heatrun.inference.fitting.restricted import whiten_fit
 from heatrun.inference.problem import Problem, linearise
 from heatrun.results import to_json
 from heatrun.results.schema import shipped
 from heatrun_fleet.batches import batches_of, digests_of, numerics
 from heatrun_fleet.fleet_file import load_fleet
 from heatrun_fleet.machine import Prepared, prepare
+from heatrun_fleet.shared_effects.claims import discovery_text
 from heatrun_fleet.shared_effects.columns import effect_columns, evidence_in, packed, unpacked
-from heatrun_fleet.shared_effects.evidence import Evidence, evidence_of
 from heatrun_fleet.shared_effects.job import NAME, discover_fleet, discover_type, read_discovery
-from heatrun_fleet.shared_effects.pooled import pool
+from heatrun_fleet.shared_effects.pooled import Evidence, evidence_of, pool
 from heatrun_fleet.shared_effects.search import FEWEST
-from heatrun_fleet.shared_effects.text import discovery_text
 from lptn.effects import EFFECTS as EFFECTS_OF_CATALOGUE
 
 PARAMETERS = ("Req_sr", "power_gain", "sensor_gain", "Tsr_start[1]")

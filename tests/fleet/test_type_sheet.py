@@ -10,7 +10,7 @@ import pytest
 from pypdf import PdfReader
 
 from heatrun.results import from_json
-from heatrun.results.gap import ValueWithInterval
+from heatrun.results.discovery import ValueWithInterval
 from heatrun_fleet.results import PopulationResult
 from heatrun_fleet.type_sheet.content import type_sheet_content
 from heatrun_fleet.type_sheet.document import write_type_sheet

@@ -30,11 +30,11 @@ from heatrun.bench.readers.read import read_record
 from heatrun.errors import InputError
 from heatrun.inference.networks import network_named
 from heatrun.inference.networks.text import network_of, network_text
-from heatrun.inference.sampling.checkpoint import Checkpoint
+from heatrun.inference.sampling.ensemble import Checkpoint
 from heatrun.motorfile import load_motor
-from heatrun.parameter_files import parameters_from
 from heatrun.reports.sheet.of_run import rewrite_sheet
 from heatrun.runs.run import open_run
+from heatrun.simulation import parameters_from
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "readings"))
 

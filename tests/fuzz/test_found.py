@@ -20,9 +20,9 @@ from heatrun.bench.readers import mat, mat5, open_file, parquet
 from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.errors import InputError
 from heatrun.inference.networks import network_named
-from heatrun.inference.sampling.checkpoint import CONTENT, Checkpoint
+from heatrun.inference.sampling.ensemble import CONTENT, Checkpoint
 from heatrun.motorfile import load_motor
-from heatrun.parameter_files import parameters_from
+from heatrun.simulation import parameters_from
 
 ROOT = Path(__file__).parents[2]
 GOOD = "Ceq_w = 666.75\nCeq_sr = 15060.1\nReq_w = 0.14485\nReq_sr = 0.11625\n"

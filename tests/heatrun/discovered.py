@@ -6,7 +6,7 @@ from heatrun.discovery.run import tell
 from heatrun.effects.found import find
 from heatrun.effects.missing import missing
 from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.held_heat import holding_heat
+from heatrun.inference.fitting.fit_checks import holding_heat
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
 

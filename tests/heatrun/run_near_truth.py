@@ -15,8 +15,8 @@ from heatrun.bench.reduction import reduce
 from heatrun.inference.model import Model
 from heatrun.inference.model_parameters import parameters
 from heatrun.motor import Motor, ParameterOverride
-from heatrun.runs.model_text import ModelOfRun, model_text
 from heatrun.runs.motor_text import motor_text
+from heatrun.runs.run import ModelOfRun, model_text
 
 TRUTH = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062}
 INSTRUMENTS = ("current_gain", "power_gain", "sensor_gain", "sensor_offset", "ambient_offset")

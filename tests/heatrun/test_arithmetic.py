@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun import arithmetic
-from heatrun.arithmetic import refuse_wrong_sums, sums_of_squares
+from heatrun import attempts as arithmetic
+from heatrun.attempts import refuse_wrong_sums, sums_of_squares
 from heatrun.effects.found import find
 from heatrun.errors import InputError
 from heatrun.inference.fitting.fit import fit
 from heatrun_fleet.batch.fit import fit_batch
-from heatrun_fleet.fitting import fit_machines
+from heatrun_fleet.work import fit_machines
 
 BEGINNINGS = {
     # wrong sums are refused before anything is looked at: no test is needed here

@@ -12,14 +12,14 @@ from heatrun.bench.checks import check_record
 from heatrun.bench.checks.balance_errors import told_by_inputs
 from heatrun.bench.reduction import reduce
 from heatrun.export import Corrections
+from heatrun.inference.bodies import corrected_losses
 from heatrun.inference.fitting.fit import fit
-from heatrun.inference.instruments import corrected_losses
 from heatrun.inference.model import Model
 from heatrun.inference.posterior import sample
 from heatrun.inference.predict import predict
 from heatrun.inference.problem import Problem
 from heatrun.motor import ParameterOverride
-from heatrun.ratings.tested import tested as seen_in
+from heatrun.ratings.machine import tested as seen_in
 
 GAIN = 0.05
 NUM_LOADS = 16

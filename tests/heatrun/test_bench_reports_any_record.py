@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heatrun.bench.channels.schema import CHANNELS
+from heatrun.bench.channels.claims import CHANNELS
 from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.motor import Motor

@@ -12,9 +12,8 @@ from heatrun.bench.readers.read import read_record
 from heatrun.bench.record import Record
 from heatrun.motor import Motor
 from heatrun_reports import build_report
-from heatrun_reports.analysis.constant_load import stretches
-from heatrun_reports.analysis.equilibrium import equilibria
-from heatrun_reports.analysis.steady_rise import SteadyRise, steady_rise
+from heatrun_reports.analysis.drive import stretches
+from heatrun_reports.analysis.equilibrium import SteadyRise, equilibria, steady_rise
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
 BENCH = Path(__file__).parents[3] / "shared" / "bench" / "paderborn_profile24_heatrun_2p5s.csv.gz"

@@ -16,8 +16,8 @@ from heatrun.motor import Motor
 from heatrun.runs.run import open_run
 from heatrun.simulation import simulate_file
 from heatrun_reports import build_report, read_reference
+from heatrun_reports.analysis.drive import split_losses
 from heatrun_reports.analysis.equilibrium import equilibrium
-from heatrun_reports.analysis.loss_split import split_losses
 from heatrun_reports.simulated import simulate_run
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)

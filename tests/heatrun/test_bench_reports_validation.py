@@ -19,8 +19,8 @@ from heatrun.errors import InputError, UsageError
 from heatrun.motor import Motor
 from heatrun.motorfile import load_motor
 from heatrun_reports import Reference, build_report, read_reference
+from heatrun_reports.analysis.general_information import parse_tolerances
 from heatrun_reports.analysis.pair import pair_records
-from heatrun_reports.analysis.parse_tolerances import parse_tolerances
 from heatrun_reports.analysis.validation import validate
 
 PROTOTYPES = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"

@@ -12,7 +12,7 @@ from heatrun.errors import UsageError
 from heatrun.motor import Motor, ParameterOverride
 from heatrun.motorfile import load_motor
 from heatrun_reports import Reference, build_report, read_reference
-from heatrun_reports.analysis.parse_tolerances import parse_tolerances
+from heatrun_reports.analysis.general_information import parse_tolerances
 from heatrun_reports.analysis.validation import Validation, validate
 
 PROTOTYPES = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"

@@ -18,12 +18,11 @@ from heatrun.calibration import calibrate, load_tests, manifest
 from heatrun.errors import InputError
 from heatrun.inference.bodies import body_courses
 from heatrun.inference.comparison import verdict
-from heatrun.inference.draws import Draws
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.fit_result import Fit
 from heatrun.inference.model import Model
 from heatrun.inference.noise import log_density, whiten
-from heatrun.inference.posterior import normal_draws
+from heatrun.inference.posterior import Draws, normal_draws
 from heatrun.inference.predict import of_test
 from heatrun.inference.problem import Problem
 from heatrun.motorfile import load_motor

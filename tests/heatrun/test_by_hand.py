@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from heatrun.bench.reduction import reduce
-from heatrun.by_hand import ByHand
-from heatrun.simulation import exact_draws, predict_values
+from heatrun.simulation import ByHand, exact_draws, predict_values
 
 
 @pytest.fixture(scope="module")

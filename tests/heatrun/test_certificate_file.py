@@ -6,10 +6,9 @@ import re
 
 import pytest
 
-from heatrun.certificate import Certificate, Instrument
 from heatrun.certificate_file import load_meta, parse_meta
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.motor import Certificate, Instrument, Motor
 from heatrun.motorfile import parse_motor
 from heatrun.runs.motor_text import motor_text
 

@@ -15,18 +15,17 @@ from pypdf import PdfReader
 
 from heatrun.bench.channels.derive import BY_CONSTANTS
 from heatrun.bench.record import Finding
-from heatrun.certificate import Certificate, Instrument
+from heatrun.motor import Certificate, Instrument
 from heatrun.reports.sheet import printed as printed_module
 from heatrun.reports.sheet.certificate import certificate_content
 from heatrun.reports.sheet.content import sheet_content
-from heatrun.reports.sheet.days import test_days as days_of
 from heatrun.reports.sheet.figures import save
-from heatrun.reports.sheet.glyphs import shown
-from heatrun.reports.sheet.pdf import write_pdf
+from heatrun.reports.sheet.pdf import shown, write_pdf
 from heatrun.reports.sheet.printed import printed
+from heatrun.reports.sheet.printed import test_days as days_of
 from heatrun.reports.sheet.xlsx import write_xlsx
 from heatrun.results import FitResult, from_json, to_json
-from heatrun.results.parameter import FittedParameter
+from heatrun.results.model import FittedParameter
 from heatrun.runs.verdict import headline
 
 STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from heatrun.bench.channels.channel_map import map_columns
+from heatrun.bench.channels.claims import CHANNEL, COLUMN_MAPS
 from heatrun.bench.channels.header import split_name
-from heatrun.bench.channels.maps import COLUMN_MAPS
-from heatrun.bench.channels.schema import CHANNEL
 from heatrun.bench.readers.table import Column, Stated, Table
 from heatrun.errors import InputError
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from heatrun.inference.comparison import verdict
-from heatrun.inference.score_error import ScoreDifference
+from heatrun.inference.predict import ScoreDifference
 from heatrun.results import FitResult, from_json
 
 STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"

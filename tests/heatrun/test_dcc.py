@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 import pytest
 from dcc_structure import DCC, SI, violations
 
-from heatrun.certificate import Certificate, Instrument
 from heatrun.errors import InputError
+from heatrun.motor import Certificate, Instrument
 from heatrun.reports.sheet.dcc.document import dcc_text
 from heatrun.reports.sheet.dcc.schema import validate
 from heatrun.results import FitResult, from_json

@@ -13,8 +13,8 @@ import pytest
 from scipy.special import logsumexp
 from test_noise import covariance
 
+from heatrun.inference.discrepancy import left_out, windows
 from heatrun.inference.fitting.fit import fit
-from heatrun.inference.left_out import left_out, windows
 from heatrun.inference.model import Model
 from heatrun.inference.noise import from_scores
 from heatrun.inference.posterior import weighted_draws

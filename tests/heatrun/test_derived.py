@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from heatrun.bench import read_record
+from heatrun.bench.channels.claims import CHANNEL
 from heatrun.bench.channels.derive import DERIVATIONS, derive
-from heatrun.bench.channels.schema import CHANNEL
 from heatrun.motor import Motor
 
 SHAFT = {"torque_Nm": np.array([0.0, 10.0]), "speed_rpm": np.array([1000.0, 3000.0])}

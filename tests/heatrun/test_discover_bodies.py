@@ -12,10 +12,8 @@ import pytest
 from discovered import discovered
 from machine_of_two_sensors import machine
 
-from heatrun.discovery.adequacy import adequacy
-from heatrun.discovery.folds import folds
-from heatrun.discovery.localise import Course, Where
-from heatrun.discovery.response import respond
+from heatrun.discovery.localise import Course, Where, respond
+from heatrun.discovery.run import adequacy, folds
 from heatrun.effects.engine import Engine
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.model import Model

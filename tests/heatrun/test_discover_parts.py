@@ -10,9 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun.discovery.folds import folds, left_out_errors, rmse
-from heatrun.effects.engine import Engine, white
-from heatrun.effects.library import library
+from heatrun.discovery.run import folds, left_out_errors, rmse
+from heatrun.effects.engine import Engine, library, white
 from heatrun.errors import InputError
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.model import Model

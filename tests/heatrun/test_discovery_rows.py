@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from heatrun.reports.discovery.report import parameter_row
-from heatrun.results.gap import ParameterBeforeAfter, ValueWithInterval
+from heatrun.results.discovery import ParameterBeforeAfter, ValueWithInterval
 
 
 @pytest.mark.parametrize(

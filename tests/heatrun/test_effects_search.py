@@ -9,8 +9,7 @@ import pytest
 from hidden_machines import machine
 
 from heatrun.effects.engine import Engine
-from heatrun.effects.extension import with_catalogue
-from heatrun.effects.found import asked_findings, find
+from heatrun.effects.found import asked_findings, find, with_catalogue
 from heatrun.effects.linear import Linear, evidence
 from heatrun.effects.search import Search, neighbours
 from heatrun.inference.model import Model

@@ -10,7 +10,7 @@ from measured_machine import measured_record
 
 from heatrun.bench.reduction import reduce
 from heatrun.effects.engine import Engine, placed
-from heatrun.effects.extension import with_catalogue
+from heatrun.effects.found import with_catalogue
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model

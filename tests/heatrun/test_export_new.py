@@ -21,7 +21,7 @@ from heatrun.bench.readers.read import read_record
 from heatrun.errors import InputError
 from heatrun.export import export_test, mat_bytes
 from heatrun.motorfile import load_motor
-from heatrun.parameter_files import read_parameters
+from heatrun.simulation import read_parameters
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 PARAMETERS = "Ceq_w = 666.75\nCeq_sr = 15060.1\nReq_w = 0.14485\nReq_sr = 0.11625\n"

@@ -7,7 +7,7 @@ import pytest
 from heat_runs import CLEAN, MOTOR, as_columns, changed, decided, every, fell_off, heat_run
 
 from heatrun.bench.checks import check_record
-from heatrun.bench.checks.settling import cooling_constants
+from heatrun.bench.checks.course import cooling_constants
 from heatrun.bench.checks.unexplained import unexplained_movement
 from heatrun.bench.record import Record
 

@@ -11,7 +11,7 @@ from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
 from heatrun.inference.fitting import fit as fit_module
 from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.laplace import whiten_fit
+from heatrun.inference.fitting.restricted import whiten_fit
 from heatrun.inference.model import Model
 from heatrun.inference.model_parameters import parameters
 from heatrun.inference.problem import Problem, linearise, log_posterior, residuals

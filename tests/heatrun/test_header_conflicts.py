@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from heatrun.bench.channels.channel_map import map_columns
-from heatrun.bench.channels.column_unit import unit_of
+from heatrun.bench.channels.claims import CHANNEL
 from heatrun.bench.channels.header import split_name
-from heatrun.bench.channels.schema import CHANNEL
+from heatrun.bench.channels.mapping import unit_of
 from heatrun.bench.readers.read import read_record
 from heatrun.bench.readers.table import Column, Table
 from heatrun.bench.readers.text.remarks import units_of_remarks

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 from heatrun.bench.channels import header
-from heatrun.bench.channels.column_unit import unit_of
+from heatrun.bench.channels.claims import CHANNEL
 from heatrun.bench.channels.header import LONGEST_NAME, LONGEST_UNIT, plain, split_name
-from heatrun.bench.channels.schema import CHANNEL
-from heatrun.bench.channels.unit_table import QUANTITIES, Unit
-from heatrun.bench.channels.units import require_unit
+from heatrun.bench.channels.mapping import unit_of
+from heatrun.bench.channels.units import QUANTITIES, Unit, require_unit
 from heatrun.bench.readers.table import Column
 from heatrun.errors import InputError
 

@@ -12,7 +12,7 @@ import heatrun
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
 from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.held_heat import distance, holding_heat, is_overruled
+from heatrun.inference.fitting.fit_checks import distance, holding_heat, is_overruled
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
 from heatrun.motor import Adequacy, Motor

@@ -17,8 +17,7 @@ from heatrun.errors import InputError
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
 from heatrun.inference.model_parameters import override_names
-from heatrun.inference.networks.masses import Masses
-from heatrun.inference.networks.scale import scale_of_tests, scaled
+from heatrun.inference.networks.scale import Masses, scale_of_tests, scaled
 from heatrun.inference.networks.text import network_of, network_text, read_network
 from heatrun.inference.problem import Problem
 from heatrun.motor import Motor

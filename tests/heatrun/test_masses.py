@@ -13,7 +13,7 @@ from heatrun.errors import InputError
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.fit_checks import fit_findings
 from heatrun.inference.model import Model
-from heatrun.inference.networks.masses import BODY, TAKING_PART
+from heatrun.inference.networks.scale import BODY, TAKING_PART
 from heatrun.inference.posterior import weighted_draws
 from heatrun.inference.problem import Problem
 from heatrun.motor import ParameterOverride

@@ -26,7 +26,7 @@ from heatrun.effects.missing import (
 from heatrun.inference.catalogue import all_effects
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
-from heatrun.inference.plausible_effects import PlausibleEffect
+from heatrun.inference.posterior import PlausibleEffect
 from heatrun.inference.problem import Problem
 
 

@@ -11,7 +11,7 @@ from weighted_moments import gap_in_errors
 
 from heatrun.calibration import load_tests
 from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.held_heat import holding_heat
+from heatrun.inference.fitting.fit_checks import holding_heat
 from heatrun.inference.kernels import Kernels
 from heatrun.inference.model import Model
 from heatrun.inference.posterior import sample

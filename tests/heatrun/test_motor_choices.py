@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from heatrun.bench.survey import survey
-from heatrun.motor_choices import choices
-from heatrun.motor_draft import draft
+from heatrun.motor_draft import choices, draft
 from heatrun.motorfile import parse_motor
 
 

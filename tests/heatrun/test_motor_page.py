@@ -8,11 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from heatrun import motor_page
+from heatrun import motor_keys as motor_page
 from heatrun.errors import InputError
 from heatrun.motor_keys import BODY_PARTS, PARAMETER_MEANINGS, SECTIONS
-from heatrun.motorfile import parse_motor
-from heatrun.plausible import UNITS
+from heatrun.motorfile import UNITS, parse_motor
 
 PAGE = Path(__file__).parents[2] / "notebooks" / "motor_file.md"
 HEAD = '[motor]\nname = "M"\n'

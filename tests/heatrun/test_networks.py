@@ -16,7 +16,7 @@ from heatrun.inference.networks import BUILT_IN, network_named, networks_of
 from heatrun.inference.networks.text import network_of, network_text, read_network
 from heatrun.inference.problem import Problem, predictions
 from heatrun.motor import Adequacy, Motor, ParameterOverride
-from heatrun.runs.model_text import ModelOfRun, model_text, read_model
+from heatrun.runs.run import ModelOfRun, model_text, read_model
 
 FOUR = """
 [network]

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun.inference.fitting.adequacy import ljung_box, low_frequency_excess
+from heatrun.inference.fitting.fit import ljung_box, low_frequency_excess
 from heatrun.inference.fitting.restricted import restricted_log_likelihood
 from heatrun.inference.noise import Noise, draw, log_density, variance_of_mean, whiten
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from heat_runs import CLEAN
 
-from heatrun.bench.checks.other_tests import other_tests
+from heatrun.bench.checks.suitability import other_tests
 from heatrun.cli import main
 from heatrun.commands.loading import load
 from heatrun.motorfile import load_motor, parse_motor

@@ -21,7 +21,7 @@ from heatrun.errors import InputError
 from heatrun.motorfile import load_motor
 from heatrun_fleet.entries import ALIASES
 from heatrun_reports.tests_in import tests_in as bench_tests_in
-from heatrun_view.folder import Folder
+from heatrun_view.store import Folder
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 

@@ -10,7 +10,7 @@ import pytest
 
 import heatrun
 from heatrun import cli
-from heatrun.effects.library import library
+from heatrun.effects.engine import library
 from heatrun.errors import InputError, UsageError
 from heatrun.inference.catalogue import effects_named
 from heatrun.inference.model import Model

@@ -8,11 +8,10 @@ import pytest
 from page_fill import fill_of_pages
 
 from heatrun.motorfile import load_motor
-from heatrun.reports.sheet.page_fill import HEIGHTS, filling_height
-from heatrun.reports.sheet.typeset import typeset
+from heatrun.reports.sheet.pdf import HEIGHTS, filling_height, typeset
 from heatrun_reports import make_report
 from heatrun_reports.document import TEMPLATE
-from heatrun_reports.prototypes.job import make_prototypes_report
+from heatrun_reports.prototypes.report import make_prototypes_report
 
 SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
 PROTOTYPES = SYNTHETIC / "prototypes"

@@ -13,8 +13,7 @@ from heatrun.errors import InputError
 from heatrun.inference.model import Model
 from heatrun.inference.model_parameters import override_names, parameters
 from heatrun.motor import ParameterOverride
-from heatrun.motorfile import load_motor
-from heatrun.plausible import RANGES, UNITS
+from heatrun.motorfile import RANGES, UNITS, load_motor
 from lptn import EFFECTS
 
 

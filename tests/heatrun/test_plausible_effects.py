@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from machine_of_two_sensors import machine
 
-from heatrun.inference.draws import Draws
 from heatrun.inference.model import Model
 from heatrun.inference.model_parameters import parameters
-from heatrun.inference.plausible_effects import PlausibleEffect, PlausibleEffects
+from heatrun.inference.posterior import Draws, PlausibleEffect, PlausibleEffects
 from heatrun.inference.predict import predict
 from heatrun.inference.virtual import virtual_record
 from lptn.effects import EFFECTS

@@ -10,8 +10,7 @@ from weighted_moments import gap_in_errors
 
 from heatrun.bench.reduction import reduce
 from heatrun.inference import posterior as posterior_module
-from heatrun.inference.fitting.adequacy import ljung_box
-from heatrun.inference.fitting.fit import fit
+from heatrun.inference.fitting.fit import fit, ljung_box
 from heatrun.inference.fitting.identifiability import forecast
 from heatrun.inference.model import Model
 from heatrun.inference.posterior import sample
@@ -230,8 +229,8 @@ def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble_which_sa
 ):
     monkeypatch.setattr("heatrun.inference.sampling.weighted.PARETO_LIMIT", -1.0)
     # few draws, for none of them is good enough
-    monkeypatch.setattr("heatrun.inference.sampling.rounds.MOST_ROUNDS", 1)
-    monkeypatch.setattr("heatrun.inference.sampling.rounds.NUM_DRAWS", 256)
+    monkeypatch.setattr("heatrun.inference.sampling.rto.MOST_ROUNDS", 1)
+    monkeypatch.setattr("heatrun.inference.sampling.rto.NUM_DRAWS", 256)
     monkeypatch.setattr("heatrun.inference.sampling.importance.NUM_ADAPTATIONS", 0)
     told = []
     asked = sample(

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from heatrun.inference.fitting.prior_checks import CHANCE, prior_findings
+from heatrun.inference.fitting.fit_checks import CHANCE, prior_findings
 from heatrun.inference.parameters import Parameter, Slot
 
 NUM_TESTS = 10

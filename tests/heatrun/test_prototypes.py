@@ -15,7 +15,7 @@ from pypdf import PdfReader
 
 from heatrun.cli import main
 from heatrun.errors import UsageError
-from heatrun_reports.prototypes.roles import parse_roles
+from heatrun_reports.prototypes.prototype import parse_roles
 
 PROTOTYPES = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
 BENCH = PROTOTYPES / "Test_2024_03_05_001.csv.gz"

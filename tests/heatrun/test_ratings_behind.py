@@ -7,7 +7,7 @@ import pytest
 from msgspec import UNSET
 from test_ratings_figures import BY_ID, NUM, TRUE, motor, posterior
 
-from heatrun.inference.plausible_effects import PlausibleEffect, PlausibleEffects
+from heatrun.inference.posterior import PlausibleEffect, PlausibleEffects
 from heatrun.ratings.figures import derive
 
 NONE = -1

@@ -16,9 +16,8 @@ from heatrun.bench.blocks import Blocks
 from heatrun.inference.model import Model
 from heatrun.inference.problem import Problem
 from heatrun.motor import Motor, ParameterOverride
-from heatrun.ratings.figures import derive
+from heatrun.ratings.figures import derive, rates
 from heatrun.ratings.machine import machines
-from heatrun.ratings.rates import rates
 from heatrun.reports.sheet.content import _derived
 from heatrun.reports.texts import Texts
 from lptn import CopperLosses, Drive, Inputs, Network

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from heatrun.bench.checks import check_record
-from heatrun.bench.clocks.time_format import parse_time_format, stated_format
+from heatrun.bench.clocks.clock import parse_time_format, stated_format
 from heatrun.bench.readers.read import read_record
 from heatrun.bench.readers.text.reader import read_text
 from heatrun.errors import InputError

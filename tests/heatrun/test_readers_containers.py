@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from heatrun.bench.readers.bus_frames import kind_of_frames
 from heatrun.bench.readers.read import read_raw, read_record
+from heatrun.bench.readers.table import kind_of_frames
 from heatrun.bench.survey import survey
 from heatrun.errors import InputError
 from heatrun.motor import Motor

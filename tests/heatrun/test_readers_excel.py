@@ -25,7 +25,7 @@ from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.bench.readers.workbook import as_text
 from heatrun.errors import InputError
 from heatrun.motor import Motor
-from heatrun.runs.sources import as_named
+from heatrun.runs.run_folder import as_named
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 

@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from heatrun.bench.clocks.clock import read_clock
+from heatrun.bench.clocks.clock import parse_time_format, read_clock
 from heatrun.bench.clocks.dates import read_dates
-from heatrun.bench.clocks.time_format import parse_time_format
 from heatrun.bench.clocks.timegrid import exact_grid, from_first_sample
 
 

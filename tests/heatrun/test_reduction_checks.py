@@ -9,7 +9,7 @@ import pytest
 
 from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.reduction_checks import (
+from heatrun.inference.fitting.identifiability import (
     BETWEEN_K,
     _simulated,
     between_samples,

@@ -14,9 +14,8 @@ import pytest
 from heatrun.bench.record import Finding
 from heatrun.errors import InputError
 from heatrun.results import DiscoveryResult, FitResult, from_json, to_json
-from heatrun.results.candidate import CandidateFate
-from heatrun.results.derived import DerivedFigure
-from heatrun.results.missing import MissingSpan
+from heatrun.results.discovery import CandidateFate
+from heatrun.results.model import DerivedFigure, MissingSpan
 from heatrun.results.schema import SCHEMAS, schema_text, shipped
 from heatrun_fleet.results.schema import SCHEMAS as SCHEMAS_OF_FLEETS
 

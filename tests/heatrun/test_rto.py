@@ -17,12 +17,11 @@ from heatrun.inference.kernels import Kernels
 from heatrun.inference.model import Model
 from heatrun.inference.posterior import sample
 from heatrun.inference.problem import Problem
-from heatrun.inference.sampling import rounds as rounds_module
+from heatrun.inference.sampling import rto as rounds_module
 from heatrun.inference.sampling import rto as rto_module
 from heatrun.inference.sampling.importance import importance_sample
 from heatrun.inference.sampling.proposal import Proposal
-from heatrun.inference.sampling.rounds import Several, covered, sample_rto
-from heatrun.inference.sampling.rto import Rto
+from heatrun.inference.sampling.rto import Rto, Several, covered, sample_rto
 from heatrun.inference.sampling.weighted import Weighted, evaluate
 from heatrun.motorfile import load_motor
 

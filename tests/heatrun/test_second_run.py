@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from heatrun import jobs
-from heatrun.certificate import Certificate
 from heatrun.errors import InputError
-from heatrun.io.free_names import free_name, numbered
-from heatrun.motor import Motor
+from heatrun.io.whole_files import free_name, numbered
+from heatrun.motor import Certificate, Motor
 from heatrun.runs.run_folder import RunFolder, free_place
 
 SAME, OTHER = {"seed": 1}, {"seed": 2}

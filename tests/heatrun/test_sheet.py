@@ -16,7 +16,7 @@ from heatrun.bench.record import ColumnReading
 from heatrun.calibration import load_tests
 from heatrun.inference.posterior import normal_draws
 from heatrun.motorfile import load_motor
-from heatrun.reports.sheet import digits
+from heatrun.reports.sheet import printed as digits
 from heatrun.reports.sheet.of_run import write_sheet
 from heatrun.reports.sheet.worksheet import WorksheetConstants, fill_worksheet
 from heatrun.results import to_json

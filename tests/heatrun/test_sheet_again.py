@@ -12,8 +12,7 @@ import pytest
 from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.reports.sheet.of_run import rewrite_sheet
-from heatrun.runs.run import open_run
-from heatrun.runs.stated import certificate_of
+from heatrun.runs.run import certificate_of, open_run
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ from heatrun.inference.fitting.fit import fit
 from heatrun.inference.model import Model
 from heatrun.inference.posterior import sample
 from heatrun.inference.problem import Problem
-from heatrun.inference.sampling import spread as module
-from heatrun.inference.sampling.spread import spread
+from heatrun.inference.sampling import weighted as module
+from heatrun.inference.sampling.weighted import spread
 
 
 def test_no_draw_of_the_quick_posterior_stands_for_many(blocks, motor):

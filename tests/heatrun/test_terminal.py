@@ -9,7 +9,7 @@ from pathlib import Path
 from heatrun.bench import Finding
 from heatrun.reports.terminal import discovery_text, result_text
 from heatrun.results import DiscoveryResult, FitResult, from_json
-from heatrun.results.derived import DerivedFigure
+from heatrun.results.model import DerivedFigure
 from heatrun.runs.run import Run
 
 STORED = Path(__file__).parents[1] / "stored"

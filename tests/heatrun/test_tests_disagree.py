@@ -17,7 +17,7 @@ from heatrun.inference.posterior import weighted_draws
 from heatrun.inference.predict import predict
 from heatrun.inference.problem import Problem
 from heatrun.motor import ParameterOverride
-from heatrun.runs.model_text import ModelOfRun, model_text, read_model
+from heatrun.runs.run import ModelOfRun, model_text, read_model
 
 COLUMNS = {
     "t": "time_s", "Is": "phase_current_A", "Pd": "losses_W", "Te": "ambient_degC",

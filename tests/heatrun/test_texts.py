@@ -13,10 +13,10 @@ import pandas as pd
 import pytest
 from pypdf import PdfReader
 
-from heatrun.bench.checks.doubts import DOUBTS
+from heatrun.bench.checks.suitability import DOUBTS
 from heatrun.bench.record import Finding
-from heatrun.certificate import Certificate
-from heatrun.inference.networks.built_in import SHIPPED, network_named
+from heatrun.inference.networks.text import SHIPPED, network_named
+from heatrun.motor import Certificate
 from heatrun.motorfile import load_motor
 from heatrun.reports.sheet.content import LABELS, sheet_content
 from heatrun.reports.sheet.pdf import write_pdf
@@ -30,8 +30,8 @@ from lptn.effects import EFFECTS
 HEATRUN = Path(str(resources.files("heatrun")))
 STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
 STATES_ENGLISH = (
-    "runs/verdict.py", "bench/checks/doubts.py", "ratings/at_limit.py", "ratings/figure.py",
-    "ratings/figures.py", "ratings/tested.py", "ratings/duty_currents.py",
+    "runs/verdict.py", "bench/checks/suitability.py", "ratings/duties.py", "ratings/machine.py",
+    "ratings/figures.py", "ratings/machine.py", "ratings/duties.py",
 )  # fmt: skip
 """Where the sentences are made that a run states in English."""
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from heatrun.cli import _parser
-from heatrun_reports.prototypes.roles import parse_roles
+from heatrun_reports.prototypes.prototype import parse_roles
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "notebooks" / "thesis_commands.md").read_text("utf-8")

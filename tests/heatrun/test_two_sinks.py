@@ -26,7 +26,7 @@ from heatrun.inference.problem import Problem
 from heatrun.motor import Motor
 from heatrun.motorfile import load_motor
 from heatrun_reports import build_report
-from heatrun_reports.flow_words import flow_words
+from heatrun_reports.card import flow_words
 from lptn import CopperLosses, Drive, Inputs, Network, simulate, steady_state
 from lptn.effects import CoolantSink, SpeedCooling, applies, build
 

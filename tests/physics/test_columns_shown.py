@@ -9,7 +9,7 @@ import pytest
 from bench_machines import SERVO, bench_record
 
 from heatrun import cli
-from heatrun.bench.channels.column_mapping import (
+from heatrun.bench.channels.mapping import (
     LONGEST,
     ReadColumns,
     describe_columns,

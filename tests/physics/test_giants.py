@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from heatrun.bench.checks import check_record
-from heatrun.bench.checks.doubts import doubts
+from heatrun.bench.checks.suitability import doubts
 from heatrun.bench.record import ColumnReading, Record
 from heatrun.motor import Motor
 

@@ -29,7 +29,7 @@ from heatrun.bench.record import Record
 from heatrun.bench.reduction import reduce
 from heatrun.inference.fitting.fit import fit
 from heatrun.inference.fitting.fit_result import Fit
-from heatrun.inference.fitting.reduction_checks import between_samples
+from heatrun.inference.fitting.identifiability import between_samples
 from heatrun.inference.model import Model
 from heatrun.inference.noise import LARGEST_SCORES, NOISE
 from heatrun.inference.posterior import Posterior, sample, weighted_draws

@@ -20,7 +20,7 @@ from coverage_gates import (
     rank,
 )
 
-from heatrun.inference.fitting.reduction_checks import BETWEEN_K
+from heatrun.inference.fitting.identifiability import BETWEEN_K
 
 METHODS = ("laplace", "quick", "emcee")
 

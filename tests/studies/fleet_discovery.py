@@ -30,8 +30,8 @@ from heatrun.motor import Motor
 from heatrun.results import to_plain
 from heatrun.runtime import configure
 from heatrun_fleet.batch.fit import fit_batch
-from heatrun_fleet.shared_effects.evidence import Evidence, evidence_of
 from heatrun_fleet.shared_effects.job import discover_type
+from heatrun_fleet.shared_effects.pooled import Evidence, evidence_of
 
 OUT = Path(__file__).parents[2] / "results" / "fleet"
 COMMAND = "make study-fleet-discovery"

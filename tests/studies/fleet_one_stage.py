@@ -45,13 +45,14 @@ from heatrun_fleet.batches import batches_of, digests_of, numerics
 from heatrun_fleet.fleet_file import load_fleet
 from heatrun_fleet.machine import Prepared, prepare
 from heatrun_fleet.population.design import designed
-from heatrun_fleet.population.factors import cholesky, solve_lower
 from heatrun_fleet.population.law import (
     OUTLIER_SCALE,
     OUTLIER_SD,
     OUTLIER_SHARE,
     Law,
+    cholesky,
     num_scores,
+    solve_lower,
     unpack,
 )
 from heatrun_fleet.population.of_fleet import gathered_of_fleet, read_fleet
@@ -187,7 +188,7 @@ def _machines(fits: list[Fit], two: Population) -> tuple[Any, Machines, np.ndarr
 
 
 def _outlier_probability(two: Population) -> np.ndarray:
-    from heatrun_fleet.population.machines import given_population
+    from heatrun_fleet.population.sampling import given_population
 
     return given_population(two).outlier
 

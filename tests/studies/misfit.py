@@ -241,8 +241,8 @@ def thresholds(rows: Sequence[dict[str, Any]]) -> list[str]:
 def limits() -> dict[str, tuple[float, str]]:
     """Return each threshold of a finding with its words; an earlier release has others."""
     from heatrun.effects.missing import CHANCE
-    from heatrun.inference.fitting import prior_checks
-    from heatrun.inference.fitting.optimum_findings import LONGEST_NOISE_S, MUCH_HEAT
+    from heatrun.inference.fitting import fit_checks as prior_checks
+    from heatrun.inference.fitting.fit import LONGEST_NOISE_S, MUCH_HEAT
 
     return {
         "missing_effect_p": (CHANCE, "family-wise p of `missing_effect`"),

@@ -106,7 +106,7 @@ def test_scores_of_the_two_stages_are_their_laws():
     import jax.numpy as jnp
     from fleet_one_stage import _scores
 
-    from heatrun_fleet.population.evidence import Evidence
+    from heatrun_fleet.population.gathered import Evidence
     from heatrun_fleet.population.law import Hyperprior, num_scores, unpack
     from heatrun_fleet.population.sampling import Population
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..io.toml_text import table_header
 from ..motor import GapLoad
-from .channels.schema import BODIES, CHANNEL
+from .channels.claims import BODIES, CHANNEL
 from .checks.samples import place
 from .checks.time_axis import GAP_STEPS, MAX_GAP_S
 from .record import Finding, Record

@@ -86,7 +86,7 @@ class Record:
 
     Attributes:
         name: Name of the test, by default the file's stem.
-        channels: Canonical channel name (see `heatrun.bench.channels.schema`) to float64 array,
+        channels: Canonical channel name (see `heatrun.bench.channels.claims`) to float64 array,
             shape (time,). `time_s` is always there; NaN marks a sample that the file does not have.
         sources: The files behind it.
         notes: Sentences on what was mapped, converted or derived, in order.

@@ -14,8 +14,8 @@ from ..errors import InputError
 from ..motor import Motor
 from .blocks import BLOCK_S, Blocks, Body
 from .channels.by_resistance import sensor_sd
+from .channels.claims import BODIES
 from .channels.derive import recorded_shaft_power
-from .channels.schema import BODIES
 from .checks.balance_errors import own_errors
 from .checks.samples import needed_channels
 from .record import Record

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import InputError
-from .channels.schema import BODIES, CHANNEL
+from .channels.claims import BODIES, CHANNEL
 from .record import Record
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}

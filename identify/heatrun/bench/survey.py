@@ -8,20 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from .channels.schema import REQUIRED
-from .column_physics import with_evidence
-from .free_columns import FreeColumn, free_column, text_column
+from .channels.claims import REQUIRED
+from .free_columns import FreeColumn, free_column, text_column, with_evidence
 from .own_files import refuse_own_file
-from .partial_mapping import PartialMapping, map_as_far
 from .phase_means import PhaseMean, phase_means
-from .readers.formats import opened
 from .readers.hints import Hints
 from .readers.measurement import Measurement, header_of
 from .readers.multirate import read_all
 from .readers.open_file import open_input
-from .readers.read import read_whole
+from .readers.read import opened, read_whole
 from .readers.table import Table, preamble_of
 from .record import ColumnReading, Finding
+from .unread import PartialMapping, map_as_far
 
 BY_NAME = "canonical name"
 """How a column is found that is called `losses_W` itself: whoever writes that means it."""

@@ -1,9 +1,13 @@
-"""A test that cannot be read yet: what its files hold, and which channels they lack."""
+"""Columns mapped as far as it goes: a channel about which there is a question is left out.
+
+A test that cannot be read yet: what its files hold, and which channels they lack.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,18 +15,75 @@ import numpy as np
 from ..errors import InputError
 from ..motor import Motor
 from .channels.by_resistance import tells_winding
-from .channels.derive import derive
-from .channels.schema import CHANNEL
+from .channels.channel_map import MappedColumns, map_columns
+from .channels.claims import CHANNEL, NOT_RECORDED, Columns
+from .channels.derive import derive, formulas
 from .checks.presence import missing_channel
 from .joined import files_of, has_rate
 from .own_files import refuse_own_file
-from .partial_mapping import PartialMapping, map_as_far
-from .readers.formats import opened
 from .readers.hints import hints_of
 from .readers.measurement import header_of
 from .readers.open_file import open_input
-from .readers.read import name_of_test, read_whole
+from .readers.read import name_of_test, opened, read_whole
+from .readers.table import Table
 from .record import ColumnReading, Finding, Record
+
+CHANNEL_NAME = re.compile("|".join(sorted(map(re.escape, CHANNEL), key=len, reverse=True)))
+
+
+@dataclass(frozen=True)
+class PartialMapping:
+    """What became of the columns of a table.
+
+    Attributes:
+        mapped: The channels that could be read.
+        derived: Formula of each channel that follows from others.
+        faults: Why others could not.
+        lines: `[columns]` as they were used: those given, and what leaves out the others.
+    """
+
+    mapped: MappedColumns = field(default_factory=lambda: MappedColumns({}))
+    derived: Mapping[str, str] = field(default_factory=dict)
+    faults: tuple[InputError, ...] = ()
+    lines: Columns = field(default_factory=dict)
+
+    @property
+    def channels(self) -> frozenset[str]:
+        """Canonical names of all of them."""
+        return frozenset((*(one.channel for one in self.mapped.readings), *self.derived))
+
+
+def map_as_far(table: Table, columns: Columns | None = None, *, where: str) -> PartialMapping:
+    """Return the channels of a table, and why a column that claims to be one is none.
+
+    Args:
+        table: What a reader returned.
+        columns: `[columns]` of the motor file; a column that it names and the table does not have
+            is passed over.
+        where: The file, for messages.
+    """
+    lines = dict(columns or {})
+    faults: list[InputError] = []
+    while True:
+        try:
+            mapped = map_columns(table, lines, where=where, is_part=True)
+        except InputError as error:
+            faults.append(error)
+            named = [name for name in _channels_in(error) if lines.get(name) != NOT_RECORDED]
+            if not named:
+                names = (*(column.name for column in table.columns), *table.text_columns)
+                return PartialMapping(MappedColumns({}, unused=names), {}, tuple(faults))
+            lines[named[0]] = NOT_RECORDED
+            continue
+        channels, _ = derive(mapped.channels)
+        read = {one.channel for one in mapped.readings}
+        return PartialMapping(mapped, formulas(channels, read), tuple(faults), lines)
+
+
+def _channels_in(error: InputError) -> Iterator[str]:
+    """Return the channels that an error is about: where it says, then what it says."""
+    for text in (error.where.rpartition(" as ")[2], error.problem, error.remedy):
+        yield from CHANNEL_NAME.findall(text)
 
 
 @dataclass(frozen=True)

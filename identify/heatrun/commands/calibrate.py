@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import words
-from .console import bar, printable, say
-from .exit_codes import DONE, NOT_ALLOWED
+from .console import DONE, NOT_ALLOWED, bar, printable, say
 from .init import motor_of_tests
 from .loading import load
 
@@ -61,9 +60,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Calibrate and write the run folder."""
-    from ..certificate import Certificate
     from ..certificate_file import load_meta
     from ..inference.networks import networks_of
+    from ..motor import Certificate
     from ..motorfile import load_motor
 
     networks = networks_of(options.model)
@@ -103,7 +102,7 @@ def calibrate_into_folder(
     from ..ratings.duties import parse_duty
     from ..reports.terminal import result_text
     from ..results import to_json, to_plain
-    from ..runs.places import default_folder
+    from ..runs.run_folder import default_folder
 
     begun = time.monotonic()
     tests = load(motor, calibration, holdout, as_json=options.json)

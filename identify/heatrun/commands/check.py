@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from . import words
-from .console import printable, say
-from .exit_codes import DONE, NOT_ALLOWED
+from .console import DONE, NOT_ALLOWED, printable, say
 
 if TYPE_CHECKING:
     from ..bench import Finding, Record
@@ -34,14 +33,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Print whether the tests will do, and why; an error forbids a calibration."""
     from ..bench import Record
-    from ..bench.channels.column_mapping import (
-        ReadColumns,
-        describe_columns,
-        mapping_text,
-    )
+    from ..bench.channels.mapping import ReadColumns, describe_columns, mapping_text
     from ..bench.checks import check_record
-    from ..bench.checks.other_tests import other_tests
-    from ..bench.checks.suitability import suitability
+    from ..bench.checks.suitability import other_tests, suitability
     from ..bench.joined import read_tests
     from ..bench.unread import unread_test
     from ..errors import InputError
@@ -139,7 +133,7 @@ def _next(
     options: argparse.Namespace, findings: Sequence[Finding], lacks: Sequence[Finding]
 ) -> str:
     """Return what to do next, with the command in full."""
-    from ..bench.checks.doubts import SIMULATED, doubts
+    from ..bench.checks.suitability import SIMULATED, doubts
 
     words = [str(options.motor), *map(str, options.tests)]
     words += ["--model", options.model] if options.model else []

@@ -7,8 +7,7 @@ from typing import Any
 
 from . import words
 from .calibrate import calibrate_into_folder
-from .console import bar, printable
-from .exit_codes import DONE, NOT_ALLOWED
+from .console import DONE, NOT_ALLOWED, bar, printable
 from .loading import load
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from . import words
-from .console import bar, printable, say
-from .exit_codes import DONE, NOT_ALLOWED
+from .console import DONE, NOT_ALLOWED, bar, printable, say
 from .loading import load
 
 
@@ -44,14 +43,14 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Search, write the run folder and print the verdict."""
-    from ..bench.channels.column_mapping import describe_columns, mapping_text
+    from ..bench.channels.mapping import describe_columns, mapping_text
     from ..inference.catalogue import all_effects, known_effects
     from ..inference.networks import network_named
     from ..jobs import discover_into
     from ..motorfile import load_motor
     from ..reports.terminal import discovery_text
     from ..results import to_json, to_plain
-    from ..runs.places import default_folder
+    from ..runs.run_folder import default_folder
 
     motor = load_motor(options.motor)
     kinds = all_effects(options.effects)

@@ -9,8 +9,7 @@ from typing import Any
 
 from ..errors import UsageError
 from . import words
-from .console import printable, say
-from .exit_codes import DONE
+from .console import DONE, printable, say
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:

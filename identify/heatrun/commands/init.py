@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import words
-from .console import printable, say
-from .exit_codes import DONE
+from .console import DONE, printable, say
 
 if TYPE_CHECKING:
     from ..bench.survey import Survey

@@ -19,7 +19,7 @@ def load(
 ) -> tuple[BenchTest, ...] | None:
     """Return the tests, or None after the findings that forbid them were printed."""
     count = len(calibration) + len(holdout)
-    from ..bench.checks.other_tests import other_tests
+    from ..bench.checks.suitability import other_tests
     from ..calibration import Refused, load_tests
     from ..reports.terminal import findings_text
     from ..results import to_json

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from . import words
-from .console import printable, say
-from .exit_codes import DONE
+from .console import DONE, printable, say
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:

@@ -1,4 +1,7 @@
-"""What a search for effects has found: the network that the tests ask for, and its rivals."""
+"""The model with all effects that the tests allow, of which a search picks.
+
+What a search for effects has found: the network that the tests ask for, and its rivals.
+"""
 
 from __future__ import annotations
 
@@ -9,23 +12,60 @@ import numpy as np
 
 from lptn.effects import AbstractEffect
 
-from ..arithmetic import refuse_wrong_sums
+from ..attempts import refuse_wrong_sums
 from ..bench.blocks import Blocks
 from ..bench.record import Finding
+from ..inference.catalogue import all_effects
 from ..inference.discrepancy import with_heat
 from ..inference.fitting.fit import finished
+from ..inference.fitting.fit_checks import holding_heat
 from ..inference.fitting.fit_result import Fit
-from ..inference.fitting.held_heat import holding_heat
 from ..inference.fitting.restricted import estimate_noise
 from ..inference.model import Model
 from ..inference.noise import from_scores
 from ..inference.parameters import collect
 from ..inference.problem import Problem
 from ..motor import Motor
-from .engine import Engine
-from .extension import with_catalogue, with_effects
-from .library import Candidate, Library
+from .engine import Candidate, Engine, Library, library, without_resistance
 from .search import Member, Search, Set
+
+
+def with_catalogue(
+    model: Model,
+    motor: Motor,
+    tests: Sequence[Blocks],
+    kinds: Sequence[type[AbstractEffect]] | None = None,
+    held_out: Sequence[Blocks] = (),
+) -> tuple[Library, Model]:
+    """Return the effects that tests allow to be searched, and the model with all of them.
+
+    Args:
+        model: Network with its known effects.
+        motor: The machine.
+        tests: Reduced records to calibrate on.
+        kinds: The effects that are wanted; by default the catalogue and installed ones.
+        held_out: Tests that must have what an effect needs too.
+    """
+    wanted = [kind for kind in kinds or all_effects() if kind not in model.effects]
+    blocked = without_resistance(wanted, motor)
+    usable = library(
+        [kind for kind in wanted if kind.card.id not in blocked],
+        model.topology(),
+        [*tests, *held_out],
+        num_events=len(tests),
+    )
+    usable = replace(usable, unavailable={**usable.unavailable, **blocked})
+    return usable, with_effects(model, usable.kinds)
+
+
+def with_effects(model: Model, kinds: Sequence[type[AbstractEffect]]) -> Model:
+    """Return a model with further effects, in the order of the catalogue."""
+    order = {kind: number for number, kind in enumerate(all_effects())}
+    joined = sorted(
+        dict.fromkeys([*model.effects, *kinds]), key=lambda kind: order.get(kind, len(order))
+    )
+    return replace(model, effects=tuple(joined))
+
 
 NUM_DRAWS = 4000
 """Draws over the sets that the tests do not tell apart."""

@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..inference.noise import from_scores
-from .engine import Engine
-from .library import Candidate
+from .engine import Candidate, Engine
 
 if TYPE_CHECKING:
     from .search import Member, Set

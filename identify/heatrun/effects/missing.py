@@ -12,6 +12,8 @@ References: E. I. George, R. E. McCulloch, Variable selection via Gibbs sampling
     C. T. Volinsky, Bayesian model averaging: a tutorial, Statistical Science 14 (1999) 382-417. J.
     Brynjarsdottir, A. O'Hagan, Learning about physical parameters: the importance of model
     discrepancy, Inverse Problems 30 (2014) 114007.
+
+The posterior of a network, averaged over the small effects that it may miss.
 """
 
 from __future__ import annotations
@@ -29,15 +31,15 @@ from lptn.effects import AbstractEffect, placed_link
 
 from ..bench.record import Finding
 from ..inference.discrepancy import no_heat
-from ..inference.effect_parameters import EVENT, amplitudes
 from ..inference.fitting.fit_result import Fit
 from ..inference.fitting.restricted import estimate_noise, log_evidence
 from ..inference.noise import from_scores
-from ..inference.plausible_effects import PlausibleEffect
+from ..inference.parameters import EVENT, amplitudes
+from ..inference.posterior import PlausibleEffect, PlausibleEffects, Posterior
 from ..inference.problem import Problem
-from .engine import Engine, Refit, filled, padded, placed
-from .extension import with_catalogue
-from .library import Candidate
+from ..inference.starts import too_stiff
+from .engine import Candidate, Engine, Refit, filled, padded, placed
+from .found import with_catalogue
 from .linear import Linear
 from .search import ODDS, Member, Search, heated
 
@@ -596,3 +598,43 @@ def _moved(moves: Mapping[str, tuple[float, float]]) -> str:
             "With them, no parameter of the network would move by more than its standard deviation."
         )
     return f"With them, on the mean: {told}."
+
+
+def averaged(posterior: Posterior, found: Missing, *, seed: int = 0) -> Posterior:
+    """Return the posterior with small effects behind a part of its draws.
+
+    Around the fit the parameters given the sizes lie a shift away from those without (`missing`),
+    so each draw moves by that of the effects behind it. One that would leave a node too fast for
+    the steps of the tests stays as it was.
+
+    Args:
+        posterior: Of the network alone.
+        found: What the network may lack.
+        seed: Random seed.
+    """
+    rng = np.random.default_rng([seed, 29])
+    vectors = posterior.flat.copy()
+    size = found.size[rng.integers(found.size.shape[0], size=vectors.shape[0])]
+    z = vectors[:, : found.turn.shape[0]] + size @ found.turn.T
+    size = np.where(_is_too_stiff(posterior, z)[:, None], 0.0, size)
+    vectors[:, : found.turn.shape[0]] += size @ found.turn.T
+    effects = PlausibleEffects(found.effects, size)
+    density = np.where(effects.is_none, posterior.log_density.reshape(-1), np.nan)  # another model
+    return replace(
+        posterior,
+        vectors=vectors.reshape(posterior.vectors.shape),
+        log_density=density.reshape(posterior.log_density.shape),
+        plausible=effects,
+        alone=posterior,
+    )
+
+
+def _is_too_stiff(posterior: Posterior, z: np.ndarray) -> np.ndarray:
+    """Return which networks have a node that is too fast for the steps of the tests."""
+    problem = posterior.fit.problem
+    step = max(float(np.max(np.asarray(test.inputs.step))) for test in problem.tests)
+    names = [parameter.name for parameter in problem.model.form.parameters]
+    values = problem.parameters.physical(z)
+    fixed = {n: p.fixed for n, p in problem.parameters.by_test[0].items() if p.fixed is not None}
+    every = {n: values[n] if n in values else np.full(z.shape[0], fixed[n]) for n in names}
+    return too_stiff(problem.model, every, step)

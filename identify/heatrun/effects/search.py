@@ -22,11 +22,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ..inference.discrepancy import no_heat, with_heat
-from ..inference.effect_parameters import qualified
 from ..inference.fitting.restricted import estimate_noise, log_evidence
 from ..inference.noise import Noise, from_scores
-from .engine import Engine, Refit, filled, padded, white
-from .library import Candidate
+from ..inference.parameters import qualified
+from .engine import Candidate, Engine, Refit, filled, padded, white
 from .linear import Linear
 
 Set = frozenset[Candidate]

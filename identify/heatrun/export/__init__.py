@@ -7,8 +7,7 @@ from .course import Course, simulate_variables
 from .mat import export_mat, export_test
 from .network_course import NetworkCourse, simulate_network
 from .network_file import network_variables
-from .new_test import read_new_test
-from .rerun import RunAndTest, read_run_test
+from .rerun import RunAndTest, read_new_test, read_run_test
 from .variables import Corrections, thesis_variables
 
 __all__ = [

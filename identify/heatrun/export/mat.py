@@ -12,14 +12,12 @@ import numpy as np
 from ..bench.channels.derive import recorded_shaft_power
 from ..bench.record import Finding
 from ..errors import InputError
-from ..io.free_names import numbered
+from ..io.whole_files import numbered
 from ..motor import Motor
-from .contents import Simulated, contents_of, mat_bytes
+from .contents import Simulated, contents_of, mat_bytes, write_export
 from .network_file import refuse_unknown
-from .new_test import read_new_test
-from .rerun import RunAndTest, as_replica, effects_of, read_run_test
+from .rerun import RunAndTest, as_replica, effects_of, read_new_test, read_run_test
 from .variables import Corrections, Shaft
-from .written import write_export
 
 LARGEST_UNSAID_K = 0.5
 """Corrections that move the winding by more are worth a warning: that is the standard uncertainty

@@ -13,9 +13,9 @@ import numpy as np
 
 from ..bench.record import Record
 from ..errors import InputError
-from ..inference.instruments import own_name
+from ..inference.bodies import own_name
 from ..motor import Motor
-from ..parameter_files import SCALARS
+from ..simulation import SCALARS
 
 UNITS: Mapping[str, str] = {
     "B": "degC",

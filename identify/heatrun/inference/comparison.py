@@ -8,13 +8,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from msgspec import UNSET
 
-from ..results.comparison import Comparison, NetworkVerdict, Peak, Threshold
-from ..results.model import FittedModel
-from ..results.residuals import BodyRow, ResidualRow
+from ..results.model import (
+    BodyRow,
+    Comparison,
+    FittedModel,
+    NetworkVerdict,
+    Peak,
+    ResidualRow,
+    Threshold,
+)
 from ..results.values import Role, known, number
-from .fitting.adequacy import ljung_box
-from .predict import Prediction
-from .score_error import ScoreDifference, block_scores, standard_error
+from .fitting.fit import ljung_box
+from .predict import Prediction, ScoreDifference, block_scores, standard_error
 
 LIMITS_K = (1.0, 2.0, 5.0)
 """Errors that an engineer asks about [K]."""

@@ -14,27 +14,21 @@ from lptn.effects import AbstractEffect, build_all
 from lptn.effects.sensors import TimeShift
 
 from ..bench.blocks import Blocks, Observation
-from ..bench.channels.schema import body_name
+from ..bench.channels.claims import body_name
 from ..errors import InputError
 from ..motor import Adequacy, Motor
-from .catalogue import effects_named
-from .effect_needs import (
+from .bodies import BODY_PARTS, OWN, own_name, own_or_shared
+from .catalogue import (
+    effects_named,
     refuse_lacking,
     refuse_unmeasured_current,
     refuse_unmeasured_sink,
     refuse_unmeasured_speed,
     refuse_unplaced,
 )
-from .effect_parameters import qualified
-from .instruments import (
-    BODY_PARTS,
-    OWN,
-    own_name,
-    own_or_shared,
-)
 from .networks import NetworkForm, network_named
-from .networks.masses import Masses
-from .networks.scale import scale_of_tests, scaled
+from .networks.scale import Masses, scale_of_tests, scaled
+from .parameters import qualified
 
 Values = Mapping[str, Float[Array, ""]]
 

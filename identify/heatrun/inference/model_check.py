@@ -8,8 +8,7 @@ from ..bench import Finding, Record
 from ..bench.reduction import reduce
 from ..errors import InputError
 from ..motor import Motor
-from .catalogue import known_effects
-from .effect_needs import refuse_lacking
+from .catalogue import known_effects, refuse_lacking
 from .model import Model
 from .model_parameters import parameters
 from .networks import networks_of

@@ -9,11 +9,10 @@ import jax.numpy as jnp
 from lptn.effects import AbstractEffect
 
 from ..bench.blocks import Blocks
-from ..bench.channels.schema import BODIES, body_name
+from ..bench.channels.claims import BODIES, body_name
 from ..errors import InputError
 from ..motor import Motor
-from .effect_parameters import CATALOGUE, Size, effect_names, effect_parameters
-from .instruments import (
+from .bodies import (
     BODY_PARTS,
     CURRENT_GAIN,
     body_errors,
@@ -27,7 +26,17 @@ from .instruments import (
 from .model import Model, change_name
 from .networks import BUILT_IN, NetworkForm, network_named
 from .networks.scale import one_node
-from .parameters import Parameter, ParameterSet, check_names, collect, override
+from .parameters import (
+    CATALOGUE,
+    Parameter,
+    ParameterSet,
+    Size,
+    check_names,
+    collect,
+    effect_names,
+    effect_parameters,
+    override,
+)
 
 COLD_START_K = 2.0
 """Start within this of the sink [K] and at rest: stator and winding count as one temperature."""

@@ -17,9 +17,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from .folder_lock import FolderLock
-from .undisturbed import undisturbed
-from .whole_files import PARTIAL
+from .caches import FolderLock
+from .whole_files import PARTIAL, undisturbed
 
 ASIDE = f".heatrun{PARTIAL}"
 """End of the name of a folder that a set is written into."""

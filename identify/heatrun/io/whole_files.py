@@ -1,14 +1,66 @@
-"""Files that are there whole or not at all, whatever happens to the process that writes them."""
+"""A few steps that belong together are not torn by Ctrl-C or by the end of the session.
+
+Files that are there whole or not at all, whatever happens to the process that writes them.
+
+Names that nothing stands under yet, so that a second result does not replace a first.
+
+Texts of documents that are passed on: files by their names, without the folders they lie in.
+
+Who opens bench files and motor files: the readers by their path, or a server as it allows.
+
+The time that is written into files: that of SOURCE_DATE_EPOCH where it is set, else now.
+
+The same command with the same seed writes the same bytes. Only the manifest of a run says when it
+was made; with SOURCE_DATE_EPOCH (seconds since 1970, of the Reproducible Builds project) it too is
+the same every time. Other files carry that date where their format wants one, or none.
+"""
 
 from __future__ import annotations
 
+import datetime
 import os
+import re
+import shlex
 import shutil
-from collections.abc import Iterator
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from contextvars import ContextVar
+from itertools import count
+from pathlib import Path, PurePath
+from typing import BinaryIO
 
-from ..errors import InputError
+from ..errors import InputError, UsageError
+
+SIGNALS = tuple(getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n))
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Put off signals that end the process until the block is over; for milliseconds of work.
+
+    Not by a mask, which holds for one thread only: the system then gives the signal to another.
+    What is ignored stays ignored, and threads other than the main one change nothing.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    before = {}
+    for number in SIGNALS:
+        handler = signal.getsignal(number)
+        if handler not in (None, signal.SIG_IGN):  # None: set by code that is not Python
+            before[number] = handler
+            signal.signal(number, lambda sent, frame: came.append(sent))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in came:
+            signal.raise_signal(number)
+
 
 PARTIAL = ".partial"
 """End of the name of what is being written."""
@@ -78,3 +130,146 @@ def drop_partials(folder: Path) -> None:
             shutil.rmtree(piece)
         else:
             piece.unlink()
+
+
+def numbered(path: Path, next_to: Path | None = None) -> Iterator[Path]:
+    """Give a path, then the same with `-2`, `-3` and so on behind its stem.
+
+    Args:
+        path: A file, or a folder without a point in its name.
+        next_to: What the numbers are put behind, where it is not the path itself.
+    """
+    yield path
+    base = next_to or path
+    for number in count(2):
+        yield base.with_name(f"{base.stem}-{number}{base.suffix}")
+
+
+def free_name(path: Path) -> Path:
+    """Return the first of `numbered` that nothing stands under."""
+    return next(place for place in numbered(path) if not place.exists())
+
+
+def refuse_replacing(path: Path, what: str) -> None:
+    """Refuse to replace a result that stands where another one was asked to go.
+
+    Args:
+        path: Where it was asked to go.
+        what: What stands there, such as "a run".
+
+    Raises:
+        InputError: If something stands there.
+    """
+    if path.exists():
+        raise InputError(
+            f"{path} exists and holds {what}; it is left as it is.",
+            remedy="Choose another --out, or pass --force to replace it.",
+        )
+
+
+def is_other(path: Path, content: bytes) -> bool:
+    """Return whether a file is there and holds something else than it is to hold.
+
+    Args:
+        path: The file.
+        content: What it is to hold.
+    """
+    try:
+        return path.read_bytes() != content
+    except OSError:
+        return False  # it is not there, or writing fails with its own words
+
+
+ABSOLUTE = re.compile(r"""(?<![^\s'"`(=+,:;])(?:[A-Za-z]:)?[/\\](?:[^\s/\\'"`]+[/\\])+""")
+"""Folders in front of a name, from the root on; a unit such as J/K has none."""
+
+FOLDERS_OF_A_WORD = re.compile(r"[^+=]*[/\\](?=[^/\\])")
+"""Those in a word of a command, which may join two files by + or give an option a value by =."""
+
+
+def without_folders(text: str, paths: Iterable[str] = ()) -> str:
+    """Return a text in which files stand without their folders.
+
+    Args:
+        text: Words from anywhere.
+        paths: Paths that may stand in it, also relative ones and such with spaces.
+    """
+    for path in sorted(set(paths), key=len, reverse=True):
+        name = PurePath(path).name
+        if name and name != path:
+            text = text.replace(path, name)
+    return ABSOLUTE.sub("", text)
+
+
+def command_without_folders(command: str) -> str:
+    """Return a command line whose files stand without their folders."""
+    try:
+        words = shlex.split(command)
+    except ValueError:  # an odd apostrophe, in a run of an earlier version
+        words = command.split(" ")
+    return shlex.join(FOLDERS_OF_A_WORD.sub("", word) for word in words)
+
+
+Opener = Callable[[Path], BinaryIO]
+
+_opener: ContextVar[Opener | None] = ContextVar("opener", default=None)
+
+
+def opener_of_this_thread() -> Opener | None:
+    """Return what opens files here; None where a path is opened as it is."""
+    return _opener.get()
+
+
+@contextmanager
+def opening_by(opener: Opener) -> Iterator[None]:
+    """Let the readers of this thread open files by a function, for the time of the context.
+
+    Args:
+        opener: Opens a file for reading, or raises OSError or InputError.
+    """
+    mark = _opener.set(opener)
+    try:
+        yield
+    finally:
+        _opener.reset(mark)
+
+
+VARIABLE = "SOURCE_DATE_EPOCH"
+
+NO_DATE = datetime.datetime(1980, 1, 1, tzinfo=datetime.UTC)
+"""What stands where a format needs a date and none is given: the first that ZIP knows."""
+
+
+def stated_moment() -> datetime.datetime | None:
+    """Return the moment of SOURCE_DATE_EPOCH in UTC, or None where it is not set.
+
+    Raises:
+        UsageError: If it is no number of seconds.
+    """
+    text = os.environ.get(VARIABLE)
+    if not text:
+        return None
+    try:
+        if not (text.isascii() and text.isdigit()):
+            raise ValueError
+        return datetime.datetime.fromtimestamp(int(text), tz=datetime.UTC)
+    except (ValueError, OverflowError, OSError) as error:
+        raise UsageError(
+            f"the environment variable {VARIABLE} is {text[:40]!r}; expected whole seconds since "
+            "1970-01-01, such as 1700000000. Correct it, or unset it."
+        ) from error
+
+
+def check_stated_moment() -> None:
+    """Refuse a wrong SOURCE_DATE_EPOCH before any work, and drop an empty one: NumPy fails on it.
+
+    Raises:
+        UsageError: As `stated_moment`.
+    """
+    if stated_moment() is None:
+        os.environ.pop(VARIABLE, None)
+
+
+def moment() -> datetime.datetime:
+    """Return the moment of a run in UTC: the stated one, or now."""
+    return stated_moment() or datetime.datetime.now(datetime.UTC)

@@ -6,14 +6,12 @@ import math
 from collections.abc import Sequence
 
 from ..bench import Finding
-from ..bench.channels.column_mapping import mapping_text
+from ..bench.channels.mapping import mapping_text
 from ..bench.checks.suitability import WEAK
-from ..certificate import Certificate
-from ..io.printable import printable
-from ..io.quantities import printed_unit, quantity, rounded
+from ..io.quantities import printable, printed_unit, quantity, rounded
+from ..motor import Certificate
 from ..results import DiscoveryResult, FitResult
-from ..results.derived import DerivedFigure
-from ..results.model import FittedModel
+from ..results.model import DerivedFigure, FittedModel
 from ..results.values import known
 from ..runs.verdict import (
     BEFORE_PARAMETERS,

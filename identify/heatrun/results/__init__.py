@@ -7,7 +7,7 @@ them, `from_json` reads and checks one, and `python -m heatrun.results.schema` w
 """
 
 from .discovery import DiscoveryResult as DiscoveryResult
-from .fit import FitResult as FitResult
 from .json_text import from_json as from_json
 from .json_text import to_json as to_json
 from .json_text import to_plain as to_plain
+from .model import FitResult as FitResult

@@ -1,17 +1,322 @@
-"""A fitted network, as it stands in `fit.json`."""
+"""A figure that follows from the parameters, or why there is none, as it stands in `fit.json`.
+
+A parameter of a fitted network, as it stands in `fit.json`.
+
+Errors of a network on one test, as they stand in `fit.json`.
+
+A test of a calibration, as it stands in `fit.json`.
+
+What a network misses, where and when, as it stands in `discovery.json`.
+
+A fitted network, as it stands in `fit.json`.
+
+Two networks on the same tests, as they stand in `fit.json`.
+
+The result of a calibration: the whole of `fit.json`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET, Meta, UnsetType
 
+from ..bench.record import ColumnReading, Finding
 from ..io.quantities import quantity, rounded
-from .derived import Derived
-from .parameter import FittedParameter
-from .residuals import BodyRow, ResidualRow
-from .values import Count, Interval, NonNegative, Probability, known
+from .values import Count, Interval, NonNegative, Probability, Role, known, number
+
+LOADED, AT_REST = "_loaded", "_at_rest"
+"""What the name of a resistance ends with at the load of the tests, and at standstill."""
+
+NEEDED = ("value", "unit", "sd", "interval_95", "condition")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DerivedFigure:
+    """A figure with its interval and the condition it holds under; or only why it is refused.
+
+    Attributes:
+        value: Median [unit]; null where it is not finite.
+        unit: Its unit.
+        sd: Standard deviation [unit]; null where too many draws are not finite.
+        interval_95: 95 % interval [unit]; null for a limit that is not finite.
+        condition: What it holds under.
+        refused: Why there is no figure; all other fields are unset then.
+    """
+
+    value: float | UnsetType | None = UNSET
+    unit: str | UnsetType = UNSET
+    sd: NonNegative | UnsetType | None = UNSET
+    interval_95: tuple[float | None, float | None] | UnsetType = UNSET
+    condition: str | UnsetType = UNSET
+    refused: str | UnsetType = UNSET
+
+    def __post_init__(self) -> None:
+        is_there = [getattr(self, name) is not UNSET for name in NEEDED]
+        if not (all(is_there) if self.refused is UNSET else not any(is_there)):
+            raise ValueError(f"expected {', '.join(NEEDED)}, or `refused` alone")
+
+    @property
+    def median(self) -> float:
+        """The value [unit]; NaN where it is refused or not finite."""
+        return number(known(self.value))
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Both ends of the 95 % interval; NaN where it is refused or not finite."""
+        low, high = known(self.interval_95) or (None, None)
+        return number(low), number(high)
+
+
+Derived = Annotated[
+    DerivedFigure,
+    Meta(extra_json_schema={"oneOf": [{"required": [*NEEDED]}, {"required": ["refused"]}]}),
+]
+
+
+Identifiability = Literal["identified", "weak", "not identifiable", "fixed"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedParameter:
+    """What the tests say of a parameter.
+
+    Attributes:
+        value: Median of the posterior [unit].
+        unit: Its unit.
+        sd: Standard uncertainty [unit].
+        sd_type_a: What remains of it with exact instruments [unit].
+        sd_type_b: What the stated uncertainties of the instruments add [unit].
+        interval_95: 95 % interval [unit].
+        relative_sd: Standard uncertainty over the value [1]; null where the value is 0.
+        prior_95: 95 % interval of the prior [unit].
+        prior_basis: Where the prior comes from.
+        meaning: What the parameter is.
+        fixed: Whether it was held at its value.
+        identifiability: How well the tests determine it; unset for nuisance parameters.
+        why: What this rests on; unset likewise.
+    """
+
+    value: float
+    unit: str
+    sd: NonNegative
+    sd_type_a: NonNegative | None
+    sd_type_b: NonNegative | None
+    interval_95: Interval
+    relative_sd: NonNegative | None
+    prior_95: Interval
+    prior_basis: str
+    meaning: str
+    fixed: bool
+    identifiability: Identifiability | UnsetType = UNSET
+    why: str | UnsetType = UNSET
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResidualRow:
+    """Error figures of one prediction, over the block means that were measured.
+
+    Attributes:
+        test: Name of the test.
+        role: Whether it was fitted or only predicted.
+        rmse_K: Root mean square error [K].
+        mae_K: Mean absolute error [K].
+        max_K: Maximum absolute error [K].
+        end_K: Mean error over the last blocks, measured minus predicted [K].
+        whiteness_p: Probability of such residuals if they were white [1], by Ljung and Box.
+        coverage_95: Share of the readings inside the 95 % band [1].
+        log_score: Mean log predictive density of a block [nat].
+        log_score_se: Its standard error, which allows for neighbouring blocks that err alike
+            [nat]; null for less than ten blocks, unset in files of earlier versions.
+    """
+
+    test: str
+    role: Role
+    rmse_K: NonNegative
+    mae_K: NonNegative
+    max_K: NonNegative
+    end_K: float
+    whiteness_p: Probability | None
+    coverage_95: Probability
+    log_score: float | None
+    log_score_se: NonNegative | UnsetType | None = UNSET
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyRow:
+    """Error figures of one measured body beside the winding in one test.
+
+    Attributes:
+        test: Name of the test.
+        role: Whether the test was fitted or only predicted.
+        body: Channel of the body.
+        node: The node that it is compared with.
+        fitted: Whether the readings of this body took part in the fit, with the errors of their
+            sensor; if not, they are held against the node's temperature.
+        rmse_K: Root mean square error [K].
+        mean_K: Mean error, measured minus predicted [K].
+        max_K: Maximum absolute error [K].
+        coverage_95: Share of the readings inside the 95 % band [1].
+    """
+
+    test: str
+    role: Role
+    body: str
+    node: str
+    fitted: bool
+    rmse_K: NonNegative
+    mean_K: float
+    max_K: NonNegative
+    coverage_95: Probability
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DescribedTest:
+    """What is said of a test.
+
+    Attributes:
+        name: Its name in the run.
+        role: Whether it was fitted or only predicted.
+        path: Its first file as the user gave it; empty for a record that was made in memory.
+        sha256: Digest of that file; empty likewise.
+        reader: Which reader read it.
+        stretch: The part of the files that was used, as it is written behind a file; unset
+            for all.
+        notes: What was converted, derived and reduced, in sentences.
+        mapping: How each channel came about.
+        duration_s: Its length [s].
+        num_samples: Samples of the record.
+        sample_s: Interval of the samples [s].
+        step_s: Step of the simulation [s].
+        block_s: Length of a block [s].
+        rounding_K: Resolution of the winding's readings [K]; 0 if none is seen.
+        start_degC: Mean of the winding's first readings [degC].
+        current_A: Smallest and largest rms current [A]; null if not recorded.
+        losses_W: Smallest and largest losses [W]; null if not recorded.
+        speed_rpm: Smallest and largest speed [rpm]; null if not recorded.
+        winding_degC: Lowest and highest winding temperature [degC]; null if not recorded.
+        sink_degC: Lowest and highest temperature of the sink [degC]; null if not recorded.
+        reduction_error_K: Error of reducing the record to blocks [K].
+        start: Day on which it began by the clock or the header of the record, ISO 8601; unset where
+            that has no date.
+    """
+
+    name: str
+    role: Role
+    path: str
+    sha256: str
+    reader: str = ""
+    stretch: str | UnsetType = UNSET
+    notes: tuple[str, ...] = ()
+    mapping: tuple[ColumnReading, ...] = ()
+    duration_s: NonNegative
+    num_samples: Count
+    sample_s: float | None
+    step_s: float | None
+    block_s: float | None
+    rounding_K: float | None = None
+    start_degC: float | None = None
+    current_A: Interval | None
+    losses_W: Interval | None
+    speed_rpm: Interval | None
+    winding_degC: Interval | None
+    sink_degC: Interval | None
+    reduction_error_K: float | None = None
+    start: str | UnsetType = UNSET
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissingSpan:
+    """A stretch of time in which something is missing.
+
+    Attributes:
+        test: Name of the test.
+        from_s: Its begin [s].
+        to_s: Its end [s].
+        node: Node, or `"sensor"`.
+        missing_W: Mean missing heat [W]; unset for the sensor.
+        missing_K: Mean error of the reading [K]; unset for a node.
+        interval_95: 95 % interval of the one that is set [W or K].
+    """
+
+    test: str
+    from_s: float
+    to_s: float
+    node: str
+    missing_W: float | UnsetType = UNSET
+    missing_K: float | UnsetType = UNSET
+    interval_95: Interval
+
+    def __post_init__(self) -> None:
+        if (self.missing_W is UNSET) == (self.missing_K is UNSET):
+            raise ValueError("expected one of missing_W and missing_K")
+
+    @property
+    def missing(self) -> tuple[float, Literal["W", "K"]]:
+        """What is missing, and its unit."""
+        if self.missing_K is not UNSET:
+            return self.missing_K, "K"
+        assert self.missing_W is not UNSET
+        return self.missing_W, "W"
+
+
+Missing = Annotated[
+    MissingSpan,
+    Meta(extra_json_schema={"oneOf": [{"required": ["missing_W"]}, {"required": ["missing_K"]}]}),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissingCourse:
+    """What is missing at one node over one test.
+
+    Attributes:
+        test: Index of the calibration test, from 0.
+        node: Node, or `"sensor"`.
+        unit: W, or K for the sensor.
+        time_s: Times of the knots [s].
+        mean: What is missing at each knot [unit].
+        sd: Its standard deviation [unit].
+    """
+
+    test: Count
+    node: str
+    unit: str
+    time_s: tuple[float, ...]
+    mean: tuple[float, ...]
+    sd: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalisedMisfit:
+    """Where a model lacks heat or reads wrongly.
+
+    Attributes:
+        nodes: Nodes that the evidence puts it at; empty if nothing is missing.
+        log_evidence: Of each set of nodes, relative to none [nat].
+        dependence: Correlation of what is missing with what drives it, by node and driver [1].
+        courses: By test and node.
+    """
+
+    nodes: tuple[str, ...]
+    log_evidence: dict[str, float | None]
+    dependence: dict[str, dict[str, float | None]]
+    courses: tuple[MissingCourse, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Localisation:
+    """Where something is missing, before and after.
+
+    Attributes:
+        before: With the base network.
+        after: With the final model.
+    """
+
+    before: LocalisedMisfit
+    after: LocalisedMisfit
+
 
 TOLD = 0.1
 """Probability from which on an effect that may be missing is told [1], that which each has before
@@ -247,3 +552,159 @@ class FittedModel:
             f"Averaged over small effects that the {self.title} may miss: {parts}. A resistance "
             "that such an effect scales stands for its mean over the tests."
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkVerdict:
+    """Which of two networks the data favour.
+
+    Attributes:
+        order: Name of the network, or `"undecided"`.
+        sentence: The verdict in words.
+        log_bayes_factor: Of the network with more nodes to the other one [nat]; null if there are
+            not two.
+        log_score_difference: Mean log score per block of the network with more nodes less that of
+            the other one, over the held-out tests [nat]; unset where there is none.
+        log_score_difference_se: Its standard error, which allows for neighbouring blocks that err
+            alike [nat]; unset likewise.
+    """
+
+    order: str
+    sentence: str
+    log_bayes_factor: float | None
+    log_score_difference: float | UnsetType = UNSET
+    log_score_difference_se: NonNegative | UnsetType = UNSET
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Threshold:
+    """How long two networks stay within an error.
+
+    Attributes:
+        test: Name of the test.
+        limit_K: The error [K].
+        until_s: Time at which the network with fewer nodes leaves it [s]; null if it never does.
+        second_until_s: The same for the other network [s].
+    """
+
+    test: str
+    limit_K: NonNegative
+    until_s: float | None
+    second_until_s: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peak:
+    """The measured peak of a test and what two networks predict there.
+
+    Attributes:
+        test: Name of the test.
+        time_s: When [s].
+        measured_degC: The peak [degC].
+        first_degC: What the network with fewer nodes predicts [degC].
+        second_degC: What the other one predicts [degC].
+    """
+
+    test: str
+    time_s: float
+    measured_degC: float
+    first_degC: float
+    second_degC: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """Two networks over the same tests.
+
+    Attributes:
+        words: The comparison in sentences.
+        thresholds: By test and error.
+        peak: By test.
+    """
+
+    words: tuple[str, ...]
+    thresholds: tuple[Threshold, ...]
+    peak: tuple[Peak, ...]
+
+
+FIT_FORMAT = "heatrun-fit/1"
+"""The number rises with what a reader must know."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedMotor:
+    """What the motor file said of the machine.
+
+    Attributes:
+        name: The machine.
+        phases: Number of phases [1].
+        losses: Whether `losses_W` is the measured total or the other losses alone.
+        sink: Channel that the stator loses its heat to.
+        insulation_class: IEC 60085 class letter, or null.
+        phase_resistance_ohm: At the reference temperature [ohm], or null.
+        reference_temperature_degC: Temperature that the resistance holds for [degC].
+        resistance_coefficient_degC: B of R(T) = R (B + T)/(B + Tref) [degC].
+        rated_speed_rpm: Speed that effects are scaled with [rpm], or null.
+        path: The motor file as the user gave it; empty if made in memory.
+        sha256: Its digest; empty likewise.
+    """
+
+    name: str
+    phases: Count
+    losses: Literal["balance", "map"]
+    sink: Literal["ambient", "coolant"]
+    insulation_class: str | None
+    phase_resistance_ohm: float | None
+    reference_temperature_degC: float
+    resistance_coefficient_degC: float
+    rated_speed_rpm: float | None = None
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class UseVerdict:
+    """Whether the parameters can be used: the one verdict, which every page prints.
+
+    Attributes:
+        use: In a word.
+        sentence: What it means here.
+        reasons: What decides it first, then what else it rests on, in sentences.
+    """
+
+    use: Literal["usable", "restricted", "not usable"]
+    sentence: str
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitResult:
+    """The result of a calibration, or of the final model of a discovery.
+
+    Attributes:
+        format: Of this file.
+        heatrun_version: That wrote it.
+        command: As it was given.
+        seed: Random seed.
+        motor: The machine.
+        tests: Calibration first.
+        findings: About records, fits and sampling.
+        verdict: Which network the data favour.
+        models: The fitted networks by name, the one with fewer nodes first.
+        comparison: Of two networks; null if there are not two.
+        effects: Ids of the effects that the tests asked for; unset in runs of earlier versions.
+        use: Whether the parameters can be used; unset in runs of earlier versions.
+    """
+
+    format: Literal["heatrun-fit/1"]
+    heatrun_version: str
+    command: str
+    seed: int
+    motor: FittedMotor
+    tests: Annotated[tuple[DescribedTest, ...], Meta(min_length=1)]
+    findings: tuple[Finding, ...]
+    verdict: NetworkVerdict
+    models: Annotated[dict[str, FittedModel], Meta(min_length=1)]
+    comparison: Comparison | None
+    effects: tuple[str, ...] | UnsetType = UNSET
+    use: UseVerdict | UnsetType = UNSET

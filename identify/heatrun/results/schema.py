@@ -17,7 +17,7 @@ from typing import Any
 import msgspec
 
 from .discovery import DiscoveryResult
-from .fit import FitResult
+from .model import FitResult
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..inference.left_out import left_out, windows
+from ..inference.discrepancy import left_out, windows
 from ..inference.posterior import Posterior
 
 LEFT_OUT = (

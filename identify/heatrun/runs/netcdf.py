@@ -11,15 +11,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..bench.channels.schema import body_name
+from ..bench.channels.claims import body_name
 from ..inference.networks.form import WINDING
 from ..inference.noise import NOISE, noise_parameters
 from ..inference.parameters import Parameter, ParameterSet
-from ..inference.plausible_effects import PlausibleEffect, PlausibleEffects
-from ..inference.posterior import Posterior
-from ..inference.sampling.diagnostics import load_arviz
-from ..io.moment import stated_moment
-from ..io.whole_files import write_whole
+from ..inference.posterior import PlausibleEffect, PlausibleEffects, Posterior
+from ..inference.sampling.weighted import load_arviz
+from ..io.whole_files import stated_moment, write_whole
 from ..motor import Adequacy
 from .densities import DEPENDENCE, LEFT_OUT, PRIOR, Densities
 

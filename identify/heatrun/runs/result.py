@@ -1,4 +1,7 @@
-"""The result of a calibration: what stands in `fit.json`."""
+"""The plain network that comes nearest to a model with effects, for tools that take no effects.
+
+The result of a calibration: what stands in `fit.json`.
+"""
 
 from __future__ import annotations
 
@@ -8,45 +11,108 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from msgspec import UNSET, UnsetType
+from scipy.optimize import least_squares
 
 from lptn.effects import AbstractEffect
 
 from ..attempts import Attempts
 from ..bench.blocks import Blocks
-from ..bench.channels.column_mapping import describe_mapping
+from ..bench.channels.mapping import describe_mapping
 from ..bench.record import Finding, Record
+from ..inference.bodies import OWN, own_name
 from ..inference.comparison import body_rows, compare, residual_row, verdict
-from ..inference.effect_parameters import qualified
 from ..inference.fitting.fit_result import Fit
 from ..inference.fitting.identifiability import forecast, state
 from ..inference.noise import noise_parameters
-from ..inference.parameters import Parameter, Slot
-from ..inference.plausible_effects import of_network
-from ..inference.posterior import Posterior
-from ..inference.predict import Prediction
+from ..inference.parameters import Parameter, Slot, qualified
+from ..inference.posterior import Posterior, of_network
+from ..inference.predict import Prediction, score_difference
 from ..inference.sampling.weighted import evaluate
-from ..inference.score_error import score_difference
 from ..motor import Motor
 from ..ratings.figures import derive
-from ..results.fit import FIT_FORMAT, FitResult, FittedMotor
 from ..results.model import (
+    FIT_FORMAT,
+    BodyRow,
     Correlation,
+    DescribedTest,
     EffectInModel,
     Evidence,
+    FitResult,
     FittedModel,
+    FittedMotor,
     FittedNoise,
+    FittedParameter,
+    Identifiability,
     LoggerNoise,
     MaybeMissing,
     PosteriorQuality,
+    Replica,
 )
-from ..results.parameter import FittedParameter, Identifiability
-from ..results.residuals import BodyRow
-from ..results.tested import DescribedTest
 from ..results.values import Interval, Role
 from ..version import __version__
-from .replica import replica
+
+REACH = 5.0
+"""A parameter of the replica stays within this factor of the model's, to either side, in logarithms
+of e [1]."""
+
+
+def replica(posterior: Posterior, predictions: Sequence[Prediction]) -> Replica | None:
+    """Return the plain network that behaves most like a model with effects over its fitted tests.
+
+    Its resistances and capacities are those that bring its winding nearest to the model's, with
+    exact instruments and the model's start temperatures. None where the model has no effects.
+
+    Args:
+        posterior: Draws of the model.
+        predictions: Of all tests.
+    """
+    model, problem = posterior.fit.problem.model, posterior.fit.problem
+    tests = [p for p in predictions if p.is_there]
+    fitted = [p for p in tests if not p.is_held_out]
+    names = [p.name for p in model.form.parameters if p.fixed is None]
+    if not model.effects or not fitted:
+        return None
+    plain = replace(model, effects=())
+    own_names = {own_name(name) for name in OWN}  # a test's own: its inputs without these mislead
+    exact = {
+        name: parameter.centre
+        for name, parameter in problem.parameters.by_test[0].items()
+        if parameter.role == "instrument" and name not in own_names
+    }
+    means = jax.jit(plain.block_means)
+    course = {}
+    for each in tests:
+        own = {n: v for n, v in each.middle.items() if n not in exact and "." not in n}
+        course[each.test.name] = (each.test.observation(), exact | own)
+
+    def simulated(logs: np.ndarray, each: Prediction) -> np.ndarray:
+        observation, values = course[each.test.name]
+        numbers = values | dict(zip(names, np.exp(logs).tolist(), strict=True))
+        found = means({n: jnp.asarray(v) for n, v in numbers.items()}, observation)
+        return np.asarray(found)[: each.test.measured.size]
+
+    def apart(logs: np.ndarray) -> np.ndarray:
+        return np.concatenate([simulated(logs, each) - each.median for each in fitted])
+
+    start = np.log([fitted[0].middle[name] for name in names])
+    found = least_squares(apart, start, bounds=(start - REACH, start + REACH), diff_step=1e-4)
+    errors = {
+        each.test.name: float(
+            np.sqrt(np.mean((each.test.measured - simulated(found.x, each))[seen] ** 2))
+        )
+        for each in tests
+        if np.any(seen := each.test.is_observed)
+    }
+    return Replica(
+        parameters=dict(zip(names, np.exp(found.x).tolist(), strict=True)),
+        rmse_K=errors,
+        from_model_K=float(np.sqrt(np.mean(found.fun**2))),
+    )
+
 
 T = TypeVar("T")
 

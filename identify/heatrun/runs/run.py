@@ -1,11 +1,18 @@
-"""A run read back: model with effects, draws, noise, tests, findings, predictions."""
+"""The text form of a fitted model: TOML in the run folder that reads back to the same value.
+
+A run read back: model with effects, draws, noise, tests, findings, predictions.
+
+What the laboratory states of a run, beside its results.
+
+The figure of a run: measured and predicted courses with their bands.
+"""
 
 from __future__ import annotations
 
 import io
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,22 +23,120 @@ import pandas as pd
 from ..bench.blocks import Logger
 from ..bench.joined import read_test
 from ..bench.record import Finding, Record
+from ..certificate_file import parse_meta
 from ..errors import InputError
 from ..inference.catalogue import effects_named
-from ..inference.draws import Draws
 from ..inference.loggers import Loggers
-from ..inference.plausible_effects import PlausibleEffect
+from ..inference.model import Model
+from ..inference.networks.text import network_of, network_text
+from ..inference.parameters import Parameter, ParameterSet, collect
+from ..inference.posterior import Draws, PlausibleEffect
 from ..inference.predict import NUM_DRAWS, Prediction, predict
 from ..inference.virtual import reduce_driven, refuse_runaway, virtual_record
-from ..motor import Motor
+from ..io.toml_text import parse_toml
+from ..motor import Adequacy, Certificate, Motor
 from ..motorfile import parse_motor
 from ..results import DiscoveryResult, FitResult, from_json
-from ..results.tested import DescribedTest
+from ..results.model import DescribedTest
 from ..results.values import Role, known
 from . import netcdf
-from .model_text import ModelOfRun, read_model
-from .run_folder import MANIFEST, read_listed
-from .sources import SourceFile, as_named, refuse_changed
+from .run_folder import MANIFEST, SourceFile, as_named, read_listed, refuse_changed
+
+FORMAT = "heatrun-model/1"
+
+
+@dataclass(frozen=True)
+class ModelOfRun:
+    """A model with its priors over the tests that it was fitted to.
+
+    Attributes:
+        model: Network with effects and nuisances.
+        parameters: Parameters with priors, fixed values and tests.
+    """
+
+    model: Model
+    parameters: ParameterSet
+
+
+def model_text(found: ModelOfRun) -> bytes:
+    """Return the TOML text of a model."""
+    import tomli_w
+
+    model = found.model
+    distinct: list[Parameter] = []
+    tests = []
+    for name, parameters in zip(found.parameters.tests, found.parameters.by_test, strict=True):
+        places = []
+        for parameter in parameters.values():
+            if parameter not in distinct:
+                distinct.append(parameter)
+            places.append(distinct.index(parameter))
+        tests.append({"name": _utf8(name), "parameters": places})
+    own = set(model.form.effects)
+    content = {
+        "format": FORMAT,
+        "effects": [kind.card.id for kind in model.effects if kind.card.id not in own],
+        **network_text(model.form),
+        "losses": {
+            "kind": model.kind,
+            "phases": model.phases,
+            "reference_temperature_degC": float(model.reference_temperature),
+            "coefficient_degC": float(model.coefficient),
+        },
+        "adequacy": asdict(model.adequacy),
+        "change_sd": model.change_sd,
+        "fitted": {"parameters": [_entry(each) for each in distinct], "tests": tests},
+    }
+    return tomli_w.dumps(content).encode()
+
+
+def read_model(data: bytes, where: str, files: Sequence[Path] = ()) -> ModelOfRun:
+    """Return the model of a text.
+
+    Args:
+        data: The bytes of the file.
+        where: The file, for messages.
+        files: Python files with effects of the user's own.
+
+    Raises:
+        InputError: If the text is damaged, or names an effect that is not there.
+    """
+    content = parse_toml(data, where, "model file")
+    if content["format"] != FORMAT:
+        raise ValueError(f"format {content['format']!r}, expected {FORMAT}")
+    form = network_of(content, where)
+    losses, fitted = content["losses"], content["fitted"]
+    model = Model(
+        form=form,
+        kind=losses["kind"],
+        phases=losses["phases"],
+        reference_temperature=losses["reference_temperature_degC"],
+        coefficient=losses["coefficient_degC"],
+        effects=effects_named([*form.effects, *content["effects"]], where, files),
+        adequacy=Adequacy(**content.get("adequacy", {})),  # runs of old do not say
+        change_sd=content.get("change_sd", 0.0),
+    )
+    distinct = [Parameter(**{"fixed": None, **entry}) for entry in fitted["parameters"]]
+    by_test = [
+        {distinct[place].name: distinct[place] for place in test["parameters"]}
+        for test in fitted["tests"]
+    ]
+    names = [test["name"] for test in fitted["tests"]]
+    return ModelOfRun(model, collect(names, by_test))
+
+
+def _entry(parameter: Parameter) -> Mapping[str, Any]:
+    return {
+        key: float(value) if isinstance(value, float) else value
+        for key, value in asdict(parameter).items()
+        if value is not None
+    }
+
+
+def _utf8(text: str) -> str:
+    """Return text that TOML can hold: bytes of a file name that are no UTF-8 are escaped."""
+    return text.encode(errors="backslashreplace").decode()
+
 
 MOTOR = "motor.toml"
 
@@ -318,8 +423,6 @@ class Run:
 
     def plot(self, network: str | None = None) -> Any:
         """Return a figure: each test's measured and predicted winding with its 95 % band."""
-        from .plot import plot_courses
-
         name = self.choose(network)
         tests = [(test.name, test.role) for test in self.tests]
         return plot_courses(tests, self.courses(), name)
@@ -387,3 +490,51 @@ def _table(content: bytes) -> pd.DataFrame:
     # as words first: read as numbers, some versions of pandas lose the last digit
     words = pd.read_csv(io.BytesIO(content), dtype=str, keep_default_na=False)
     return words.replace("", "nan").astype(np.float64)
+
+
+CERTIFICATE = "certificate.toml"
+"""What `heatrun sheet --meta` stated of a run; it goes before what its motor file says."""
+
+
+def certificate_of(run: Run) -> Certificate:
+    """Return what `[certificate]` of the motor file and later `--meta` said of a run.
+
+    Args:
+        run: The run.
+
+    Raises:
+        InputError: If a file of the run is damaged or was changed.
+    """
+    if not run.is_finished or CERTIFICATE not in run.manifest["files"]:
+        return run.motor.certificate
+    stated = parse_meta(run.file(CERTIFICATE), str(run.path / CERTIFICATE))
+    return run.motor.certificate.beneath(stated)
+
+
+def plot_courses(
+    tests: Sequence[tuple[str, str]], courses: Sequence[pd.DataFrame], network: str
+) -> Any:
+    """Return a matplotlib figure with one axis for each test.
+
+    Args:
+        tests: Name and role of each test.
+        courses: Their courses as a run holds them.
+        network: Whose prediction is drawn.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 2.6 * len(tests)), layout="constrained")
+    axes = figure.subplots(len(tests), 1, squeeze=False)[:, 0]
+    for axis, (name, role), table in zip(axes, tests, courses, strict=True):
+        minutes = table["time_s"] / 60.0
+        columns = [f"{network}_{part}_degC" for part in ("winding", "total_95_low",
+                                                         "total_95_high")]  # fmt: skip
+        median, low, high = (table[column] for column in columns)
+        axis.fill_between(minutes, low, high, alpha=0.25, label="95 % with noise")
+        axis.plot(minutes, table["measured_degC"], "k.", ms=2, label="measured")
+        axis.plot(minutes, median, lw=1.2, label=f"{network} network")
+        axis.set_title(f"{name} ({role})", fontsize=9)
+        axis.set_ylabel("winding [°C]")
+    axes[0].legend(fontsize=8)
+    axes[-1].set_xlabel("time [min]")
+    return figure

@@ -1,4 +1,8 @@
-"""The run folder: the result as files, there as a whole or not at all, resumable after a kill.
+"""The files that a run was made of: it keeps their paths and digests, and no signals.
+
+Where runs go that no folder was named for, and where none can go.
+
+The run folder: the result as files, there as a whole or not at all, resumable after a kill.
 
 A run works in `NAME.partial` beside its destination, where its checkpoints lie; the folder takes
 its name in one step when everything is in it. The same command started again finds the partial
@@ -11,6 +15,8 @@ import hashlib
 import json
 import os
 import platform
+import re
+import shlex
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -19,13 +25,126 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ..bench.readers.open_file import digest
+from ..bench.record import Record
+from ..bench.stretch import split_stretch
 from ..errors import InputError
+from ..io.caches import FolderLock
 from ..io.file_set import is_aside
-from ..io.folder_lock import FolderLock
-from ..io.free_names import numbered, refuse_replacing
-from ..io.undisturbed import undisturbed
-from ..io.whole_files import PARTIAL, drop_partials, writable, write_whole
+from ..io.whole_files import (
+    PARTIAL,
+    drop_partials,
+    numbered,
+    refuse_replacing,
+    undisturbed,
+    writable,
+    write_whole,
+)
+from ..motor import Motor
 from ..results.json_text import to_json
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """A file that a run was made of.
+
+    Attributes:
+        path: As it was given.
+        sha256: Its digest then.
+    """
+
+    path: str
+    sha256: str
+
+
+def as_named(path: str, test: str, command: str) -> str:
+    """Return a path with the sheet and the sampling rate that the run's command gave it, if it did.
+
+    Args:
+        path: The file.
+        test: Name of the test; it tells sheets of one workbook apart.
+        command: Of the run.
+    """
+    try:
+        words = shlex.split(command)
+    except ValueError:
+        return path
+    form = re.compile(re.escape(path) + r"(?:#(?P<sheet>.+?))?(?:@[0-9.]+\s*Hz)?", re.DOTALL)
+    found = [
+        named
+        for word in words
+        for part in _parts(word)
+        if part != path and (named := form.fullmatch(part))
+    ]
+    of_test = [one for one in found if one["sheet"] and test.endswith(f"_{one['sheet']}")]
+    return next((one[0] for one in (*of_test, *found)), path)
+
+
+def _parts(word: str) -> list[str]:
+    """Return a word of the command line and its files, without the stretch behind them."""
+    test, _ = split_stretch(word)
+    return [test, *test.split("+")]
+
+
+def refuse_changed(file: SourceFile, run: Path, kind: str) -> None:
+    """Refuse a file that is not what it was when the run was made.
+
+    Args:
+        file: The file.
+        run: The run folder, for the message.
+        kind: What the file is, for the message.
+
+    Raises:
+        InputError: If it is gone or has changed.
+    """
+    path, expected = file.path, file.sha256
+    try:
+        now = digest(path)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(
+            f"the {kind} {path} of this run cannot be read ({reason}); the run keeps its path "
+            "as it was given, and no signals.",
+            where=str(run),
+            remedy="Start the command in the folder that the run was started in, "
+            "or put the file back.",
+        ) from error
+    if now != expected:
+        raise InputError(
+            f"the {kind} {path} has changed since the run: SHA-256 {expected[:12]}… then, "
+            f"{now[:12]}… now.",
+            where=str(run),
+            remedy="Put the file of the run back, or calibrate again.",
+        )
+
+
+def default_folder(motor: Motor, test: Record, order: str) -> Path:
+    """Return where a run goes if no folder is given: named after motor and first test.
+
+    Args:
+        motor: The machine.
+        test: The first test.
+        order: What is calibrated, in a word.
+    """
+    words = f"{motor.name}-{test.name}-{order}"
+    slug = "".join(c if c.isalnum() and c.isascii() else "-" for c in words.lower())
+    while "--" in slug:
+        slug = slug.replace("--", "-")
+    return Path("results") / "runs" / slug.strip("-")[:80]
+
+
+def refuse_unwritable(path: Path) -> None:
+    """Raise an error if a folder's parent is a file.
+
+    Raises:
+        InputError: With what to do.
+    """
+    for parent in path.parents:
+        if parent.is_file():
+            raise InputError(
+                f"{parent} is a file, expected a folder.", remedy="Choose another --out."
+            )
+
 
 MANIFEST = "manifest.json"
 CHECKPOINTS = "checkpoints"

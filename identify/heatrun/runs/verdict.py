@@ -7,14 +7,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..attempts import FAILED
-from ..bench.checks.doubts import DOUBTS, SIMULATED, doubts
+from ..bench.checks.suitability import DOUBTS, SIMULATED, doubts
 from ..bench.record import Finding
-from ..io.printable import clean
-from ..io.quantities import rounded
+from ..io.quantities import clean, rounded
 from ..results import FitResult
-from ..results.fit import UseVerdict
-from ..results.model import FittedModel
-from ..results.parameter import FittedParameter
+from ..results.model import FittedModel, FittedParameter, UseVerdict
 
 USES: dict[str, str] = {
     "Ceq": "warm-up and time to a limit",

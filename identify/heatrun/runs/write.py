@@ -15,9 +15,8 @@ from ..results import FitResult, from_json, to_json
 from . import netcdf
 from .courses import band_table
 from .densities import densities as densities_of
-from .model_text import ModelOfRun, model_text
 from .motor_text import motor_text
-from .run import MOTOR, Run, course_name, draws_name, model_name
+from .run import MOTOR, ModelOfRun, Run, course_name, draws_name, model_name, model_text
 from .run_folder import RunFolder
 from .verdict import judged
 

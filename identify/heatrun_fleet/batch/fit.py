@@ -16,8 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from heatrun.arithmetic import refuse_wrong_sums
-from heatrun.inference.fitting.adequacy import low_frequency_excess
+from heatrun.attempts import refuse_wrong_sums
 from heatrun.inference.fitting.fit import (
     DISTINCT,
     NUM_STARTS,
@@ -26,21 +25,21 @@ from heatrun.inference.fitting.fit import (
     SAME_OPTIMUM,
     SETTLED,
     implied_level,
+    low_frequency_excess,
+    misfit_findings,
     start_scores,
 )
 from heatrun.inference.fitting.fit_result import RESULT, Fit
-from heatrun.inference.fitting.laplace import laplace
-from heatrun.inference.fitting.optimum_findings import misfit_findings
+from heatrun.inference.fitting.restricted import laplace
 from heatrun.inference.noise import Noise, from_scores
 from heatrun.inference.problem import Problem
-from heatrun.inference.steps import STABLE
+from heatrun.inference.starts import STABLE
 
-from .lanes import on_host
 from .layout import Key, NotBatched, key_of, pack, why_not
-from .machines import Machines
+from .march import Machines
 from .search import begun, linearise
 from .settle import Settled, final, settle
-from .starts import Optima, continued, optima_from_starts
+from .starts import Optima, continued, on_host, optima_from_starts
 
 WIDTH = 32
 """Machines in a batch: their numbers in a step of the march fill the processor's first caches. A

@@ -19,8 +19,8 @@ from heatrun.inference.discrepancy import num_knots
 from heatrun.inference.parameters import Parameter
 from heatrun.inference.problem import Problem, Structure
 
-from .heat import most_knots
-from .machines import Group, Machines
+from .march import Group, Machines
+from .residuals import most_knots
 
 BUCKETS = (96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048, 3072, 4096)
 """Lengths [blocks] that tests are padded to: at most a third is padding from 128 on. The longest

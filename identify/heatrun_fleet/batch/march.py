@@ -1,4 +1,9 @@
-"""The march of a bare network and its derivatives, for many machines side by side.
+"""The numbers of machines side by side: machines (lanes) stand in the trailing axis of all arrays.
+
+Tests of one padded shape are lanes beside each other too: a lane is a test of a machine, and those
+of the first test come first.
+
+The march of a bare network and its derivatives, for many machines side by side.
 
 The numbers are those of `lptn.simulate`; the loop is another, because a batch that is mapped
 over the general one runs five times slower. Three things make it fast:
@@ -9,6 +14,12 @@ over the general one runs five times slower. Three things make it fast:
 - The parameters act through fewer quantities: the phase resistance and the error of the current
   through one slope of the copper loss. Only these quantities have a tangent in the loop.
 - Gain and offset of the sensor act on the block means, not on the steps.
+
+Readings that come late, for machines side by side: `lptn.TimeShift`, lane by lane.
+
+A logger of the load that is too slow to tell when a step came moves the whole reading by a time of
+its own in each test, straight between the edges of the steps. Here it moves by a step at most: then
+a shifted edge needs its two neighbours alone, and the march is still made once.
 """
 
 from __future__ import annotations
@@ -18,15 +29,91 @@ from functools import reduce
 from operator import add
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.extend.core import Literal
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from heatrun.inference.model import Model
 from lptn.stepping import affine_terms, horner
 
-from .machines import Group, Lane
+Lane = Float[Array, " lane"]
+
+
+class Group(eqx.Module):
+    """Tests of one padded shape, of each machine; a lane for each test of each machine.
+
+    Attributes:
+        tests: Indices of the tests; the lanes of the first come first.
+        step: Length of a step [s], shape (lane,).
+        current_squared: As `lptn.Inputs`, shape (block, step, lane).
+        losses: Likewise.
+        ambient: Likewise.
+        second_sink: Likewise, None where the network has no use for it.
+        shaft_power: Likewise.
+        speed: Likewise.
+        weight: As `Blocks.weight`, shape (block, step, lane); 0 in padding.
+        position: As `Blocks.position`, likewise.
+        sensed_ambient: Mean of the sink at the samples of each block [degC], shape (block, lane).
+        measured: Mean reading of each block [degC], shape (block, lane).
+        is_observed: Which blocks hold a reading, shape (block, lane).
+        count: Readings of each block [1], shape (block, lane).
+        known_variance: As `Observation.known_variance`, shape (block, lane).
+        moments: As `Observation.moments`, shape (block, moment, lane).
+        block_s: Length of a block [s], shape (lane,).
+        num_blocks: Blocks without the padding [1], shape (lane,).
+        num_knots: Knots of the unmodelled heat [1], shape (lane,).
+        mean_losses: Mean of the loss channel [W], shape (lane,).
+        mean_current_squared: Mean of the squared current [A^2], shape (lane,).
+        fixed: Fixed values by name, shape (lane,) each.
+    """
+
+    tests: tuple[int, ...] = eqx.field(static=True)
+    step: Lane
+    current_squared: Float[Array, "block step lane"]
+    losses: Float[Array, "block step lane"]
+    ambient: Float[Array, "block step lane"]
+    second_sink: Float[Array, "block step lane"] | None
+    shaft_power: Float[Array, "block step lane"] | None
+    speed: Float[Array, "block step lane"] | None
+    weight: Float[Array, "block step lane"]
+    position: Float[Array, "block step lane"]
+    sensed_ambient: Float[Array, "block lane"]
+    measured: Float[Array, "block lane"]
+    is_observed: Bool[Array, "block lane"]
+    count: Float[Array, "block lane"]
+    known_variance: Float[Array, "block lane"]
+    moments: Float[Array, "block moment lane"]
+    block_s: Lane
+    num_blocks: Lane
+    num_knots: Lane
+    mean_losses: Lane
+    mean_current_squared: Lane
+    fixed: dict[str, Lane]
+
+    def by_lane(self, values: Float[Array, "*axes machine"]) -> Float[Array, "*axes lane"]:
+        """Return values of the machines for the lanes of their tests."""
+        return jnp.concatenate([values] * len(self.tests), axis=-1)
+
+    def by_test(self, values: Float[Array, "*axes lane"]) -> list[Float[Array, "*axes machine"]]:
+        """Return values of the lanes for each test."""
+        return jnp.split(values, len(self.tests), axis=-1)
+
+
+class Machines(eqx.Module):
+    """The numbers of as many problems of one structure as there are machines.
+
+    Attributes:
+        centre: Centres of the priors [their units], shape (parameter, machine).
+        sd: Their standard deviations, shape (parameter, machine).
+        groups: The tests.
+    """
+
+    centre: Float[Array, "parameter machine"]
+    sd: Float[Array, "parameter machine"]
+    groups: tuple[Group, ...]
+
 
 SLOPE = "slope of the copper loss"
 """Name of k over the squared current [W/(K A^2)], through which Rs0 and the current's error act."""
@@ -268,3 +355,141 @@ def _linear(
         elif name in ("", "shaft_offset"):
             parts[row].append(value)
     return {node: reduce(add, each) if each else 0.0 for node, each in parts.items()}
+
+
+SIDE_S = 1e-9
+"""Puts no shift on the side from which `lptn.TimeShift` has its slope [s]."""
+
+
+class LateMeans(NamedTuple):
+    """Block means of what is read late.
+
+    Attributes:
+        temperature: Of the measured node [degC], shape (block, lane).
+        rise: Its rise above the sink, as the channel has it [K], likewise.
+        slopes: Derivatives of the temperature by quantity, likewise.
+        temperature_by_time: Derivative of the temperature by the time [K/s], likewise.
+        rise_by_time: Of the rise, likewise.
+    """
+
+    temperature: Float[Array, "block lane"]
+    rise: Float[Array, "block lane"]
+    slopes: dict[str, Float[Array, "block lane"]]
+    temperature_by_time: Float[Array, "block lane"]
+    rise_by_time: Float[Array, "block lane"]
+
+
+class _Shift(NamedTuple):
+    """How much of its neighbours an edge takes on.
+
+    Attributes:
+        back: Of the one before [1].
+        ahead: Of the one after [1].
+        step: Length of a step [s].
+    """
+
+    back: Lane
+    ahead: Lane
+    step: Lane
+
+    @classmethod
+    def of(cls, late_s: Lane, step: Lane) -> _Shift:
+        """Return that of readings so late [s]."""
+        steps = (late_s + SIDE_S) / step
+        return cls(jnp.maximum(steps, 0.0), jnp.maximum(-steps, 0.0), step)
+
+    def edge(self, before: Array, now: Array, after: Array) -> Array:
+        """Return what is read in place of an edge."""
+        return now + self.back * (before - now) + self.ahead * (after - now)
+
+    def by_time(self, before: Array, now: Array, after: Array) -> Array:
+        """Return the derivative of that by the time."""
+        return jnp.where(self.ahead > 0.0, now - after, before - now) / self.step
+
+
+def late_means(
+    model: Model, rows: Group, quantities: Values, free: list[str], late_s: Lane
+) -> LateMeans:
+    """Return the block means of tests whose readings are late.
+
+    Args:
+        model: As `march.moving`.
+        rows: Likewise.
+        quantities: Likewise.
+        free: Likewise.
+        late_s: How late [s]; longer than a step of the march, the straight line is prolonged.
+    """
+    march = moving(model, rows, quantities, free)
+    shift = _Shift.of(late_s, rows.step)
+    num = rows.weight.shape[0] * rows.weight.shape[1]
+    # an edge is read when the one after it is known: one step is made before the first is read
+    once = jax.tree.map(lambda values: values.reshape(num, -1)[0], march.inputs)
+    following = jax.tree.map(_one_ahead, march.inputs)
+    is_last = (jnp.arange(1, num + 1)[:, None] >= _num_steps(rows)).reshape(rows.weight.shape)
+    second = march.advance(march.first, once)
+    begin, then = march.read(march.first), march.read(second)
+
+    def edges(before, now, after):
+        own = [shift.edge(*each) for each in zip(before, now, after, strict=True)]
+        return [*own, shift.by_time(before[0], now[0], after[0])]
+
+    def advance(before, x):
+        state, last, read, totals = before
+        inputs, weight, position, is_last = x
+        after = march.advance(state, inputs)
+        now, ahead = march.read(state), march.read(after)
+        ahead = [jnp.where(is_last, here, there) for here, there in zip(now, ahead, strict=True)]
+        here = edges(last, now, ahead)
+        ends = zip(totals, read, here, strict=True)
+        totals = [t + weight * (a + position * (b - a)) for t, a, b in ends]
+        return (after, now, here, totals), None
+
+    def block(before, x):
+        nothing = [jnp.zeros_like(rows.step) for _ in range(2 + len(march.names))]
+        (*after, totals), _ = jax.lax.scan(advance, (*before, nothing), x)
+        return tuple(after), totals
+
+    start = second, begin, edges(begin, begin, then)
+    xs = following, rows.weight, rows.position, is_last
+    found: Any = jax.lax.scan(block, start, xs)[1]
+    temperature, *slopes, by_time = found
+    sink, sink_by_time = _sink(rows, shift)
+    temperature = temperature - model.coefficient * jnp.sum(rows.weight, axis=1)
+    return LateMeans(
+        temperature,
+        temperature - sink,
+        dict(zip(march.names, slopes, strict=True)),
+        by_time,
+        by_time - sink_by_time,
+    )
+
+
+def _sink(rows: Group, shift: _Shift) -> tuple[Array, Array]:
+    """Return block means of the sink read late [degC], and their derivatives by the time."""
+    steps = rows.ambient.reshape(-1, rows.ambient.shape[-1])
+    before, after = jnp.concatenate([steps[:1], steps]), jnp.concatenate([steps, steps[-1:]])
+    is_inside = jnp.arange(before.shape[0])[:, None] < _num_steps(rows)
+    # at an edge between two steps, their mean
+    edges = jnp.where(is_inside, 0.5 * (before + after), before)
+    back = jnp.concatenate([edges[:1], edges[:-1]])
+    ahead = jnp.where(is_inside, jnp.concatenate([edges[1:], edges[-1:]]), edges)
+    return (
+        _means(shift.edge(back, edges, ahead), rows),
+        _means(shift.by_time(back, edges, ahead), rows),
+    )
+
+
+def _means(edges: Float[Array, "edge lane"], rows: Group) -> Float[Array, "block lane"]:
+    before, after = (each.reshape(rows.weight.shape) for each in (edges[:-1], edges[1:]))
+    return jnp.sum(rows.weight * (before + rows.position * (after - before)), axis=1)
+
+
+def _one_ahead(values: Float[Array, "block step lane"]) -> Float[Array, "block step lane"]:
+    """Return the inputs of the next step in place of each; the last one stays."""
+    steps = values.reshape(-1, values.shape[-1])
+    return jnp.concatenate([steps[1:], steps[-1:]]).reshape(values.shape)
+
+
+def _num_steps(rows: Group) -> Lane:
+    """Return the steps of each test without the padding."""
+    return rows.num_blocks * rows.weight.shape[1]

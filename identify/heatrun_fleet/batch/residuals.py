@@ -1,18 +1,36 @@
-"""Residuals of many machines side by side, and their derivatives by the scores."""
+"""Residuals of many machines side by side, and their derivatives by the scores.
+
+Small symmetric matrices of many lanes at once, without a library of linear algebra.
+
+Batches of factorisations inside compiled code are shared among XLA's threads, which wait for one
+another where two of them run at once (`inference.batches.ALONE`); sweeps have no such trouble, and
+run alike on every device. Lanes stand in the trailing axis.
+
+Residuals of many machines freed of the noise's correlation: `inference.noise`, lane by lane.
+
+What unmodelled heat does to the tests of many machines: `inference.discrepancy`, lane by lane.
+
+The columns are the same up to their signs: the strongest directions of the responses to a
+Gauss-Markov heat in each heated node.
+"""
 
 from __future__ import annotations
 
+import math
+from functools import partial
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from heatrun.bench.blocks import BLOCK_S
+from heatrun.inference.discrepancy import NUM_COLUMNS, SPACING_S
+from heatrun.inference.noise import HEAT, Noise, SensorRows, filter_rows
 from heatrun.inference.problem import Structure
 from lptn import CopperLosses
 
-from .late import late_means
-from .machines import Group, Lane, Machines
-from .march import SLOPE, march
+from .march import SLOPE, Group, Lane, Machines, late_means, march
 
 OF_SLOPE = ("Rs0", "current_gain")
 OF_READING = ("sensor_gain", "sensor_offset", "load_timing")
@@ -128,3 +146,237 @@ def _acting_through(name: str, losses: CopperLosses) -> dict[str, Any]:
         return {name: 1.0}
     slope = losses.slope(jnp.asarray(1.0))
     return {"Rs0": slope / losses.Rs0, "current_gain": 2.0 * slope / (1.0 + losses.current_gain)}
+
+
+def sweep(
+    matrix: Float[Array, "row row lane"], num: int
+) -> tuple[Float[Array, "row row lane"], Float[Array, " lane"]]:
+    """Sweep a symmetric matrix on its first pivots, whose block A is positive definite.
+
+    With A the swept block, B the one beside it and C the rest: minus the inverse of A stands where
+    A was, inv(A) B where B was, and C - B' inv(A) B where C was.
+
+    Args:
+        matrix: Symmetric matrices.
+        num: Number of pivots.
+
+    Returns:
+        The swept matrices, and half the log determinant of A.
+
+    Reference: J. H. Goodnight, A tutorial on the SWEEP operator, The American Statistician 33
+        (1979) 149-158.
+    """
+    size = matrix.shape[0]
+
+    def take(pivot, carry):
+        swept, half_log_det = carry
+        row = jax.lax.dynamic_index_in_dim(swept, pivot, 0, keepdims=False)
+        d = jax.lax.dynamic_index_in_dim(row, pivot, 0, keepdims=False)
+        is_pivot = (jnp.arange(size) == pivot)[:, None]
+        scaled = row / d
+        rest = swept - row[:, None] * scaled[None]
+        edge = jnp.where(is_pivot, -1.0 / d, scaled)
+        rest = jnp.where(is_pivot[:, None], edge[None], rest)
+        rest = jnp.where(is_pivot[None], edge[:, None], rest)
+        return rest, half_log_det + 0.5 * jnp.log(d)
+
+    return jax.lax.fori_loop(0, num, take, (matrix, jnp.zeros(matrix.shape[-1])))
+
+
+def solve(
+    matrix: Float[Array, "row row lane"], right: Float[Array, "row lane"]
+) -> Float[Array, "row lane"]:
+    """Return the solutions of positive definite systems."""
+    size = matrix.shape[0]
+    corner = jnp.zeros((1, 1, matrix.shape[-1]))
+    joined = jnp.concatenate([
+        jnp.concatenate([matrix, right[:, None]], axis=1),
+        jnp.concatenate([right[None], corner], axis=1),
+    ])  # fmt: skip
+    return sweep(joined, size)[0][:size, size]
+
+
+def identity(size: int, num_lanes: int) -> Float[Array, "row row lane"]:
+    """Return unit matrices."""
+    return jnp.broadcast_to(jnp.eye(size)[:, :, None], (size, size, num_lanes))
+
+
+def filtered(
+    columns: Float[Array, "block column lane"], noise: Noise, group: Group
+) -> tuple[Float[Array, "lane block column"], Float[Array, " lane"]]:
+    """Return columns whitened by the noise without heat, and half the log determinant.
+
+    Args:
+        columns: Of a group of tests.
+        noise: Noise of each lane, shape (lane,) each.
+        group: The tests.
+    """
+    sensor = SensorRows(
+        is_observed=group.is_observed,
+        count=group.count,
+        known_variance=group.known_variance,
+        block_s=group.block_s,
+        noise_scale=jnp.ones_like(group.block_s),
+    )
+    return jax.vmap(filter_rows, in_axes=-1, out_axes=0)(columns, noise, sensor)
+
+
+def weighted(
+    columns: Float[Array, "block column lane"], noise: Noise, group: Group
+) -> Float[Array, "lane block column"]:
+    """Return columns whitened by the white part of the noise alone; arguments as `filtered`."""
+    variance = noise.white**2 * (BLOCK_S / group.block_s) + group.known_variance
+    white = jnp.where(group.is_observed[:, None], columns, 0.0) / jnp.sqrt(variance)[:, None]
+    return jnp.moveaxis(white, -1, 0)
+
+
+def products(white: Float[Array, "lane block column"]) -> Float[Array, "column column lane"]:
+    """Return the inner products of columns."""
+    return jnp.moveaxis(jnp.einsum("wbi,wbj->wij", white, white), 0, -1)
+
+
+def scaled_heat(
+    gram: Float[Array, "column column lane"], num_heat: int, heat: Float[Array, " lane"]
+) -> Float[Array, "column column lane"]:
+    """Return inner products with the columns of the heat, the first ones, scaled by its size."""
+    factor = jnp.ones((gram.shape[0], heat.shape[0])).at[:num_heat].set(heat)
+    return gram * factor[:, None] * factor[None]
+
+
+def without_columns(
+    gram: Float[Array, "column column lane"], num: int
+) -> tuple[Float[Array, "column column lane"], Float[Array, " lane"]]:
+    """Sweep the first columns, a standard normal for each of them, out of inner products.
+
+    Returns:
+        All that `sweep` leaves, and half the log determinant.
+    """
+    ones = (jnp.arange(gram.shape[0]) < num).astype(float)
+    return sweep(gram + jnp.diag(ones)[:, :, None], num)
+
+
+LONGEST_BLOCK_S = 24.0
+"""Blocks are at most this long [s], or a test has more knots than there is room for."""
+
+NUM_HALVINGS, ORDER = 10, 9
+"""Of the step whose exponential is taken, and of its series: for a network whose fastest node takes
+a fifth of a block, the series errs by 1e-17."""
+
+
+def most_knots(num_blocks: int) -> int:
+    """Return the room for knots in a test of a padded length [blocks]."""
+    return math.ceil(num_blocks * LONGEST_BLOCK_S / SPACING_S) + 2
+
+
+@partial(jax.jit, static_argnames="structure")
+def heat_columns(
+    structure: Structure, machines: Machines, z: Float[Array, "parameter machine"]
+) -> tuple[Float[Array, "block column lane"], ...]:
+    """Return the columns of each group of tests, as `Observation.heat`; 0 in the padding."""
+    return tuple(_of_group(structure, machines, z, group) for group in machines.groups)
+
+
+def _of_group(
+    structure: Structure, machines: Machines, z: Float[Array, "parameter machine"], group: Group
+) -> Float[Array, "block column lane"]:
+    model = structure.model
+    values, _ = values_of_group(structure, machines, z, group)
+    mean_loss = group.mean_losses
+    if model.kind == "map":
+        mean_loss = mean_loss + model.phases * values["Rs0"] * group.mean_current_squared
+    size = jnp.maximum(jnp.abs(mean_loss), 1e-3) * model.adequacy.unmodelled_heat / HEAT.centre
+
+    network = model.network(values)
+    nodes = network.nodes
+    heated = [n for n in nodes if n == network.copper_node or n in network.share]
+    num = group.measured.shape[0]
+    course = _courses(group, num, model.adequacy.heat_time_s)
+    step = _exponential(_system(network, heated, model.form.measured_node, group))
+    last = len(nodes)  # the place of the integral of the measured node
+    first = [[jnp.zeros_like(course[0]) for _ in nodes] for _ in heated]
+
+    def advance(state, x):
+        heat, slope = x
+        after, means = [], []
+        for place, own in enumerate(state):
+            rows = []
+            for row in range(last + 1):
+                total = step[row, last + 1 + 2 * place] * heat
+                total = total + step[row, last + 2 + 2 * place] * slope
+                for column, temperature in enumerate(own):
+                    total = total + step[row, column] * temperature
+                rows.append(total)
+            after.append(rows[:last])
+            means.append(rows[last] / group.block_s)
+        return after, jnp.concatenate(means)
+
+    slopes = jnp.diff(course, axis=0) / group.block_s
+    _, joined = jax.lax.scan(advance, first, (course[:-1], slopes))
+    is_there = jnp.arange(num)[:, None] < group.num_blocks
+    joined = jnp.moveaxis(jnp.where(is_there[:, None], size * joined, 0.0), -1, 0)
+    # the right singular vectors, strongest last
+    _, turned = jnp.linalg.eigh(jnp.einsum("wbi,wbj->wij", joined, joined))
+    columns = jnp.einsum("wbi,wic->bcw", joined, turned[:, :, -NUM_COLUMNS:][:, :, ::-1])
+    missing = NUM_COLUMNS - columns.shape[1]
+    return jnp.pad(columns, ((0, 0), (0, max(missing, 0)), (0, 0)))
+
+
+def _courses(group: Group, num: int, heat_time_s: float) -> Float[Array, "edge knot lane"]:
+    """Return courses of heat at the edges of the blocks, for a standard normal at each knot."""
+    most = most_knots(num)
+    knot = jnp.arange(most)
+    spacing = group.block_s * group.num_blocks / (group.num_knots - 1.0)
+    is_there = knot[:, None] < group.num_knots
+    edges = jnp.arange(num + 1)[:, None] * group.block_s
+    hats = 1.0 - jnp.abs(edges[:, None] / spacing - knot[:, None])
+    hats = jnp.where(is_there, jnp.maximum(hats, 0.0), 0.0)
+    # the Cholesky factor of exp(-|t - t'|/tau) on an even grid
+    kept = jnp.exp(-spacing / heat_time_s)
+    lag = (knot[:, None] - knot)[:, :, None]
+    fresh = jnp.where((knot == 0)[:, None], 1.0, jnp.sqrt(1.0 - kept**2))
+    factor = jnp.where(lag >= 0, kept ** jnp.maximum(lag, 0) * fresh, 0.0)
+    factor = jnp.where(is_there, factor, 0.0)
+    return jnp.einsum("ekw,klw->elw", hats, factor)
+
+
+def _system(
+    network: Any, heated: list[str], measured: str, group: Group
+) -> Float[Array, "row row lane"]:
+    """Return the matrix over a block of: temperatures, the measured one's integral, heats and
+    their slopes.
+    """
+    nodes = list(network.nodes)
+    rows: dict[tuple[int, int], Any] = {}
+    for (near, far), resistance in network.resistance.items():
+        for own, other in ((near, far), (far, near)):
+            if own in nodes:
+                i, rate = nodes.index(own), 1.0 / (resistance * network.capacitance[own])
+                rows[i, i] = rows.get((i, i), 0.0) - rate
+                if other in nodes:
+                    j = nodes.index(other)
+                    rows[i, j] = rows.get((i, j), 0.0) + rate
+    last = len(nodes)
+    rows[last, nodes.index(measured)] = 1.0
+    for place, node in enumerate(heated):
+        column = last + 1 + 2 * place
+        rows[nodes.index(node), column] = 1.0 / network.capacitance[node]
+        rows[column, column + 1] = 1.0
+    size = last + 1 + 2 * len(heated)
+    matrix = jnp.zeros((size, size, group.block_s.shape[0]))
+    for key, value in rows.items():
+        matrix = matrix.at[key].set(value)
+    return matrix * group.block_s
+
+
+def _exponential(matrix: Float[Array, "row row lane"]) -> Float[Array, "row row lane"]:
+    """Return the exponentials of matrices: a series, squared."""
+
+    def product(a, b):
+        return jnp.einsum("ijw,jkw->ikw", a, b)
+
+    small = matrix / 2.0**NUM_HALVINGS
+    unit = jnp.broadcast_to(jnp.eye(matrix.shape[0])[:, :, None], matrix.shape)
+    total = unit
+    for order in range(ORDER, 0, -1):
+        total = unit + product(small, total) / order
+    return jax.lax.fori_loop(0, NUM_HALVINGS, lambda _, m: product(m, m), total)

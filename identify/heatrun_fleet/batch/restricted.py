@@ -17,11 +17,18 @@ from jaxtyping import Array, Bool, Float, Int
 from heatrun.inference.fitting.restricted import SCORE_LIMIT
 from heatrun.inference.noise import LARGEST_SCORES, NOISE, from_scores
 
-from .machines import Machines
-from .matrices import identity, solve, sweep
-from .residuals import Means
+from .march import Machines
+from .residuals import (
+    Means,
+    filtered,
+    identity,
+    products,
+    scaled_heat,
+    solve,
+    sweep,
+    without_columns,
+)
 from .search import Heat
-from .whitening import filtered, products, scaled_heat, without_columns
 
 TOLERANCE = 1e-8
 """Largest slope of a search that has ended [nat per prior standard deviation]."""

@@ -16,10 +16,18 @@ from jaxtyping import Array, Bool, Float, Int
 from heatrun.inference.noise import Noise
 from heatrun.inference.problem import WORST_RESIDUAL, Structure
 
-from .machines import Machines
-from .matrices import identity, solve
-from .residuals import Means, residuals_of_group
-from .whitening import filtered, products, scaled_heat, weighted, without_columns
+from .march import Machines
+from .residuals import (
+    Means,
+    filtered,
+    identity,
+    products,
+    residuals_of_group,
+    scaled_heat,
+    solve,
+    weighted,
+    without_columns,
+)
 
 TOLERANCE = 1e-9
 """Largest step of a search that has ended, in prior standard deviations."""

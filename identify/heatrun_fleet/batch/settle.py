@@ -10,16 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from heatrun.inference.fitting.corner import SIDE, is_corner, near_corner
-from heatrun.inference.fitting.fit import NUM_ROUNDS, SETTLED
+from heatrun.inference.fitting.fit import NUM_ROUNDS, SETTLED, SIDE, is_corner, near_corner
 from heatrun.inference.fitting.restricted import STARTS_S
 from heatrun.inference.noise import NOISE, Noise, free_of_columns, from_scores
 from heatrun.inference.problem import Structure
 
-from .heat import heat_columns
-from .lanes import kept
-from .machines import Group, Machines
-from .residuals import Means, values_of_group
+from .march import Group, Machines
+from .residuals import Means, filtered, heat_columns, values_of_group
 from .restricted import (
     NUM_FILTER,
     Linear,
@@ -32,7 +29,7 @@ from .restricted import (
 )
 from .search import Heat, Search, linearise, search
 from .search import begun as search_begun
-from .whitening import filtered
+from .starts import kept
 
 MOST_STEPS = 60
 """Steps of a search for parameters or noise that starts near its end, or from a fair guess."""

@@ -1,4 +1,8 @@
-"""The search from many starts, for machines side by side: one optimum, and what else there is.
+"""Tests with fewer and longer steps: where a search from afar finds its way as well, and sooner.
+
+Lanes picked, put side by side and handed back.
+
+The search from many starts, for machines side by side: one optimum, and what else there is.
 
 Each start is a batch of the machines' searches for a few steps. By then most of a machine's
 searches have come together; of those that have, one goes on. All that with few, long steps of the
@@ -7,21 +11,108 @@ march; what is left at the end is searched again with the steps as they are.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import math
+from dataclasses import replace
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
 from heatrun.inference.fitting.fit import HOPELESS, MAX_STEPS
 from heatrun.inference.noise import Noise
 from heatrun.inference.problem import Structure
 
-from .coarse import coarse
-from .lanes import on_host, picked, picked_heat, picked_machines
-from .machines import Machines
+from .march import Group, Machines
 from .search import Heat, begun, search
+
+INPUTS = ("current_squared", "losses", "ambient", "second_sink", "shaft_power", "speed")
+
+NUM_STEPS = 2
+"""Steps of a coarse block; three where its number of steps is odd."""
+
+
+@jax.jit
+def coarse(machines: Machines) -> Machines:
+    """Return the machines with inputs that hold for several steps, as their mean."""
+    return replace(machines, groups=tuple(map(_of_group, machines.groups)))
+
+
+def _of_group(group: Group) -> Group:
+    num_blocks, steps, lanes = group.weight.shape
+    num = next((each for each in (NUM_STEPS, 3) if steps % each == 0), steps)
+    joined = steps // num
+
+    def parts(values: Array) -> Array:
+        return values.reshape(num_blocks, num, joined, lanes)
+
+    def mean(values: Float[Array, "block step lane"] | None) -> Array | None:
+        return None if values is None else jnp.mean(parts(values), axis=2)
+
+    weight = parts(group.weight)
+    total = jnp.sum(weight, axis=2)
+    place = (jnp.arange(joined)[:, None] + parts(group.position)) / joined
+    position = jnp.sum(weight * place, axis=2) / jnp.where(total > 0.0, total, math.inf)
+    return replace(
+        group,
+        step=group.step * joined,
+        weight=total,
+        position=position,
+        **{name: mean(getattr(group, name)) for name in INPUTS},
+    )
+
+
+Tree = TypeVar("Tree")
+
+
+@jax.jit
+def picked(tree: Tree, places: Int[Array, " picked"]) -> Tree:
+    """Return arrays with some of the machines in their trailing axis."""
+    return jax.tree.map(lambda values: jnp.take(values, places, axis=-1), tree)
+
+
+@jax.jit
+def picked_machines(machines: Machines, places: Int[Array, " picked"]) -> Machines:
+    """Return the numbers of some of the machines."""
+    num = machines.centre.shape[-1]
+    groups = tuple(
+        picked(group, _of_tests(places, len(group.tests), num)) for group in machines.groups
+    )
+    return Machines(picked(machines.centre, places), picked(machines.sd, places), groups)
+
+
+@jax.jit
+def picked_heat(
+    machines: Machines, heat: tuple[Array, ...], places: Int[Array, " picked"]
+) -> tuple[Array, ...]:
+    """Return arrays of the groups of tests, such as the heat, of some of the machines."""
+    num = machines.centre.shape[-1]
+    return tuple(
+        picked(own, _of_tests(places, len(group.tests), num))
+        for own, group in zip(heat, machines.groups, strict=True)
+    )
+
+
+def _of_tests(places: Array, num_tests: int, num_machines: int) -> Array:
+    return jnp.concatenate([places + test * num_machines for test in range(num_tests)])
+
+
+@jax.jit
+def kept(is_kept: Array, old: Tree, new: Tree) -> Tree:
+    """Return the old arrays in the machines where they are kept, the new ones in the others."""
+
+    def one(before: Array, after: Array) -> Array:
+        own = jnp.concatenate([is_kept] * (before.shape[-1] // is_kept.shape[0]))
+        return jnp.where(own, before, after)
+
+    return jax.tree.map(one, old, new)
+
+
+def on_host(tree: Any) -> Any:
+    """Return arrays as NumPy arrays."""
+    return jax.tree.map(np.asarray, tree)
+
 
 FIRST_STEPS, MORE_STEPS = 7, 5
 """Steps of each start before those that have come together are told, for the first time and each

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from heatrun.commands import words
-from heatrun.commands.console import bar, printable, say
-from heatrun.commands.exit_codes import DONE, NOT_ALLOWED
+from heatrun.commands.console import DONE, NOT_ALLOWED, bar, printable, say
 from heatrun.errors import UsageError
 
 if TYPE_CHECKING:
@@ -110,7 +109,7 @@ def run(options: argparse.Namespace) -> int:
 def _print(result: FleetResult, *, discovers: bool, as_json: bool) -> None:
     from heatrun.results import to_json
 
-    from ..shared_effects.text import discovery_text
+    from ..shared_effects.claims import discovery_text
     from ..summary import summary, summary_text
 
     found = summary(result)

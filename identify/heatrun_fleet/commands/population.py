@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from heatrun.commands import words
-from heatrun.commands.console import printable, say
-from heatrun.commands.exit_codes import DONE, NOT_ALLOWED
+from heatrun.commands.console import DONE, NOT_ALLOWED, printable, say
 from heatrun.errors import UsageError
 
 if TYPE_CHECKING:
@@ -107,6 +106,6 @@ def _of_runs(options: argparse.Namespace) -> Written:
 
 
 def _text(written: list[Written]) -> str:
-    from ..population.text import population_text
+    from ..population.types import population_text
 
     return "\n\n".join(population_text(each) for each in written)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from heatrun.io.file_set import together
-from heatrun.io.free_names import is_other, refuse_replacing
-from heatrun.io.whole_files import write_whole
-from heatrun.motor_population import NAME
+from heatrun.io.whole_files import is_other, refuse_replacing, write_whole
+from heatrun.motorfile import NAME
 from heatrun.results import to_json
 
 from ..results.population import PopulationResult

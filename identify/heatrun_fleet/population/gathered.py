@@ -1,4 +1,7 @@
-"""The machines of a type before they are pooled: their evidence, and who is left out and why."""
+"""What the tests of each machine say of its parameters, without the prior of its calibration.
+
+The machines of a type before they are pooled: their evidence, and who is left out and why.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,101 @@ from jaxtyping import Float
 
 from heatrun.errors import InputError
 
-from .evidence import Evidence
+NEGLIGIBLE = 1e-6
+"""Share of the prior's precision that a posterior may fall short of it by rounding [1]."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Gaussian likelihoods of machines, in the space in which the parameters are normal.
+
+    The likelihood of a machine is, up to a constant, exp(h' x - x' L x / 2). A direction of which
+    its tests say nothing has no precision in L, so that short tests need no special case.
+
+    Attributes:
+        names: Of the parameters.
+        information: h, shape (machine, parameter).
+        precision: L, shape (machine, parameter, parameter).
+        clipped: How far a posterior was wider than its prior in some direction, over the prior's
+            precision, shape (machine,) [1]: more than a trifle says that posterior or prior are not
+            Gaussian there, and the second stage is not to be trusted for the machine.
+    """
+
+    names: tuple[str, ...]
+    information: Float[np.ndarray, "machine parameter"]
+    precision: Float[np.ndarray, "machine parameter parameter"]
+    clipped: Float[np.ndarray, " machine"]
+
+    @classmethod
+    def of_posteriors(
+        cls,
+        names: tuple[str, ...],
+        mean: Float[np.ndarray, "machine parameter"],
+        covariance: Float[np.ndarray, "machine parameter parameter"],
+        prior_mean: Float[np.ndarray, "machine parameter"],
+        prior_covariance: Float[np.ndarray, "machine parameter parameter"],
+    ) -> Evidence:
+        """Return the evidence of Gaussian posteriors and the priors that they were found with.
+
+        Args:
+            names: Of the parameters.
+            mean: Of the posteriors.
+            covariance: Of the posteriors.
+            prior_mean: Of the priors.
+            prior_covariance: Of the priors.
+
+        Raises:
+            InputError: If an array has another shape, or a covariance is not positive definite.
+        """
+        size, num = len(names), np.shape(mean)[0]
+        for label, array, shape in (
+            ("mean", mean, (num, size)), ("covariance", covariance, (num, size, size)),
+            ("prior_mean", prior_mean, (num, size)),
+            ("prior_covariance", prior_covariance, (num, size, size)),
+        ):  # fmt: skip
+            if np.shape(array) != shape:
+                raise InputError(
+                    f"Expected {label} of shape {shape}, got {np.shape(array)}.",
+                    remedy="Give one row for each machine and one column for each parameter.",
+                )
+        posterior = _inverse(covariance, "posterior")
+        prior = _inverse(prior_covariance, "prior")
+        # in units of the prior, where the eigenvalues tell what the tests add to it
+        factor = np.linalg.cholesky(prior)
+        inverse = np.linalg.inv(factor)
+        added = inverse @ (posterior - prior) @ np.swapaxes(inverse, -1, -2)
+        share, directions = np.linalg.eigh(0.5 * (added + np.swapaxes(added, -1, -2)))
+        kept = np.einsum("mij,mj,mkj->mik", directions, np.maximum(share, 0.0), directions)
+        precision = factor @ kept @ np.swapaxes(factor, -1, -2)
+        information = np.einsum("mij,mj->mi", posterior, mean)
+        information -= np.einsum("mij,mj->mi", prior, prior_mean)
+        # along a direction that was clipped, the posterior's mean says no more than the prior's
+        is_kept = (share > NEGLIGIBLE)[:, None, :] * directions
+        back = np.einsum("mij,mkj->mik", is_kept, directions)
+        information = np.einsum("mij,mjk,mkl,ml->mi", factor, back, inverse, information)
+        clipped = np.maximum(-share.min(axis=-1), 0.0)
+        return cls(tuple(names), information, precision, np.where(clipped > NEGLIGIBLE, clipped, 0))
+
+    @property
+    def num_machines(self) -> int:
+        """Number of machines."""
+        return self.information.shape[0]
+
+
+def _inverse(covariance: np.ndarray, of: str) -> np.ndarray:
+    wrong = [
+        place for place, matrix in enumerate(covariance)
+        if not np.all(np.isfinite(matrix)) or np.linalg.eigvalsh(matrix).min() <= 0.0
+    ]  # fmt: skip
+    if wrong:
+        raise InputError(
+            f"Expected positive definite covariances of the {of}s, which those of machines "
+            f"{', '.join(map(str, wrong[:5]))} (counted from 0) are not.",
+            remedy="Leave out machines whose fit did not converge.",
+        )
+    factor = np.linalg.inv(np.linalg.cholesky(covariance))
+    return np.swapaxes(factor, -1, -2) @ factor
+
 
 FEWEST = 3
 """Machines that a spread can be told from."""

@@ -20,8 +20,7 @@ from ..results.population import PopulationNoise, PopulationParameter, Populatio
 from .design import Design, designed, given_columns
 from .files import write_population
 from .gathered import FEWEST, Gathered
-from .of_fleet import FleetRows, gathered_of_fleet, is_fleet, read_fleet
-from .of_runs import gathered_of_runs
+from .of_fleet import FleetRows, gathered_of_fleet, gathered_of_runs, is_fleet, read_fleet
 from .report import NOISE_SPREAD, default_hyperprior, noise_result, population_result
 from .sampling import sample_population
 

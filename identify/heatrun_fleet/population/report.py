@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from msgspec import UNSET, UnsetType
 
-from heatrun.results.gap import ValueWithInterval
+from heatrun.results.discovery import ValueWithInterval
 from heatrun.version import __version__
 
 from ..results.population import (
@@ -22,13 +22,10 @@ from ..results.population import (
     PopulationParameter,
     PopulationResult,
 )
-from .covariates import Covariate
+from .design import Covariate
 from .gathered import Gathered
 from .law import Hyperprior
-from .machines import given_population
-from .next_machine import next_interval, next_machine
-from .sampling import Population
-from .tolerance import tolerance_limits
+from .sampling import Population, given_population, next_interval, next_machine, tolerance_limits
 
 OUTLIER = 0.5
 """Probability from which on a machine is called an outlier [1]."""

@@ -1,8 +1,16 @@
-"""Draws of a population's law: importance sampling about its mode, emcee where that will not do."""
+"""Draws of a population's law: importance sampling about its mode, emcee where that will not do.
+
+Limits of a data sheet: where so many machines lie, at such a confidence.
+
+What a population says of its machines: drawn towards it, and which do not fit it.
+
+The prior of the next machine of a type: what its sisters say before its first test.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal, NamedTuple
 
 import emcee
@@ -12,13 +20,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import minimize
+from scipy.stats import norm
 
 from heatrun.inference.kernels import log_student, student
-from heatrun.inference.sampling.diagnostics import pareto_smoothed
 from heatrun.inference.sampling.ensemble import evolution
+from heatrun.inference.sampling.weighted import pareto_smoothed
 
-from .evidence import Evidence
-from .law import Hyperprior, Law, log_marginals, num_scores, unpack
+from .gathered import Evidence
+from .law import OUTLIER_SCALE, Hyperprior, Law, given_machine, log_marginals, num_scores, unpack
 
 NUM_PROPOSED, NUM_KEPT = 4096, 2000
 """Importance draws that are weighed, and draws that are kept."""
@@ -232,3 +241,171 @@ def _ensemble(
         is_converged = bool(np.isfinite(time) and sampler.iteration > TIMES * time)
     chain = np.asarray(sampler.get_chain(discard=sampler.iteration // 4, flat=True))
     return chain[rng.choice(chain.shape[0], NUM_KEPT, replace=False)], is_converged
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Tolerance limits of each parameter, in the space in which the parameters are normal.
+
+    Attributes:
+        two_sided: Interval that holds the content, shape (2, parameter).
+        lower: Limit that the content lies above, shape (parameter,).
+        upper: Limit that the content lies below, shape (parameter,).
+    """
+
+    two_sided: Float[np.ndarray, "2 parameter"]
+    lower: Float[np.ndarray, " parameter"]
+    upper: Float[np.ndarray, " parameter"]
+
+
+def tolerance_limits(
+    population: Population, *, content: float = 0.95, confidence: float = 0.95
+) -> Limits:
+    """Return the limits that hold a share of the machines of the type, outliers left aside.
+
+    Args:
+        population: Draws of its law; covariates at their mean over the machines.
+        content: Share of the machines [1].
+        confidence: Probability that the limits hold it [1].
+
+    Reference: K. Krishnamoorthy, T. Mathew, Statistical Tolerance Regions, Wiley, 2009, chapter 11
+        (Bayesian tolerance intervals).
+    """
+    mean, sd = np.asarray(population.laws.mean), np.asarray(population.laws.sd)
+    above = norm.ppf(content)
+    return Limits(
+        two_sided=_two_sided(mean, sd, content, confidence),
+        lower=np.quantile(mean - above * sd, 1.0 - confidence, axis=0),
+        upper=np.quantile(mean + above * sd, confidence, axis=0),
+    )
+
+
+def _two_sided(mean: np.ndarray, sd: np.ndarray, content: float, confidence: float) -> np.ndarray:
+    """Return the shortest interval about the mean that holds the content at the confidence."""
+    middle = mean.mean(axis=0)
+    low, high = np.zeros_like(middle), 40.0 * sd.mean(axis=0) + 10.0 * mean.std(axis=0)
+    for _ in range(60):
+        half = 0.5 * (low + high)
+        held = norm.cdf((middle + half - mean) / sd) - norm.cdf((middle - half - mean) / sd)
+        is_wide = np.mean(held >= content, axis=0) >= confidence
+        low, high = np.where(is_wide, low, half), np.where(is_wide, half, high)
+    return np.stack([middle - high, middle + high])
+
+
+NUM_LAWS = 400
+"""Draws of the law that the machines are averaged over."""
+
+
+@dataclass(frozen=True)
+class Machines:
+    """The machines of a population, given all of them.
+
+    Attributes:
+        mean: Of each machine's parameters, shape (machine, parameter).
+        covariance: Shape (machine, parameter, parameter).
+        outlier: Probability that the machine is none of the population, shape (machine,) [1].
+        distance: How far its parameters are from what is expected of it, in standard deviations
+            over machines, with what is left open added to them, shape (machine, parameter) [1].
+    """
+
+    mean: Float[np.ndarray, "machine parameter"]
+    covariance: Float[np.ndarray, "machine parameter parameter"]
+    outlier: Float[np.ndarray, " machine"]
+    distance: Float[np.ndarray, "machine parameter"]
+
+
+def given_population(population: Population) -> Machines:
+    """Return what is known of each machine once all are."""
+    evidence = population.evidence
+    laws = Law(*(each[:: max(1, each.shape[0] // NUM_LAWS)] for each in population.laws))
+    data = Data.of(evidence, population.design)
+    found = _under_each(data, population.hyper.has_outliers, laws)
+    mean, second, outlier, centre = (
+        np.asarray(part).mean(axis=0)[: evidence.num_machines] for part in found
+    )
+    covariance = second - np.einsum("mi,mj->mij", mean, mean)
+    spread = np.asarray(jnp.mean(laws.sd**2, axis=0))
+    own = np.einsum("mii->mi", _alone(population))
+    distance = (_best(population, centre) - centre) / np.sqrt(spread + own)
+    return Machines(mean, covariance, outlier, distance)
+
+
+@eqx.filter_jit
+def _under_each(data: Data, has_outliers: bool, laws: Law) -> tuple[Array, ...]:
+    return jax.lax.map(partial(_under, *data, has_outliers=has_outliers), laws)
+
+
+def _under(design, information, precision, law, *, has_outliers):
+    """Return first and second moments, probability of an outlier, and centre, under one law."""
+    usual, other = log_marginals(law, design, information, precision, has_outliers=has_outliers)
+    outlier = jax.nn.sigmoid(other - usual) if has_outliers else jnp.zeros_like(usual)
+    centre = law.mean + design @ law.effects
+    mean, second = jnp.zeros_like(centre), jnp.zeros(precision.shape)
+    for share, factor in ((1.0 - outlier, law.factor), (outlier, OUTLIER_SCALE * law.factor)):
+        at, root = jax.vmap(lambda c, h, L, f=factor: given_machine(c, f, h, L))(
+            centre, information, precision
+        )
+        mean += share[:, None] * at
+        moment = root @ jnp.swapaxes(root, -1, -2) + at[:, :, None] * at[:, None, :]
+        second += share[:, None, None] * moment
+    return mean, second, outlier, centre
+
+
+def _alone(population: Population) -> np.ndarray:
+    """Return what each machine's tests leave open, with no more of a prior than ten spreads."""
+    return np.linalg.inv(population.evidence.precision + _loose(population))
+
+
+def _best(population: Population, centre: np.ndarray) -> np.ndarray:
+    """Return what each machine's tests say alone, likewise."""
+    loose = _loose(population)
+    pulled = population.evidence.information + np.einsum("ij,mj->mi", loose, centre)
+    return np.linalg.solve(population.evidence.precision + loose, pulled[..., None])[..., 0]
+
+
+def _loose(population: Population) -> np.ndarray:
+    spread = np.asarray(jnp.mean(population.laws.sd**2, axis=0))
+    return np.diag(1.0 / (100.0 * spread))
+
+
+DRAWS_PER_LAW = 20
+"""Machines that are drawn from each draw of the law."""
+
+
+def next_machine(
+    population: Population,
+) -> tuple[Float[np.ndarray, " parameter"], Float[np.ndarray, "parameter parameter"]]:
+    """Return mean and covariance of the parameters of one more machine, all left open.
+
+    In the space in which the parameters are normal; covariates at their mean over the machines. It
+    may be an outlier, too, by the share that was found.
+    """
+    laws = population.laws
+    mean = np.asarray(laws.mean)
+    factor = np.asarray(laws.factor)
+    within = factor @ np.swapaxes(factor, -1, -2)
+    if population.hyper.has_outliers:
+        share = np.asarray(laws.outlier_share)
+        within = within * (1.0 + share * (OUTLIER_SCALE**2 - 1.0))[:, None, None]
+    return mean.mean(axis=0), within.mean(axis=0) + np.atleast_2d(np.cov(mean.T))
+
+
+def next_interval(population: Population, *, seed: int = 0) -> Float[np.ndarray, "2 parameter"]:
+    """Return the 95 % interval of each parameter of one more machine; as `next_machine`.
+
+    Of draws of it: a law with few machines that are something else has longer tails than the normal
+    law of its mean and covariance, and a narrower middle.
+
+    Args:
+        population: Draws of its law.
+        seed: Random seed.
+    """
+    laws, rng = population.laws, np.random.default_rng([seed, 18])
+    mean, factor = np.asarray(laws.mean), np.asarray(laws.factor)
+    num = mean.shape[0] * DRAWS_PER_LAW
+    mean, factor = (np.repeat(each, DRAWS_PER_LAW, axis=0) for each in (mean, factor))
+    share = np.repeat(np.asarray(laws.outlier_share), DRAWS_PER_LAW)
+    is_other = population.hyper.has_outliers & (rng.uniform(size=num) < share)
+    width = np.where(is_other, OUTLIER_SCALE, 1.0)[:, None]
+    drawn = np.einsum("nij,nj->ni", factor, rng.standard_normal(mean.shape))
+    return np.quantile(mean + width * drawn, [0.025, 0.975], axis=0)

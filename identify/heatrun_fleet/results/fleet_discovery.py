@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from heatrun.results.gap import ValueWithInterval
+from heatrun.results.discovery import ValueWithInterval
 from heatrun.results.values import Count, NonNegative, Probability
 
 FLEET_DISCOVERY_FORMAT = "heatrun-fleet-discovery/1"

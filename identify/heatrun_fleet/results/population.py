@@ -7,7 +7,7 @@ from typing import Literal
 
 from msgspec import UNSET, UnsetType
 
-from heatrun.results.gap import ValueWithInterval
+from heatrun.results.discovery import ValueWithInterval
 from heatrun.results.values import Count, Interval, NonNegative, Probability
 
 POPULATION_FORMAT = "heatrun-population/1"

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..arrow_schema import LIST, Column
-from .evidence import Evidence
+from .pooled import Evidence
 
 COLUMNS: tuple[Column, ...] = (
     ("effect_parameters", "list of text", "", "with --discover: free parameters that effects are "

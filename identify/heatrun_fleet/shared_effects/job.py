@@ -18,8 +18,7 @@ from ..results.fleet_discovery import (
     TypeDiscovery,
 )
 from .columns import COLUMNS, evidence_in
-from .evidence import Evidence
-from .pooled import pool
+from .pooled import Evidence, pool
 from .search import FEWEST, Search, search
 
 NAME = "fleet_discovery.json"

@@ -10,8 +10,7 @@ import numpy as np
 from heatrun.inference.catalogue import all_effects
 
 from ..results.fleet_discovery import ScreenedEffect, SharedEffect
-from .alone import num_alone
-from .claims import claim
+from .claims import claim, num_alone
 from .pooled import Pool
 from .rounds import Column, Round
 

@@ -8,10 +8,9 @@ from typing import Any
 
 from msgspec import UnsetType
 
-from heatrun.io.printable import clean, with_breaks
-from heatrun.io.quantities import quantity
-from heatrun.reports.sheet.digits import format_value
-from heatrun.results.gap import ValueWithInterval
+from heatrun.io.quantities import clean, quantity, with_breaks
+from heatrun.reports.sheet.printed import format_value
+from heatrun.results.discovery import ValueWithInterval
 
 from ..population.law import LKJ, OUTLIER_SCALE, OUTLIER_SHARE
 from ..results.population import (

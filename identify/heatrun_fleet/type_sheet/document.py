@@ -7,8 +7,7 @@ from importlib import resources
 from pathlib import Path
 
 from heatrun.reports.sheet.figures import save
-from heatrun.reports.sheet.page_fill import filling_height
-from heatrun.reports.sheet.typeset import typeset
+from heatrun.reports.sheet.pdf import filling_height, typeset
 
 from ..results.population import PopulationResult
 from .content import type_sheet_content

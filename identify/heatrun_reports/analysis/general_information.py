@@ -1,19 +1,22 @@
-"""The General Information table: energy, distance, consumption, and what recuperation saved."""
+"""The General Information table: energy, distance, consumption, and what recuperation saved.
+
+Tolerances as the user gives them: `CHANNEL=VALUE`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from heatrun.bench.channels.claims import CHANNEL
 from heatrun.bench.checks.samples import is_measured, place, samples
 from heatrun.bench.record import Finding, Record
-from heatrun.errors import InputError
+from heatrun.errors import InputError, UsageError
 from heatrun.motor import Motor
 
-from .drive import Course, electrical_power, is_of_vehicle, road_speed
-from .integrate import Integral, integrate
+from .drive import Course, Integral, electrical_power, integrate, is_of_vehicle, road_speed
 
 J_PER_KWH = 3.6e6
 
@@ -65,7 +68,7 @@ class GeneralInformation:
     r"""The figures of the General Information table; None where undefined.
 
     With the electrical power P and the speed v, both integrals by
-    `heatrun_reports.analysis.integrate`:
+    `heatrun_reports.analysis.drive`:
 
     $$ E = \int P\,dt, \quad E_+ = \int \max(P, 0)\,dt, \quad d = \int |v|\,dt, \quad
        e = E/d, \quad r = 100\,(1 - E/E_+) $$
@@ -244,3 +247,37 @@ def _sign(record: Record, power: Integral) -> list[Finding]:
             record.name,
         )
     ]
+
+
+NAMES = (*(name for name in CHANNEL if name != "time_s"), *(name for name, _, _ in FIGURES))
+"""What a tolerance can be given for: channels, and figures of the General Information table."""
+
+
+def parse_tolerances(texts: Sequence[str]) -> dict[str, float]:
+    """Return tolerances by channel or figure.
+
+    Args:
+        texts: Each `NAME=VALUE`, in the unit at the end of the name (K for degC).
+
+    Raises:
+        UsageError: If a text is no such pair, the name is unknown or the value not positive.
+    """
+    found = {}
+    for text in texts:
+        name, sign, number = text.partition("=")
+        try:
+            value = float(number)
+        except ValueError:
+            value = float("nan")
+        if not sign or not (np.isfinite(value) and value > 0.0):
+            raise UsageError(
+                f"--tolerance {text!r}: expected CHANNEL=VALUE with a positive value, such as "
+                "winding_degC=3."
+            )
+        if name not in NAMES:
+            raise UsageError(
+                f"--tolerance {text!r}: no channel or figure of this name; known are "
+                f"{', '.join(NAMES)}."
+            )
+        found[name] = value
+    return found

@@ -13,8 +13,7 @@ from heatrun.bench.record import Finding, Record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 
-from .drive import electrical_power, has
-from .integrate import bridged_steps
+from .drive import bridged_steps, electrical_power, has
 
 NUM_CELLS = 16
 """Cells along each axis [1]: some 400 rpm wide on a traction motor, and still filled by a test."""

@@ -10,14 +10,13 @@ from jaxtyping import Float
 
 from heatrun.bench.checks.samples import median_step, samples
 from heatrun.bench.checks.time_axis import GAP_STEPS
-from heatrun.bench.clocks.align_channels import joined_channels
+from heatrun.bench.clocks.align import joined_channels
 from heatrun.bench.record import Finding, Record
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 
 from .drive import has, with_powers
-from .likeness import likeness
-from .offset import Offset, find_offset
+from .offset import Offset, find_offset, likeness
 
 FINER = 0.5
 """A record that samples at this share of the other's step or finer is averaged, not interpolated,

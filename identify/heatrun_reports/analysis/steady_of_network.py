@@ -13,7 +13,7 @@ from heatrun.inference.predict import Prediction
 from heatrun.ratings.machine import fixed_losses, other_losses
 from lptn import Drive, steady_state
 
-from .constant_load import Stretch
+from .drive import Stretch
 
 NUM_DRAWS = 200
 """Draws behind the limits: they are good to an eighth of a standard deviation."""

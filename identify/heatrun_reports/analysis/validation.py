@@ -1,21 +1,512 @@
-"""Validation of a prototype: two records of one manoeuvre, aligned and compared."""
+"""How far two prototypes may differ and still count as agreeing, and what decides it.
+
+Two limits are formed for each signal. One is what the difference matters against: a share of the
+rise for a temperature of the machine, a share of the largest magnitude for any other signal. The
+other is what the two instruments could differ by if the machines were the same: their combined
+uncertainty. The larger one is the tolerance, since a difference that does not matter is no
+disagreement, and one that the instruments cannot tell is none either. A tolerance that the user
+gives stands in place of both.
+
+What is known of how far a reading may be off, and the rise that it is held against.
+
+Two prototypes signal by signal: bias, spread, correlation, energy, verdict.
+
+Energy, distance and consumption of two prototypes over the time in common, with verdicts.
+
+Validation of a prototype: two records of one manoeuvre, aligned and compared.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
-from heatrun.bench.checks.samples import median_step, samples
+import numpy as np
+
+from heatrun.bench.channels.claims import CHANNEL, CHANNELS
+from heatrun.bench.checks.samples import median_step, samples, sink_channel
 from heatrun.bench.record import Finding, Record
+from heatrun.bench.rounding import rounding_step
+from heatrun.errors import InputError
+from heatrun.inference.bodies import CURRENT_GAIN, INSTRUMENTS
 from heatrun.motor import Motor
 
-from ..reference import Limits, Reference, bands_on_axis
-from .combined_uncertainty import combined_uncertainty, scale_of
-from .compare_figures import FigureComparison, compare_figures, evidence, within
-from .compare_signals import SignalComparison, compare_signals
-from .drive import with_powers
+from ..card import NOT_OF_THE_MACHINE
+from ..simulated import Limits, Reference, bands_on_axis
+from .drive import DC, TERMINALS, bridged_steps, electrical_power, integrate, with_powers
+from .general_information import FIGURES, J_PER_KWH, NEEDS, general_information
 from .pair import Pair, pair_records
-from .tolerances import Tolerance, tolerance_of
+
+SHARE = 0.05
+"""Share of the rise, of the largest magnitude or of a figure [1]; ours, no standard."""
+
+COVER = 2.0
+"""Coverage factor k of the combined uncertainty [1]: about 95 %."""
+
+DecidedBy = Literal["given", "rise", "magnitude", "uncertainty", "nothing"]
+
+PERCENT = f"{100.0 * SHARE:.0f} %"
+
+RULE = (
+    f"The larger of two limits. First, {PERCENT} of the rise for a temperature of the machine "
+    "(what the reference's rise over the sink exceeds for a twentieth of the time; without a sink, "
+    f"over its lowest reading), {PERCENT} of the reference's largest magnitude for any other "
+    "signal, no such limit for air and coolant. Second, the combined uncertainty of both sides, "
+    f"k = {COVER:.0f}, from the classes of the sensors, the step of the readings and the 95 % "
+    "band of a simulation, as far as they are known. Figures such as the energy may differ by "
+    f"{PERCENT} of the reference's. The shares are ours and follow no standard; a tolerance that "
+    "is given (--tolerance NAME=VALUE) takes the place of both limits."
+)
+"""The rule in words of the report."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """A tolerance and what decided it.
+
+    Attributes:
+        value: In the unit of the channel (K for temperatures) or figure.
+        decided_by: Which limit it is.
+        basis: For the report, with the limit that did not decide.
+        uncertainty: Combined uncertainty of both sides, k = 2, in the same unit; 0 where nothing
+            is known of it.
+    """
+
+    value: float
+    decided_by: DecidedBy
+    basis: str
+    uncertainty: float = 0.0
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What the difference of a signal matters against.
+
+    Attributes:
+        value: Rise [K] or largest magnitude [unit of the channel]; 0 for none.
+        kind: Which of the two.
+        unit: As printed.
+    """
+
+    value: float
+    kind: Literal["rise", "magnitude"]
+    unit: str
+
+
+def tolerance_of(
+    channel: str, scale: Scale, uncertainty: float, given: Mapping[str, float]
+) -> Tolerance:
+    """Return the tolerance of a signal.
+
+    Args:
+        channel: The signal.
+        scale: What its difference matters against.
+        uncertainty: Combined standard uncertainty of both sides, in the unit of the channel.
+        given: The user's, by channel.
+    """
+    expanded = COVER * uncertainty
+    if channel in given:
+        return Tolerance(given[channel], "given", "given", expanded)
+    relative = SHARE * scale.value
+    what = "rise" if scale.kind == "rise" else "largest magnitude"
+    matters = f"{PERCENT} of the {what} of {scale.value:.1f} {scale.unit}"
+    known = f"combined uncertainty {expanded:.2g} {scale.unit} (k = {COVER:.0f})"
+    if expanded == 0.0:
+        known = "nothing is known of the uncertainty"
+    if scale.value == 0.0:
+        return Tolerance(expanded, "uncertainty", known, expanded)
+    if expanded > relative:
+        basis = f"{known}, above {matters} = {relative:.2g} {scale.unit}"
+        return Tolerance(expanded, "uncertainty", basis, expanded)
+    return Tolerance(relative, scale.kind, f"{matters}; {known}", expanded)
+
+
+def tolerance_of_figure(name: str, reference: float, given: Mapping[str, float]) -> Tolerance:
+    """Return the tolerance of a figure such as the energy.
+
+    Args:
+        name: As in the General Information table.
+        reference: Figure of the reference.
+        given: The user's, by name.
+    """
+    if name in given:
+        return Tolerance(given[name], "given", "given")
+    return Tolerance(SHARE * abs(reference), "magnitude", f"{PERCENT} of the reference's figure")
+
+
+HELD = 0.95
+"""The rise is what is exceeded for the rest of the time [1]: a spike is no rise."""
+
+TWO_SIDED_95 = 1.96
+"""Standard deviations from the middle of a 95 % band to its limits [1]."""
+
+GAINS = {"phase_current_A": "current_gain", "dc_current_A": "current_gain",
+         "losses_W": "power_gain"}  # fmt: skip
+"""Channels whose relative error has a class among the instruments of a calibration."""
+
+CLASSES = {p.name: p.sd for p in (*INSTRUMENTS, CURRENT_GAIN)}
+
+
+def scale_of(channel: str, pair: Pair, reference: Record, motor: Motor) -> Scale:
+    """Return what a difference in a signal matters against.
+
+    Args:
+        channel: A signal of the pair.
+        pair: Both on one axis.
+        reference: The reference on its own clock.
+        motor: Says which channel is the sink.
+    """
+    symbol = CHANNEL[channel].unit
+    theirs = pair.theirs[channel]
+    known = theirs[np.isfinite(theirs)]
+    if symbol != "degC":
+        return Scale(float(np.max(np.abs(known), initial=0.0)), "magnitude", symbol)
+    if channel in NOT_OF_THE_MACHINE or known.size == 0:
+        return Scale(0.0, "rise", "K")
+    clock, part, cold = samples(reference, channel, sink_channel(motor))
+    clock = clock + pair.offset.offset_s
+    inside = (clock >= pair.time_s[0]) & (clock <= pair.time_s[-1])
+    rise = (part - cold)[inside] if inside.any() else known - np.min(known)
+    return Scale(max(float(np.quantile(rise, HELD)), 0.0), "rise", "K")
+
+
+def combined_uncertainty(
+    channel: str,
+    scale: Scale,
+    test: Record,
+    reference: Reference,
+    band: Limits | None,
+    motor: Motor,
+) -> float:
+    """Return the combined standard uncertainty of a difference, in the unit of the channel.
+
+    Args:
+        channel: A signal of both.
+        scale: Rise or largest magnitude.
+        test: The test.
+        reference: The other prototype's record; of a simulation only its band counts.
+        band: Its 95 % limits, or None.
+        motor: Holds what the motor file says of the instruments.
+    """
+    ours = reading_uncertainty(channel, scale, test, motor)
+    if band is not None:
+        half = 0.5 * (band[1] - band[0])
+        known = half[np.isfinite(half)]
+        theirs = float(np.sqrt(np.mean(known**2))) / TWO_SIDED_95 if known.size else 0.0
+    elif reference.is_simulated:
+        theirs = 0.0
+    else:
+        theirs = reading_uncertainty(channel, scale, reference.record, motor)
+    return float(np.hypot(ours, theirs))
+
+
+def reading_uncertainty(channel: str, scale: Scale, record: Record, motor: Motor) -> float:
+    """Return the standard uncertainty of a reading: class of its sensor, and step of its readings.
+
+    Args:
+        channel: A measured signal.
+        scale: Rise [K] or largest magnitude.
+        record: Where it stands.
+        motor: Holds what the motor file says of the instruments.
+    """
+    step = rounding_step(samples(record, channel)[1]) or 0.0
+    parts = [step / np.sqrt(12.0)]
+    if channel == sink_channel(motor):
+        parts.append(instrument_class("ambient_offset", motor))
+    elif channel.endswith("_degC"):
+        parts += [
+            instrument_class("sensor_offset", motor),
+            instrument_class("sensor_gain", motor) * scale.value,
+        ]
+    elif channel in GAINS:
+        parts.append(instrument_class(GAINS[channel], motor) * scale.value)
+    return float(np.sqrt(np.sum(np.square(parts))))
+
+
+def instrument_class(name: str, motor: Motor) -> float:
+    """Return the standard uncertainty of an instrument: the motor file's, else that of its class.
+
+    Args:
+        name: Such as `"current_gain"`, as `[parameters]` of the motor file calls it.
+        motor: Its overrides; 0 where it holds the value fixed.
+    """
+    given = motor.parameters.get(name)
+    if given is not None and given.fixed is not None:
+        return 0.0
+    return CLASSES[name] if given is None or given.sd is None else given.sd
+
+
+Verdict = Literal["agrees", "biased", "differs", "input", "not comparable"]
+
+ORDER = {channel.name: number for number, channel in enumerate(CHANNELS)}
+
+INSIDE = 0.95
+"""Share of the time that must lie inside the tolerance [1]: what a 95 % band would hold."""
+
+VERDICTS: dict[Verdict, str] = {
+    "agrees": "at least 95 % of the time inside the tolerance",
+    "biased": "outside, and inside at least 95 % of the time once the bias is taken off",
+    "differs": "outside also without the bias",
+    "input": "drove the simulation, so that its agreement is no evidence",
+    "not comparable": "no common sample",
+}
+"""What each verdict means."""
+
+
+@dataclass(frozen=True)
+class SignalComparison:
+    """One signal of two prototypes; differences are test minus reference.
+
+    Attributes:
+        channel: The signal.
+        compared_s: Time over which both are known [s].
+        bias: Mean difference, weighted by time [unit of the channel, K for temperatures].
+        rmse: Root mean square of the difference [the same].
+        largest: Largest difference by magnitude, with its sign [the same].
+        largest_at_s: When, on the test's clock [s].
+        correlation: Of the two courses [1]; None where either is constant.
+        tolerance: What counts as agreement.
+        share_inside: Share of the time inside the tolerance [1].
+        share_in_band: Share of the time that the test lies in the reference's 95 % band [1]; None
+            without a band.
+        energy_kWh: Energy of test and reference over the compared time [kWh]; None for a signal
+            that is no power.
+        energy_difference_percent: Of the reference's energy [%]; None where that is none or 0.
+        verdict: One of `VERDICTS`.
+    """
+
+    channel: str
+    compared_s: float
+    bias: float
+    rmse: float
+    largest: float
+    largest_at_s: float
+    correlation: float | None
+    tolerance: Tolerance
+    share_inside: float
+    share_in_band: float | None
+    energy_kWh: tuple[float, float] | None
+    energy_difference_percent: float | None
+    verdict: Verdict
+
+
+def compare_signals(
+    pair: Pair,
+    tolerances: Mapping[str, Tolerance],
+    bands: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
+    inputs: Container[str] = (),
+) -> tuple[SignalComparison, ...]:
+    """Compare two prototypes signal by signal.
+
+    Args:
+        pair: Both on one axis.
+        tolerances: By channel.
+        bands: Lower and upper 95 % limit of the reference by channel, shape (common,) each.
+        inputs: Channels of the test that drove the reference.
+
+    Returns:
+        One comparison for each shared signal, in the order of `place`.
+    """
+    limits = bands or {}
+    return tuple(
+        replace(row, verdict="input") if row.channel in inputs else row
+        for row in (
+            _compare(pair, name, tolerances[name], limits.get(name))
+            for name in sorted(pair.ours, key=place)
+        )
+    )
+
+
+def place(channel: str) -> tuple[int, int]:
+    """Return where a signal stands: temperatures of the machine first, of what is about it last.
+
+    Args:
+        channel: Name of the channel.
+    """
+    number = ORDER.get(channel, len(ORDER))
+    if channel in NOT_OF_THE_MACHINE:
+        return 2, number
+    return int(not channel.endswith("_degC")), number
+
+
+def _compare(
+    pair: Pair,
+    channel: str,
+    tolerance: Tolerance,
+    band: tuple[np.ndarray, np.ndarray] | None,
+) -> SignalComparison:
+    ours, theirs = pair.ours[channel], pair.theirs[channel]
+    known = np.isfinite(ours) & np.isfinite(theirs)
+    if np.sum(known) < 2:
+        nan = float("nan")
+        return SignalComparison(channel, 0.0, nan, nan, nan, nan, None, tolerance, nan, None,
+                                None, None, "not comparable")  # fmt: skip
+    time_s, a, b = pair.time_s[known], ours[known], theirs[known]
+    steps = bridged_steps(time_s)
+    weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+    weight = weight / np.sum(weight)
+    difference = a - b
+    bias = float(weight @ difference)
+    share = float(weight @ (np.abs(difference) <= tolerance.value))
+    unbiased = float(weight @ (np.abs(difference - bias) <= tolerance.value))
+    worst = int(np.argmax(np.abs(difference)))
+    in_band = None
+    if band is not None:
+        low, high = (limit[known] for limit in band)
+        with_band = np.isfinite(low) & np.isfinite(high)
+        if weight @ with_band > 0.0:
+            in_band = float(weight @ ((a >= low) & (a <= high) & with_band) / (weight @ with_band))
+    energy = change = None
+    if channel.endswith("_W"):
+        drawn, theirs = (integrate(time_s, values).net / J_PER_KWH for values in (a, b))
+        energy = (drawn, theirs)
+        change = 100.0 * (energy[0] - energy[1]) / abs(energy[1]) if energy[1] != 0.0 else None
+    return SignalComparison(
+        channel=channel,
+        compared_s=float(np.sum(steps)),
+        bias=bias,
+        rmse=float(np.sqrt(weight @ difference**2)),
+        largest=float(difference[worst]),
+        largest_at_s=float(time_s[worst]),
+        correlation=_correlation(a, b, weight),
+        tolerance=tolerance,
+        share_inside=share,
+        share_in_band=in_band,
+        energy_kWh=energy,
+        energy_difference_percent=change,
+        verdict="agrees" if share >= INSIDE else "biased" if unbiased >= INSIDE else "differs",
+    )
+
+
+def _correlation(a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> float | None:
+    if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
+        return None
+    a, b = a - weight @ a, b - weight @ b
+    return float(weight @ (a * b) / np.sqrt((weight @ a**2) * (weight @ b**2)))
+
+
+FigureVerdict = Literal["agrees", "differs", "input", "not comparable", "not judged"]
+
+OF_THE_DRIVE = ("dc_power_W", "electrical_power_W")
+"""Powers whose energy stands in the General Information table already."""
+
+
+@dataclass(frozen=True)
+class FigureComparison:
+    """One figure of two prototypes over the time in common.
+
+    Attributes:
+        name: As in the General Information table, or `energy_of_CHANNEL_kWh`.
+        label: As printed.
+        unit: As printed.
+        test: Of the test; None where undefined.
+        reference: Of the reference; None where undefined.
+        difference_percent: Test minus reference over the reference's magnitude [%]; None where
+            that is 0 or undefined.
+        tolerance: What counts as agreement.
+        verdict: Of the figure.
+        note: Why there is no verdict; else empty.
+    """
+
+    name: str
+    label: str
+    unit: str
+    test: float | None
+    reference: float | None
+    difference_percent: float | None
+    tolerance: Tolerance
+    verdict: FigureVerdict
+    note: str = ""
+
+
+def within(record: Record, from_s: float, to_s: float) -> Record:
+    """Return the part of a record between two moments on its own clock [s]."""
+    inside = (record.time_s >= from_s) & (record.time_s <= to_s)
+    return replace(record, channels={n: values[inside] for n, values in record.channels.items()})
+
+
+def compare_figures(
+    test: Record,
+    reference: Record,
+    motor: Motor,
+    signals: Sequence[SignalComparison],
+    given: Mapping[str, float],
+    inputs: Container[str] = (),
+) -> tuple[FigureComparison, ...]:
+    """Compare the General Information of two records, and the energies of other powers.
+
+    Args:
+        test: The test, cut to the time in common.
+        reference: The other record, cut to it too.
+        motor: Gives gear ratio and wheel radius.
+        signals: The comparison signal by signal.
+        given: Tolerances of the user by name.
+        inputs: Channels of a test that drove the reference: what follows from its speed is no
+            evidence either.
+
+    Returns:
+        Figures that both records have, in the order of the table.
+    """
+    found = []
+    try:
+        ours, theirs = (general_information(record, motor) for record in (test, reference))
+    except InputError:  # fewer than two samples of a power or a speed: there is no figure
+        return ()
+    places = [_place(record, motor) for record in (test, reference)]
+    for name, label, unit in FIGURES:
+        a, b = getattr(ours, name), getattr(theirs, name)
+        if a is None or b is None:
+            continue
+        one = _compared(name, label, unit, a, b, given)
+        if name == "reduction_percent":
+            one = replace(one, difference_percent=None, verdict="not judged")
+        elif "power" in NEEDS[name] and places[0] != places[1]:
+            words = f"power of the test {places[0]}, of the reference {places[1]}"
+            one = replace(one, verdict="not comparable", note=words)
+        elif "speed" in NEEDS[name] and "speed_rpm" in inputs:
+            one = replace(one, verdict="input")
+        found.append(one)
+    has_energy = any(one.name == "energy_kWh" for one in found)
+    for signal in signals:
+        if signal.energy_kWh is None or (has_energy and signal.channel in OF_THE_DRIVE):
+            continue
+        name = f"energy_of_{signal.channel.removesuffix('_W')}_kWh"
+        one = _compared(name, f"Energy by {_words(signal.channel)}", "kWh", *signal.energy_kWh, {})
+        found.append(replace(one, verdict="input") if signal.verdict == "input" else one)
+    return tuple(found)
+
+
+def evidence(figures: Sequence[FigureComparison]) -> tuple[FigureComparison, ...]:
+    """Return the figures that are judged."""
+    without: Container[str] = ("input", "not comparable", "not judged")
+    return tuple(one for one in figures if one.verdict not in without)
+
+
+def _compared(
+    name: str, label: str, unit: str, a: float, b: float, given: Mapping[str, float]
+) -> FigureComparison:
+    tolerance = tolerance_of_figure(name, b, given)
+    percent = 100.0 * (a - b) / abs(b) if b != 0.0 else None
+    # what follows from sums may be off by their rounding
+    slack = 1e-9 * max(abs(a), abs(b))
+    agrees = bool(np.abs(a - b) <= tolerance.value + slack)
+    return FigureComparison(
+        name, label, unit, a, b, percent, tolerance, "agrees" if agrees else "differs"
+    )
+
+
+def _place(record: Record, motor: Motor) -> str:
+    """Where the electrical power was taken, in words; empty if it was not."""
+    try:
+        formula = electrical_power(record, motor).formula
+    except InputError:
+        return ""
+    return next((place.partition(":")[0] for place in (DC, TERMINALS) if place in formula), "")
+
+
+def _words(channel: str) -> str:
+    return channel.removesuffix("_W").replace("_", " ")
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from heatrun.motor import Motor
 from heatrun.reports.sheet.figures import plain
 
 from ..analysis.drive import has, with_powers
-from .drive import samples_or_nan
-from .plot import CYCLE, finish, line, stacked, thin, unit, wording
+from .plot import CYCLE, finish, line, samples_or_nan, stacked, thin, unit, wording
 
 if TYPE_CHECKING:
     from ..prototypes.confront import Confrontation

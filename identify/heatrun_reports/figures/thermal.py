@@ -10,14 +10,11 @@ from matplotlib.figure import Figure
 
 from heatrun.bench.record import Record
 
-from ..analysis.drive import has
-from ..analysis.equilibrium import Equilibrium
-from ..analysis.loss_split import LossSplit
-from ..analysis.steady_rise import SteadyRise
+from ..analysis.drive import LossSplit, has
+from ..analysis.equilibrium import Equilibrium, SteadyRise
 from ..card import NOT_OF_THE_MACHINE
 from ..simulated import Simulated
-from .drive import samples_or_nan
-from .plot import CYCLE, finish, line, stacked, unit, wording
+from .plot import CYCLE, finish, line, samples_or_nan, stacked, unit, wording
 
 CONTINUED = 3.0
 """A course is drawn on for so many of its time constants [1], at most twice as long as the test."""

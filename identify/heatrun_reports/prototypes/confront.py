@@ -10,12 +10,10 @@ from heatrun.bench.record import Finding
 from heatrun.errors import InputError
 from heatrun.motor import Motor
 
-from ..analysis.compare_figures import within
 from ..analysis.general_information import GeneralInformation, general_information
 from ..analysis.pair import Pair
-from ..analysis.validation import Validation, align, judge
-from .on_network import OnNetwork
-from .prototype import Prototype
+from ..analysis.validation import Validation, align, judge, within
+from .prototype import OnNetwork, Prototype
 
 CLOSES = 3.0
 """Combined standard uncertainties by which two ways between two clocks may differ [1]."""

@@ -1,20 +1,25 @@
-"""A prototype of a comparison: its role, and the record that stands for it."""
+"""A prototype of a comparison: its role, and the record that stands for it.
+
+One thermal network against the winding of each prototype: on the bench and on the road.
+
+Which record is which prototype: `ROLE=FILE` on the command line.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from heatrun.bench.checks.samples import sink_channel
 from heatrun.bench.joined import parts_of, read_test
-from heatrun.bench.record import Record
+from heatrun.bench.record import Finding, Record
 from heatrun.errors import InputError, UsageError
 from heatrun.motor import Motor
 
 from ..analysis.drive import has
-from ..reference import Reference, read_reference, reference_of_run
-from ..simulated import Simulated, simulate_run
+from ..analysis.validation import SignalComparison, Validation, validate
+from ..simulated import Reference, Simulated, read_reference, reference_of_run, simulate_run
 
 
 @dataclass(frozen=True)
@@ -103,3 +108,122 @@ def _read(path: Path, motor: Motor) -> Reference:
         )
     # a band is on the axis of the whole file
     return reference if reference.bands else replace(reference, record=first)
+
+
+@dataclass(frozen=True)
+class OnNetwork:
+    """A prototype's temperatures against the network's prediction.
+
+    Attributes:
+        prototype: The measured one.
+        driven_by: Role whose currents, losses and sink drove the network.
+        is_seen: Whether the run was calibrated on the record that is judged.
+        simulated: The prediction.
+        validation: Measured less predicted, on the prototype's clock.
+    """
+
+    prototype: Prototype
+    driven_by: str
+    is_seen: bool
+    simulated: Simulated
+    validation: Validation
+
+    @property
+    def temperatures(self) -> tuple[SignalComparison, ...]:
+        """The temperatures that are judged."""
+        return self.validation.judged
+
+
+def judge_network(
+    run: Path,
+    prototypes: Sequence[Prototype],
+    shift_s: Mapping[str, float],
+    motor: Motor,
+    tolerances: Mapping[str, float] | None = None,
+) -> tuple[tuple[OnNetwork, ...], tuple[Finding, ...]]:
+    """Judge one network on every measured prototype.
+
+    A record without current, losses or sink is judged by the network that the first record with
+    them drives, shifted to its clock: both drove the same manoeuvre.
+
+    Args:
+        run: Folder of the calibration.
+        prototypes: All of the comparison.
+        shift_s: What is added to each clock to give the base's [s], by role.
+        motor: The machine.
+        tolerances: As `confront`.
+
+    Returns:
+        What was judged, and why the rest was not.
+
+    Raises:
+        InputError: If the run cannot be read, or a prediction leaves all temperatures.
+    """
+    measured = [p for p in prototypes if not p.is_simulated]
+    drivers = [p for p in measured if drives(p.record, motor)]
+    found, findings = [], []
+    driven: dict[str, Simulated] = {}
+    for prototype in measured:
+        if not drivers or not has(prototype.record, "winding_degC"):
+            load = "current, losses and sink, as do all the others"
+            lacking = "winding_degC" if drivers else load
+            findings.append(_not_judged(prototype, lacking))
+            continue
+        driver = prototype if prototype in drivers else drivers[0]
+        if driver.role not in driven:
+            driven[driver.role] = simulate_run(run, driver.record, motor)
+        simulated = driven[driver.role]
+        reference = replace(reference_of_run(simulated, run, motor), inputs=frozenset())
+        offset_s = shift_s[driver.role] - shift_s[prototype.role]
+        temperatures = [c for c in prototype.record.channels if c.endswith("_degC")]
+        thermal = {c: prototype.record[c] for c in ("time_s", *temperatures)}
+        validation = validate(
+            replace(prototype.record, channels=thermal), reference, motor,
+            tolerances=tolerances, offset_s=offset_s,
+        )  # fmt: skip
+        is_seen = simulated.is_seen and driver is prototype
+        found.append(OnNetwork(prototype, driver.role, is_seen, simulated, validation))
+    return tuple(found), tuple(findings)
+
+
+def _not_judged(prototype: Prototype, lacking: str) -> Finding:
+    return Finding(
+        "network_not_judged",
+        "warning",
+        f"The network is not judged on {prototype.role}: it lacks {lacking}.",
+        prototype.record.name,
+        "Map the columns in the motor file, or record them.",
+        prototype.record.name,
+    )
+
+
+LONGEST_ROLE = 24
+"""Characters of a role: it heads a column."""
+
+FORM = "virtual=FILE semi-real=FILE real=FILE"
+
+
+def parse_roles(texts: Sequence[str]) -> tuple[tuple[str, Path], ...]:
+    """Return role and file of each prototype, in the order given.
+
+    Args:
+        texts: Each `ROLE=FILE`; the role is any short word, the file may be the folder of a run.
+
+    Raises:
+        UsageError: If a text is no such pair, a role stands twice, or there are fewer than two.
+    """
+    found: dict[str, Path] = {}
+    for text in texts:
+        role, sign, file = text.partition("=")
+        role = role.strip()
+        if not (sign and file and role.isprintable() and 0 < len(role) <= LONGEST_ROLE):
+            raise UsageError(
+                f"{text!r}: a prototypes report expects ROLE=FILE, such as {FORM}, with a role of "
+                f"at most {LONGEST_ROLE} characters."
+            )
+        if role in found:
+            raise UsageError(f"the role {role!r} stands twice; call a repeat {role}-2.")
+        found[role] = Path(file)
+    if len(found) < 2:
+        raise UsageError(f"a prototypes report compares two or more: {FORM}.")
+    return tuple(found.items())

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from heatrun.reports.sheet.digits import signed
+from heatrun.reports.sheet.printed import signed
 
-from ..analysis.compare_signals import SignalComparison
+from ..analysis.validation import SignalComparison
 from ..figures.plot import unit, wording
 from ..validation_report import disagreement, lower
 from .confront import Compared, Confrontation
-from .on_network import OnNetwork
+from .prototype import OnNetwork
 
 IN_FULL, NAMED = 3, 8
 """So many pairs that do not agree are told in full on the first lines, so many by what does not;

@@ -9,7 +9,7 @@ import panel as pn
 
 from heatrun.errors import InputError
 
-from ..pane import text_pane
+from ..look import text_pane
 from ..words import error_message, message
 from .running import Job, JobQueue
 

@@ -15,8 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from heatrun.commands.console import PROGRESS
-from heatrun.commands.exit_codes import DONE
+from heatrun.commands.console import DONE, PROGRESS
 from heatrun.errors import InputError
 
 SERVER = "HEATRUN_SERVER"

@@ -1,4 +1,9 @@
-"""Linked plots of signals: one plot per unit, one time axis, cursors and a choice of a window."""
+"""Linked plots of signals: one plot per unit, one time axis, cursors and a choice of a window.
+
+A predicted course with its 95 % band.
+
+Two times that are marked in all plots.
+"""
 
 from __future__ import annotations
 
@@ -7,22 +12,37 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+import numpy as np
 from bokeh.events import MouseLeave, MouseMove, SelectionGeometry, Tap
 from bokeh.layouts import gridplot
-from bokeh.models import BoxSelectTool, ColumnDataSource, CustomJS, Div, Range1d
+from bokeh.models import (
+    BoxSelectTool,
+    ColumnDataSource,
+    CrosshairTool,
+    CustomJS,
+    Div,
+    Label,
+    Range1d,
+    Span,
+)
 from bokeh.plotting import figure
 
-from heatrun.bench.channels.schema import CHANNELS
+from heatrun.bench.channels.claims import CHANNELS
 from heatrun.io.quantities import printed_unit
 
 from ..look import Look
-from .band import Band, draw_band
-from .cursors import Cursors
-from .painting import add_legends, paint
-from .readout import HELP, HOVER, label_of
-from .styles import colours, dashes, sample
-from .time_axis import show_time
-from .trace import Trace
+from .trace import (
+    HELP,
+    HOVER,
+    Trace,
+    add_legends,
+    colours,
+    dashes,
+    label_of,
+    paint,
+    sample,
+    show_time,
+)
 
 NUM_POINTS = 2000
 """Points of a line over the width of the window: more than a laptop's screen has columns."""
@@ -275,3 +295,91 @@ def _place(unit: str) -> tuple[int, str]:
     if unit == "degC":
         return -1, unit
     return (units.index(unit) if unit in units else len(units)), unit
+
+
+@dataclass(frozen=True)
+class Band:
+    """A predicted course with its 95 % band, in a plot of temperatures.
+
+    Attributes:
+        label: For the legend.
+        time_s: Times [s], shape (block,).
+        median: Predicted reading [degC], shape (block,).
+        low: Lower limit [degC], shape (block,).
+        high: Upper limit [degC], shape (block,).
+        test: The test that it belongs to.
+        measured: Measured means of the blocks [degC], NaN where there is none, shape (block,).
+    """
+
+    label: str
+    time_s: np.ndarray
+    median: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    test: str
+    measured: np.ndarray
+
+
+def draw_band(plot: Any, band: Band) -> None:
+    """Draw a band into the plot of temperatures.
+
+    Args:
+        plot: A figure.
+        band: The band.
+    """
+    source = ColumnDataSource(
+        {"t": band.time_s, "v": band.median, "low": band.low, "high": band.high}, name="band"
+    )
+    plot.varea("t", "low", "high", source=source, fill_alpha=0.18, tags=["ink"])
+    plot.line("t", "v", source=source, line_width=1.2, tags=["ink"])
+
+
+NAMES = ("A", "B")
+
+
+class Cursors:
+    """Two cursors and the line that goes with the mouse.
+
+    Attributes:
+        times_s: Where A and B stand [s], None for one that is not set.
+    """
+
+    def __init__(self) -> None:
+        self.times_s: list[float | None] = [None, None]
+        self._mouse = Span(dimension="height", line_alpha=0.4, line_dash="dashed")
+        self._marks: tuple[list[Span], list[Span]] = ([], [])
+        self._labels: tuple[list[Label], list[Label]] = ([], [])
+
+    def mark(self, plot: Any) -> None:
+        """Let a plot show the cursors."""
+        plot.add_tools(CrosshairTool(overlay=self._mouse))
+        for name, marks, labels in zip(NAMES, self._marks, self._labels, strict=True):
+            marks.append(Span(dimension="height", line_width=1.5, visible=False))
+            labels.append(
+                Label(
+                    x=0, y=2, y_units="screen", text=name, x_offset=3, visible=False,
+                    text_font_size="12px", text_font_style="bold",
+                )
+            )  # fmt: skip
+            plot.add_layout(marks[-1])
+            plot.add_layout(labels[-1])
+
+    def set(self, number: int, time_s: float | None) -> None:
+        """Put a cursor somewhere, or take it away.
+
+        Args:
+            number: 0 for A, 1 for B.
+            time_s: Where [s]; None for nowhere.
+        """
+        self.times_s[number] = time_s
+        for mark, label in zip(self._marks[number], self._labels[number], strict=True):
+            if time_s is not None:
+                mark.location, label.x = time_s, time_s
+            mark.visible = label.visible = time_s is not None
+
+    def paint(self, look: Look) -> None:
+        """Show them in other colours."""
+        self._mouse.line_color = look.ink
+        for marks, labels, colour in zip(self._marks, self._labels, look.cursors, strict=True):
+            for mark, label in zip(marks, labels, strict=True):
+                mark.line_color = label.text_color = colour

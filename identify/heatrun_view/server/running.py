@@ -1,25 +1,137 @@
-"""The server of the live view: its folder, its address, its jobs, and its end."""
+"""The network address of the server: bound once, under the names by which it may be asked for.
+
+The server of the live view: its folder, its address, its jobs, and its end.
+"""
 
 from __future__ import annotations
 
+import ipaddress
+import socket
 import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import panel as pn
+from tornado.netutil import bind_sockets
 
-from ..folder import Folder
+from heatrun.errors import InputError
+
 from ..jobs.running import JobQueue
 from ..look import PART_CSS
 from ..reading import problem
-from ..store import RecordStore
+from ..store import Folder, RecordStore
 from ..tabs.page import Page
 from ..uploads import UploadRoom
-from .binding import bind
 from .gate import Gate, Ticket
 from .serving import serve
+
+LARGEST_PORT = 65535
+
+
+@dataclass(frozen=True)
+class Binding:
+    """Where the server listens.
+
+    Attributes:
+        sockets: Bound and listening, all on one port.
+        port: TCP port.
+        names: Host names that are served, in lower case; numeric addresses go without saying.
+        host: How the address is written in the browser.
+        is_loopback: Whether it is reachable from this machine alone.
+    """
+
+    sockets: Sequence[socket.socket]
+    port: int
+    names: frozenset[str]
+    host: str
+    is_loopback: bool
+
+    @property
+    def url(self) -> str:
+        """The page's address, without a token."""
+        return f"http://{self.host}:{self.port}/"
+
+
+def bind(address: str, port: int) -> Binding:
+    """Listen on an address.
+
+    Args:
+        address: A host name of this machine or an IPv4 or IPv6 address; `0.0.0.0` and `::` are
+            all of its addresses.
+        port: TCP port; 0 takes a free one.
+
+    Raises:
+        InputError: If the address is none of this machine, or the port is taken or forbidden.
+    """
+    if not 0 <= port <= LARGEST_PORT:
+        raise InputError(
+            f"Expected a port from 0 to {LARGEST_PORT}, got {port}.",
+            remedy="Choose another one with --port; 0 takes a free one.",
+        )
+    asked = address.strip().removeprefix("[").removesuffix("]")
+    found = _resolved(asked)
+    try:
+        sockets = bind_sockets(port, asked)
+    except (OSError, OverflowError) as error:
+        raise InputError(
+            f"Port {port} of {address} cannot be used: {getattr(error, 'strerror', error)}.",
+            remedy="Choose another one with --port, or another address of this machine with "
+            "--address.",
+        ) from error
+    is_loopback = all(each.is_loopback for each in found)
+    is_every = any(each.is_unspecified for each in found)
+    is_name = not _is_number(asked)
+    names = {asked.lower()} if is_name else set()
+    if is_loopback or is_every:
+        names.add("localhost")
+    if is_every:
+        names |= _own_names()
+    if is_every:
+        host = socket.gethostname().lower()
+    elif is_name:
+        host = asked.lower()
+    else:
+        host = f"[{found[0]}]" if found[0].version == 6 else str(found[0])
+    actual = sockets[0].getsockname()[1]
+    return Binding(tuple(sockets), actual, frozenset(names), host, is_loopback)
+
+
+def _resolved(asked: str) -> list[ipaddress.IPv4Address | ipaddress.IPv6Address]:
+    try:
+        if not asked:
+            raise ValueError("it is empty")
+        # UnicodeError, a ValueError: a name with a part of more than 63 characters
+        entries = socket.getaddrinfo(asked, None, type=socket.SOCK_STREAM)
+        return [ipaddress.ip_address(entry[4][0]) for entry in entries]
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"Expected an address or a name of this machine, got {asked[:80]!r} "
+            f"({getattr(error, 'strerror', None) or error}).",
+            remedy="Write --address 127.0.0.1 for this machine alone, or its name or number in "
+            "the network.",
+        ) from error
+
+
+def _is_number(asked: str) -> bool:
+    """Return whether an address is numeric, also in forms such as `0` and `127.1`."""
+    try:
+        socket.getaddrinfo(asked, None, flags=socket.AI_NUMERICHOST)
+    except OSError:
+        return False
+    return True
+
+
+def _own_names() -> set[str]:
+    names = {socket.gethostname().lower()}
+    with suppress(OSError):
+        names.add(socket.getfqdn().lower())
+    short = {name.partition(".")[0] for name in names}
+    return names | short | {f"{name}.local" for name in short}
+
 
 LOOPBACK = "127.0.0.1"
 

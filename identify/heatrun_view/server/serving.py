@@ -20,6 +20,7 @@ from tornado.ioloop import IOLoop
 
 from .gate import Gate
 from .handlers import (
+    MAX_MESSAGE_BYTES,
     STATIC,
     IconHandler,
     PageHandler,
@@ -28,7 +29,6 @@ from .handlers import (
     StaticHandler,
     TokenExchange,
 )
-from .messages import MAX_MESSAGE_BYTES
 
 MAX_CONNECTIONS = 200
 """Connections at a time; a tab keeps up to seven."""

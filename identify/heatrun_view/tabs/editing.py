@@ -16,11 +16,18 @@ from heatrun.motor import Motor
 from heatrun.motorfile import parse_motor
 
 from ..background import in_background
-from ..folder import Stamp
-from ..motor_file import read_motor_file, refuse_sent, write_motor_file
-from ..motor_text import fault_html, file_of_text, has_mixed_ends, text_of_file
-from ..pane import text_pane
+from ..look import text_pane
+from ..motor_text import (
+    fault_html,
+    file_of_text,
+    has_mixed_ends,
+    read_motor_file,
+    refuse_sent,
+    text_of_file,
+    write_motor_file,
+)
 from ..reading import Reader, problem
+from ..store import Stamp
 from ..words import error_message, message
 
 ROWS = 24

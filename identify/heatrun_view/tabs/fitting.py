@@ -1,24 +1,174 @@
-"""What calibration and discovery have in common on the page: tests by role, a run, its result."""
+"""What a tab asks of the page that it stands on: the choices on the left, and its style.
+
+Measured and modelled winding of a test, with the residual below.
+
+What calibration and discovery have in common on the page: tests by role, a run, its result.
+
+The tab that calibrates: parameters, intervals, bands, comparison and sheet.
+
+The tab that discovers: where model and measurement disagree, and what is missing.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
+import numpy as np
 import panel as pn
 
 from heatrun.errors import InputError
-from heatrun.io.free_names import free_name
+from heatrun.io.whole_files import free_name
+from heatrun.reports.terminal import verdict_lines
+from heatrun.results import DiscoveryResult, FitResult
+from heatrun_reports import Kind
 
-from ..folder import Stamp
+from ..background import Soon, in_order
 from ..jobs.pane import JobPane
 from ..jobs.running import Job, JobQueue
+from ..look import Screen
+from ..plotting.linked import Band, Plots, Told
+from ..plotting.trace import LOOK_AT, MEASURED, MODEL, RESIDUAL, Trace
 from ..runs import Run
-from ..words import error_message, message
-from .choices import Choices
-from .fit_figure import FitFigure
+from ..store import Stamp
+from ..words import calibration_html, discovery_html, error_message, message
 from .run_view import run_name, run_view
+
+
+class Choices(Protocol):
+    """A page, as its tabs see it.
+
+    Attributes:
+        out: Folder of the runs.
+    """
+
+    out: Path
+
+    @property
+    def kind(self) -> Kind:
+        """The test type that is chosen."""
+        ...
+
+    @property
+    def motor_path(self) -> Path | None:
+        """The motor file that is chosen, or None."""
+        ...
+
+    @property
+    def tests(self) -> list[str]:
+        """Names of the tests in folder and uploads."""
+        ...
+
+    @property
+    def simulated(self) -> list[str]:
+        """Names of the virtual records there."""
+        ...
+
+    @property
+    def chosen(self) -> list[str]:
+        """Names of the tests and virtual records that are chosen."""
+        ...
+
+    @property
+    def run(self) -> Run | None:
+        """The run whose simulated course is shown."""
+        ...
+
+    def path(self, name: str) -> Path:
+        """Return the file of a name in the lists.
+
+        Raises:
+            InputError: If there is none inside the folders that may be read.
+        """
+        ...
+
+    def pane(self, html: str) -> pn.pane.HTML:
+        """Return a pane of text in the page's style."""
+        ...
+
+    def list_runs(self, choose: Path | None = None) -> None:
+        """Bring the list of runs up to date; as `heatrun_view.tabs.page.Page.list_runs`."""
+        ...
+
+
+HEIGHT_PX = 420
+
+
+class FitFigure:
+    """A choice of a test, and its figure.
+
+    Attributes:
+        view: What goes on the page.
+        test: Name of the test that is chosen, or None.
+    """
+
+    def __init__(self, choose: Callable[[], None]) -> None:
+        """Take whom to tell that another test is chosen."""
+        self._screen = Screen()
+        self._plots: Plots | None = None
+        self._soon = Soon()
+        self._tests = pn.widgets.Select(name="Test", width=280)
+        self._tests.param.watch(lambda _: choose(), "value")
+        self._place = pn.Column(sizing_mode="stretch_width")
+        self.view = pn.Column(self._tests, self._place, sizing_mode="stretch_width", visible=False)
+
+    @property
+    def test(self) -> str | None:
+        """Name of the test that is chosen, or None."""
+        return self._tests.value  # pyright: ignore[reportReturnType]
+
+    def offer(self, tests: Sequence[str]) -> None:
+        """Offer tests; the one that is chosen and still there stays chosen."""
+        kept = self.test
+        self.view.visible = bool(tests)
+        self._tests.visible = len(tests) > 1
+        self._tests.options = [*tests]
+        self._tests.value = kept if kept in tests else next(iter(tests), None)
+
+    def look_like(self, screen: Screen) -> None:
+        """Show the figure in the browser's colours."""
+        self._screen = screen
+        if self._plots is not None:
+            with in_order():
+                self._plots.paint(screen.look)
+
+    def show(self, band: Band | None) -> None:
+        """Draw a course with its measurement and its residual; None draws nothing."""
+        self._plots, self._place[:] = None, []
+        traces = [] if band is None else _traces(band)
+        if band is None or not traces:
+            return
+        told = Told(self._soon, lambda *_: None, lambda *_: None, LOOK_AT)
+        plots = self._plots = Plots(traces, [band], self._screen.look, HEIGHT_PX, told)
+        self._place[:] = [
+            pn.pane.Bokeh(each, sizing_mode="stretch_width")
+            for each in (plots.layout, plots.readout)
+        ]
+
+    def move(self, band: Band) -> None:
+        """Show another course of the model over the same measurement."""
+        if self._plots is not None:
+            with in_order():
+                self._plots.grow(_traces(band))
+
+
+def _traces(band: Band) -> list[Trace]:
+    """Return what is drawn, each with a reading."""
+    residual = band.measured - band.median
+    lines = ((MEASURED, band.measured, "degC"), (MODEL, band.median, "degC"),
+             (RESIDUAL, residual, "K"))  # fmt: skip
+    found = [Trace.of(band.test, name, band.time_s, value, unit) for name, value, unit in lines]
+    return [trace for trace in found if trace.time_s.size]
+
+
+def error_of(band: Band) -> tuple[float, float] | None:
+    """Return RMSE and largest residual by magnitude [K]; None where nothing was measured."""
+    residual = (band.measured - band.median)[np.isfinite(band.measured)]
+    if not residual.size:
+        return None
+    return float(np.sqrt(np.mean(residual**2))), float(np.max(np.abs(residual)))
+
 
 R = TypeVar("R")
 
@@ -148,3 +298,32 @@ class Fitting(Generic[R]):
     def _view_of(self, run: Run) -> pn.Column:
         what = "calibration" if self._command == "calibrate" else "discovery"
         return run_view(run, self._read, self._verdict, self._say, what, self.figure.view)
+
+
+def calibrating(page: Choices, queue: JobQueue) -> Fitting[FitResult]:
+    """Return the form and the results of `heatrun calibrate`."""
+    return Fitting(
+        page,
+        queue,
+        command="calibrate",
+        read=lambda run: run.calibration,
+        orders={"first and second order": "both", "second order": "second",
+                "first order": "first"},
+        verdict=lambda result: verdict_lines(result)[0],
+        say=calibration_html,
+        intro="Fits the network to the tests that are chosen on the left.",
+    )  # fmt: skip
+
+
+def discovering(page: Choices, queue: JobQueue) -> Fitting[DiscoveryResult]:
+    """Return the form and the results of `heatrun discover`."""
+    return Fitting(
+        page,
+        queue,
+        command="discover",
+        read=lambda run: run.discovery,
+        orders={"second order": "second", "first order": "first"},
+        verdict=lambda result: f"{result.verdict.upper()}: {result.sentence}",
+        say=discovery_html,
+        intro="Searches for physical effects that the network lacks on the chosen tests.",
+    )

@@ -24,9 +24,8 @@ from heatrun.errors import InputError
 from heatrun.io.quantities import printed_unit
 
 from ..background import in_order
-from ..fleet_table import STRIP, columns, details, files, headline, parameters
-from ..fleets import Fleet, Row, fleets_under
-from ..pane import text_pane
+from ..fleets import STRIP, Fleet, Row, columns, details, files, fleets_under, headline, parameters
+from ..look import text_pane
 from ..reading import problem
 from ..words import message
 

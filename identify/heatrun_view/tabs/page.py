@@ -14,29 +14,22 @@ import panel as pn
 from heatrun.errors import InputError
 from heatrun_reports import TEST_TYPES, Kind
 
-from ..folder import Folder, Listing
-from ..frame import Screen, asked_theme, framed
 from ..jobs.running import JobQueue
-from ..look import TABS_CSS
-from ..pane import text_pane
+from ..look import TABS_CSS, Screen, asked_theme, framed, text_pane
 from ..reading import Reader, Reading, problem
 from ..runs import Run, last_motor, runs_under
-from ..store import Opened, RecordStore
+from ..store import Folder, Listing, Opened, RecordStore
 from ..uploads import UploadRoom
 from ..words import error_message, message
-from .calibrating import calibrating
-from .cutting import Cutting
-from .discovering import discovering
 from .editing import Editing
+from .fitting import calibrating, discovering
 from .fleet import FleetTab
 from .following import Tests
-from .reporting import Reporting
-from .sending import Sending
 from .sidebar import Sidebar
-from .signals import Signals
+from .signals import Cutting, Signals
 from .sliders import Sliders
 from .start import Start
-from .using import Using
+from .using import Reporting, Sending, Using
 
 WATCH_MS = 1000
 """How often the files that are shown are looked at for changes."""

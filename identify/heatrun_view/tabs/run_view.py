@@ -12,10 +12,9 @@ import panel as pn
 
 from heatrun.errors import InputError
 
-from ..downloads import download
-from ..pane import text_pane
+from ..look import text_pane
 from ..reading import problem
-from ..runs import Run
+from ..runs import Run, download
 from ..words import error_message, message
 
 R = TypeVar("R")

@@ -9,12 +9,10 @@ from urllib.parse import urlencode
 
 import panel as pn
 
-from heatrun.bench.channels.schema import CHANNELS
+from heatrun.bench.channels.claims import CHANNELS
 from heatrun_reports import TEST_TYPES
 
-from ..frame import asked
-from ..look import NAMES_CSS
-from ..pane import text_pane
+from ..look import NAMES_CSS, asked, text_pane
 from ..store import Opened
 
 NO_MOTOR = "(none: known column names)"

@@ -8,17 +8,17 @@ from html import escape
 import numpy as np
 import panel as pn
 
-from heatrun.by_hand import ByHand
 from heatrun.io.quantities import quantity, rounded
+from heatrun.simulation import ByHand
 
 from ..background import Soon, in_background
-from ..pane import text_pane
-from ..plotting.band import Band
+from ..look import text_pane
+from ..plotting.linked import Band
 from ..reading import Reader, problem
 from ..runs import Run
 from ..store import Opened
 from ..words import message
-from .fit_figure import FitFigure, error_of
+from .fitting import FitFigure, error_of
 
 REACH, NUM_STEPS = 5.0, 201
 """A slider goes from a fifth of its start to five times that, in equal ratios of 0.8 %."""

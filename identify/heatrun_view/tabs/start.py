@@ -11,13 +11,12 @@ import panel as pn
 from heatrun.bench.survey import Survey
 from heatrun.commands.init import UNITS, name_of
 from heatrun.errors import InputError
-from heatrun.motor_choices import NONE, Choice, choices
-from heatrun.motor_draft import draft
+from heatrun.motor_draft import NONE, Choice, choices, draft
 from heatrun.motor_gaps import Gap, gaps
 
 from ..background import in_background
-from ..motor_file import create_motor_file
-from ..pane import text_pane
+from ..look import text_pane
+from ..motor_text import create_motor_file
 from ..reading import Reader, problem
 from ..words import error_message, message
 from .run_view import run_name

@@ -8,19 +8,24 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...errors import InputError, did_you_mean
-from ...io.printable import printable
+from ...io.quantities import printable
 from ..readers.table import Column, Table
 from ..record import ColumnReading, Finding, Record
-from .claims import NOT_RECORDED, Claim, Columns, parse_claims
-from .column_unit import overridden, statements, unit_of, unit_wanted
+from .claims import (
+    CHANNEL,
+    COLUMN_MAPS,
+    NOT_RECORDED,
+    REQUIRED,
+    Claim,
+    ColumnMap,
+    Columns,
+    parse_claims,
+)
 from .header import read_heading
 from .labels import columns_of, is_sure, named_unit, speaks_of, words_in
 from .likely_names import SURE, read_name
-from .mapping import Assignment
-from .maps import COLUMN_MAPS, ColumnMap
-from .schema import CHANNEL, REQUIRED
-from .unit_table import QUANTITIES
-from .units import find_unit, quantities_of, require_unit
+from .mapping import Assignment, overridden, statements, unit_of, unit_wanted
+from .units import QUANTITIES, find_unit, quantities_of, require_unit
 
 ONLY_CLOCK, ITS_WORDS = "the one column of times", "its words"
 """What says that a column is the time where nobody has named it: a rate goes before both."""

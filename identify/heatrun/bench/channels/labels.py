@@ -20,12 +20,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from ..readers.table import Column
-from .header import plain, unit_of_cell
+from .claims import CHANNEL
+from .header import EFFECTIVE, MEANS, STATISTICS, plain, unit_of_cell
 from .likely_names import likely_channels
-from .name_words import EFFECTIVE, MEANS, STATISTICS
-from .schema import CHANNEL
-from .unit_table import BRACKETED_ONLY, QUANTITIES, REFUSED
-from .units import MADE_UP, find_unit, quantities_of, refusal
+from .units import BRACKETED_ONLY, MADE_UP, QUANTITIES, REFUSED, find_unit, quantities_of, refusal
 
 SHORTEST_WORD = 2
 """Up to this length a label is a symbol, and case matters: t is a time, T a temperature."""

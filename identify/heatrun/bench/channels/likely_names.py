@@ -14,8 +14,8 @@ from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 from functools import lru_cache
 
-from .name_words import STATISTICS
-from .schema import CHANNEL
+from .claims import CHANNEL
+from .header import STATISTICS
 from .units import quantities_of
 
 SURE, LIKELY, WEAK = 3, 2, 1

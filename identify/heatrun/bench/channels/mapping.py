@@ -1,21 +1,217 @@
-"""Columns on their way to channels: taken, converted, noted."""
+"""The unit that a column is read in: everything that its file says of it, against each other.
+
+Statements are the marked units of the name, the row of units, comment lines and what the file
+keeps beside the name. All of them must be units of the channel's quantity and mean the same; what
+does not is a question for `[columns]` and never decided here. Without a statement, a unit that is
+part of the name counts (`heatrun.bench.channels.labels`), and without that nobody says.
+
+Columns on their way to channels: taken, converted, noted.
+
+Which column became which channel, in which unit, and how that is known: as data and as text.
+"""
 
 from __future__ import annotations
 
+import json
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
 from ...errors import InputError
-from ..readers.table import Column
-from ..record import ColumnReading, Finding, UnitSource
-from .column_unit import line_of, unit_wanted
-from .combined import combine, known_by, sensors_differ
-from .schema import CHANNEL, Channel
-from .unit_table import Unit
-from .units import find_unit, require_unit, to_canonical
+from ..readers.table import Column, Stated
+from ..record import ColumnReading, Finding, Record, UnitSource
+from .by_resistance import by_resistance
+from .claims import CHANNEL, Channel, combine, known_by, sensors_differ
+from .derive import constants_of, formulas
+from .header import read_heading
+from .labels import named_unit, rival_unit
+from .units import (
+    AMPERE,
+    KILOAMPERE,
+    MILLIAMPERE,
+    ROOT_2,
+    Unit,
+    find_unit,
+    quantities_of,
+    require_unit,
+    to_canonical,
+)
+
+PLAIN_AMPERES = frozenset((*AMPERE, *MILLIAMPERE, *KILOAMPERE))
+
+
+def line_of(channel: Channel, column: Column, unit: str | None = None) -> str:
+    """Return the line of a motor file that reads a column as a channel in a unit.
+
+    Args:
+        channel: What the column is to become.
+        column: The column.
+        unit: Unit text, None for the canonical one.
+    """
+    text = json.dumps(f"{column.name} [{unit or channel.unit}]", ensure_ascii=False)
+    return f"[columns] {channel.name} = {text}"
+
+
+def statements(column: Column) -> tuple[Stated, ...]:
+    """Return what the file says about the unit of a column, of this one alone, in its order."""
+    if column.is_seconds:
+        return (Stated("s", "the column"),)
+    marked = tuple(
+        Stated(unit, "the name") for unit in read_heading(column.heading or column.name).units
+    )
+    beside = tuple(one for one in column.beside if one.scope == "column")
+    known = [one.text for one in (*marked, *beside)]
+    if column.unit is None or column.unit in known:
+        return marked + beside
+    return (*marked, *beside, Stated(column.unit, "the file"))
+
+
+def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, UnitSource]:
+    """Return the unit text of a column that becomes a channel, and how it is known.
+
+    Args:
+        column: The column.
+        channel: What it becomes.
+        where: File and column, for the message.
+
+    Returns:
+        The text, None if nobody says.
+
+    Raises:
+        InputError: If a statement is no unit of the channel's quantity, two of them contradict
+            each other, or what is part of the name may be read in two ways.
+    """
+    if column.is_seconds:
+        return "s", column.unit_from
+    quantity = channel.quantity
+    stated = statements(column)
+    for one in stated:
+        require_unit(one.text, quantity, where=where, remedy=unit_wanted(channel, column))
+    binding = _binding(column, quantity)
+    said = (*binding, *stated)
+    rival = rival_unit(column.label, quantity) if stated and not binding else None
+    against = (Stated(rival, "the name"), *said) if rival else said
+    may_refine = bool(rival or binding) and column.label not in CHANNEL
+    for one in against[1:]:
+        if not _agrees(against[0], one, quantity, may_refine=may_refine):
+            raise _conflict(against[0], one, channel, column, where)
+    if stated:
+        return stated[0].text, "stated"
+    if binding:
+        return binding[0].text, "name"
+    named = named_unit(column.label, quantity)
+    if named is not None:
+        if named.doubt:
+            raise _doubt(f"{named.doubt}.", (named.unit,), channel, column, where)
+        require_unit(named.unit, quantity, where=where, remedy=unit_wanted(channel, column))
+        return named.unit, "name"
+    return _by_general(column, channel, where)
+
+
+def _binding(column: Column, quantity: str) -> tuple[Stated, ...]:
+    """Return the unit in the name that binds as much as one that is marked.
+
+    It does if it can be nothing else than a unit, or if the name is that of a channel.
+    """
+    canonical = CHANNEL.get(column.label)
+    if canonical is not None and canonical.unit != "1" and find_unit(canonical.unit, quantity):
+        return (Stated(canonical.unit, "the name"),)
+    named = named_unit(column.label, quantity)
+    if named is None or not named.is_sure or named.doubt or not find_unit(named.unit, quantity):
+        return ()
+    return (Stated(named.unit, "the name"),)
+
+
+def _agrees(first: Stated, second: Stated, quantity: str, *, may_refine: bool) -> bool:
+    """Return whether two statements mean the same unit.
+
+    Args:
+        first: One of them.
+        second: The other.
+        quantity: Of both.
+        may_refine: The first is a part of the name: a plain A in it says nothing of rms or peak,
+            so that a unit that does is no contradiction.
+    """
+    one, other = find_unit(first.text, quantity), find_unit(second.text, quantity)
+    if one == other:
+        return True
+    if not (may_refine and first.text in PLAIN_AMPERES and one and other):
+        return False
+    return any(math.isclose(other.factor, one.factor * kind) for kind in (1 / ROOT_2, 1.0, ROOT_2))
+
+
+def _by_general(column: Column, channel: Channel, where: str) -> tuple[str | None, UnitSource]:
+    """Return the unit that lines of the file give for more than this column."""
+    general = [
+        one
+        for one in column.beside
+        if one.scope != "column" and find_unit(one.text, channel.quantity)
+    ]
+    clear = [one for one in general if one.scope == "quantity"]
+    for one in clear[1:]:
+        if find_unit(one.text, channel.quantity) != find_unit(clear[0].text, channel.quantity):
+            raise _conflict(clear[0], one, channel, column, where)
+    if clear:
+        return clear[0].text, "stated"
+    for one in general:
+        if find_unit(one.text, channel.quantity) != find_unit(channel.unit, channel.quantity):
+            problem = f"{one.source[:1].upper()}{one.source[1:]} mentions {one.text}; nothing "
+            raise _doubt(
+                f"{problem}states whether it is the unit of this column.",
+                (one.text,),
+                channel,
+                column,
+                where,
+            )
+    return None, "assumed"
+
+
+def overridden(column: Column, channel: Channel, decided: str) -> Stated | None:
+    """Return the first statement of a file that `[columns]` decides against, or None.
+
+    Args:
+        column: The column.
+        channel: What it becomes.
+        decided: Unit text in `[columns]`.
+    """
+    quantity = channel.quantity
+    unit = find_unit(decided, quantity)
+    rival = rival_unit(column.label, quantity)
+    in_name = _binding(column, quantity) or ((Stated(rival, "the name"),) if rival else ())
+    for one in (*statements(column), *in_name):
+        if find_unit(one.text, quantity) != unit:
+            return one
+    return None
+
+
+def unit_wanted(channel: Channel, column: Column) -> str:
+    """Return the remedy where a unit is not understood; none is offered, it may be any of them."""
+    return f"Say it in the motor file, with the unit for UNIT: {line_of(channel, column, 'UNIT')}."
+
+
+def _conflict(
+    first: Stated, second: Stated, channel: Channel, column: Column, where: str
+) -> InputError:
+    source = "the unit behind it" if first.source == second.source else second.source
+    return InputError(
+        f"{first.source[:1].upper()}{first.source[1:]} says {first.text}, {source} {second.text}.",
+        where=where,
+        remedy=f"Decide in the motor file: {line_of(channel, column, first.text)} or "
+        f"{line_of(channel, column, second.text)}.",
+    )
+
+
+def _doubt(
+    problem: str, units: tuple[str, ...], channel: Channel, column: Column, where: str
+) -> InputError:
+    known = [unit for unit in units if channel.quantity in quantities_of(unit)]
+    lines = " or ".join(line_of(channel, column, unit) for unit in (None, *known))
+    return InputError(problem, where=where, remedy=f"Say it in the motor file: {lines}.")
+
 
 AMPLITUDE = re.compile(
     r"peak|ampl|scheitel|spitze|crest|crête"
@@ -143,7 +339,7 @@ class Assignment:
         Args:
             name: What they become.
             text: What `[columns]` says.
-            how: As `heatrun.bench.channels.combined.combine`.
+            how: As `heatrun.bench.channels.claims.combine`.
             columns: The columns.
             each: Each of them, taken for the channel alone.
         """
@@ -253,3 +449,143 @@ def _other_letter(channel: Channel, column: Column, known: Unit, where: str) -> 
         where=where,
         remedy=f"Confirm it in the motor file: {line_of(channel, column, known.symbol)}.",
     )
+
+
+KNOWN_BY = {
+    "stated": "stated",
+    "name": "the name",
+    "assumed": "ASSUMED",
+    "derived": "derived",
+}
+"""How a unit is known, in words."""
+
+HEAD = ("channel", "column", "unit", "unit known by", "column known by")
+LONGEST = 36
+KEPT = 17
+"""Letters of a name that a line of the terminal or the sheet has room for, and from its start."""
+
+
+class Read(Protocol):
+    """A test of which it is known how its columns were read."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def mapping(self) -> Sequence[ColumnReading]:
+        """From `describe_mapping`; may be empty."""
+        ...
+
+
+@dataclass(frozen=True)
+class ReadColumns:
+    """How the columns of a test were read.
+
+    Attributes:
+        name: The test.
+        mapping: From `describe_mapping`.
+    """
+
+    name: str
+    mapping: list[ColumnReading]
+
+
+def describe_mapping(record: Record) -> list[ColumnReading]:
+    """Return how each channel of a record came about, derived ones too.
+
+    Args:
+        record: Any record; one that was made in memory has no columns.
+
+    Returns:
+        By channel; `found_by` says who says that it is this channel, or holds the formula.
+    """
+    if not record.mapping:
+        return []
+    read = {one.channel for one in record.mapping}
+    derived = formulas(record.channels, read | constants_of(record.notes))
+    if by_resistance(record):
+        derived = {"winding_degC": "R(T), see the notes", **derived}
+    if "time_s" not in read:
+        derived = {"time_s": "sampling rate", **derived}
+    more = [
+        ColumnReading(name, "", CHANNEL[name].unit, "derived", formula, "")
+        for name, formula in derived.items()
+    ]
+    return sorted([*record.mapping, *more], key=lambda row: _position(row.channel))
+
+
+def describe_columns(record: Record) -> ReadColumns:
+    """Return how the columns of a record were read, as `mapping_text` takes it."""
+    return ReadColumns(record.name, describe_mapping(record))
+
+
+def mapping_rows(mapping: Sequence[ColumnReading]) -> list[list[str]]:
+    """Return the rows of a table under `HEAD`; names too long for it are cut.
+
+    Args:
+        mapping: From `describe_mapping`.
+    """
+    return [
+        [
+            row.channel,
+            _cut(row.column) or "–",
+            row.unit,
+            KNOWN_BY[row.unit_from],
+            _cut(row.found_by) if row.column else row.found_by,
+        ]
+        for row in mapping
+    ]
+
+
+def mapping_text(tests: Sequence[Read]) -> str:
+    """Return aligned tables of columns and channels; tests that were read alike share one.
+
+    Args:
+        tests: Such as the tests of `fit.json`.
+    """
+    blocks = []
+    for names, rows in grouped(tests):
+        widths = [max(len(line[i]) for line in (HEAD, *rows)) for i in range(len(HEAD) - 1)]
+        lines = [f"Columns of {names}"]
+        for line in (HEAD, *rows):
+            cells = [cell.ljust(width) for cell, width in zip(line, (*widths, 0), strict=True)]
+            lines.append("  " + "  ".join(cells).rstrip())
+        assumed = [row[0] for row in rows if row[3] == KNOWN_BY["assumed"]]
+        if assumed:
+            lines.append(f"  {assumption(assumed)}")
+        blocks.append("\n".join(lines))
+    return "\n".join(blocks)
+
+
+def grouped(tests: Sequence[Read]) -> list[tuple[str, list[list[str]]]]:
+    """Return names of tests that were read alike, with the rows of their table.
+
+    Args:
+        tests: As `mapping_text`; those without a mapping are left out.
+    """
+    alike: dict[str, tuple[list[str], list[list[str]]]] = {}
+    for test in tests:
+        rows = mapping_rows(test.mapping)
+        if rows:
+            alike.setdefault(repr(rows), ([], rows))[0].append(test.name)
+    return [(", ".join(names), rows) for names, rows in alike.values()]
+
+
+def assumption(channels: Sequence[str]) -> str:
+    """Return the sentence on units that nothing said."""
+    return (
+        f"Unit assumed for {', '.join(channels)}: no file and no name gives it. State it in "
+        "[columns] if you know it."
+    )
+
+
+def _position(channel: str) -> int:
+    return list(CHANNEL).index(channel) if channel in CHANNEL else len(CHANNEL)
+
+
+def _cut(text: str) -> str:
+    clean = "".join(c if c.isprintable() else "?" for c in text)
+    # Names of one system begin alike and often end alike: the middle goes.
+    return clean if len(clean) <= LONGEST else f"{clean[:KEPT]}…{clean[KEPT + 1 - LONGEST :]}"

@@ -15,20 +15,25 @@ from ...motor import Motor
 from ..record import Finding, Record
 from .absurd import losses_absurd
 from .balance_errors import shaft_power_disagrees
-from .course import ambient_moving, cut_while_warm, no_heating, start_not_in_equilibrium
+from .course import (
+    ambient_moving,
+    cut_while_warm,
+    no_heating,
+    resolution,
+    start_not_in_equilibrium,
+    truncation,
+)
 from .excitation import single_step, too_short
+from .frozen import saturation, sensor_stuck
 from .heat import losses_absent, losses_of_dc_link
 from .load_spike import load_spike
-from .losses import current_amplitude, losses_below_copper, losses_negative
+from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
 from .mend import mended
-from .origin import simulated_by_heatrun
 from .presence import missing_channel, nan_block, too_few_samples
-from .resolution import resolution, truncation
 from .same_quantity import columns_disagree
 from .sensor import sensor_detached, temperature_jump
-from .shaft_power import losses_of_shaft
 from .standstill import current_scale_unchecked, resistance_coefficient, standstill_losses
-from .stillness import saturation, sensor_stuck
+from .suitability import simulated_by_heatrun
 from .suspicion import unit_suspected
 from .time_axis import (
     is_sorted_otherwise,

@@ -10,8 +10,7 @@ from ..channels.units import require_unit
 from ..record import ColumnReading, Finding, Record
 from .balance_errors import BLOCK_S
 from .samples import block_means, place, samples, sink_channel
-from .suspicion.one_node import MIN_RISE_K, one_node, unsettled
-from .suspicion.relations import is_brief
+from .suspicion.relations import MIN_RISE_K, is_brief, one_node, unsettled
 
 LARGEST_W, SMALLEST_W = 2e6, 1e-3
 """Losses of a generator of 100 MW, overloaded, and of a watch."""

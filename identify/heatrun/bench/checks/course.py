@@ -1,17 +1,123 @@
-"""Does the test start cold, does it heat, and does the sink keep still?"""
+"""Time constants without any network: of the longest stretch of steady load, and of a cool-down.
+
+A motor of many nodes under one load settles as a sum of exponentials whose last one is the slow
+one. Three consecutive means late in the stretch approach the end in a geometric row, and its ratio
+is the answer. It stands beside the two-node fit, which books a slow rotor or a wandering coolant as
+a slow stator.
+
+Does the test start cold, does it heat, and does the sink keep still?
+
+How finely was the winding temperature written down, and was it rounded or cut off?
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.optimize import least_squares, nnls
 
 from ...io.quantities import rounded
 from ...motor import Motor
 from ..record import Finding, Record
 from ..rounding import rounding_step
 from .samples import block_means, is_loaded, place, samples, sink_channel, with_all_heat
-from .settling import cooling_constants
+
+BLOCK_S = 30.0
+"""A third of a winding's time constant."""
+
+STEP_SHARE = 0.1
+"""A change of current or losses between blocks by this share of the peak [1] ends a stretch."""
+
+MIN_BLOCKS = 20
+"""Ten minutes: several of a winding's time constants, so that its own transient is over."""
+
+SKIPPED_SHARE = 0.25
+"""Share of the stretch at its start that belongs to the faster exponentials [1]."""
+
+SETTLED_SHARE = 0.02
+"""Means that differ by less than this share of the excess over the sink are equal [1]: the losses
+themselves hold no better."""
+
+
+GRID = 24
+"""Time constants that a cool-down is first looked for with."""
+
+APART = 2.0
+"""Factor between two time constants [1] below which a record shows one."""
+
+BETTER = 0.7
+"""Rms residual of two over that of one [1] below which there are two."""
+
+
+def cooling_constants(record: Record, motor: Motor) -> tuple[float, ...]:
+    """Return the time constants of a cool-down [s], the fastest first: two, one or none.
+
+    Args:
+        record: Without load throughout.
+        motor: Says which channel is the sink.
+    """
+    time_s, winding, sink = samples(record, "winding_degC", sink_channel(motor))
+    width_s = float(np.ptp(time_s)) / 400.0 if time_s.size else 0.0
+    if width_s <= 0.0:
+        return ()
+    time_s, excess = block_means(time_s, width_s, winding - sink)
+    time_s = time_s - time_s[0]
+    if time_s.size < MIN_BLOCKS:
+        return ()
+    usual_s = float(np.median(np.diff(time_s)))
+
+    def rest(log_tau: np.ndarray) -> np.ndarray:
+        terms = np.exp(-time_s[:, None] / np.exp(log_tau))
+        return terms @ nnls(terms, excess)[0] - excess
+
+    grid = np.log(np.geomspace(0.5 * usual_s, 2.0 * time_s[-1], GRID))
+    tried = [np.array([a, b]) for i, a in enumerate(grid) for b in grid[i + 1 :]]
+    found = []
+    for starts in (grid[:, None], tried):
+        best = min(starts, key=lambda at: float(np.sum(rest(at) ** 2)))
+        solved = least_squares(rest, best, x_scale=0.1, bounds=(grid[0], grid[-1] + 1e-9)).x
+        found.append((np.sort(np.exp(solved)), float(np.sqrt(np.mean(rest(solved) ** 2)))))
+    (one, alone), (two, both) = found
+    is_two = both < BETTER * alone and two[1] > APART * two[0] and two[1] < 2.0 * time_s[-1]
+    return tuple(float(tau) for tau in (two if is_two else one))
+
+
+def settling_constants(record: Record, motor: Motor) -> float:
+    """Return how many slow time constants the longest stretch of steady load lasts.
+
+    Args:
+        record: Any record.
+        motor: Says which channel is the sink.
+
+    Returns:
+        Length of the stretch over the time constant in it [1]; inf where it has settled, 0 where
+        there is no such stretch or it does not approach an end.
+    """
+    channels = ["winding_degC", sink_channel(motor), "losses_W"]
+    channels += ["phase_current_A"] * ("phase_current_A" in record)
+    time_s, winding, sink, *loads = samples(record, *channels)
+    means_s, excess, *levels = block_means(time_s, BLOCK_S, winding - sink, *loads)
+    if means_s.size < MIN_BLOCKS:
+        return 0.0
+    steps = np.zeros(means_s.size - 1, dtype=bool)
+    for values in levels:
+        steps |= np.abs(np.diff(values)) > STEP_SHARE * np.max(np.abs(values))
+    edges = np.concatenate(([0], np.flatnonzero(steps) + 1, [means_s.size]))
+    longest = int(np.argmax(np.diff(edges)))
+    stretch = excess[edges[longest] : edges[longest + 1]]
+    if stretch.size < MIN_BLOCKS:
+        return 0.0
+    late = stretch[int(SKIPPED_SHARE * stretch.size) :]
+    first, middle, last = (float(np.mean(third)) for third in np.array_split(late, 3))
+    tolerance = SETTLED_SHARE * float(np.max(np.abs(stretch)))
+    if abs(last - middle) < tolerance and abs(middle - first) < tolerance:
+        return float("inf")
+    ratio = (last - middle) / (middle - first) if middle != first else 1.0
+    if ratio <= 0.0 or abs(last - middle) < tolerance:
+        return float("inf")
+    return -3.0 * np.log(ratio) / (1.0 - SKIPPED_SHARE) if ratio < 1.0 else 0.0
+
 
 START_S = 2.0
 """A winding under full load moves about 2 K in its first second at most, and less than 0.5 K as a
@@ -264,3 +370,111 @@ def ambient_moving(record: Record, motor: Motor) -> tuple[Finding, ...]:
             values={"travel_K": travel, "slope_K_per_h": slope, "drift_K": drift},
         ),
     )
+
+
+NOTED_STEP_K = 0.05
+"""A step of 0.05 K adds 0.015 K rms, below the noise of any sensor on a bench."""
+
+HARMFUL_STEP_K = 0.2
+"""Truncation shifts a reading by half a step on average: 0.1 K, a third of what a thermocouple is
+good for, and a fifth of the cost that is known for 1 degC."""
+
+COMPANION_SHARE = 0.25
+"""The sink must be at least four times finer than the winding to show which way that was
+rounded."""
+
+TELLING_MARGIN = 0.1
+"""Distance, in steps, by which an offset must lie outside of what rounding or truncation allows."""
+
+EQUILIBRIUM_STEPS = 2.0
+"""A start further from the sink than this, in steps, is no common equilibrium of both sensors."""
+
+
+def resolution(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Note the step that the winding temperature was rounded to."""
+    time_s, winding = samples(record, "winding_degC")
+    step = rounding_step(winding)
+    if step is None or step < NOTED_STEP_K * (1.0 - 1e-6):
+        return ()
+    return (
+        Finding(
+            "resolution",
+            "note",
+            f"The resolution is {step:.3g} K, which adds {step / np.sqrt(12.0):.2g} K rms of "
+            "rounding noise: a smaller RMSE would be overfitting.",
+            place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
+            "Export more decimals if the logger has them.",
+            values={"step_K": step},
+        ),
+    )
+
+
+def truncation(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Tell, as far as the record can, whether readings were rounded or cut off.
+
+    Cutting off is rounding with an offset of half a step, so the shape of the record does not show
+    it; only a start in equilibrium with a finer sink does. There a rounded reading lies within half
+    a step of the sink, a cut-off one between one step below and the sink itself. In the common part
+    of the two, or without such a start, the record cannot tell, and the note asks. On the reference
+    motor truncation to 1 degC costs +3.5 % on Ceq_w and -4.2 % on Req_sr.
+    """
+    time_s, winding = samples(record, "winding_degC")
+    step = rounding_step(winding)
+    if step is None or step < HARMFUL_STEP_K * (1.0 - 1e-6):
+        return ()
+    offset = _offset_at_start(record, motor, step)
+    values = {"step_K": step}
+    if offset is not None:
+        values["offset_K"] = offset
+    share = float("nan") if offset is None else offset / step
+    cost = (
+        f"Truncation to {step:.3g} K reads {step / 2.0:.2g} K low on average; truncation to 1 K "
+        "biases Ceq_w of the reference motor by +3.5 % and Req_sr by -4.2 %."
+    )
+    where = place(record, "winding_degC", float(time_s[0]))
+    if share < -0.5 - TELLING_MARGIN:
+        return (
+            Finding(
+                "truncation",
+                "warning",
+                f"In equilibrium at the start the winding reads {offset:+.2f} K against the sink, "
+                f"where rounding allows {step / 2.0:.2g} K: the values are truncated, or the "
+                f"sensor reads low. {cost}",
+                where,
+                "Look up in the logger's manual whether it rounds or truncates.",
+                values=values | {"is_suspected": 1.0},
+            ),
+        )
+    if TELLING_MARGIN < share <= 0.5 + TELLING_MARGIN:
+        message = (
+            f"Rounded, not truncated: the winding starts {offset:+.2f} K above the sink. The "
+            "readings are not biased by it."
+        )
+        return (
+            Finding("truncation", "note", message, where, values=values | {"is_suspected": 0.0}),
+        )
+    return (
+        Finding(
+            "truncation",
+            "note",
+            f"Rounded or truncated: the record does not show which. {cost}",
+            where,
+            "Look up in the logger's manual whether it rounds or truncates.",
+            values=values,
+        ),
+    )
+
+
+def _offset_at_start(record: Record, motor: Motor, step: float) -> float | None:
+    """Winding less sink [K] before heat flows, or None if the record does not show it."""
+    time_s, winding, sink, losses = samples(
+        with_all_heat(record, motor), "winding_degC", sink_channel(motor), "losses_W"
+    )
+    lead = lead_in(time_s, losses)
+    if lead == 0:
+        return None
+    sink_step = rounding_step(samples(record, sink_channel(motor))[1])
+    if sink_step is not None and sink_step > COMPANION_SHARE * step:
+        return None
+    offset = float(np.mean(winding[:lead] - sink[:lead]))
+    return offset if abs(offset) <= EQUILIBRIUM_STEPS * step else None

@@ -6,10 +6,9 @@ import numpy as np
 
 from ...motor import Motor
 from ..record import Finding, Record
-from .course import lead_in
+from .course import lead_in, settling_constants
 from .crude_fit import crude_fit
 from .samples import block_means, is_loaded, place, samples, with_all_heat
-from .settling import settling_constants
 
 BLOCK_S = 30.0
 """Levels are means over 30 s, a third of a winding's time constant: faster changes average out."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...io.quantities import rounded
 from ...motor import Motor
-from ..channels.schema import CHANNEL
+from ..channels.claims import CHANNEL
 from ..channels.units import find_unit
 from ..record import Finding, Record
 from ..stretch import bridge, windows

@@ -6,8 +6,8 @@ import numpy as np
 
 from ...motor import Motor
 from ..blocks import BLOCK_S
+from ..channels.claims import BODIES
 from ..channels.derive import ELECTRICAL
-from ..channels.schema import BODIES
 from ..clocks.own_rates import between_samples
 from ..record import Finding, Record, Severity
 from ..stretch import masked

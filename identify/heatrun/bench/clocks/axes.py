@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import InputError
-from ..channels.schema import CHANNEL
+from ..channels.claims import CHANNEL
 from ..readers.measurement import Series
 from ..readers.raster import means_around, median_step_s, raster, require_increasing
 from ..record import Finding

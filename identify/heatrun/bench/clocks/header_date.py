@@ -1,4 +1,10 @@
-"""The day of a test from the lines above its table: a date that is said to be that of the test."""
+"""The day on which a recording began, as its own clock says.
+
+Clocks and dates with words or other signs in them: the month in letters, no signs at all, a
+colon before the thousandths, hours and minutes by their letter, years and days by their character.
+
+The day of a test from the lines above its table: a date that is said to be that of the test.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +13,178 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from .date_words import NUMBER_OF, WORD
-from .day import FIRST_YEAR
+import pandas as pd
+
+STAMP = re.compile(r"(?P<year>[0-9]{4})-(?P<month>[0-9]{2})-(?P<day>[0-9]{2})(?![0-9])")
+
+CLOCK_OF_DAY, HEADER = "clock of the record", "header of the file"
+"""What can say the day of a test."""
+
+FIRST_YEAR = 1990
+"""Clocks that nobody has set begin in 1904, 1970 or 1980."""
+
+
+def day_of(start: str) -> str:
+    """Return the day of a moment as ISO 8601; empty without one or of a clock that was never set.
+
+    Args:
+        start: A day or a moment, the year first.
+
+    Example:
+        >>> day_of("2026-03-04T10:00:00+00:00"), day_of("1970-01-01"), day_of("")
+        ('2026-03-04', '', '')
+    """
+    found = STAMP.match(start)
+    if found is None or int(found["year"]) < FIRST_YEAR:
+        return ""
+    try:
+        return datetime.date.fromisoformat(found[0]).isoformat()
+    except ValueError:
+        return ""
+
+
+MONTHS = (
+    "jan january januar janvier gen gennaio jän jänner janv",
+    "feb february februar février févr fév febbraio",
+    "mar march mär märz mrz mars marzo",
+    "apr april avril avr aprile",
+    "may mai maggio mag",
+    "jun june juni juin giu giugno",
+    "jul july juli juil juillet lug luglio",
+    "aug august août aou aoû ago agosto",
+    "sep sept september septembre set settembre",
+    "oct october okt oktober octobre ott ottobre",
+    "nov november novembre",
+    "dec december dez dezember déc décembre dic dicembre",
+)
+"""Names and abbreviations in English, German, French and Italian."""
+
+NUMBER_OF = {word: number for number, words in enumerate(MONTHS, 1) for word in words.split()}
+
+CLOCK = (
+    r"(?P<clock>[0-9]{1,2}:[0-5][0-9](?::[0-5]?[0-9](?:[.,][0-9]*)?)?\s*(?:[AaPp][Mm])?"
+    r"\s*(?:Z|[+-][0-9]{2}:?[0-9]{2})?)"
+)
+WORD = r"(?P<month>[A-Za-zäéû]{3,9})\.?"
+DAY_FIRST = rf"(?P<day>[0-9]{{1,2}})\.?[- /]{WORD}[- /](?P<year>[0-9]{{4}}),?[T _]\s*{CLOCK}"
+MONTH_FIRST = rf"{WORD}[- ](?P<day>[0-9]{{1,2}}),?[- ](?P<year>[0-9]{{4}}),?[T _]\s*{CLOCK}"
+COMPACT = (
+    r"(?P<year>(?:19|20)[0-9]{2})(?P<month>[01][0-9])(?P<day>[0-3][0-9])[T_]"
+    r"(?P<hour>[0-2][0-9])(?P<minute>[0-5][0-9])(?P<second>[0-5][0-9](?:[.,][0-9]*)?)?"
+    r"(?P<zone>Z|[+-][0-9]{2}:?[0-9]{2})?"
+)
+FORMS = {
+    "the month stands in letters": (DAY_FIRST, MONTH_FIRST),
+    "the year comes first": (COMPACT,),
+}
+CELLS = tuple(re.compile(form) for forms in FORMS.values() for form in forms)
+
+
+FRACTION = re.compile(r"(?P<clock>[0-9]+:[0-5]?[0-9]:[0-5]?[0-9])[: ](?P<digits>[0-9]{6}|[0-9]{3})")
+SHORT_FRACTION = re.compile(
+    r"(?P<clock>[0-9]+[-/.][0-9]+[-/.][0-9]+[T ,_-]+[0-9]+:[0-9]+:[0-9]+):(?P<digits>[0-9]{1,2})"
+)
+"""Behind a date, where the first of four numbers is no day."""
+
+LETTERED = (
+    (re.compile(r"^[\[(]\s*(.*)[\])]$"), r"\1"),
+    (re.compile(r"^T?\+\s*(?=[0-9]+:)|\s*Uhr$"), ""),
+    (re.compile(r"^(?:mon|tue|wed|thu|fri|sat|sun)[a-z]*[.,]?\s+(?=[0-9A-Z])", re.IGNORECASE), ""),
+    (re.compile(r"([0-9]+)[年년]\s*([0-9]+)[月월]\s*([0-9]+)[日일]\s*"), r"\1-\2-\3 "),
+    (re.compile(r"(?:上午|午前|오전)\s*(\S+)"), r"\1 AM"),
+    (re.compile(r"(?:下午|午後|오후)\s*(\S+)"), r"\1 PM"),
+    (
+        re.compile(
+            r"([0-9]+)\s*(?:h|[時时点시])\s*([0-9]+)\s*(?:m|min|[分분])\s*([0-9]+(?:[.,][0-9]+)?)\s*[s秒초]?"
+        ),
+        r"\1:\2:\3",
+    ),
+)
+
+
+MOST_LOOKED_AT = 1000
+"""Cells of a column of which one must need it, before all are gone through."""
+
+
+def plain_clock(cell: str) -> str:
+    """Return a time or date with the signs that a clock has: 9h05m10s as 9:05:10.
+
+    Args:
+        cell: Any text.
+
+    Example:
+        >>> plain_clock("01/26/2024 08:07:12:237")
+        '01/26/2024 08:07:12.237'
+        >>> plain_clock("2024年9月27日 下午 1:05:00")
+        '2024-9-27 1:05:00 PM'
+    """
+    for pattern, plain in LETTERED:
+        cell = pattern.sub(plain, cell)
+    found = FRACTION.search(cell)
+    if found is None or re.match("[0-9:.,]", cell[found.end() :]):
+        return cell
+    return f"{cell[: found.end('clock')]}.{cell[found.start('digits') :]}"
+
+
+def plain_clocks(cells: pd.Series) -> pd.Series:
+    """Return such times and dates; as `plain_clock`, and with fractions of one or two digits.
+
+    A fraction that is as long in every cell is one; else it counts thousandths.
+
+    Args:
+        cells: Texts without blanks around them, shape (time,).
+    """
+    first = cells[cells != ""].iloc[:MOST_LOOKED_AT]
+    if first.map(plain_clock).equals(first) and not first.str.fullmatch(SHORT_FRACTION).any():
+        return cells
+    cells = cells.map(plain_clock)
+    digits = cells.str.extract(f"^{SHORT_FRACTION.pattern}$")
+    short = digits["digits"].notna()
+    if not short.any():
+        return cells
+    counts = (
+        digits["digits"].str.len()[short].nunique() > 1
+        or cells[~short].str.contains(r":[0-9]+\.[0-9]{3}$").any()
+    )
+    fraction = digits["digits"].str.zfill(3) if counts else digits["digits"]
+    return cells.where(~short, digits["clock"] + "." + fraction)
+
+
+def is_worded_date(cell: str) -> bool:
+    """Return whether a cell is a date with a time as this module reads it."""
+    for pattern in CELLS:
+        found = pattern.fullmatch(cell)
+        if found is not None:
+            return found["month"].isdigit() or found["month"].casefold() in NUMBER_OF
+    return False
+
+
+def numbered_dates(cells: pd.Series) -> tuple[pd.Series, str]:
+    """Return such dates as year-month-day and clock, and why their order is known.
+
+    Args:
+        cells: Texts without blanks around them, shape (time,); others stay as they are.
+
+    Returns:
+        The cells, and the reason, empty if no cell is such a date.
+    """
+    for reason, forms in FORMS.items():
+        for form in forms:
+            parts = cells.str.extract(f"^{form}$")
+            if parts["year"].isna().all():
+                continue
+            named = parts["month"].str.casefold().map(NUMBER_OF)
+            month = named.astype("Int64").astype("string").fillna(parts["month"]).astype(object)
+            if "clock" not in parts:
+                second = parts["second"].fillna("00")
+                clock = parts["hour"] + ":" + parts["minute"] + ":" + second
+                parts["clock"] = clock + parts["zone"].fillna("")
+            day = parts["year"] + "-" + month + "-" + parts["day"]
+            is_date = parts["year"].notna() & month.str.fullmatch("[0-9]{1,2}").eq(True)
+            if is_date.any():
+                return cells.where(~is_date, day + " " + parts["clock"]), reason
+    return cells, ""
+
 
 DATE = re.compile(
     r"(?<![0-9])(?:"

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..channels.schema import BODIES
+from ..channels.claims import BODIES
 from ..readers.raster import LONGEST_GAP
 from ..record import Finding
 

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..channels.claims import Columns, lines_of
-from ..channels.combined import columns_named
+from ..channels.claims import Columns, columns_named, lines_of
 from ..channels.header import split_name
 from ..record import Finding, UnitSource
 from .table import Column, Stated, Table

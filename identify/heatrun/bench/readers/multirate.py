@@ -16,9 +16,8 @@ import numpy as np
 
 from ...errors import InputError
 from ..channels.channel_map import MappedColumns, map_columns
-from ..channels.claims import Columns
+from ..channels.claims import CHANNEL, Columns
 from ..channels.derive import constants_of, derive
-from ..channels.schema import CHANNEL
 from ..clocks.axes import averaged, axes_of, common_times, raster_note
 from ..record import Finding
 from .measurement import Header, Measurement, Series, header_of

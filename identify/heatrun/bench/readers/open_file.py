@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ...errors import InputError
-from ...io.opening import opener_of_this_thread
+from ...io.whole_files import opener_of_this_thread
 
 LARGEST_BYTES = 2**30
 """Largest file, and largest content of a compressed one: 15 million lines of 70 characters. Read

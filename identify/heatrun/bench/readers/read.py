@@ -1,9 +1,13 @@
-"""From a bench file to a record: reader, channel map, time axis, derived channels."""
+"""Which files are measurement files, read channel by channel from the disk and never as a whole.
+
+From a bench file to a record: reader, channel map, time axis, derived channels.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,22 +18,57 @@ import numpy as np
 from ...errors import InputError
 from ...motor import Motor
 from ..channels.channel_map import ITS_WORDS, ONLY_CLOCK, MappedColumns, map_columns
-from ..channels.claims import positive_rate
-from ..channels.constants import constant_notes, resistance_conflict
+from ..channels.claims import Columns, constant_notes, positive_rate, resistance_conflict
 from ..channels.derive import derive
-from ..clocks.day import CLOCK, HEADER, day_of
-from ..clocks.header_date import HeaderDay, header_day
+from ..clocks.header_date import CLOCK_OF_DAY as CLOCK
+from ..clocks.header_date import HEADER, HeaderDay, day_of, header_day
 from ..clocks.own_rates import at_own_rates
 from ..clocks.timegrid import exact_grid, from_first_sample
 from ..record import Finding, Record, Source
-from .bus_frames import BLF, no_signals
-from .formats import MDF, TDMS, opened
 from .hints import NO_HINTS, Hints, hints_of
+from .measurement import Measurement
 from .multirate import read_all, read_measurement
-from .namesakes import told_apart
 from .open_file import digest_of, open_input, read_stream, unzip
-from .table import Table, preamble_of
-from .text.missing_rows import missing_rows, with_missing_rows
+from .table import BLF, Table, no_signals, preamble_of, told_apart
+from .text.reader import missing_rows, with_missing_rows
+
+MDF = (b"MDF     ", b"UnFinMF ")
+TDMS = (b"TDSm",)
+
+
+@contextlib.contextmanager
+def opened(
+    stream: BinaryIO, where: str, columns: Columns | None = None
+) -> Iterator[Measurement | None]:
+    """Open a measurement file for the time of the context.
+
+    Args:
+        stream: Any file, seekable.
+        where: The file, for messages.
+        columns: `[columns]` of the motor file.
+
+    Returns:
+        The measurement; None for a file of another format.
+
+    Raises:
+        InputError: If the file is a measurement and damaged, or the library for it is missing.
+    """
+    stream.seek(0)
+    start = stream.read(8)
+    stream.seek(0)
+    if start.startswith(MDF):  # each reader loads a large library, so late
+        from .mdf.reader import open_mdf
+
+        with open_mdf(stream, where) as measurement:
+            yield measurement
+    elif start.startswith(TDMS):
+        from .tdms.reader import open_tdms
+
+        with open_tdms(stream, where, columns) as measurement:
+            yield measurement
+    else:
+        yield None
+
 
 ZIP = b"PK\x03\x04"
 GZIP = b"\x1f\x8b"
@@ -218,7 +257,7 @@ def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Tab
     if data.startswith(BLF):
         raise no_signals("BLF", where)
     if data.startswith(ZIP):
-        from .excel import read_excel
+        from .workbook import read_excel
 
         return partial(read_excel, hints=hints)
     if hints.sheet is not None:

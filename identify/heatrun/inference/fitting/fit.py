@@ -1,4 +1,15 @@
-"""Gradient least squares on whitened residuals, from many starts, with the noise estimated.
+"""Readings that are exactly on time: a corner of the likelihood.
+
+What is read late lies on straight lines between the edges of the steps, so its slope by the delay
+jumps where the delay passes an edge. The most probable delay of some tests is that corner itself,
+where no slope is zero and no search ends: the delay is held there, and the search finished for all
+other parameters.
+
+Is anything wrong? What the whitened residuals say about a model that should leave only noise.
+
+What the optimum of a fit says of the network and of itself, before anything is sampled.
+
+Gradient least squares on whitened residuals, from many starts, with the noise estimated.
 
 The fit goes round in three steps: least squares with white residuals from many starts finds the
 basin; noise and unmodelled heat are estimated on the residuals with the parameters integrated out
@@ -8,7 +19,7 @@ both gives the parameters and their covariance.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -16,25 +27,201 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
+from scipy.stats import chi2
 
-from ...arithmetic import refuse_wrong_sums
+from ...attempts import refuse_wrong_sums
+from ...bench.record import Finding
 from ...errors import InputError
-from ..batches import at_once
 from ..discrepancy import no_heat, with_heat
-from ..noise import Noise, from_scores
+from ..kernels import at_once
+from ..noise import Noise, from_scores, noise_parameters
+from ..parameters import Form
 from ..problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
-from .adequacy import low_frequency_excess
-from .corner import SIDE, is_corner, near_corner
 from .fit_result import RESULT, Fit, failed
-from .laplace import spread, whiten_fit
-from .optimum_findings import misfit_findings, not_converged, several_optima
 from .restricted import (
     estimate_loggers,
     estimate_noise,
     polished_noise,
     restricted_log_likelihood,
+    spread,
+    whiten_fit,
 )
+
+DELAY = "load_timing"
+
+NEAR = 0.01
+"""A delay nearer to none than this may belong there [prior standard deviations]."""
+
+SIDE = 1e-6
+"""How far from the corner its two sides are looked at [prior standard deviations]."""
+
+
+def delays(form: Form) -> list[int]:
+    """Return the places of the delays among the scores, whose zero is a reading on time."""
+    return [place for place, (name, _, _) in enumerate(form) if name == DELAY]
+
+
+def near_corner(form: Form, z: Float[np.ndarray, "parameter *machine"]) -> Bool[np.ndarray, "..."]:
+    """Return which scores are delays of next to nothing, in the shape of `z`."""
+    near = np.zeros(z.shape, dtype=bool)
+    near[delays(form)] = np.abs(z[delays(form)]) < NEAR
+    return near
+
+
+def is_corner(
+    before: Float[np.ndarray, "parameter *machine"],
+    after: Float[np.ndarray, "parameter *machine"],
+    held: Bool[np.ndarray, "parameter *machine"],
+) -> Bool[np.ndarray, "*machine"]:
+    """Return where the held delays are most probable at the corner.
+
+    Args:
+        before: Slope of half the sum of squares by the scores, on the side of negative delays.
+        after: The same on the other side.
+        held: Delays at the corner.
+    """
+    return np.all(~held | ((before <= 0.0) & (after >= 0.0)), axis=0)
+
+
+WINDOWS_S = (300.0, 600.0, 1200.0)
+"""Windows over which whitened residuals are averaged [s]: ten minutes, halved and doubled; at most
+a third of the test, so that a test of minutes is looked at too."""
+
+FLAG = 2.2
+"""Excess from which on a model counts as inadequate: it flagged 8 of 8 unknown causes and 2 of 32
+known ones on simulated motors."""
+
+
+def low_frequency_excess(
+    innovations: Sequence[np.ndarray], block_s: Sequence[float]
+) -> tuple[float, bool]:
+    """Return the mean squared normalised window mean of whitened residuals, and if it is flagged.
+
+    The sum of n white residuals has variance n; a slow misfit makes it grow with n^2. Of the
+    windows, the one with the largest excess counts.
+
+    Args:
+        innovations: Whitened residuals of each test, observed blocks only [1].
+        block_s: Length of a block of each test [s].
+
+    Returns:
+        The excess [1], 1 if white, and whether it is above both `FLAG` and the 99.9 % quantile
+        that white residuals would have in as many windows.
+    """
+    worst, is_flagged = 0.0, False
+    for window_s in WINDOWS_S:
+        squares = []
+        for values, length in zip(innovations, block_s, strict=True):
+            size = max(2, min(round(window_s / length), values.size // 3))
+            num = values.size // size
+            if num >= 3:
+                sums = values[: num * size].reshape(num, size).sum(axis=1)
+                squares.append(sums**2 / size)
+        if not squares:
+            continue
+        joined = np.concatenate(squares)
+        excess = float(np.mean(joined))
+        limit = max(FLAG, float(chi2.ppf(0.999, joined.size)) / joined.size)
+        worst = max(worst, excess)
+        is_flagged = is_flagged or excess > limit
+    return worst, is_flagged
+
+
+def ljung_box(innovations: np.ndarray, num_lags: int = 10) -> float:
+    """Return the p-value that whitened residuals of one test are white [1].
+
+    Reference: G. M. Ljung, G. E. P. Box, On a measure of lack of fit in time series models,
+        Biometrika 65 (1978) 297-303.
+    """
+    num = innovations.size
+    num_lags = min(num_lags, max(1, num // 5))
+    centred = innovations - innovations.mean()
+    power = float(np.sum(centred**2))
+    if num < 8 or power == 0.0:
+        return 1.0
+    lags = np.arange(1, num_lags + 1)
+    correlation = np.array([np.sum(centred[lag:] * centred[:-lag]) / power for lag in lags])
+    statistic = num * (num + 2) * np.sum(correlation**2 / (num - lags))
+    return float(chi2.sf(statistic, num_lags))
+
+
+LONGEST_NOISE_S = 150.0
+"""Residuals correlated over more than this are a misfit, not noise [s]."""
+
+MUCH_HEAT = 2.0
+"""Prior standard deviations from which on the unmodelled heat is a finding [1]."""
+
+
+def misfit_findings(
+    problem: Problem, noise_z: np.ndarray, rmse: float, excess: float, is_flagged: bool
+) -> list[Finding]:
+    """Return what the noise and the unmodelled heat say of the network.
+
+    Args:
+        problem: Model and tests.
+        noise_z: Scores of the noise.
+        rmse: Of the residuals [K].
+        excess: Low-frequency excess of the innovations [1].
+        is_flagged: Whether that is above its limit.
+    """
+    noise = from_scores(noise_z)
+    of_heat = noise_parameters(problem.model.adequacy)[-1]
+    heat, usual = float(of_heat.value(noise_z[3])), of_heat.prior_interval_95()[1]
+    reasons = []
+    if noise_z[3] > MUCH_HEAT:
+        reasons.append(
+            f"it leaves heat of {100.0 * heat:.2g} % of the loss unexplained (up to "
+            f"{100.0 * usual:.2g} % is usual)"
+        )
+    if float(noise.time) > LONGEST_NOISE_S:
+        reasons.append(f"its residuals are correlated over more than {LONGEST_NOISE_S:.0f} s")
+    if is_flagged:
+        reasons.append(f"its slow residuals have {excess:.1f} times the variance of noise")
+    if not reasons:
+        return []
+    return [
+        Finding(
+            id="misfit",
+            severity="warning",
+            message=f"the {problem.model.words} is incomplete: {'; '.join(reasons)}. The 95 % "
+            "intervals allow for slow heat of this size, not for every cause.",
+            where=problem.label,
+            remedy="Search for the missing effect with `heatrun discover`.",
+            values={
+                "rmse_K": rmse,  # of the most probable parameters; that of the run is its median's
+                "low_frequency_excess": excess,
+                "unmodelled_heat": heat,
+                "noise_time_s": float(noise.time),
+            },
+        )
+    ]
+
+
+def several_optima(problem: Problem, num_modes: int) -> Finding:
+    """Return the finding that `num_modes` parameter sets fit about equally well."""
+    return Finding(
+        id="several_optima",
+        severity="warning",
+        message=f"the posterior of the {problem.model.words} is "
+        f"{'bimodal' if num_modes == 2 else 'multimodal'}: {num_modes} parameter sets fit the "
+        "tests about equally well. The 95 % intervals cover all modes.",
+        where=problem.label,
+        remedy="Add a test in which current and speed change independently, or fix a parameter in "
+        "the motor file.",
+        values={"num_modes": num_modes},
+    )
+
+
+def not_converged(problem: Problem) -> Finding:
+    """Return the finding that the alternation of noise and least squares has not ended."""
+    return Finding(
+        id="not_converged",
+        severity="warning",
+        message=f"{problem.model.title}: {RESULT.not_converged.value}",
+        where=problem.label,
+    )
+
 
 NUM_STARTS = 16
 """Starts of the search: the centre of the prior and draws from it."""

@@ -19,8 +19,8 @@ from ..model_parameters import changing
 from ..posterior import Posterior
 from ..problem import Problem
 from .fit import fit
+from .fit_checks import HELD
 from .fit_result import Fit
-from .held_heat import HELD
 from .restricted import estimate_noise, log_evidence
 
 SIZES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)

@@ -1,18 +1,173 @@
-"""The text form of a network: TOML to `NetworkForm` and back."""
+"""Where the losses of a network enter: the copper's node, and the shares of all other losses.
+
+The text form of a network: TOML to `NetworkForm` and back.
+
+The networks that are built in, and networks by name or file.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
-from ...bench.channels.schema import BODIES
-from ...errors import InputError, did_you_mean
+from ...bench.channels.claims import BODIES
+from ...errors import InputError, UsageError, did_you_mean
 from ...io.toml_text import check_keys, parse_toml
 from ..parameters import Parameter
-from .form import WINDING, Link, NetworkForm
-from .losses import Shares, losses_of, speed_losses
-from .priors import capacitance, prior_text, resistance, said_of
+from .form import (
+    WINDING,
+    Link,
+    NetworkForm,
+    SpeedLossForm,
+    capacitance,
+    prior,
+    prior_text,
+    resistance,
+    said_of,
+)
+
+_SHARE = "equal shares, known to half of that"
+
+SPEED_LOSS = "log-normal, 95 % within a factor of 19: unknown until a test is looked at"
+SD_SPEED_LOSS = 1.5
+BY_SPEED = ("iron", "mechanical")
+"""Kinds of loss that may follow the speed."""
+
+_TERMS = (("n", "the speed"), ("n2", "the square of the speed"))
+
+Shares = tuple[tuple[str, float | Parameter | None], ...]
+
+
+def losses_of(
+    network: Mapping[str, Any],
+    nodes: Sequence[str],
+    said: Mapping,
+    at: str,
+    where: str,
+    *,
+    of: str = "",
+) -> tuple[str, Shares]:
+    """Return the copper's node, and the shares of the other losses.
+
+    Those under `by_speed` are left out; with `of`, the shares are those of one such kind, and
+    their parameters are named after it.
+    """
+    losses = network.get("losses")
+    if isinstance(losses, dict):
+        by_speed = network.get("by_speed", [])
+        losses = {kind: to for kind, to in losses.items() if kind not in by_speed}
+    if not isinstance(losses, dict) or "copper" not in losses or len(losses) < 2:
+        raise InputError(
+            "expected losses with copper and at least one of other, iron, mechanical.",
+            where=at,
+            remedy='Write losses = { copper = "winding", other = "stator" }.',
+        )
+    copper = losses["copper"]
+    if copper not in nodes:
+        raise InputError(f"losses: copper = {copper!r:.40} names no node of {list(nodes)}.",
+                         where=at)  # fmt: skip
+    given: dict[str, float] = {}
+    heated: list[str] = []
+    for kind, target in losses.items():
+        if kind == "copper":
+            continue
+        if not isinstance(target, str | dict) and not (
+            isinstance(target, list) and all(isinstance(node, str) for node in target)
+        ):
+            raise InputError(
+                f"losses: {kind} = {target!r:.40}; expected a node, a list of nodes, or shares by "
+                "node.",
+                where=at,
+            )
+        if isinstance(target, dict):
+            given |= {str(node): share for node, share in target.items()}
+            heated += [str(node) for node in target]
+        else:
+            heated += [target] if isinstance(target, str) else list(target)
+    heated = list(dict.fromkeys(heated))
+    unknown = [node for node in heated if node not in nodes]
+    if unknown or not heated:
+        raise InputError(
+            f"losses name {', '.join(map(repr, unknown)) or 'no node'}, expected nodes of "
+            f"{list(nodes)}.",
+            where=at,
+        )
+    if given:
+        numbers = [given.get(node) for node in heated]
+        are_numbers = all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers)
+        if not are_numbers or not math.isclose(math.fsum(given.values()), 1.0, abs_tol=1e-9):
+            raise InputError(
+                "losses: shares are to be given for every heated node and to add up to 1.",
+                where=at,
+                remedy="Write other = { tooth = 0.5, yoke = 0.5 }, or a list to have the shares "
+                "estimated.",
+            )
+        return copper, tuple((node, float(given[node])) for node in heated)
+    if len(heated) == 1:
+        return copper, ((heated[0], 1.0),)
+    what = f"the {of} loss by speed" if of else "the losses other than copper"
+    equal = 1.0 / len(heated)
+    shares: list[tuple[str, float | Parameter | None]] = [(heated[0], None)]
+    for node in heated[1:]:
+        name = f"share_{of}_{node}" if of else said_of(said, "share", node) or f"share_{node}"
+        default = Parameter(
+            name, "1", f"share of {what} that heats {node}", "network",
+            "linear", equal, 0.5 * equal, _SHARE,
+        )  # fmt: skip
+        at_parameter = f"{where}, [parameters.{name}]"
+        shares.append((node, prior(default, said.get(name, {}), at_parameter)))
+    return copper, tuple(shares)
+
+
+def speed_losses(
+    network: Mapping[str, Any], nodes: Sequence[str], said: Mapping, at: str, where: str
+) -> tuple[SpeedLossForm, ...]:
+    """Return the kinds of loss under `by_speed`, with the watts of each and where they go."""
+    kinds = network.get("by_speed", [])
+    losses = network.get("losses")
+    if not isinstance(kinds, list) or any(kind not in BY_SPEED for kind in kinds):
+        raise InputError(
+            f"by_speed = {kinds!r:.60}; expected a list with iron, mechanical or both.",
+            where=at,
+            remedy='Write by_speed = ["mechanical"], for example.',
+        )
+    if not kinds:
+        return ()
+    if not isinstance(losses, dict) or any(kind not in losses for kind in kinds):
+        raise InputError(
+            f"by_speed names {', '.join(kinds)}, and losses do not say which node each heats.",
+            where=at,
+            remedy='Write losses = { copper = "winding", iron = "stator", mechanical = "rotor" }.',
+        )
+    if not set(losses) - {"copper", *kinds}:
+        raise InputError(
+            "by_speed names all losses beside the copper's, and none is left to take what they "
+            "leave of the measured losses.",
+            where=at,
+            remedy="Leave one kind out of by_speed: what the losses hold beyond the laws goes "
+            'there; or add other = "stator" to losses.',
+        )
+    found = []
+    for kind in dict.fromkeys(kinds):
+        alone = {"losses": {"copper": losses.get("copper"), kind: losses[kind]}}
+        _, share = losses_of(alone, nodes, said, at, where, of=kind)
+        watts = []
+        for term, words in _TERMS:
+            name = f"P_{kind}_{term}"
+            default = Parameter(
+                name, "W", f"{kind} loss that grows with {words}, at 1000 rpm", "network",
+                "log", 100.0, SD_SPEED_LOSS, SPEED_LOSS,
+            )  # fmt: skip
+            at_parameter = f"{where}, [parameters.{name}]"
+            watts.append(prior(default, said.get(name, {}), at_parameter))
+        found.append(SpeedLossForm(kind, watts[0], watts[1], share))
+    return tuple(found)
+
 
 KEYS = ("name", "title", "nodes", "sinks", "links", "losses", "by_speed", "sensors", "effects")
 PARAMETER_KEYS = (
@@ -235,3 +390,75 @@ def _other(shares: Shares) -> Any:
     if any(isinstance(share, Parameter) for _, share in shares):
         return [node for node, _ in shares]
     return {node: share for node, share in shares if isinstance(share, float)}
+
+
+BUILT_IN = ("first", "second")
+"""Names of the two networks that every bench compares, by growing number of nodes."""
+
+SHIPPED = (*BUILT_IN, "cooled", "three", "four")
+"""Names of all networks that come with the package."""
+
+
+@cache
+def _built_in(name: str) -> NetworkForm:
+    text = files("heatrun.inference.networks") / f"{name}.toml"
+    return read_network(text.read_bytes(), f"{name}.toml")
+
+
+def networks_of(words: str) -> tuple[NetworkForm, ...]:
+    """Return the networks behind `--model`: `"both"`, or names and files with commas between.
+
+    Raises:
+        InputError: As `network_named`.
+        UsageError: If no network is named.
+    """
+    names = BUILT_IN if words == "both" else [word for word in words.split(",") if word.strip()]
+    if not names:
+        raise UsageError(f"--model names no network: write both, {', '.join(SHIPPED)} or FILE.toml")
+    return tuple(network_named(name.strip()) for name in names)
+
+
+def pair_of(words: str) -> tuple[NetworkForm, NetworkForm]:
+    """Return the two networks that are compared, the one with fewer nodes first.
+
+    Args:
+        words: As `networks_of`; a single network is set against the second order, and the second
+            order against the first.
+
+    Raises:
+        InputError: As `network_named`.
+        UsageError: If more than two networks are named.
+    """
+    named = networks_of(words)
+    if len(named) == 1:
+        other = "first" if named[0].name == "second" else "second"
+        named = (*named, network_named(other))
+    if len(named) != 2:
+        raise UsageError(f"two networks are compared at a time, and --model names {len(named)}")
+    one, two = sorted(named, key=lambda form: len(form.nodes))
+    return one, two
+
+
+def network_named(name: str | NetworkForm) -> NetworkForm:
+    """Return a network by the name of a built-in one, or from a TOML file.
+
+    Args:
+        name: One of `SHIPPED`, a path that ends in `.toml`, or the network itself.
+
+    Raises:
+        InputError: If there is no such network, or the file is wrong.
+    """
+    if isinstance(name, NetworkForm):
+        return name
+    if name in SHIPPED:
+        return _built_in(name)
+    path = Path(name)
+    if path.suffix == ".toml":
+        from ...bench.readers.open_file import read_start
+        from ...io.toml_text import LARGEST_BYTES
+
+        return read_network(read_start(path, LARGEST_BYTES + 1), str(path))
+    raise InputError(
+        f"there is no network {name!r}.",
+        remedy=f"Name one of {', '.join(SHIPPED)}, or a TOML file with a [network].",
+    )

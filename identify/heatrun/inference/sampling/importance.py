@@ -12,7 +12,7 @@ import numpy as np
 
 from ..fitting.fit_result import Fit
 from .proposal import Drawn, Proposal
-from .rounds import sample_rto
+from .rto import sample_rto
 from .weighted import Weighted, evaluate, truncated
 
 NUM_ADAPTATIONS = 5

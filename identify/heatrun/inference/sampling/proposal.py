@@ -21,15 +21,9 @@ from jax.scipy.linalg import solve_triangular
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float, Int
 
-from ..batches import in_batches
 from ..fitting.fit_result import Fit
 from ..fitting.restricted import conditional
-from ..kernels import (
-    NUM_KERNELS,
-    Kernels,
-    log_student,
-    student,
-)
+from ..kernels import NUM_KERNELS, Kernels, in_batches, log_student, student
 from ..noise import LARGEST_SCORES
 from ..problem import NUM_NOISE, Data, Problem, linearise
 

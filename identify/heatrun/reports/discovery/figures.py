@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...bench.blocks import Blocks
-from ...discovery.localise import Where
-from ...discovery.response import SENSOR
+from ...discovery.localise import SENSOR, Where
 from ...inference.predict import Prediction
 from ..sheet.figures import plain, save
 

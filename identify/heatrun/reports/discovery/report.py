@@ -10,13 +10,18 @@ from msgspec import UNSET
 
 from ...io.quantities import printed_unit, quantity, rounded
 from ...results import DiscoveryResult
-from ...results.candidate import CandidateFate
-from ...results.found_effect import FoundEffect
-from ...results.gap import Gap, HeldOutGap, ParameterBeforeAfter, ValueWithInterval
-from ...results.missing import LocalisedMisfit, MissingSpan
+from ...results.discovery import (
+    CandidateFate,
+    FoundEffect,
+    Gap,
+    HeldOutGap,
+    ParameterBeforeAfter,
+    ValueWithInterval,
+)
+from ...results.model import LocalisedMisfit, MissingSpan
 from ...results.values import number
-from ..sheet.digits import signed
-from ..sheet.typeset import TEMPLATES, typeset
+from ..sheet.pdf import TEMPLATES, typeset
+from ..sheet.printed import signed
 
 VERDICTS = {
     "adequate": "Nothing is missing",

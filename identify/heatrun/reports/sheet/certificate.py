@@ -7,20 +7,21 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from ...certificate import Certificate
-from ...io.printable import clean
-from ...io.quantities import quantity, rounded
+from ...io.quantities import clean, quantity, rounded
+from ...motor import Certificate
 from ...results import FitResult
-from ...results.derived import AT_REST, LOADED, DerivedFigure
-from ...results.model import FittedModel
-from ...results.parameter import FittedParameter
-from ...results.tested import DescribedTest
+from ...results.model import (
+    AT_REST,
+    LOADED,
+    DerivedFigure,
+    DescribedTest,
+    FittedModel,
+    FittedParameter,
+)
 from ...results.values import Interval, known, number
 from ...runs.verdict import favoured, headline
 from ..texts import Texts
-from .days import test_days
-from .printed import printed, uncertain
-from .stated import num_stated
+from .printed import num_stated, printed, test_days, uncertain
 
 JUDGEMENTS = {
     "identified": "identified",

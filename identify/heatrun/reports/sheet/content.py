@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ...bench.channels.column_mapping import KNOWN_BY, assumption, grouped
+from ...bench.channels.mapping import KNOWN_BY, assumption, grouped
 from ...bench.record import Finding
-from ...certificate import Certificate
-from ...io.printable import clean
-from ...io.quantities import quantity
-from ...io.without_folders import command_without_folders, without_folders
+from ...io.quantities import clean, quantity
+from ...io.whole_files import command_without_folders, without_folders
+from ...motor import Certificate
 from ...results import FitResult
-from ...results.derived import AT_REST, LOADED, DerivedFigure
-from ...results.model import FittedModel
-from ...results.tested import DescribedTest
+from ...results.model import AT_REST, LOADED, DerivedFigure, DescribedTest, FittedModel
 from ...results.values import Interval, known
 from ...runs.verdict import concerns, favoured
 from ..texts import LANGUAGES, Texts
 from .certificate import ON_PAGE_1, certificate_content, places_of_current
-from .digits import format_interval, format_value, signed
-from .stated import num_stated
+from .printed import format_interval, format_value, num_stated, signed
 
 GRAVITY = {"error": 0, "warning": 1, "note": 2}
 

@@ -13,24 +13,21 @@ import tomli_w
 from matplotlib.figure import Figure
 
 from ...attempts import OUTPUT_FAILED, Attempts, new_findings
-from ...certificate import Certificate, Instrument
 from ...certificate_file import load_meta
 from ...errors import InputError
 from ...io.file_set import together
-from ...io.free_names import is_other, refuse_replacing
-from ...io.whole_files import writable, write_whole
-from ...ratings.at_limit import LIMIT_DEGC
+from ...io.whole_files import is_other, refuse_replacing, writable, write_whole
+from ...motor import Certificate, Instrument
+from ...ratings.duties import LIMIT_DEGC
 from ...results import FitResult, to_json
-from ...runs.run import Run, open_run
+from ...runs.run import CERTIFICATE, Run, certificate_of, open_run
 from ...runs.run_folder import MANIFEST, RunFolder, listed_anew
-from ...runs.stated import CERTIFICATE, certificate_of
 from ...runs.verdict import favoured, judged
 from ..texts import LANGUAGES, Texts
-from .certificate_figure import certificate_figure
 from .content import sheet_content
 from .dcc.document import dcc_text
 from .dcc.schema import validate
-from .figures import draw, drawn
+from .figures import certificate_figure, draw, drawn
 from .pdf import aspect_on_page_1, write_pdf
 from .xlsx import write_xlsx
 

@@ -1,9 +1,13 @@
-"""Relations between powers, and between speeds, that no machine breaks."""
+"""One relation of physics that a record breaks.
+
+Relations between powers, and between speeds, that no machine breaks.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +17,30 @@ from ...channels.derive import dq_power, shaft_power
 from ...record import Record
 from ..losses import COPPER_TOLERANCE, copper_shares
 from ..samples import block_means, samples
-from .conflict import Conflict
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """A relation that a record breaks.
+
+    Attributes:
+        id: Short name.
+        sentence: What was expected and what came.
+        channels: The channels between which it holds.
+        is_odd: It may be so in a rare machine or test; it counts only where one reading repairs it.
+        is_mild: Something else than a unit would explain it too, such as another kind of cooling.
+        values: Figures behind it by name with unit suffix.
+        otherwise: What to do if no unit is wrong, a sentence.
+    """
+
+    id: str
+    sentence: str
+    channels: tuple[str, ...]
+    is_odd: bool
+    values: Mapping[str, float]
+    is_mild: bool = False
+    otherwise: str = ""
+
 
 LOW_EFFICIENCY = 0.12
 """Best efficiency [1] at which an error of 2 pi/60 in the shaft's power may hide: 1.15/9.55."""

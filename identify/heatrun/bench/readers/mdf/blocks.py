@@ -45,7 +45,7 @@ OWNED: dict[bytes, dict[int, tuple[bytes, ...]]] = {
     b"##LD": {0: (b"##LD",)},
 }
 """Links by which a block owns another, with what they may lead to. Each block is owned once: a
-tree. Of the header's links only the data are followed, see `heatrun.bench.readers.mdf.view`."""
+tree. Of the header's links only the data are followed, see `heatrun.bench.readers.mdf.reader`."""
 
 LISTS = (b"##DL", b"##LD")
 """Blocks whose further links all lead to data of their own."""

@@ -1,4 +1,14 @@
-"""Reader of TDMS measurement files; needs the extra `heatrun[tdms]`.
+"""The scalings of a TDMS channel, checked before a library builds them.
+
+A scaling is numbers only: polynomials, tables, laws of sensors. Yet their count is a property of
+the file and allocated as it stands, sums refer to each other without limit, and of a kind that is
+not known the library returns the raw values without a word.
+
+The segments of a TDMS file, checked before a library reads what is in them.
+
+Layout of the lead-in: National Instruments, "TDMS File Format Internal Structure".
+
+Reader of TDMS measurement files; needs the extra `heatrun[tdms]`.
 
 Only the channels that are asked for are read. The index file that may lie beside a TDMS file is
 not opened, since it may belong to another recording.
@@ -8,6 +18,8 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
+import struct
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, BinaryIO
@@ -15,19 +27,113 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ....errors import InputError
-from ...channels.claims import Columns, lines_of
-from ...channels.column_unit import unit_of
+from ...channels.claims import CHANNEL, COLUMN_MAPS, Columns, lines_of
 from ...channels.header import split_name
 from ...channels.labels import columns_of
-from ...channels.maps import COLUMN_MAPS
-from ...channels.schema import CHANNEL
+from ...channels.mapping import unit_of
 from ...channels.units import require_unit, to_canonical
-from ...record import UnitSource
+from ...record import Finding, UnitSource
 from ..foreign import BrokenFileError, damaged, reading
 from ..measurement import Measurement, Series, StoredChannel
 from ..table import Column, Stated
-from .scales import scaling_refusal
-from .segments import check_segments
+
+SCALE_KINDS = ("Polynomial", "Linear", "RTD", "Strain", "Table", "Thermistor", "Thermocouple",
+         "AdvancedAPI")  # fmt: skip
+"""Scalings of one input that the library computes."""
+
+SUMS = ("Add", "Subtract")
+MOST_SUMS = 4
+"""Each may double the work, since its two inputs are computed anew."""
+
+MOST_SCALES = 32
+"""A measuring card writes up to about five in a row."""
+
+SCALE = re.compile(r"NI_Scale\[(\d+)\]_Scale_Type")
+
+
+def scaling_refusal(properties: Sequence[Mapping[str, object]]) -> tuple[str, str] | None:
+    """Return why the scaling of a channel cannot be trusted and what to do, None if it can.
+
+    Args:
+        properties: Of the channel, its group and the file; the first with scalings counts.
+    """
+    for held in properties:
+        found = {int(match[1]): str(kind) for name, kind in held.items()
+                 if (match := SCALE.match(name))}  # fmt: skip
+        stated = held.get("NI_Number_Of_Scales", max(found, default=-1) + 1)
+        if not isinstance(stated, int) or not 0 <= stated <= MOST_SCALES:
+            return (
+                f"The channel states {stated} scalings, expected 0 to {MOST_SCALES}.",
+                "Copy the file again from the bench; it may be damaged.",
+            )
+        if stated == 0 or held.get("NI_Scaling_Status") == "scaled":
+            continue
+        unknown = [kind for kind in found.values() if kind not in (*SCALE_KINDS, *SUMS)]
+        if unknown or sum(kind in SUMS for kind in found.values()) > MOST_SUMS:
+            return (
+                f"The scaling {', '.join(unknown or SUMS)} is not read.",
+                "Export the channel with its physical values.",
+            )
+        return None
+    return None
+
+
+TAG = b"TDSm"
+LEAD_IN = 28
+"""Length of a lead-in [bytes]: tag, contents, version, length, length of the metadata."""
+
+BIG_ENDIAN = 1 << 6
+"""Bit of the contents: the numbers of the segment have the highest byte first."""
+
+NOT_CLOSED = 2**64 - 1
+"""Length of a segment that its writer did not finish."""
+
+
+def check_segments(stream: BinaryIO, where: str) -> tuple[Finding, ...]:
+    """Check that the segments of a file follow each other to its end.
+
+    Args:
+        stream: The file, seekable.
+        where: The file, for messages.
+
+    Returns:
+        A finding if the recorder did not close its last segment.
+
+    Raises:
+        BrokenFileError: If a segment begins with anything else, or ends beyond the file.
+    """
+    size = stream.seek(0, io.SEEK_END)
+    position = 0
+    while position < size:
+        stream.seek(position)
+        lead_in = stream.read(LEAD_IN)
+        if len(lead_in) < LEAD_IN or not lead_in.startswith(TAG):
+            raise BrokenFileError(f"no segment begins at byte {position} of {size}")
+        contents = int.from_bytes(lead_in[4:8], "little")
+        order = ">" if contents & BIG_ENDIAN else "<"
+        length, metadata_length = struct.unpack(f"{order}QQ", lead_in[12:])
+        if length == NOT_CLOSED:
+            return (_not_closed(position, where),)
+        if metadata_length > length or position + LEAD_IN + length > size:
+            raise BrokenFileError(
+                f"a segment of {length} bytes at byte {position} ends beyond the {size} bytes of "
+                "the file"
+            )
+        position += LEAD_IN + length
+    return ()
+
+
+def _not_closed(position: int, where: str) -> Finding:
+    return Finding(
+        id="recording_not_closed",
+        severity="warning",
+        message=f"The recorder did not close the file: the segment at byte {position} has no "
+        "length, and is read as far as it goes.",
+        where=where,
+        remedy="Check that the end of the test is there.",
+        values={"from_byte": position},
+    )
+
 
 WHAT = "a TDMS file"
 MICROSECOND = np.timedelta64(1, "us")

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from ....errors import InputError
-from ....io.printable import printable
+from ....io.quantities import printable
 from ....io.toml_text import table_header
 from ...record import Finding
-from .decimals import start_of_line
 from .layout import Layout, first_word
+from .values import start_of_line
 
 RAGGED_LIMIT = 0.1
 """Share of lines with another number of cells beyond which the layout was not understood."""

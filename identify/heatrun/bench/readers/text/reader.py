@@ -1,9 +1,14 @@
-"""Reader of CSV and other text tables, whatever delimiter, decimal sign and encoding they have."""
+"""Lines of a table that hold no sample: where time is counted by lines, they count.
+
+Reader of CSV and other text tables, whatever delimiter, decimal sign and encoding they have.
+
+Further rows of a text table whose layout is known: those that a bench has written since.
+"""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,21 +16,91 @@ import numpy as np
 import pandas as pd
 
 from ....errors import InputError
-from ....io.printable import printable
+from ....io.quantities import printable
 from ...channels.header import split_name
 from ...channels.units import find_unit, is_unit
-from ...clocks.time_format import TimeFormat, parse_time_format, stated_format
+from ...clocks.clock import TimeFormat, parse_time_format, stated_format
 from ...record import Finding
-from ..bus_frames import kind_of_frames, no_signals
 from ..hints import NO_HINTS, Hints
-from ..table import PREAMBLE, Column, Question, Stated, Table
-from .cells import MISSING
-from .decimals import signs_joined
-from .encoding import decode
+from ..table import PREAMBLE, Column, Question, Stated, Table, kind_of_frames, no_signals
+from .encoding import CODECS, decode
 from .layout import DELIMITERS, Layout, find_layout
-from .lines import DataLines, data_lines, ragged_lines, restarted
+from .lines import (
+    DataLines,
+    count_by_pieces,
+    data_lines,
+    header_again,
+    is_whole,
+    joined,
+    ragged_lines,
+    restarted,
+)
 from .remarks import X_NAME, stated_raster, units_of_remarks
-from .values import doubtful, read_values, unreadable_cells, unsettled_cells
+from .values import MISSING, doubtful, read_values, signs_joined, unreadable_cells, unsettled_cells
+
+NUM_NAMED = 5  # so many spans stand in a message
+
+
+def with_missing_rows(
+    channels: Mapping[str, np.ndarray], sample_numbers: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return channels with NaN where lines without a sample stand in the file.
+
+    Args:
+        channels: Canonical name to values, shape (time,) of the lines with a sample.
+        sample_numbers: Which sample each of these lines is, from 0, shape (time,).
+    """
+    filled = {}
+    for name, values in channels.items():
+        filled[name] = np.full(int(sample_numbers[-1]) + 1, np.nan)
+        filled[name][sample_numbers] = values
+    return filled
+
+
+def missing_rows(
+    sample_numbers: np.ndarray, rate_Hz: float | None, time_s: np.ndarray, where: str
+) -> Finding:
+    """Return the finding about lines without a sample: how many, and where in time.
+
+    Args:
+        sample_numbers: As `with_missing_rows`; at least one number is left out.
+        rate_Hz: Sampling rate that time is made from [Hz], or None if the file has its own time.
+        time_s: Times of the lines with a sample [s], shape (time,), if the file has its own.
+        where: The file.
+    """
+    steps = np.diff(sample_numbers)
+    before = np.flatnonzero(steps > 1)
+    count = int(np.sum(steps[before] - 1))
+    more = " and more" if before.size > NUM_NAMED else ""
+    if rate_Hz is None:
+        places = ", ".join(f"{time_s[row]:.6g} s" for row in before[:NUM_NAMED])
+        return Finding(
+            id="rows_missing",
+            severity="note",
+            message=f"{count} lines between the samples are empty or have another number of cells,"
+            f" behind {places}{more}. The file's own times are not moved by them.",
+            where=where,
+            remedy="Export again if these samples matter.",
+            values={"count": count, "from_s": float(time_s[before[0]])},
+        )
+    first, last = sample_numbers[before] + 1, sample_numbers[before + 1] - 1
+    spans = ", ".join(
+        f"{low / rate_Hz:.6g} s"
+        if low == high
+        else f"{low / rate_Hz:.6g} s to {high / rate_Hz:.6g} s"
+        for low, high in zip(first[:NUM_NAMED], last[:NUM_NAMED], strict=True)
+    )
+    return Finding(
+        id="rows_missing",
+        severity="warning",
+        message=f"{count} of {int(sample_numbers[-1]) + 1} samples are missing, at {spans}{more}: "
+        "their lines are empty or have another number of cells. The time, made from a rate, goes "
+        "on over them.",
+        where=where,
+        remedy="Export again if these samples matter, and with a time column.",
+        values={"count": count, "from_s": float(first[0] / rate_Hz)},
+    )
+
 
 HOTTEST = 5000.0
 """Above it no bench works in any unit of temperature: tungsten melts at 3422 degC."""
@@ -341,3 +416,103 @@ def parsed_cells(body: bytes, layout: Layout, where: str) -> pd.DataFrame:
             where=where,
             remedy="Look for a quotation mark that is not closed.",
         ) from error
+
+
+@dataclass(frozen=True)
+class TextForm:
+    """How the rows of a text table are read, as its beginning has shown.
+
+    Attributes:
+        layout: Delimiter, decimal sign, number of cells.
+        heads: What stands over each column.
+        codec: Python's name of the encoding.
+        has_thousands: As `heatrun.bench.readers.text.values.read_values`.
+    """
+
+    layout: Layout
+    heads: tuple[ColumnHead, ...]
+    codec: str
+    has_thousands: bool
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of a text table.
+
+    Attributes:
+        values: By the name of the column, in the unit of the file, shape (time,); a column without
+            a number in these rows is not there.
+        num_rows: How many they are.
+        num_lost: Lines with another number of cells, which hold no sample.
+        odd: Columns with a cell that is neither a number nor the mark of none.
+        last: The last of the lines, with its line end.
+    """
+
+    values: Mapping[str, np.ndarray]
+    num_rows: int
+    num_lost: int
+    odd: frozenset[str]
+    last: bytes
+
+
+def form_of(data: bytes, where: str, hints: Hints) -> TextForm | None:
+    """Return how a text table is laid out, or None if its encoding does not let it be cut.
+
+    Args:
+        data: The file from its start.
+        where: The file, for messages.
+        hints: What the motor file says about reading.
+
+    Raises:
+        InputError: If there is no table with a header and a line of numbers.
+    """
+    text, encoding = decode(data, where)
+    codec = CODECS.get(encoding.partition(" ")[0])
+    if codec is None:
+        return None
+    layout = find_layout(text, where, hints.decimal)
+    heads = tuple(column_heads(layout, hints, where))
+    return TextForm(replace(layout, first_line=0), heads, codec, hints.decimal is not None)
+
+
+def further_rows(data: bytes, form: TextForm, where: str) -> Rows:
+    """Return the rows of some lines.
+
+    Args:
+        data: Whole lines of data, each with its line end.
+        form: What `form_of` returned for the beginning of the file.
+        where: The file, for messages.
+
+    Raises:
+        InputError: If the lines cannot be split into cells.
+    """
+    text = data.decode(form.codec, "replace").replace("\r\n", "\n").replace("\r", "\n")
+    body = text.encode()
+    ends, num_cells, is_empty, is_blank = count_by_pieces(body, form.layout.delimiter)
+    is_data = ~is_empty & ~header_again(body, ends, is_blank, form.layout)
+    good = is_whole(num_cells, form.layout) & is_data
+    num_lost = int(np.count_nonzero(~good & is_data))
+    if not good.any():
+        return Rows({}, 0, num_lost, frozenset(), b"")
+    lines = joined(body, ends, good)
+    cells = parsed_cells(lines, form.layout, where)
+    values, odd = _values(cells, form)
+    last = lines[lines.rfind(b"\n", 0, -1) + 1 :]
+    return Rows(values, int(good.sum()), num_lost, odd, last)
+
+
+def _values(cells: pd.DataFrame, form: TextForm) -> tuple[dict[str, np.ndarray], frozenset[str]]:
+    found: dict[str, np.ndarray] = {}
+    odd = set()
+    for index, head in enumerate(form.heads):
+        read = read_values(
+            cells.iloc[:, index], form.layout.decimal, name=head.name, stated=head.stated,
+            has_thousands=form.has_thousands,
+        )  # fmt: skip
+        if isinstance(read, str):
+            odd |= {head.name} if read else set()
+            continue
+        if read.unreadable is not None and read.unreadable.any():
+            odd.add(head.name)
+        found.setdefault(head.name, read.numbers)
+    return found, frozenset(odd)

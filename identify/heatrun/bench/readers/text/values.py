@@ -1,21 +1,226 @@
-"""From the cells of one text column to float64, and a finding for each cell that is no number."""
+"""Numbers of a text table by their decimal sign, and whether the file settles which it is.
+
+The cells of a line of a text table: what is a number, a time, a text or nothing.
+
+From the cells of one text column to float64, and a finding for each cell that is no number.
+
+The end of a text file that is being written: its new whole lines, each of them read once.
+"""
 
 from __future__ import annotations
 
+import csv
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import BinaryIO, Literal
 
 import numpy as np
 import pandas as pd
 
-from ....io.printable import printable
-from ...clocks.clock import CLOCK, DAYS, ClockColumn, read_clock, read_days, read_stated
-from ...clocks.date_words import numbered_dates, plain_clocks
-from ...clocks.dates import DATE_TIME, read_dates
-from ...clocks.time_format import TimeFormat
+from ....io.quantities import printable
+from ...channels.header import plain
+from ...clocks.clock import (
+    CLOCK,
+    CLOCK_CELL,
+    DAYS,
+    DAYS_CELL,
+    ClockColumn,
+    TimeFormat,
+    read_clock,
+    read_days,
+    read_stated,
+)
+from ...clocks.dates import DATE_TIME, DATE_TIME_CELL, read_dates
+from ...clocks.header_date import (
+    SHORT_FRACTION,
+    is_worded_date,
+    numbered_dates,
+    plain_clock,
+    plain_clocks,
+)
 from ...record import Finding
 from ..table import Question
-from .cells import MISSING, STATES, bare
-from .decimals import GROUPED, NUMBER, SPACED, SPACES, SURELY_GROUPED, THOUSANDS_OR_DECIMALS
+
+NUMBER = {
+    "." : r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?",
+    "," : r"[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]+)?",
+}  # fmt: skip
+"""What a number looks like, by decimal sign."""
+
+SIGN_APART = r"^([+-])\s+(?=[0-9.,])"
+"""A sign and the blanks behind it, as loggers write that fill a number up to a fixed width."""
+
+PLUS_APART = re.compile(r"(?<![^\s\"])\+ +(?=[0-9.])")
+BETWEEN_BLANKS = re.compile(r"(?<![^\s\"])([+-]) +(?=[0-9.])")
+
+
+def signs_joined(text: str) -> str:
+    """Return a table of blanks with the signs next to their digits.
+
+    A minus alone may also be the mark of no value; where a plus stands apart, it is a sign, too.
+
+    Args:
+        text: The whole text.
+    """
+    is_apart = "+ " in text and PLUS_APART.search(text) is not None
+    return BETWEEN_BLANKS.sub(r"\1", text) if is_apart else text
+
+
+GROUPED = {
+    ".": r"[+-]?[0-9]{1,3}(?:,[0-9]{3})+(?:\.[0-9]+)?",
+    ",": r"[+-]?[0-9]{1,3}(?:\.[0-9]{3})+(?:,[0-9]+)?",
+}
+"""Numbers with separators of thousands, by decimal sign: read as values only where the motor file
+states the decimal sign, but they show the layout."""
+
+SURELY_GROUPED = {
+    ".": r"[+-]?[0-9]{1,3}(?:(?:,[0-9]{3})+\.[0-9]+|(?:,[0-9]{3}){2,})",
+    ",": r"[+-]?[0-9]{1,3}(?:(?:\.[0-9]{3})+,[0-9]+|(?:\.[0-9]{3}){2,})",
+}
+"""Those of them in which the sign can do nothing else: beside the decimal sign, or twice."""
+
+SPACED = {
+    sign: rf"[+-]?[0-9]{{1,3}}(?:[ \u00a0\u2009\u202f'’_][0-9]{{3}})+(?:{sign_pattern}[0-9]+)?"
+    for sign, sign_pattern in ((".", r"\."), (",", ","))
+}
+"""Numbers with separators of thousands that can be nothing else."""
+
+SPACES = "[ \u00a0\u2009\u202f'’_]"
+
+THOUSANDS_OR_DECIMALS = {
+    ".": r"[+-]?[1-9][0-9]{0,2}\.[0-9]{3}",
+    ",": r"[+-]?[1-9][0-9]{0,2},[0-9]{3}",
+}
+"""Numbers that are whole where the sign separates thousands, and are not where it is decimal."""
+
+SURELY_DECIMAL = (
+    r"[+-]?(?:0+{0}[0-9]*|[0-9]+{0}(?:[0-9]{{0,2}}|[0-9]{{4,}})|[0-9]{{4,}}{0}[0-9]+|{0}[0-9]+)"
+    r"|[+-]?[0-9]*{0}[0-9]+[eE][+-]?[0-9]+"
+)
+"""Numbers in which the sign {0} separates no thousands."""
+
+
+def start_of_line(text: str, index: int) -> int:
+    r"""Return where a line begins.
+
+    Args:
+        text: With `\n` line ends.
+        index: Of the line, from 0; the text has it.
+    """
+    offset = 0
+    for _ in range(index):
+        offset = text.find("\n", offset) + 1
+    return offset
+
+
+def is_unsettled(text: str, first_line: int, delimiter: str, decimal: str) -> bool:
+    r"""Return whether the decimal sign shows itself only where it may separate thousands.
+
+    Args:
+        text: The whole text, with `\n` line ends.
+        first_line: Index of the first line of data, from 0.
+        delimiter: What stands between the cells.
+        decimal: The sign that is taken as decimal.
+    """
+    edge = rf'\s"{re.escape(delimiter)}'
+    cell = rf"(?:^|(?<=[{edge}]))(?:{{}})(?=[{edge}]|$)"
+    if delimiter == decimal:  # within quotes alone
+        cell = '(?<=")(?:{})(?=")'
+    start = start_of_line(text, first_line)
+    surely = re.compile(cell.format(SURELY_DECIMAL.format(re.escape(decimal))), re.MULTILINE)
+    maybe = re.compile(cell.format(THOUSANDS_OR_DECIMALS[decimal]), re.MULTILINE)
+    return surely.search(text, start) is None and maybe.search(text, start) is not None
+
+
+MISSING = frozenset(
+    ("", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "nil", "-", "--", "---", "?")
+)
+"""Cells, in lower case, that say: no value here."""
+
+STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
+"""Switches, in lower case, as fans and relays are logged; they say nothing about the layout."""
+
+NUMBER_CELL = {sign: re.compile(pattern) for sign, pattern in NUMBER.items()}
+QUOTED_OR_SOLID = re.compile(r'"[^"]*"|\S+')
+
+
+def split_line(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line without quotes and outer blanks.
+
+    Args:
+        line: Without its line end.
+        delimiter: One of `DELIMITERS`.
+    """
+    if delimiter == " ":
+        if '"' not in line:
+            return line.split()
+        return [cell.strip('"').strip() for cell in QUOTED_OR_SOLID.findall(line)]
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:
+        cells = line.split(delimiter)
+    return [cell.strip() for cell in cells]
+
+
+def is_time(cell: str) -> bool:
+    """Return whether a cell is a clock time or a date with a time."""
+    cell = plain_clock(cell)
+    return bool(
+        CLOCK_CELL.fullmatch(cell)
+        or DATE_TIME_CELL.fullmatch(cell)
+        or DAYS_CELL.fullmatch(cell)
+        or SHORT_FRACTION.fullmatch(cell)
+        or is_worded_date(cell)
+    )
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Return whether a cell is a number under a decimal sign."""
+    return NUMBER_CELL[decimal].fullmatch(bare(cell)) is not None
+
+
+def bare(cell: str) -> str:
+    """Return a cell with plain signs and digits, the sign of a number next to its digits."""
+    if cell[:1] in "+-" or not cell.isascii():
+        return re.sub(SIGN_APART, r"\1", plain(cell))
+    return cell
+
+
+def is_value(cell: str, decimal: str) -> bool:
+    """Return whether a cell holds a value: a number, a time or the mark of none."""
+    return cell.lower() in MISSING or is_number(cell, decimal) or is_time(cell)
+
+
+def filled(row: Sequence[str]) -> list[str]:
+    """Return the cells that say something of the layout."""
+    return [cell for cell in row if cell.lower() not in MISSING and cell.lower() not in STATES]
+
+
+def num_values(cells: Sequence[str], decimal: str) -> int:
+    """Return how many cells are numbers or times."""
+    return sum(is_number(cell, decimal) or is_time(cell) for cell in cells)
+
+
+def is_text(row: Sequence[str], decimal: str) -> bool:
+    """Return whether no cell of a row is a number or a time."""
+    return not num_values(filled(row), decimal)
+
+
+def is_rule(row: Sequence[str]) -> bool:
+    """Return whether a row below the header is a rule or empty."""
+    return all(set(cell) <= set("-=_") for cell in filled(row))
+
+
+def trimmed(row: list[str]) -> list[str]:
+    """Return a row without the empty cells at its end."""
+    end = len(row)
+    while end and not row[end - 1]:
+        end -= 1
+    return row[:end]
+
 
 STAMPS = 19900101000000, 21000101000000
 """Numbers that may be a date with a time in 14 digits, from the first up to the second."""
@@ -265,3 +470,76 @@ def _read_states(texts: pd.Series) -> Values | None:
     if not np.isfinite(numbers).any():
         return None
     return Values(numbers, note="true/on and false/off read as 1 and 0")
+
+
+MARK_BYTES = 4096
+"""Bytes at both ends of what was read that must still be there for a file to be the same."""
+
+MOST_BYTES = 32 << 20
+"""Most that one look reads [byte]; what is more waits for the next one."""
+
+
+@dataclass(frozen=True)
+class Grown:
+    """What a look at a file has brought.
+
+    Attributes:
+        kind: `"start"` for the first lines of a file, `"more"` for those behind the ones that were
+            read, `"replaced"` if those are not there any more and the file must be read anew.
+        data: Whole lines, the last with its line end; empty if there are none.
+    """
+
+    kind: Literal["start", "more", "replaced"]
+    data: bytes
+
+
+class Growth:
+    """Follows a file that a bench appends lines to.
+
+    A line counts once its line end is there, so a torn one waits for the next look. A file counts
+    as the same one while what was read of it still stands at its place: the first and the last
+    `MARK_BYTES` of it are compared, at each look, so that the cost of a look depends on what is new
+    and not on the length of the file.
+    """
+
+    def __init__(self) -> None:
+        self._head = b""
+        self._tail = b""
+        self._num_read = 0
+
+    @property
+    def num_read(self) -> int:
+        """Bytes of the file that were read."""
+        return self._num_read
+
+    def look(self, file: BinaryIO) -> Grown:
+        """Return what is new in the file.
+
+        After `"replaced"` the next look begins at the start.
+
+        Args:
+            file: Open for reading and seekable; the writer may go on meanwhile.
+        """
+        if self._num_read == 0:
+            return self._read(file, "start")
+        if not self._is_same(file):
+            self._head, self._tail, self._num_read = b"", b"", 0
+            return Grown("replaced", b"")
+        return self._read(file, "more")
+
+    def _is_same(self, file: BinaryIO) -> bool:
+        file.seek(0)
+        if file.read(len(self._head)) != self._head:
+            return False
+        file.seek(self._num_read - len(self._tail))
+        return file.read(len(self._tail)) == self._tail
+
+    def _read(self, file: BinaryIO, kind: Literal["start", "more"]) -> Grown:
+        file.seek(self._num_read)
+        data = file.read(MOST_BYTES)
+        data = data[: data.rfind(b"\n") + 1]
+        if data:
+            self._num_read += len(data)
+            self._head = (self._head + data[: MARK_BYTES - len(self._head)])[:MARK_BYTES]
+            self._tail = (self._tail + data)[-MARK_BYTES:]
+        return Grown(kind, data)

@@ -1,4 +1,9 @@
-"""The parameter sheet as XLSX, with the worksheet that the bench is used to, in live formulas."""
+"""The courses of the tests: measured, model and residual, each test with a chart of its own.
+
+The worksheet of the published identification, in live formulas.
+
+The parameter sheet as XLSX, with the worksheet that the bench is used to, in live formulas.
+"""
 
 from __future__ import annotations
 
@@ -7,23 +12,174 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import xlsxwriter
 
-from ....bench.channels.column_mapping import KNOWN_BY
-from ....io.moment import NO_DATE, stated_moment
-from ....io.quantities import printed_unit
-from ....io.whole_files import write_whole
+from ....bench.channels.mapping import KNOWN_BY
+from ....io.quantities import printed_unit, rounded
+from ....io.whole_files import NO_DATE, stated_moment, write_whole
 from ....results import FitResult
 from ....results.model import FittedModel
 from ....results.values import known
 from ....runs.verdict import favoured
 from ...texts import Texts
 from ..certificate import judged
-from .cells import Cells, write
-from .certificate import add_certificate
-from .courses import add_courses
-from .worksheet import add_worksheet
+from ..figures import COLOURS
+from ..printed import COVERAGE_FACTOR
+from .cells import Cells, add_certificate, write
+
+FIRST = 3
+"""Row of the first sample (counted from 0)."""
+
+
+def add_courses(
+    book: Any,
+    cells: Cells,
+    network: str,
+    tables: Sequence[tuple[str, str, pd.DataFrame]],
+    say: Texts,
+) -> None:
+    """Write a sheet for each test; the residual is a formula, the chart follows the cells.
+
+    Args:
+        book: The workbook.
+        cells: Its formats.
+        network: The network that is certified.
+        tables: Name, role and courses of each test.
+        say: The texts in the language of the workbook.
+    """
+    head = [say(key) for key in ("time_min", "chart_measured", "chart_model", "chart_residual")]
+    for number, (name, role, table) in enumerate(tables, start=1):
+        title = say("sheet_chart", number=number)
+        sheet = book.add_worksheet(title)
+        sheet.write_string(0, 0, f"{name} ({say(role)})", cells.bold)
+        sheet.write_row(FIRST - 1, 0, head, cells.bold)
+        columns = (table["time_s"] / 60.0, table["measured_degC"], table[f"{network}_winding_degC"])
+        for row, values in enumerate(zip(*columns, strict=True), start=FIRST):
+            for column, value in enumerate(values):
+                write(sheet, row, column, value, cells.digits(2))
+            if pd.notna(values[1]):
+                formula, residual = f"=B{row + 1}-C{row + 1}", values[1] - values[2]
+                sheet.write_formula(row, 3, formula, cells.digits(2), float(residual))
+        sheet.set_column(0, 3, 20)
+        sheet.freeze_panes(FIRST, 0)
+        largest = float(np.max(np.nan_to_num(np.abs(columns[1] - columns[2])), initial=0.1))
+        last = FIRST + len(table) - 1
+        sheet.insert_chart("F3", _chart(book, title, last, head, float(rounded(largest, 1))))
+
+
+def _chart(book: Any, sheet: str, last: int, head: Sequence[str], largest: float) -> Any:
+    """Return the chart of the cells of a sheet.
+
+    The residual goes with the axis on the right, whose scale has it below the courses.
+
+    Args:
+        book: The workbook.
+        sheet: Name of the sheet.
+        last: Row of the last sample (counted from 0).
+        head: Names of the columns.
+        largest: Residual that the scale is made for [K].
+    """
+    chart = book.add_chart({"type": "scatter", "subtype": "straight"})
+    looks = (
+        (1, {"none": True}, {"type": "circle", "size": 3, "fill": {"none": True},
+                             "border": {"color": COLOURS["measured"]}}),
+        (2, {"color": COLOURS["second"], "width": 1.5}, {"type": "none"}),
+        (3, {"color": COLOURS["first"], "width": 1.0}, {"type": "none"}),
+    )  # fmt: skip
+    for column, line, marker in looks:
+        chart.add_series(
+            {
+                "name": [sheet, FIRST - 1, column],
+                "categories": [sheet, FIRST, 0, last, 0],
+                "values": [sheet, FIRST, column, last, column],
+                "line": line,
+                "marker": marker,
+                "y2_axis": column == 3,
+            }
+        )
+    # the title is that of a cell: no name acts as a formula
+    chart.set_title({"name": [sheet, 0, 0], "name_font": {"size": 12}})
+    chart.set_x_axis({"name": head[0], "major_gridlines": {"visible": False}})
+    chart.set_y_axis({"name": f"{head[1]}, {head[2]}"})
+    chart.set_y2_axis({"name": head[3], "min": -1.5 * largest, "max": 10.5 * largest})
+    chart.set_legend({"position": "bottom"})
+    chart.set_size({"width": 900, "height": 480})
+    return chart
+
+
+FIRST_ROW = 12
+"""Row of the first sample, as in the published worksheet (counted from 1)."""
+
+
+PLACES = (1, 2, 2, 4, 1, 2, 2, 2, 6, 1, 1, 2, 2)
+"""Decimal places of the columns: readings as the bench logs them, resistances to a thousandth."""
+
+
+def add_worksheet(
+    book: Any, cells: Cells, result: FitResult, name: str, table: pd.DataFrame, say: Texts
+) -> None:
+    """Write the worksheet of the published identification over the blocks of one test."""
+    sheet = book.add_worksheet(say("sheet_worksheet"))
+    bold = cells.bold
+    forms = [cells.digits(places) for places in PLACES]
+    motor = result.motor
+    order = favoured(result)
+    fitted = result.models[order].parameters
+    Rs0 = fitted["Rs0"].value if "Rs0" in fitted else motor.phase_resistance_ohm
+    sheet.write_string(0, 0, say("worksheet_title"), bold)
+    sheet.write_string(1, 0, say("worksheet_note", test=name))
+    constants = {
+        "B3": ("Tamb med [degC]", float(table["sink_degC"].mean())),
+        "B4": ("Ro rif [ohm]", 1.0),
+        "B5": ("To rif [degC]", 20.0),
+        "B6": ("B [degC]", motor.resistance_coefficient_degC),
+        "E4": ("Rs [ohm]", Rs0),
+        "E5": ("Ts [degC]", motor.reference_temperature_degC),
+        "E6": ("phases", motor.phases),
+    }
+    digits = {"B3": cells.digits(2), "E4": cells.digits(6)}
+    for cell, (label, value) in constants.items():
+        column, row = ord(cell[0]) - ord("A"), int(cell[1:]) - 1
+        sheet.write_string(row, column - 1, label, bold)
+        write(sheet, row, column, value, digits.get(cell))
+    for number, (label, entry) in enumerate(fitted.items()):
+        sheet.write_string(2 + number, 10, f"{label} [{entry.unit}]", bold)
+        write(sheet, 2 + number, 11, entry.value, cells.of(COVERAGE_FACTOR * entry.sd))
+    head = ["t [s]", "Tw [degC]", "Tw mod [degC]", "Req DC [ohm]", "P [W]", "Ieq DC [A]",
+            "Veq DC [V]", "Is [A]", "Rs [ohm]", "Pjs [W]", "Pol [W]", "Ieq DC (Pjs) [A]",
+            "Veq DC (Pjs) [V]"]  # fmt: skip
+    sheet.write_row(FIRST_ROW - 2, 0, head, bold)
+    model = table[f"{order}_winding_degC"].to_numpy()
+    B, To = motor.resistance_coefficient_degC, 20.0
+    columns = (table["time_s"], table["measured_degC"], table["losses_W"], table["phase_current_A"])
+    for offset, (t, Tw, P, current) in enumerate(zip(*map(np.asarray, columns), strict=True)):
+        row, line = FIRST_ROW - 1 + offset, FIRST_ROW + offset
+        for column, value in ((0, t), (1, Tw), (2, model[offset]), (4, P), (7, current)):
+            write(sheet, row, column, float(value), forms[column])
+        if not np.isfinite(Tw) or Rs0 is None:
+            continue
+        Req = (B + Tw) / (B + To)
+        Rs = Rs0 * (B + Tw) / (B + motor.reference_temperature_degC)
+        Pjs = motor.phases * current**2 * Rs
+        formulas = [
+            (3, f"=$B$4*($B$6+B{line})/($B$6+$B$5)", Req),
+            (8, f"=$E$4*($B$6+B{line})/($B$6+$E$5)", Rs),
+            (9, f"=$E$6*H{line}^2*I{line}", Pjs),
+            (10, f"=E{line}-J{line}", P - Pjs),
+            (11, f"=SQRT(J{line}/D{line})", np.sqrt(Pjs / Req)),
+            (12, f"=SQRT(J{line}*D{line})", np.sqrt(Pjs * Req)),
+        ]
+        if P >= 0:  # noise can make the losses of a motor at rest negative: no root then
+            formulas += [
+                (5, f"=SQRT(E{line}/D{line})", np.sqrt(P / Req)),
+                (6, f"=SQRT(E{line}*D{line})", np.sqrt(P * Req)),
+            ]
+        for column, formula, value in formulas:
+            sheet.write_formula(row, column, formula, forms[column], float(value))
+    sheet.set_column(0, 12, 13)
+    sheet.freeze_panes(FIRST_ROW - 1, 0)
 
 
 def write_xlsx(
