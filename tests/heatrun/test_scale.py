@@ -112,3 +112,16 @@ def test_pulses_of_the_winding_do_not_hide_the_body(motor):
     capacity, resistance = found
     assert 1412.0 / 3.0 < capacity < 1.5 * 1412.0
     assert 0.4 < resistance < 1.1
+
+
+def test_the_resistance_of_a_coil_is_open_to_eddies_unless_stated(duty, motor):
+    """One phase: of how much more alternating current meets, no channel tells."""
+    stated = {"Rs0": ParameterOverride(value=motor.phase_resistance_ohm, relative_sd=0.01)}
+    for machine, sd in (
+        (motor, 0.01),
+        (replace(motor, phases=1), 0.07),
+        (replace(motor, phases=1, parameters=stated), 0.01),
+    ):
+        slots = Problem.of(Model.of("second", machine), machine, [reduce(duty, machine)])
+        (prior,) = [s.parameter for s in slots.parameters.slots if s.name == "Rs0"]
+        assert prior.sd == pytest.approx(sd, rel=0.01)

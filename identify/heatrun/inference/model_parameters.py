@@ -41,6 +41,10 @@ from .parameters import (
 COLD_START_K = 2.0
 """Start within this of the sink [K] and at rest: stator and winding count as one temperature."""
 
+SD_FOUR_WIRE, SD_SINGLE_PHASE = 0.01, 0.07
+"""Prior standard deviations of ln Rs0. Of a coil or transformer on alternating current, eddies add
+5 to 20 % to the copper loss, and without a speed no effect of the catalogue tells them apart."""
+
 OF_ALL_NETWORKS = (
     "Rs0", "current_gain", "power_gain", "torque_offset", "sensor_gain", "sensor_offset",
     "ambient_offset", "load_timing", "shaft_power_gain", "shaft_power_offset",
@@ -146,11 +150,14 @@ def _resistance(model: Model, motor: Motor, tests: Sequence[Blocks]) -> list[Par
             remedy="Give [winding] phase_resistance_ohm, or a guess to be estimated with "
             "[parameters.Rs0] value = ... and relative_sd = 0.2; or calibrate with --model first.",
         )
+    is_coil = motor.phases == 1
     return [
         Parameter(
             "Rs0", "ohm", "phase resistance at the reference temperature", "resistance", "log",
-            1.0 if given is None else given, 0.01,
-            "four-wire measurement, winding temperature known to 2 K (0.4 %/K)",
+            1.0 if given is None else given, SD_SINGLE_PHASE if is_coil else SD_FOUR_WIRE,
+            "four-wire measurement, winding temperature known to 2 K (0.4 %/K)" if not is_coil
+            else "one phase: alternating current may meet up to 15 % more; for direct current "
+            "state relative_sd = 0.01 under [parameters.Rs0]",
         ),
         CURRENT_GAIN,
     ]  # fmt: skip
