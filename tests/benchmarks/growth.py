@@ -108,7 +108,7 @@ def with_nodes_and_effects(made: dict) -> list[Row]:
     def timed(network_of, effects: tuple[AbstractEffect, ...]) -> float:
         def one(theta):
             network, start = network_of(theta)
-            return lptn.march(
+            return lptn.accumulate(
                 network, lptn.CopperLosses(Rs0=theta[4]), inputs, start,
                 update=lambda total, before, after, y: total + (y - after) ** 2,
                 carry=jnp.zeros(()), data=measured, effects=effects,

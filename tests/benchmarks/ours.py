@@ -40,7 +40,7 @@ def likelihood(record):
 
     def one(theta):
         network, losses, start = build(theta)
-        return lptn.march(
+        return lptn.accumulate(
             network, losses, inputs, start,
             update=lambda total, before, after, y: total + (y - after) ** 2,
             carry=jnp.zeros(()), data=measured,
@@ -111,7 +111,7 @@ def coloured(record, sd=0.3, time=30.0, white=0.3, exact_steps=64):
             return phi * (mean + gain * innovation), total + inverse * innovation**2
 
         carry = (jnp.zeros(()), jnp.zeros(()))
-        return constant + lptn.march(
+        return constant + lptn.accumulate(
             network, losses, inputs, start, update=update, carry=carry, data=data
         )[1]  # fmt: skip
 

@@ -18,7 +18,7 @@ from heatrun.io.caches import FolderLock
 HOLD = """
 import sys, time
 from pathlib import Path
-from heatrun.io import folder_lock
+from heatrun.io import caches as folder_lock
 if sys.argv[2] == "path":
     folder_lock.fcntl = None
 lock = folder_lock.FolderLock.take(Path(sys.argv[1]))

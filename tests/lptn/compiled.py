@@ -61,5 +61,5 @@ def _compiled_constant(function):
 
 
 steady_state = _compiled_constant(lptn.steady_state)
-time_to = _compiled_constant(lptn.hold)
+time_to = _compiled_constant(lptn.time_to)
 linearise = _compiled_constant(lptn.linearise)

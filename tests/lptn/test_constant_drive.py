@@ -89,7 +89,7 @@ def test_compiled_and_mapped_is_one_by_one(network):
         effects = (build(BY_ID["radiation"], {"eA": eA}, network),)
         at = drive(current=120.0)
         rest = lptn.steady_state(network, losses, at, effects=effects)
-        time = lptn.hold(network, losses, at, start, node="winding", limit=155.0,
+        time = lptn.time_to(network, losses, at, start, node="winding", limit=155.0,
                             effects=effects)  # fmt: skip
         A = lptn.linearise(network, losses, at, start, effects=effects).A
         return rest["winding"], time, A
@@ -104,7 +104,7 @@ def test_compiled_and_mapped_is_one_by_one(network):
     network = lptn.second_order(CW, CS, RW, 0.2)
     effects = (build(BY_ID["radiation"], {"eA": 0.4}, network),)
     at = drive(current=120.0)
-    time = lptn.hold(network, losses, at, start, node="winding", limit=155.0, effects=effects)
+    time = lptn.time_to(network, losses, at, start, node="winding", limit=155.0, effects=effects)
     np.testing.assert_allclose(mapped[1][2], time, rtol=1e-9)
     assert lptn.time_constants(mapped[2]).shape == (3, 2)
     assert float(mapped[1][0]) == np.inf
@@ -115,7 +115,7 @@ def test_wrong_questions_are_refused(network):
     losses = CopperLosses(Rs0=jnp.asarray(RS0))
     start = {"winding": SINK, "stator": SINK}
     with pytest.raises(ValueError, match="no node 'rotor'"):
-        lptn.hold(network, losses, drive(), start, node="rotor", limit=100.0)
+        lptn.time_to(network, losses, drive(), start, node="rotor", limit=100.0)
     with pytest.raises(ValueError, match="expected one for each node"):
         lptn.linearise(network, losses, drive(), {"winding": 20.0})
     with pytest.raises(ValueError, match="none of"):

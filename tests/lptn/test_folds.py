@@ -35,7 +35,7 @@ def test_accumulate_folds_the_reading(effects, network, losses, short, start):
     edges = reading(network, losses, short, start, effects=effects, sensor=SENSOR)
     edges = np.asarray(edges)
     weight = np.linspace(0.0, 1.0, short.num_time)
-    total = eqx.filter_jit(lptn.march)(
+    total = eqx.filter_jit(lptn.accumulate)(
         network, losses, short, start, effects=effects, sensor=SENSOR,
         update=lambda carry, before, after, item: carry + item * (before + 2.0 * after),
         carry=jnp.zeros(()), data=jnp.asarray(weight),
@@ -51,7 +51,7 @@ def test_block_means_are_means_of_the_reading(effects, network, losses, short, s
     weight, position = blocks
     edges = np.asarray(reading(network, losses, short, start, effects=effects, sensor=SENSOR))
     before, after = edges[:-1].reshape(weight.shape), edges[1:].reshape(weight.shape)
-    means = eqx.filter_jit(lptn.simulate)(
+    means = eqx.filter_jit(lptn.block_means)(
         network, losses, short, start,
         weight=weight, position=position, effects=effects, sensor=SENSOR,
     )  # fmt: skip
@@ -67,7 +67,7 @@ def test_block_means_of_several_sensors_are_those_of_each(
 ):
     weight, position = blocks
     stator = lptn.Sensor("stator", jnp.asarray(0.01), jnp.asarray(-0.3), jnp.asarray(25.0))
-    found = eqx.filter_jit(lptn.simulate)(
+    found = eqx.filter_jit(lptn.block_means)(
         network, losses, short, start, effects=effects, sensor=SENSOR, also=(stator,),
         weight=jnp.asarray(np.concatenate([weight, position])),
         position=jnp.asarray(np.concatenate([position, weight])),
@@ -99,7 +99,7 @@ def test_the_reading_is_that_of_the_trace(network, losses, short, start):
 
 def test_accumulate_refuses_effects_on_the_sensor(network, losses, short, start):
     with pytest.raises(ValueError, match=r"use reading\(\)"):
-        lptn.march(
+        lptn.accumulate(
             network, losses, short, start, effects=[LAG],
             update=lambda carry, before, after, item: carry, carry=0.0, data=short.losses,
         )  # fmt: skip
@@ -109,6 +109,6 @@ def test_blocks_that_do_not_hold_the_steps_are_refused(network, losses, short, s
     weight, position = blocks
     for some in (weight[:-1], weight[:, :-1]):
         with pytest.raises(ValueError, match="120 steps in all"):
-            lptn.simulate(network, losses, short, start, weight=some, position=some)
+            lptn.block_means(network, losses, short, start, weight=some, position=some)
     with pytest.raises(ValueError, match="position"):
-        lptn.simulate(network, losses, short, start, weight=weight, position=position[:-1])
+        lptn.block_means(network, losses, short, start, weight=weight, position=position[:-1])

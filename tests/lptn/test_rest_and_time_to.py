@@ -62,7 +62,7 @@ def answers(network, losses, effects, current, share, stator):
         rest = lptn.steady_state(*at, effects=effects)
         limit = SINK + share * (rest["winding"] - SINK)
         start = {"winding": jnp.asarray(SINK), "stator": stator}
-        time = lptn.hold(*at, start, node="winding", limit=limit, effects=effects)
+        time = lptn.time_to(*at, start, node="winding", limit=limit, effects=effects)
         return rest, limit, time
 
     return jax.vmap(one)(current, share, stator)

@@ -5,7 +5,7 @@ of the first test come first.
 
 The march of a bare network and its derivatives, for many machines side by side.
 
-The numbers are those of `lptn.simulate`; the loop is another, because a batch that is mapped
+The numbers are those of `lptn.block_means`; the loop is another, because a batch that is mapped
 over the general one runs five times slower. Three things make it fast:
 
 - The step is affine in the temperatures, with coefficients that are polynomials of the squared
