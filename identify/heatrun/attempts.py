@@ -1,16 +1,16 @@
-"""Whether compiled sums are right on this machine: NumPy adds the same numbers, once per process.
+"""Steps after a fit: one that fails is a finding on its part, and costs nothing that is done.
+
+What users wait for are the parameters. Whatever is worked out from them, such as a search for
+effects, the prediction of one test or a figure, may meet numbers that nobody has seen before. That
+it failed is said where its result would stand, and everything else is written.
+
+Whether compiled sums are right on this machine: NumPy adds the same numbers, once per process.
 
 jaxlib 0.10.2 on CPUs joins a small matrix product with the sum behind it. Of more than 16 384 rows
 in float64, those behind them come out wrong, in silence: with the options of `runtime` and without,
 on one core and several, with wide and narrow vectors (jax-ml/jax, issue 39103). `pyproject.toml`
 excludes that version; this is for environments that have it all the same, and for others that err
 alike.
-
-Steps after a fit: one that fails is a finding on its part, and costs nothing that is done.
-
-What users wait for are the parameters. Whatever is worked out from them, such as a search for
-effects, the prediction of one test or a figure, may meet numbers that nobody has seen before. That
-it failed is said where its result would stand, and everything else is written.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""What a certificate says beside the results: who, what, when, with which instruments.
+"""What the motor file says of the machine under test.
+
+What a certificate says beside the results: who, what, when, with which instruments.
 
 It stands in `[certificate]` of the motor file or in a file of its own (`--meta`). All of it may be
 left out; what is not given is a blank line on the certificate.
-
-What the motor file says of the machine under test.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""In which order columns are offered for a channel, by their names and by what they hold.
+"""What tests do not say and a calibration needs: why it matters, and where it may come from.
+
+In which order columns are offered for a channel, by their names and by what they hold.
 
 - Winding: copper is heated by its own loss and has little heat capacity, so its temperature moves
   the most of all; what stays while others move is none. A mean of three phases goes before each.
@@ -15,8 +17,6 @@ The phase resistance as the head of a file or its scalars state it, for a person
 
 Heads are written by hand: `Rs: 0.0062 ohm`, `Phasenwiderstand R20 = 6,2 mΩ`. A resistance between
 terminals, of the insulation or of a shunt is none of the phase.
-
-What tests do not say and a calibration needs: why it matters, and where it may come from.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""`[tests.NAME]` of the motor file: which parts of a test count, and its own `[columns]`.
+"""Reading the motor file: every key is known, every value checked, nothing guessed.
+
+`[tests.NAME]` of the motor file: which parts of a test count, and its own `[columns]`.
 
 Which values a parameter can have in any machine: what lies outside was mistyped, or is a test.
 
@@ -6,8 +8,6 @@ The ranges are wide: from a motor of some grams to a generator of thousands of t
 numbers out with which nothing can be computed, such as 1e300, and a unit that is wrong by far.
 
 `[population]` of a motor file: what its sisters say of a machine before its first test.
-
-Reading the motor file: every key is known, every value checked, nothing guessed.
 """
 
 from __future__ import annotations

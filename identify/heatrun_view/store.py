@@ -1,6 +1,6 @@
-"""The folder that the live view shows: what is in it, and nothing outside it.
+"""Records in memory, shared by all tabs and bounded in bytes.
 
-Records in memory, shared by all tabs and bounded in bytes.
+The folder that the live view shows: what is in it, and nothing outside it.
 """
 
 from __future__ import annotations

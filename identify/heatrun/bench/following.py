@@ -1,15 +1,15 @@
-"""How the further rows of a growing test become channels: as its first ones did.
+"""A test that is still being written, read again and again as it grows.
+
+The first look reads what is there like any file; the later ones parse the new lines alone and
+convert them as the first ones were. Where that would not give what reading the whole file gives,
+the whole file is read, and so seldom that it takes a small share of the time.
+
+How the further rows of a growing test become channels: as its first ones did.
 
 Columns that grow: what was handed out stays as it is, and a row costs the same however many
 there are.
 
 The columns of a file that no channel claims, for whoever wants to look at them.
-
-A test that is still being written, read again and again as it grows.
-
-The first look reads what is there like any file; the later ones parse the new lines alone and
-convert them as the first ones were. Where that would not give what reading the whole file gives,
-the whole file is read, and so seldom that it takes a small share of the time.
 """
 
 from __future__ import annotations

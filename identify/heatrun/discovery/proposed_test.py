@@ -1,6 +1,6 @@
-"""Bench tests that tell effects apart, in the words of the bench: minutes, amperes, rpm.
+"""The bench test that would tell tied effects apart, and how clearly.
 
-The bench test that would tell tied effects apart, and how clearly.
+Bench tests that tell effects apart, in the words of the bench: minutes, amperes, rpm.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What became of every effect of the library, and why: the candidates of `discovery.json`.
+"""The result of a discovery: what stands in `discovery.json`.
 
-The result of a discovery: what stands in `discovery.json`.
+What became of every effect of the library, and why: the candidates of `discovery.json`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The model with all effects that the tests allow, of which a search picks.
+"""What a search for effects has found: the network that the tests ask for, and its rivals.
 
-What a search for effects has found: the network that the tests ask for, and its rivals.
+The model with all effects that the tests allow, of which a search picks.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Errors of the bench's instruments as parameters: type B uncertainties with their priors.
+"""Measured bodies beside the winding: which node each stands for, and what a model says of it.
 
-Measured bodies beside the winding: which node each stands for, and what a model says of it.
+Errors of the bench's instruments as parameters: type B uncertainties with their priors.
 """
 
 from __future__ import annotations

@@ -1,16 +1,4 @@
-r"""Each stretch of the readings predicted from all the others, for cross-validation of draws.
-
-Block means share their noise, so the density of the readings is no product over them, and what
-one block would be worth if it were left out is hardly more than an interpolation of its
-neighbours' noise. Left out here are windows of some minutes. For the readings y of a test and a
-draw theta,
-
-$$ p(y_W \mid y_{-W}, \theta) = \frac{p(y \mid \theta)}{p(y_{-W} \mid \theta)} $$
-
-where the denominator is the density of the test with the blocks of the window taken as not read:
-exact for any noise that can be filtered with gaps.
-
-What the network may miss, as heat: a slow heat flow into each heated node that no term tells.
+r"""What the network may miss, as heat: a slow heat flow into each heated node that no term tells.
 
 A network of a few nodes is never the whole machine. What it leaves out acts like heat that comes
 and goes over minutes: on each node that losses heat, a Gauss-Markov process
@@ -25,6 +13,18 @@ out: its responses join the covariance of the noise as columns of a low rank.
 References: M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, Journal of the Royal
     Statistical Society B 63 (2001) 425-464. S. Sarkka, M. A. Alvarez, N. D. Lawrence, Gaussian
     process latent force models, IEEE Transactions on Automatic Control 64 (2019) 2953-2960.
+
+Each stretch of the readings predicted from all the others, for cross-validation of draws.
+
+Block means share their noise, so the density of the readings is no product over them, and what
+one block would be worth if it were left out is hardly more than an interpolation of its
+neighbours' noise. Left out here are windows of some minutes. For the readings y of a test and a
+draw theta,
+
+$$ p(y_W \mid y_{-W}, \theta) = \frac{p(y \mid \theta)}{p(y_{-W} \mid \theta)} $$
+
+where the denominator is the density of the test with the blocks of the window taken as not read:
+exact for any noise that can be filtered with gaps.
 """
 
 from __future__ import annotations

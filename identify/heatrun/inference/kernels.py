@@ -1,6 +1,6 @@
-"""A compiled function over many items at once: on all cores, or in batches of one size.
+"""A density of the noise made of Student t kernels, and Student t draws.
 
-A density of the noise made of Student t kernels, and Student t draws.
+A compiled function over many items at once: on all cores, or in batches of one size.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""What a fit leaves of parameters and noise: draws, enough to predict any test with.
+"""The posterior of a fit by MCMC (emcee) or, where its diagnostics allow, importance sampling.
+
+What a fit leaves of parameters and noise: draws, enough to predict any test with.
 
 Effects that a network may miss, none or some in each draw: what they add to the readings.
 
 In a draw with effects the network's parameters are where these put them, and a prediction needs
 their shares: the difference that each effect makes at the most probable parameters, scaled with
 its size in the draw. They are small, and add up.
-
-The posterior of a fit by MCMC (emcee) or, where its diagnostics allow, importance sampling.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""How sure a mean log score is, where neighbouring blocks err alike.
+"""Predictions with bands: what the parameters leave open, and what the noise adds.
+
+How sure a mean log score is, where neighbouring blocks err alike.
 
 The scores of a test's blocks are no independent draws: an error that lasts ten minutes spoils all
 blocks within. The standard error of their mean is that of an autocorrelated series: it is freed of
@@ -9,8 +11,6 @@ Reference: D. W. K. Andrews, J. C. Monahan, An improved heteroskedasticity and a
     consistent covariance matrix estimator, Econometrica 60 (1992) 953; W. K. Newey, K. D. West,
     Econometrica 55 (1987) 703; M. G. Kendall, Biometrika 41 (1954) 403 (bias of the
     autocorrelation).
-
-Predictions with bands: what the parameters leave open, and what the noise adds.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""Are the steps of a test short enough for the fastest node of every draw?
-
-Where a test starts that was not fitted: from the state of the bench and its first readings.
+"""Where a test starts that was not fitted: from the state of the bench and its first readings.
 
 The first readings alone mislead where the sensor lags or the clocks are apart. So the start
 temperatures have the prior that a fit would give them, and the readings of the first blocks, of the
 winding and of bodies whose sensors were fitted, are held against the model with everything in it:
 sensor, clock, effects, noise. The readings are nearly linear in the starts, and the answer is that
 of linear Gaussian regression for each draw.
+
+Are the steps of a test short enough for the fastest node of every draw?
 """
 
 from __future__ import annotations

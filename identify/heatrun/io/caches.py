@@ -1,9 +1,9 @@
-"""One process at a time in a folder: the hold ends with the process, however that ends.
-
-What commands keep between two runs: compilations, lists of fonts; a run does without as well.
+"""What commands keep between two runs: compilations, lists of fonts; a run does without as well.
 
 Nothing in here is needed. A folder that cannot be written to is a note, a damaged compilation is
 made again and replaced, and the folder of compilations stays below a bound.
+
+One process at a time in a folder: the hold ends with the process, however that ends.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Text from files, made harmless for a terminal and for print.
+"""Quantities as they are printed for people: number and unit.
 
-Quantities as they are printed for people: number and unit.
+Text from files, made harmless for a terminal and for print.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""A few steps that belong together are not torn by Ctrl-C or by the end of the session.
+"""Files that are there whole or not at all, whatever happens to the process that writes them.
 
-Files that are there whole or not at all, whatever happens to the process that writes them.
+A few steps that belong together are not torn by Ctrl-C or by the end of the session.
 
 Names that nothing stands under yet, so that a second result does not replace a first.
 

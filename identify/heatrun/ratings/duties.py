@@ -1,10 +1,10 @@
-"""The values behind each draw: of the network, and of the effect that it may miss.
+"""Currents of the duty types S2 and S3 at the insulation limit, where they are asked for.
+
+The values behind each draw: of the network, and of the effect that it may miss.
 
 Where a posterior is averaged over effects that the network may miss, the parameters of a draw are
 where its effect puts them. The figures of that draw are then those of the network with the effect:
 without it, the machine would have another rise than the tests show.
-
-Currents of the duty types S2 and S3 at the insulation limit, where they are asked for.
 
 The current of a duty type at the insulation limit, by simulating the duty.
 

@@ -1,10 +1,10 @@
-"""What became of an effect of the library, as it stands in `discovery.json`.
+"""The result of a discovery: the whole of `discovery.json`.
+
+What became of an effect of the library, as it stands in `discovery.json`.
 
 Effects that a discovery accepted, their rivals and traces, as they stand in `discovery.json`.
 
 Errors before and after a discovery, as they stand in `discovery.json`.
-
-The result of a discovery: the whole of `discovery.json`.
 """
 
 from __future__ import annotations

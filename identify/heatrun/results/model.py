@@ -1,4 +1,6 @@
-"""A figure that follows from the parameters, or why there is none, as it stands in `fit.json`.
+"""A fitted network, as it stands in `fit.json`.
+
+A figure that follows from the parameters, or why there is none, as it stands in `fit.json`.
 
 A parameter of a fitted network, as it stands in `fit.json`.
 
@@ -7,8 +9,6 @@ Errors of a network on one test, as they stand in `fit.json`.
 A test of a calibration, as it stands in `fit.json`.
 
 What a network misses, where and when, as it stands in `discovery.json`.
-
-A fitted network, as it stands in `fit.json`.
 
 Two networks on the same tests, as they stand in `fit.json`.
 

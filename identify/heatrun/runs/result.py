@@ -1,6 +1,6 @@
-"""The plain network that comes nearest to a model with effects, for tools that take no effects.
+"""The result of a calibration: what stands in `fit.json`.
 
-The result of a calibration: what stands in `fit.json`.
+The plain network that comes nearest to a model with effects, for tools that take no effects.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The text form of a fitted model: TOML in the run folder that reads back to the same value.
+"""A run read back: model with effects, draws, noise, tests, findings, predictions.
 
-A run read back: model with effects, draws, noise, tests, findings, predictions.
+The text form of a fitted model: TOML in the run folder that reads back to the same value.
 
 What the laboratory states of a run, beside its results.
 

@@ -1,6 +1,6 @@
-"""Columns of the fleet file as covariates: numbers, dates in years, or categories.
+"""The covariates of a population's machines as the columns of its design.
 
-The covariates of a population's machines as the columns of its design.
+Columns of the fleet file as covariates: numbers, dates in years, or categories.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-r"""A course that was stopped before it settled, continued to its steady state by an exponential.
+r"""Has the machine reached thermal equilibrium, on each stretch of constant load by itself?
+
+A course that was stopped before it settled, continued to its steady state by an exponential.
 
 The rise over the sink of the last stretch of constant load is taken as
 
@@ -8,8 +10,6 @@ after its first minutes, in which the fast parts settle. For each time constant 
 squares gives the rest; the time constants are weighed by the likelihood that is left, with as many
 samples as the residuals are independent. A band follows, and no figure where the course is still
 so straight that any steady state would do.
-
-Has the machine reached thermal equilibrium, on each stretch of constant load by itself?
 
 Thermal Behaviour Analysis: temperatures, losses, equilibrium, and the network beside them.
 """

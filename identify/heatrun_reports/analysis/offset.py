@@ -1,4 +1,11 @@
-"""How alike two signals are under an offset of their clocks, whatever their bias and scale.
+"""How the clocks of two records of one manoeuvre stand to each other, by their shared signals.
+
+`heatrun.bench.clocks.align` joins two loggers of one test that share no signal, by the winding's
+answer to the drive. Two prototypes that drive one manoeuvre share most of their signals, so here
+these are laid over each other: the offset is the one at which a straight line explains most of each
+signal of one record by that of the other. A bias or a wrong scale therefore does not move it.
+
+How alike two signals are under an offset of their clocks, whatever their bias and scale.
 
 The offset of two clocks near a first guess, and how sure it is.
 
@@ -9,13 +16,6 @@ their noise, so that every half step would look like a better offset. So both re
 by a Gaussian before, which leaves the noise the same wherever it is read. And the noise of one
 record resembles that of the other here and there; where a signal is slow, that would pass as a
 sharp answer. So the Gaussian is as wide as it can be without taking off what both records share.
-
-How the clocks of two records of one manoeuvre stand to each other, by their shared signals.
-
-`heatrun.bench.clocks.align` joins two loggers of one test that share no signal, by the winding's
-answer to the drive. Two prototypes that drive one manoeuvre share most of their signals, so here
-these are laid over each other: the offset is the one at which a straight line explains most of each
-signal of one record by that of the other. A bias or a wrong scale therefore does not move it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""How far two prototypes may differ and still count as agreeing, and what decides it.
+"""Validation of a prototype: two records of one manoeuvre, aligned and compared.
+
+How far two prototypes may differ and still count as agreeing, and what decides it.
 
 Two limits are formed for each signal. One is what the difference matters against: a share of the
 rise for a temperature of the machine, a share of the largest magnitude for any other signal. The
@@ -12,8 +14,6 @@ What is known of how far a reading may be off, and the rise that it is held agai
 Two prototypes signal by signal: bias, spread, correlation, energy, verdict.
 
 Energy, distance and consumption of two prototypes over the time in common, with verdicts.
-
-Validation of a prototype: two records of one manoeuvre, aligned and compared.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What the report on several prototypes says in words and tables.
+"""The report on several prototypes: one view of virtual, semi-real, real and repeats.
 
-The report on several prototypes: one view of virtual, semi-real, real and repeats.
+What the report on several prototypes says in words and tables.
 
 The report on several prototypes, written as PDF, CSV and JSON.
 """

@@ -1,6 +1,6 @@
-"""The network address of the server: bound once, under the names by which it may be asked for.
+"""The server of the live view: its folder, its address, its jobs, and its end.
 
-The server of the live view: its folder, its address, its jobs, and its end.
+The network address of the server: bound once, under the names by which it may be asked for.
 """
 
 from __future__ import annotations

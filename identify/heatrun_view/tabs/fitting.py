@@ -1,8 +1,8 @@
-"""What a tab asks of the page that it stands on: the choices on the left, and its style.
+"""What calibration and discovery have in common on the page: tests by role, a run, its result.
+
+What a tab asks of the page that it stands on: the choices on the left, and its style.
 
 Measured and modelled winding of a test, with the residual below.
-
-What calibration and discovery have in common on the page: tests by role, a run, its result.
 
 The tab that calibrates: parameters, intervals, bands, comparison and sheet.
 

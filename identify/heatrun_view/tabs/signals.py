@@ -1,8 +1,8 @@
-"""Cutting by mouse: the windows of a test that count, as text for the motor file, and into it.
+"""The signals of the chosen tests: linked plots, cursors, bands, and what is seen as CSV.
+
+Cutting by mouse: the windows of a test that count, as text for the motor file, and into it.
 
 Prototypes laid over each other on one clock: each test is moved to where its signals fit.
-
-The signals of the chosen tests: linked plots, cursors, bands, and what is seen as CSV.
 """
 
 from __future__ import annotations

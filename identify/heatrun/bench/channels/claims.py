@@ -1,4 +1,6 @@
-"""The canonical channels: one name, one quantity, one unit and one meaning each.
+"""The `[columns]` of a motor file: which column of a bench file is which channel.
+
+The canonical channels: one name, one quantity, one unit and one meaning each.
 
 The name of a channel carries its unit; `heatrun.bench.channels.units` converts a column to it when
 a file is read, and nothing converts afterwards.
@@ -11,8 +13,6 @@ Several sensors of one channel: `mean(T_U, T_V, T_W)` and `hottest(T_U, T_V, T_W
 
 The thermometers of the three phases read one winding. Their mean is what a network of one winding
 node stands for; the hottest is what an insulation limit is about.
-
-The `[columns]` of a motor file: which column of a bench file is which channel.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Words of column names that stand where a unit may stand and are none.
-
-Column names as benches write them: what is the name, what is the unit.
+"""Column names as benches write them: what is the name, what is the unit.
 
 One tokenizer reads names, cells of a row of units, comment lines and the right-hand sides of
 `[columns]`. A unit that is marked as one is told from the text alone:
@@ -25,6 +23,8 @@ temperature in degC, `I_C` the current of the third phase.
 
 Blanks that do not break, full-width signs and dashes of all lengths count as the plain ones. Time
 and memory grow with the length of the cell alone, and a cell is at most `LONGEST_NAME` long.
+
+Words of column names that stand where a unit may stand and are none.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""The unit that a column is read in: everything that its file says of it, against each other.
+"""Columns on their way to channels: taken, converted, noted.
+
+The unit that a column is read in: everything that its file says of it, against each other.
 
 Statements are the marked units of the name, the row of units, comment lines and what the file
 keeps beside the name. All of them must be units of the channel's quantity and mean the same; what
 does not is a question for `[columns]` and never decided here. Without a statement, a unit that is
 part of the name counts (`heatrun.bench.channels.labels`), and without that nobody says.
-
-Columns on their way to channels: taken, converted, noted.
 
 Which column became which channel, in which unit, and how that is known: as data and as text.
 """

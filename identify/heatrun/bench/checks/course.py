@@ -1,11 +1,11 @@
-"""Time constants without any network: of the longest stretch of steady load, and of a cool-down.
+"""Does the test start cold, does it heat, and does the sink keep still?
+
+Time constants without any network: of the longest stretch of steady load, and of a cool-down.
 
 A motor of many nodes under one load settles as a sum of exponentials whose last one is the slow
 one. Three consecutive means late in the stretch approach the end in a geometric row, and its ratio
 is the answer. It stands beside the two-node fit, which books a slow rotor or a wandering coolant as
 a slow stator.
-
-Does the test start cold, does it heat, and does the sink keep still?
 
 How finely was the winding temperature written down, and was it rounded or cut off?
 """

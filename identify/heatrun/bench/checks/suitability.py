@@ -1,6 +1,6 @@
-"""Warnings after which a record's numbers may be those of something else than they are called.
+"""Whether a record will do: one sentence from the findings about it, with no physics of its own.
 
-Whether a record will do: one sentence from the findings about it, with no physics of its own.
+Warnings after which a record's numbers may be those of something else than they are called.
 
 What is said of a test that is predicted only: it need not show a parameter.
 

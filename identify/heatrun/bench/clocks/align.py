@@ -1,12 +1,12 @@
-"""Putting a drive's channels on the clock of the thermometer, with power conserved.
-
-Two loggers, one test: find how their clocks stand to each other and join their records.
+"""Two loggers, one test: find how their clocks stand to each other and join their records.
 
 Temperatures and drive are often logged by two devices that were started by hand. The offset of the
 clocks is found by the motor's own thermal response (`heatrun.bench.clocks.clock_offset`); half a
 second of it is enough to invent a dead time that no motor has, so its uncertainty is part of the
 result. The drive is then averaged over the time that each temperature sample stands for, so that
 power is conserved; temperatures are never interpolated, since they are what a fit is scored on.
+
+Putting a drive's channels on the clock of the thermometer, with power conserved.
 """
 
 from __future__ import annotations

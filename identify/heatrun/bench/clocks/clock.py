@@ -1,7 +1,7 @@
-"""Formats of times as headers state them: hh:mm, [d:hh:mm], mm:ss.fff, dd/mm/yyyy hh:mm:ss.
-
-Times written as a clock, turned to seconds: by the format that the header states, or by their
+"""Times written as a clock, turned to seconds: by the format that the header states, or by their
 own look where that leaves one reading.
+
+Formats of times as headers state them: hh:mm, [d:hh:mm], mm:ss.fff, dd/mm/yyyy hh:mm:ss.
 """
 
 from __future__ import annotations

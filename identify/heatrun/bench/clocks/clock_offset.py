@@ -1,12 +1,4 @@
-"""How the winding answers the drive's heat, as a linear regression at any offset of the two clocks.
-
-The winding of any network of resistances and capacities answers heat as a sum of first-order lags.
-The temperature is regressed on the heats after a fast and a slow lag, looked up over a bank of time
-constants, plus a constant and the decay of whatever went before. The lagged heats are integrated
-once on the drive's fine grid; an offset then only reads them elsewhere, far below the spacing of
-the temperatures.
-
-Where on the thermometer's clock does the drive's clock start? A search by the motor's own
+"""Where on the thermometer's clock does the drive's clock start? A search by the motor's own
 response.
 
 For each offset the winding temperature is regressed on the lagged heats of the drive. The residuals
@@ -15,6 +7,14 @@ independently, and the profile of their sum of squares is the likelihood of the 
 samples it may count is judged twice, and the smaller number holds: by the correlation that
 whitening has left, and by how the contributions to the slope of the likelihood, which come in lumps
 at the steps of the load, add up.
+
+How the winding answers the drive's heat, as a linear regression at any offset of the two clocks.
+
+The winding of any network of resistances and capacities answers heat as a sum of first-order lags.
+The temperature is regressed on the heats after a fast and a slow lag, looked up over a bank of time
+constants, plus a constant and the decay of whatever went before. The lagged heats are integrated
+once on the drive's fine grid; an offset then only reads them elsewhere, far below the spacing of
+the temperatures.
 """
 
 from __future__ import annotations

@@ -1,4 +1,11 @@
-"""Readings that are exactly on time: a corner of the likelihood.
+"""Gradient least squares on whitened residuals, from many starts, with the noise estimated.
+
+The fit goes round in three steps: least squares with white residuals from many starts finds the
+basin; noise and unmodelled heat are estimated on the residuals with the parameters integrated out
+(restricted maximum likelihood, with the priors as they are); least squares on residuals whitened by
+both gives the parameters and their covariance.
+
+Readings that are exactly on time: a corner of the likelihood.
 
 What is read late lies on straight lines between the edges of the steps, so its slope by the delay
 jumps where the delay passes an edge. The most probable delay of some tests is that corner itself,
@@ -8,13 +15,6 @@ other parameters.
 Is anything wrong? What the whitened residuals say about a model that should leave only noise.
 
 What the optimum of a fit says of the network and of itself, before anything is sampled.
-
-Gradient least squares on whitened residuals, from many starts, with the noise estimated.
-
-The fit goes round in three steps: least squares with white residuals from many starts finds the
-basin; noise and unmodelled heat are estimated on the residuals with the parameters integrated out
-(restricted maximum likelihood, with the priors as they are); least squares on residuals whitened by
-both gives the parameters and their covariance.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Estimates that lie where their priors do not expect them.
+"""What a posterior and its predictions show of a model that does not suit the tests.
 
-What a posterior and its predictions show of a model that does not suit the tests.
+Estimates that lie where their priors do not expect them.
 
 Unmodelled heat, held down where it would keep a network from tests that it could follow.
 

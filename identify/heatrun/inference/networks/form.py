@@ -1,6 +1,6 @@
-"""Priors of a network's parameters: their defaults, and what a network file says of them.
+"""The form of a network: its nodes and links, and the parameter behind each of them.
 
-The form of a network: its nodes and links, and the parameter behind each of them.
+Priors of a network's parameters: their defaults, and what a network file says of them.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Heat capacities from the masses in the motor file: narrower priors than any test's own scale.
-
-The scale of a machine, read off its tests: what default priors of a network are centred on.
+"""The scale of a machine, read off its tests: what default priors of a network are centred on.
 
 A drone's motor and a ship's differ by six powers of ten in every capacity and resistance. How fast
 the winding warms and how far says the scale of both; the priors around it stay wide. Masses in the
 motor file say more of the capacities (`masses`). A prior that the user states is left as it is.
+
+Heat capacities from the masses in the motor file: narrower priors than any test's own scale.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Where the losses of a network enter: the copper's node, and the shares of all other losses.
+"""The text form of a network: TOML to `NetworkForm` and back.
 
-The text form of a network: TOML to `NetworkForm` and back.
+Where the losses of a network enter: the copper's node, and the shares of all other losses.
 
 The networks that are built in, and networks by name or file.
 """

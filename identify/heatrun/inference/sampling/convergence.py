@@ -1,10 +1,4 @@
-"""The integrated autocorrelation time of walkers, many quantities at a time.
-
-As `emcee.autocorr.integrated_time`, but about the mean of all walkers instead of each walker's
-own: that takes out of a walk of T steps what it remembers, and the time comes out too short by
-some ten times tau/T, 18 % at 54 times. In single precision it takes a tenth of the time.
-
-Is an ensemble long enough? Effective sample sizes, R-hat and agreement of affine ensembles.
+"""Is an ensemble long enough? Effective sample sizes, R-hat and agreement of affine ensembles.
 
 The walkers of one ensemble move with each other, so none of them is a chain. Here two ensembles
 run apart. How long their walkers remember says how far the means of their halves may lie apart;
@@ -12,6 +6,12 @@ how far they do lie apart says whether that is true. An R-hat alone does not: wi
 draws it is 1.003 where all is well and 1.01 where the two ensembles differ by a quarter of a
 standard deviation, five times the error that is claimed. The same holds for the shares of draws
 in the two tails, of which the 95 % intervals are made.
+
+The integrated autocorrelation time of walkers, many quantities at a time.
+
+As `emcee.autocorr.integrated_time`, but about the mean of all walkers instead of each walker's
+own: that takes out of a walk of T steps what it remembers, and the time comes out too short by
+some ten times tau/T, 18 % at 54 times. In single precision it takes a tenth of the time.
 """
 
 from __future__ import annotations

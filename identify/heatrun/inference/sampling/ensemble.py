@@ -1,6 +1,6 @@
-"""Checkpoints of a sampler: chunks of the chain, each written whole or not at all.
+"""An ensemble of walkers that runs in chunks and takes up where a checkpoint ends.
 
-An ensemble of walkers that runs in chunks and takes up where a checkpoint ends.
+Checkpoints of a sampler: chunks of the chain, each written whole or not at all.
 """
 
 from __future__ import annotations

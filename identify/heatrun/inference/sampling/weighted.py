@@ -1,9 +1,9 @@
-"""Pareto-smoothed weights and Pareto k by ArviZ: these are all calls of it that inference makes.
+"""Draws with importance weights, and when they can be trusted.
+
+Pareto-smoothed weights and Pareto k by ArviZ: these are all calls of it that inference makes.
 
 Works on ArviZ 0.23 and 1.x. What ArviZ has no figure for stays where it is needed: the convergence
 of ensembles, whose walkers are no chains, and Kish's effective sample size, which is one line.
-
-Draws with importance weights, and when they can be trusted.
 
 Equally weighted draws of which none stands for many.
 

@@ -1,4 +1,6 @@
-"""Letters that no font here can draw stand on paper as their numbers, not as empty boxes.
+"""The parameter sheet as PDF.
+
+Letters that no font here can draw stand on paper as their numbers, not as empty boxes.
 
 Documents set by Typst from a template and plain data; data never become markup.
 
@@ -6,8 +8,6 @@ How high the figures of a document are drawn, so that its pages are filled.
 
 The document is set with blank figures of several heights. The one nearest to what was drawn is
 taken whose last page is well filled and whose other pages have no large holes.
-
-The parameter sheet as PDF.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Numbers with the digits that their uncertainty warrants.
+"""How an uncertain number is printed: value ± U where that is true, else its interval.
 
-How an uncertain number is printed: value ± U where that is true, else its interval.
+Numbers with the digits that their uncertainty warrants.
 
 The days of the tests: from the records, or as the laboratory states them.
 

@@ -1,6 +1,6 @@
-"""One relation of physics that a record breaks.
+"""Relations between powers, and between speeds, that no machine breaks.
 
-Relations between powers, and between speeds, that no machine breaks.
+One relation of physics that a record breaks.
 """
 
 from __future__ import annotations

@@ -1,4 +1,11 @@
-r"""One lumped mass behind a record: how fast it answers, and how much heat leaves it per kelvin.
+r"""Relations between channels that no machine breaks, whatever its size.
+
+A relation compares what belongs to one machine: a time with a size, a power with another, a speed
+with a speed. Machines from 1 W to 1 MW differ by a million in watts and by thirty in time, so no
+limit here is one of watts or amperes, but for the largest machine of all. Where a relation is
+broken, a unit has been misread as a rule; `heatrun.bench.checks.suspicion` then tries which.
+
+One lumped mass behind a record: how fast it answers, and how much heat leaves it per kelvin.
 
 Integrated over time, the balance of one mass is linear in what is unknown:
 
@@ -8,13 +15,6 @@ so that a least-squares solution of two numbers gives the time constant tau what
 the losses, and the capacity C and conductance G = C/tau in their unit. A machine is more than one
 mass: what comes out lies between its winding's time constant and its slow one. That is enough to
 see whether a clock or a power is wrong by a factor of 60 or 1000, and for nothing else.
-
-Relations between channels that no machine breaks, whatever its size.
-
-A relation compares what belongs to one machine: a time with a size, a power with another, a speed
-with a speed. Machines from 1 W to 1 MW differ by a million in watts and by thirty in time, so no
-limit here is one of watts or amperes, but for the largest machine of all. Where a relation is
-broken, a unit has been misread as a rule; `heatrun.bench.checks.suspicion` then tries which.
 """
 
 from __future__ import annotations

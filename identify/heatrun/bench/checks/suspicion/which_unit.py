@@ -1,12 +1,12 @@
-"""A record as it would be if one column were in another unit than it was read in.
-
-A record that breaks a relation of physics: which unit, read otherwise, would mend it?
+"""A record that breaks a relation of physics: which unit, read otherwise, would mend it?
 
 Each column is tried in each other unit of its quantity, and every relation asked again. What mends
 all of them is named; it is never applied. It is asked by an error, also of a unit that the file
 states, since headings are copied; by a warning where the motor file decided the unit, or where a
 single relation is broken that another kind of cooling explains and something gave the unit, or
 where a machine of unusual size is as slow as its size says.
+
+A record as it would be if one column were in another unit than it was read in.
 """
 
 from __future__ import annotations

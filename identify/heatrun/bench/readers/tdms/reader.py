@@ -1,4 +1,9 @@
-"""The scalings of a TDMS channel, checked before a library builds them.
+"""Reader of TDMS measurement files; needs the extra `heatrun[tdms]`.
+
+Only the channels that are asked for are read. The index file that may lie beside a TDMS file is
+not opened, since it may belong to another recording.
+
+The scalings of a TDMS channel, checked before a library builds them.
 
 A scaling is numbers only: polynomials, tables, laws of sensors. Yet their count is a property of
 the file and allocated as it stands, sums refer to each other without limit, and of a kind that is
@@ -7,11 +12,6 @@ not known the library returns the raw values without a word.
 The segments of a TDMS file, checked before a library reads what is in them.
 
 Layout of the lead-in: National Instruments, "TDMS File Format Internal Structure".
-
-Reader of TDMS measurement files; needs the extra `heatrun[tdms]`.
-
-Only the channels that are asked for are read. The index file that may lie beside a TDMS file is
-not opened, since it may belong to another recording.
 """
 
 from __future__ import annotations

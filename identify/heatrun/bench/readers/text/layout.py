@@ -1,9 +1,9 @@
-"""Which line of a text table holds the names of the columns, and which ones units above it.
-
-How a text table is laid out: delimiter, decimal sign, preamble, header, units.
+"""How a text table is laid out: delimiter, decimal sign, preamble, header, units.
 
 The numbers decide: that delimiter and decimal sign are taken under which most cells of the body
 are numbers. Lines above the header are kept as preamble.
+
+Which line of a text table holds the names of the columns, and which ones units above it.
 """
 
 from __future__ import annotations

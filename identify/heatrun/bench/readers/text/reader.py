@@ -1,6 +1,6 @@
-"""Lines of a table that hold no sample: where time is counted by lines, they count.
+"""Reader of CSV and other text tables, whatever delimiter, decimal sign and encoding they have.
 
-Reader of CSV and other text tables, whatever delimiter, decimal sign and encoding they have.
+Lines of a table that hold no sample: where time is counted by lines, they count.
 
 Further rows of a text table whose layout is known: those that a bench has written since.
 """

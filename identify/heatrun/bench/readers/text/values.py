@@ -1,8 +1,8 @@
-"""Numbers of a text table by their decimal sign, and whether the file settles which it is.
+"""From the cells of one text column to float64, and a finding for each cell that is no number.
+
+Numbers of a text table by their decimal sign, and whether the file settles which it is.
 
 The cells of a line of a text table: what is a number, a time, a text or nothing.
-
-From the cells of one text column to float64, and a finding for each cell that is no number.
 
 The end of a text file that is being written: its new whole lines, each of them read once.
 """

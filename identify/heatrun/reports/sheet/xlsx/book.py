@@ -1,8 +1,8 @@
-"""The courses of the tests: measured, model and residual, each test with a chart of its own.
+"""The parameter sheet as XLSX, with the worksheet that the bench is used to, in live formulas.
+
+The courses of the tests: measured, model and residual, each test with a chart of its own.
 
 The worksheet of the published identification, in live formulas.
-
-The parameter sheet as XLSX, with the worksheet that the bench is used to, in live formulas.
 """
 
 from __future__ import annotations
