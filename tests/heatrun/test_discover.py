@@ -15,7 +15,7 @@ from lptn import EFFECTS
 @pytest.fixture(scope="module")
 def cooled(hidden_bench):
     """It leaves a network without the effect 0.8 K off."""
-    return machine(hidden_bench, ("speed_cooling",), 31, amplitude=0.6611639)
+    return machine(hidden_bench, ("speed_cooling",), 31, target_K=0.8)
 
 
 @pytest.fixture(scope="module")
