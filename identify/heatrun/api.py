@@ -13,15 +13,16 @@ from typing import Any, Literal
 
 import pandas as pd
 
-from .bench import Finding
-from .bench.checks import check_record
-from .bench.joined import read_test, read_tests
 from .calibration import BenchTest, load_tests
-from .inference.catalogue import all_effects, known_effects
-from .inference.networks import NetworkForm, network_named, networks_of, pair_of
-from .jobs import calibrate_into, discover_into
-from .motor import Motor
-from .motorfile import load_motor
+from .checks import check_record
+from .jobs.calibrate import calibrate_into, discover_into
+from .model.catalogue import all_effects, known_effects
+from .model.network_form import NetworkForm
+from .model.network_text import network_named, networks_of, pair_of
+from .motor.file import load_motor
+from .readers.joined import read_test, read_tests
+from .record.motor import Motor
+from .record.record import Finding
 from .results import DiscoveryResult
 from .runs.run import Run, open_run
 from .simulation import read_parameters, simulate_values

@@ -13,29 +13,29 @@ from typing import Any, Literal
 from lptn.effects import AbstractEffect
 
 from .attempts import Attempts
-from .bench import Finding, Record
-from .bench.blocks import Blocks
-from .bench.checks import check_record, current_scale_unchecked
-from .bench.checks.suitability import as_holdout
-from .bench.joined import read_tests
-from .bench.load_moments import with_load_moments
-from .bench.reduction import reduce
+from .checks import check_record, current_scale_unchecked
+from .checks.load_moments import with_load_moments
+from .checks.suitability import as_holdout
 from .effects.found import Found, asked_findings, find
 from .effects.missing import Missing, averaged, missing, missing_finding
 from .errors import InputError, did_you_mean
-from .inference.fitting.fit import fit
-from .inference.fitting.fit_checks import fit_findings, holding_heat
-from .inference.fitting.fit_result import Fit
-from .inference.fitting.identifiability import check_reduction
-from .inference.fitting.test_to_test import changes_finding, fit_with_changes
-from .inference.kernels import at_once
-from .inference.model import Model
-from .inference.networks import NetworkForm
-from .inference.posterior import Posterior, normal_draws, sample
-from .inference.predict import Prediction, predict, unpredicted
-from .inference.problem import Problem
+from .fit.fit import fit
+from .fit.fit_result import Fit
 from .io.whole_files import moment
-from .motor import Motor
+from .model.kernels import at_once
+from .model.model import Model
+from .model.network_form import NetworkForm
+from .model.problem import Problem
+from .posterior.fit_checks import fit_findings, holding_heat
+from .posterior.identifiability import check_reduction
+from .posterior.posterior import Posterior, normal_draws, sample
+from .posterior.predict import Prediction, predict, unpredicted
+from .posterior.test_to_test import changes_finding, fit_with_changes
+from .readers.joined import read_tests
+from .record.blocks import Blocks
+from .record.motor import Motor
+from .record.record import Finding, Record
+from .record.reduction import reduce
 from .results.model import DescribedTest, FitResult, FittedModel
 from .results.values import Role
 from .runs.result import assemble, describe_model, describe_test
@@ -149,9 +149,9 @@ def calibrate(
         networks: Networks to calibrate, by name or TOML file.
         effects: Known effects that each of them has.
         kinds: Effects that the last of them may lack; by default the catalogue and installed ones.
-        method: Sampler, as `heatrun.inference.posterior.sample`.
+        method: Sampler, as `heatrun.posterior.posterior.sample`.
         seed: Random seed.
-        duties: Ratings asked for, as `heatrun.ratings.figures.derive`.
+        duties: Ratings asked for, as `heatrun.runs.ratings_figures.derive`.
         command: As it is to stand in the result.
         is_plain: Whether the last network stays without the effects that the tests ask for.
         folder: Where checkpoints go; None for none.

@@ -13,19 +13,20 @@ from msgspec import UNSET
 from test_noise import NOISE, covariance, log_normal
 
 import heatrun
-from heatrun.bench.reduction import reduce
 from heatrun.calibration import calibrate, load_tests, manifest
 from heatrun.errors import InputError
-from heatrun.inference.bodies import body_courses
-from heatrun.inference.comparison import verdict
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_result import Fit
-from heatrun.inference.model import Model
-from heatrun.inference.noise import log_density, whiten
-from heatrun.inference.posterior import Draws, normal_draws
-from heatrun.inference.predict import of_test
-from heatrun.inference.problem import Problem
-from heatrun.motorfile import load_motor
+from heatrun.fit.fit import fit
+from heatrun.fit.fit_result import Fit
+from heatrun.model.bodies import body_courses
+from heatrun.model.draws import Draws
+from heatrun.model.model import Model
+from heatrun.model.noise import log_density, whiten
+from heatrun.model.problem import Problem
+from heatrun.motor.file import load_motor
+from heatrun.posterior.comparison import verdict
+from heatrun.posterior.posterior import normal_draws
+from heatrun.posterior.predict import of_test
+from heatrun.record.reduction import reduce
 from heatrun.results import FitResult, from_json
 from heatrun.runs.run_folder import RunFolder
 from heatrun.runs.write import write_run

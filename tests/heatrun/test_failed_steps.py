@@ -14,16 +14,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from heatrun import calibration, jobs
+from heatrun import calibration
 from heatrun.attempts import FAILED, OUTPUT_FAILED, Attempts
 from heatrun.calibration import load_tests
 from heatrun.errors import InputError, UsageError
-from heatrun.inference.networks import networks_of
-from heatrun.inference.posterior import normal_draws
-from heatrun.inference.predict import unpredicted
-from heatrun.motorfile import load_motor
-from heatrun.reports.sheet import figures, of_run
-from heatrun.reports.sheet.of_run import rewrite_sheet, write_sheet
+from heatrun.jobs.calibrate import calibrate as jobs
+from heatrun.model.network_text import networks_of
+from heatrun.motor.file import load_motor
+from heatrun.posterior.posterior import normal_draws
+from heatrun.posterior.predict import unpredicted
+from heatrun.reports import figures, of_run
+from heatrun.reports.of_run import rewrite_sheet, write_sheet
 from heatrun.reports.terminal import result_text
 from heatrun.runs import result as of_result
 from heatrun.runs import write

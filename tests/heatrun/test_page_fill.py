@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from page_fill import fill_of_pages
 
-from heatrun.motorfile import load_motor
-from heatrun.reports.sheet.pdf import HEIGHTS, filling_height, typeset
+from heatrun.motor.file import load_motor
+from heatrun.reports.pdf import HEIGHTS, filling_height, typeset
 from heatrun_reports import make_report
 from heatrun_reports.document import TEMPLATE
 from heatrun_reports.prototypes.report import make_prototypes_report

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from heatrun import jobs
 from heatrun.errors import InputError
 from heatrun.io.whole_files import free_name, numbered
-from heatrun.motor import Certificate, Motor
+from heatrun.jobs.calibrate import calibrate as jobs
+from heatrun.record.motor import Certificate, Motor
 from heatrun.runs.run_folder import RunFolder, free_place
 
 SAME, OTHER = {"seed": 1}, {"seed": 2}

@@ -38,9 +38,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Fit both networks; a run folder is written only where one is named."""
     from ..calibration import calibrate
-    from ..inference.catalogue import known_effects
-    from ..inference.networks import pair_of
-    from ..motorfile import load_motor
+    from ..model.catalogue import known_effects
+    from ..model.network_text import pair_of
+    from ..motor.file import load_motor
     from ..reports.terminal import result_text, verdict_lines
     from ..results import to_json
     from ..runs.verdict import against_others

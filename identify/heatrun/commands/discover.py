@@ -43,11 +43,11 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Search, write the run folder and print the verdict."""
-    from ..bench.channels.mapping import describe_columns, mapping_text
-    from ..inference.catalogue import all_effects, known_effects
-    from ..inference.networks import network_named
-    from ..jobs import discover_into
-    from ..motorfile import load_motor
+    from ..jobs.calibrate import discover_into
+    from ..model.catalogue import all_effects, known_effects
+    from ..model.network_text import network_named
+    from ..motor.file import load_motor
+    from ..readers.mapping import describe_columns, mapping_text
     from ..reports.terminal import discovery_text
     from ..results import to_json, to_plain
     from ..runs.run_folder import default_folder

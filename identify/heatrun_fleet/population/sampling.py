@@ -22,9 +22,9 @@ from jaxtyping import Array, Float
 from scipy.optimize import minimize
 from scipy.stats import norm
 
-from heatrun.inference.kernels import log_student, student
-from heatrun.inference.sampling.ensemble import evolution
-from heatrun.inference.sampling.weighted import pareto_smoothed
+from heatrun.model.kernels import log_student, student
+from heatrun.posterior.ensemble import evolution
+from heatrun.posterior.weighted import pareto_smoothed
 
 from .gathered import Evidence
 from .law import OUTLIER_SCALE, Hyperprior, Law, given_machine, log_marginals, num_scores, unpack
