@@ -18,7 +18,7 @@ from heatrun import calibration
 from heatrun.attempts import FAILED, OUTPUT_FAILED, Attempts
 from heatrun.calibration import load_tests
 from heatrun.errors import InputError, UsageError
-from heatrun.jobs.calibrate import calibrate as jobs
+from heatrun.jobs import calibrate as jobs
 from heatrun.model.network_text import networks_of
 from heatrun.motor.file import load_motor
 from heatrun.posterior.posterior import normal_draws

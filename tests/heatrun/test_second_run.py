@@ -9,7 +9,7 @@ import pytest
 
 from heatrun.errors import InputError
 from heatrun.io.whole_files import free_name, numbered
-from heatrun.jobs.calibrate import calibrate as jobs
+from heatrun.jobs import calibrate as jobs
 from heatrun.record.motor import Certificate, Motor
 from heatrun.runs.run_folder import RunFolder, free_place
 
