@@ -20,7 +20,7 @@ import jax  # isort: skip
 import jax.numpy as jnp
 import numpy as np
 
-from heatrun.calibration import BenchTest, calibrate
+from heatrun.calibration import BenchTest, Settings, calibrate
 from heatrun.fit import fit as fit_module
 from heatrun.fit import restricted as restricted_module
 from heatrun.model.problem import log_posterior_batch
@@ -94,7 +94,7 @@ def main() -> None:
     for name, one in (("first", record), ("second", warmer(record))):
         test = BenchTest(one, reduce(one, motor), "calibration", ())
         with counting() as found:
-            done = calibrate(motor, [test], networks=("second",), method="quick")
+            done = calibrate(motor, [test], Settings(networks=("second",), method="quick"))
         fitted = done.posteriors["second"].fit
         found["steps"] = fitted.stats["num_steps"]
         found["method"] = done.posteriors["second"].method

@@ -13,7 +13,7 @@ from msgspec import UNSET
 from test_noise import NOISE, covariance, log_normal
 
 import heatrun
-from heatrun.calibration import calibrate, load_tests, manifest
+from heatrun.calibration import Settings, calibrate, load_tests, manifest
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
 from heatrun.fit.fit_result import Fit
@@ -77,16 +77,17 @@ def calibrated(bench_files):
     """
     motor = load_motor(bench_files / "motor.toml")
     tests = load_tests(motor, [bench_files / "duty.csv"])
+    settings = Settings(networks=["second"])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("heatrun.calibration.missing", lambda *_, **__: None)
         patch.setattr("heatrun.runs.result.forecast", lambda _: {})
         patch.setattr(
             "heatrun.calibration.sample", lambda fit, *, seed, **_: normal_draws(fit, seed=seed)
         )
-        made = calibrate(motor, tests, networks=["second"])
+        made = calibrate(motor, tests, settings)
     run = RunFolder.begin(bench_files / "run", {})
     write_run(run, made.motor, made.result, made.posteriors, made.predictions)
-    run.finish(manifest(made, "", 0))
+    run.finish(manifest(made, settings))
     posterior = made.posteriors["second"]
     return Calibrated(posterior.fit, posterior.draws, bench_files / "run")
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from heatrun.errors import InputError
+from heatrun.motor import keys as motor_page
 from heatrun.motor.file import UNITS, parse_motor
 from heatrun.motor.keys import BODY_PARTS, PARAMETER_MEANINGS, SECTIONS
-from heatrun.motor import keys as motor_page
 
 PAGE = Path(__file__).parents[2] / "notebooks" / "motor_file.md"
 HEAD = '[motor]\nname = "M"\n'

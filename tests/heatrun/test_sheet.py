@@ -12,7 +12,7 @@ from msgspec import UNSET
 from pypdf import PdfReader
 
 from heatrun import calibration
-from heatrun.calibration import load_tests
+from heatrun.calibration import Settings, load_tests
 from heatrun.motor.file import load_motor
 from heatrun.posterior.posterior import normal_draws
 from heatrun.record.record import ColumnReading
@@ -43,9 +43,8 @@ def found(finished_day):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibration, "missing", lambda *_, **__: None)
         patch.setattr(calibration, "sample", lambda fit, seed, **_: normal_draws(fit, seed=seed))
-        return calibration.calibrate(
-            evil, tests, networks=["second"], method="quick", command=HOSTILE
-        )
+        settings = Settings(networks=["second"], method="quick", command=HOSTILE)
+        return calibration.calibrate(evil, tests, settings)
 
 
 @pytest.fixture(scope="module")

@@ -1,68 +1,77 @@
-"""A calibration or a discovery from tests down to its run folder, for commands and notebooks."""
+"""A calibration from tests down to its run folder, for commands and notebooks."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
-from lptn.effects import AbstractEffect
-
-from ..calibration import BenchTest, Calibration, calibrate, identity, manifest
-from ..model.network_form import NetworkForm
-from ..model.network_text import network_text
+from ..calibration import BenchTest, Calibration, Settings, calibrate, identity, manifest
+from ..model.network_text import network_named, network_text
 from ..record.motor import Motor
 from ..reports.of_run import with_sheet
 from ..runs.run_folder import RunFolder, free_place, refuse_unwritable
 from ..runs.write import write_run
-from ..work import Progress, work_of_calibration, work_of_discovery
-from .discover import Job, run_job
+from ..work import Progress, work_of_calibration
 
-Method = Literal["emcee", "quick"]
 Say = Callable[[str], None]
 
 
-def _silent(sentence: str) -> None:
+def silent(sentence: str) -> None:
     """Say nothing."""
 
 
+@dataclass(frozen=True)
+class Place:
+    """Where a run goes.
+
+    Attributes:
+        path: The run folder; an unfinished run of the same inputs there is taken up, and a
+            finished one of the same replaced.
+        is_named: Whether the user wants the run there; else it gets a number where another run
+            stands.
+        is_replacing: Whether another run there is replaced.
+    """
+
+    path: Path
+    is_named: bool = True
+    is_replacing: bool = False
+
+    def begin(self, same: dict[str, Any], say: Say, further: Sequence[str] = ()) -> RunFolder:
+        """Return the folder of a run, begun or taken up.
+
+        Args:
+            same: What makes an unfinished run the same as this one.
+            say: Told that an unfinished run is taken up, where that is so.
+            further: What else stands in the result.
+        """
+        path = self.path
+        if not self.is_named and not self.is_replacing:
+            path = free_place(path, same, further)
+        folder = RunFolder.begin(path, same, further=further, is_replacing=self.is_replacing)
+        if folder.note:
+            say(folder.note)
+        return folder
+
+
 def calibrate_into(
-    path: Path,
+    place: Place,
     motor: Motor,
     tests: Sequence[BenchTest],
-    networks: Sequence[NetworkForm],
+    settings: Settings,
     *,
-    effects: tuple[type[AbstractEffect], ...] = (),
-    method: Method = "emcee",
-    seed: int = 0,
-    command: str = "",
-    duties: Sequence[str] = (),
-    is_plain: bool = False,
-    is_named: bool = True,
-    is_replacing: bool = False,
-    say: Say = _silent,
+    say: Say = silent,
     progress: Progress | None = None,
 ) -> tuple[Calibration, Path]:
     """Calibrate networks on tests and write the run folder with its sheet.
 
     Args:
-        path: The run folder; an unfinished run of the same inputs there is taken up, and a
-            finished one of the same replaced.
+        place: Where it goes.
         motor: The machine.
         tests: From `heatrun.calibration.load_tests`.
-        networks: What is calibrated.
-        effects: Known effects that each network has.
-        method: As `heatrun.posterior.posterior.sample`.
-        seed: Random seed.
-        command: As it is to stand in the result.
-        duties: Ratings asked for, as `heatrun.runs.ratings_figures.derive`.
-        is_plain: As `heatrun.calibration.calibrate`.
-        is_named: Whether `path` is where the user wants the run; else it gets a number where
-            another run stands there.
-        is_replacing: Whether another run at `path` is replaced.
+        settings: What is asked.
         say: Told that an unfinished run is taken up, where that is so.
         progress: Called with a sentence and the share done, 1 when the folder is there.
 
@@ -73,99 +82,30 @@ def calibrate_into(
         InputError: If something that a model needs is not given, the folder holds another run, or
             it cannot be written.
     """
-    refuse_unwritable(path)
+    refuse_unwritable(place.path)
+    forms = [network_named(each) if isinstance(each, str) else each for each in settings.networks]
     same = identity(
         motor,
         tests,
-        networks=[network_text(form) for form in networks],
-        effects=[kind.card.id for kind in effects],
-        plain=is_plain,
-        method=method,
-        seed=seed,
+        networks=[network_text(form) for form in forms],
+        effects=[kind.card.id for kind in settings.effects],
+        plain=settings.is_plain,
+        method=settings.method,
+        seed=settings.seed,
     )
     # what the sheet says beside the numbers: a run with other words on it is another result
     stated = motor.certificate.as_section()
-    further = (*duties, *([json.dumps(stated, sort_keys=True)] if stated else []))
-    if not is_named and not is_replacing:
-        path = free_place(path, same, further)
-    folder = RunFolder.begin(path, same, further=further, is_replacing=is_replacing)
-    if folder.note:
-        say(folder.note)
-    work = work_of_calibration([form.name for form in networks], len(tests), method, progress)
+    further = (*settings.duties, *([json.dumps(stated, sort_keys=True)] if stated else []))
+    folder = place.begin(same, say, further)
+    names = [form.name for form in forms]
+    work = work_of_calibration(names, len(tests), settings.method, progress)
     with work:
         with folder.dropped_if_refused():
-            found = calibrate(
-                motor, tests, networks=networks, effects=effects, method=method, seed=seed,
-                command=command, duties=duties, is_plain=is_plain, folder=folder, work=work,
-            )  # fmt: skip
+            found = calibrate(motor, tests, settings, folder=folder, work=work)
         work.at("writing", "writing the run")
         run = write_run(folder, motor, found.result, found.posteriors, found.predictions)
         work.at("writing", "writing the sheet", 0.5)
         found = replace(found, result=with_sheet(run, folder))
-        written = folder.finish(manifest(found, command, seed))
+        written = folder.finish(manifest(found, settings))
         work.finish()
     return found, written
-
-
-def discover_into(
-    path: Path,
-    motor: Motor,
-    tests: Sequence[BenchTest],
-    network: NetworkForm,
-    *,
-    kinds: Sequence[type[AbstractEffect]],
-    known: tuple[type[AbstractEffect], ...] = (),
-    files: Sequence[Path] = (),
-    method: Method = "emcee",
-    seed: int = 0,
-    command: str = "",
-    is_named: bool = True,
-    is_replacing: bool = False,
-    say: Say = _silent,
-    progress: Progress | None = None,
-) -> Job:
-    """Search for missing effects and write the run folder with its reports.
-
-    Args:
-        path: As `calibrate_into`.
-        motor: The machine.
-        tests: From `heatrun.calibration.load_tests`.
-        network: The base network.
-        kinds: The effects that are searched.
-        known: Effects that the base network has.
-        files: Python files that some of the effects came from.
-        method: As `calibrate_into`.
-        seed: Random seed.
-        command: As it is to stand in the result.
-        is_named: As `calibrate_into`.
-        is_replacing: As `calibrate_into`.
-        say: Told that an unfinished run is taken up, where that is so.
-        progress: Called with a sentence and the share done, 1 when the folder is there.
-
-    Raises:
-        InputError: As `calibrate_into`.
-    """
-    refuse_unwritable(path)
-    same = identity(
-        motor,
-        tests,
-        command="discover",
-        effects=[[str(p), hashlib.sha256(p.read_bytes()).hexdigest()] for p in files],
-        network=network_text(network),
-        known=[kind.card.id for kind in known],
-        method=method,
-        seed=seed,
-    )
-    if not is_named and not is_replacing:
-        path = free_place(path, same)
-    folder = RunFolder.begin(path, same, is_replacing=is_replacing)
-    if folder.note:
-        say(folder.note)
-    work = work_of_discovery(network.name, len(tests), method, progress)
-    with work, folder.dropped_if_refused():
-        job = run_job(
-            motor, tests, folder, order=network, known=known, kinds=kinds, method=method,
-            seed=seed, command=command, work=work,
-        )  # fmt: skip
-    work.finish()
-    return job

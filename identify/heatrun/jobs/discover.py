@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
-
-from lptn.effects import AbstractEffect
 
 from ..attempts import OUTPUT_FAILED, Attempts
-from ..calibration import BenchTest, Calibration, calibrate, manifest
+from ..calibration import BenchTest, Calibration, Settings, calibrate, identity, manifest
 from ..discovery.result import assemble
 from ..discovery.run import Discovery, tell
 from ..errors import InputError
 from ..model.catalogue import all_effects
-from ..model.network_form import NetworkForm
+from ..model.network_text import network_named, network_text
 from ..posterior.posterior import weighted_draws
 from ..posterior.predict import predict
 from ..record.motor import Motor
@@ -23,9 +21,10 @@ from ..reports.discovery import write_report
 from ..reports.discovery_figures import draw_all
 from ..reports.of_run import with_sheet
 from ..results.discovery import DiscoveryResult
-from ..runs.run_folder import RunFolder
+from ..runs.run_folder import RunFolder, refuse_unwritable
 from ..runs.write import write_run
-from ..work import SILENT, Work
+from ..work import Progress, Work, work_of_discovery
+from .calibrate import Place, Say, silent
 
 
 @dataclass(frozen=True)
@@ -45,40 +44,56 @@ class Job:
     path: Path
 
 
-def run_job(
+def discover_into(
+    place: Place,
     motor: Motor,
     tests: Sequence[BenchTest],
-    folder: RunFolder,
+    settings: Settings,
     *,
-    order: str | NetworkForm = "second",
-    known: tuple[type[AbstractEffect], ...] = (),
-    kinds: Sequence[type[AbstractEffect]] | None = None,
-    method: Literal["emcee", "quick"] = "emcee",
-    seed: int = 0,
-    command: str = "",
-    work: Work = SILENT,
+    say: Say = silent,
+    progress: Progress | None = None,
 ) -> Job:
-    """Run a discovery and write its folder.
+    """Search for missing effects and write the run folder with its reports.
 
     Args:
+        place: Where it goes.
         motor: The machine.
         tests: From `heatrun.calibration.load_tests`.
-        folder: Where the result goes.
-        order: The base network.
-        known: Effects that the base network has.
-        kinds: Effects that are searched; by default the catalogue and installed ones.
-        method: Sampler of the final model.
-        seed: Of everything that is drawn.
-        command: As it is to stand in the result.
-        work: Told how far it is; as `heatrun.work.work_of_discovery`.
+        settings: What is asked, with the base network alone.
+        say: Told that an unfinished run is taken up, where that is so.
+        progress: Called with a sentence and the share done, 1 when the folder is there.
 
     Raises:
-        InputError: If something that the model needs is not given, or no effect can be searched.
+        InputError: As `heatrun.jobs.calibrate.calibrate_into`, or if no effect can be searched.
     """
-    calibration = calibrate(
-        motor, tests, networks=(order,), effects=known, kinds=kinds or all_effects(),
-        method=method, seed=seed, command=command, folder=folder, work=work,
-    )  # fmt: skip
+    refuse_unwritable(place.path)
+    (network,) = settings.networks
+    form = network_named(network) if isinstance(network, str) else network
+    files = [[str(p), hashlib.sha256(p.read_bytes()).hexdigest()] for p in settings.files]
+    same = identity(
+        motor,
+        tests,
+        command="discover",
+        effects=files,
+        network=network_text(form),
+        known=[kind.card.id for kind in settings.effects],
+        method=settings.method,
+        seed=settings.seed,
+    )
+    folder = place.begin(same, say)
+    work = work_of_discovery(form.name, len(tests), settings.method, progress)
+    with work, folder.dropped_if_refused():
+        job = _written(folder, motor, tests, settings, work)
+    work.finish()
+    return job
+
+
+def _written(
+    folder: RunFolder, motor: Motor, tests: Sequence[BenchTest], settings: Settings, work: Work
+) -> Job:
+    """Return a discovery whose folder is written."""
+    settings = replace(settings, kinds=settings.kinds or all_effects())
+    calibration = calibrate(motor, tests, settings, folder=folder, work=work)
     asked = calibration.asked
     if asked is None:
         raise InputError(
@@ -87,9 +102,11 @@ def run_job(
             remedy="Map more channels, such as speed_rpm, or calibrate.",
         )
     found = tell(asked, calibration.screened, command=_next(motor, tests), work=work)
-    base = weighted_draws(asked.fits[0], seed=seed)
-    before = [predict(base, test.blocks, seed=seed) for test in tests]
-    result = assemble(found, calibration, before, base, command=command, seed=seed)
+    base = weighted_draws(asked.fits[0], seed=settings.seed)
+    before = [predict(base, test.blocks, seed=settings.seed) for test in tests]
+    result = assemble(
+        found, calibration, before, base, command=settings.command, seed=settings.seed
+    )
     work.at("writing", "writing the report")
     folder.write_json("discovery.json", result)
     attempts = Attempts(OUTPUT_FAILED)
@@ -121,7 +138,7 @@ def run_job(
     run = write_run(folder, motor, whole, calibration.posteriors, calibration.predictions)
     work.at("writing", "writing the sheet", 0.6)
     calibration = replace(calibration, result=with_sheet(run, folder))
-    path = folder.finish(manifest(calibration, command, seed))
+    path = folder.finish(manifest(calibration, settings))
     return Job(found, calibration, result, path)
 
 
