@@ -19,12 +19,12 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.signal import fftconvolve
+from scipy import fft
 
-from ..record.blocks import SLOW_LOGGER_S, Blocks
+from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.record import Record
-from ..record.samples import samples
+from ..record.samples import SLOW_LOGGER_S, samples
 from .crude_fit import crude_fit
 
 NUM_COLUMNS = (2, 4, 8)
@@ -103,7 +103,9 @@ def _known(
     sums = np.cumsum(np.pad(left, (per_block, 0)))
     means = (sums[per_block:] - sums[:num]) / per_block
     at = np.bincount(place[inside], sd_K[inside] ** 2, num)
-    spread = fftconvolve(at, means**2)[per_block - 1 : per_block - 1 + num]
+    length = fft.next_fast_len(2 * num - 1, real=True)
+    shocked, decayed = np.asarray(fft.rfft(np.stack([at, means**2]), length))
+    spread = np.asarray(fft.irfft(shocked * decayed, length))[per_block - 1 :][:num]
     variance = np.maximum(spread[::per_block], 0.0)
 
     largest = np.argsort(-at, kind="stable")[:LARGEST]

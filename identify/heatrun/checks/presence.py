@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..record.blocks import BLOCK_S
 from ..record.channels import BODIES
 from ..record.derive import ELECTRICAL
 from ..record.motor import Motor
 from ..record.own_rates import between_samples
 from ..record.record import Finding, Record, Severity
-from ..record.samples import is_measured, median_step, needed_channels, place, runs, samples
+from ..record.samples import (
+    BLOCK_S,
+    is_measured,
+    median_step,
+    needed_channels,
+    place,
+    runs,
+    samples,
+)
 from ..record.stretch import masked
 from .advice import MOST_WINDOWS, mask_line, use_line
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..record.blocks import SLOW_LOGGER_S
 from ..record.header import split_name
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.samples import is_measured, median_step, place, samples
+from ..record.samples import SLOW_LOGGER_S, is_measured, median_step, place, samples
 from .advice import MOST_WINDOWS, section_of, use_line
 
 GAP_STEPS = 3.0

@@ -16,9 +16,10 @@ from jaxtyping import Float
 
 from ..errors import InputError
 from ..record.balance_errors import SHAFT_GAIN_SD, SHAFT_OFFSET_SHARE
-from ..record.blocks import SLOW_LOGGER_S, Blocks
+from ..record.blocks import Blocks
 from ..record.channels import BODIES, body_name
 from ..record.motor import Motor
+from ..record.samples import SLOW_LOGGER_S
 from .network_form import NetworkForm
 from .parameters import Parameter, Transform
 

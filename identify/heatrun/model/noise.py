@@ -27,8 +27,9 @@ import jax.numpy as jnp
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Bool, Float
 
-from ..record.blocks import BLOCK_S, Observation
+from ..record.blocks import Observation
 from ..record.motor import HEAT_LIMITS, Adequacy
+from ..record.samples import BLOCK_S
 from .parameters import Parameter
 
 NOISE = (

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 from scipy import fft
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 WINDOW = 5.0
 """Lags that are summed, in autocorrelation times (Sokal): the bias of leaving out the rest, e^-5,
@@ -205,7 +205,7 @@ def judge(
     times, spread = (np.concatenate(parts) for parts in zip(means, *tails, strict=True))
     half = num_steps // 2 * num_walkers
     freedom = 2 * num_ensembles - 1
-    probability = float(np.min(chi2.sf(freedom * spread * half / times, freedom)))
+    probability = float(np.min(chdtrc(freedom, freedom * spread * half / times)))
     draws = num_ensembles * num_steps * num_walkers
     return Convergence(
         num_steps=num_steps,

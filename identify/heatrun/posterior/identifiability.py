@@ -20,11 +20,11 @@ from ..fit.fit_result import Fit
 from ..model.discrepancy import with_heat
 from ..model.parameters import Parameter
 from ..model.problem import Problem, information, predict_batch
-from ..record.blocks import SLOW_LOGGER_S, Blocks, Body
+from ..record.blocks import Blocks, Body
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.reduction import reduce
-from ..record.samples import is_loaded
+from ..record.samples import SLOW_LOGGER_S, is_loaded
 from .posterior import Posterior
 
 Verdict = Literal["identified", "weak", "not identifiable", "fixed"]

@@ -24,7 +24,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.stats import norm
 
 from ..model import noise as noise_module
 from ..model.bodies import BodyCourse, body_courses, told_bodies
@@ -69,7 +68,12 @@ class ScoreDifference:
 def block_scores(prediction: Prediction) -> Float[np.ndarray, " observed"]:
     """Return the log density of each measured block mean under its predicted normal [nat]."""
     seen = prediction.test.is_observed
-    return norm.logpdf(prediction.residual[seen], scale=prediction.sd[seen])
+    return _log_normal(prediction.residual[seen], prediction.sd[seen])
+
+
+def _log_normal(residual: np.ndarray, sd: np.ndarray) -> np.ndarray:
+    """Return the log density of residuals under normals of mean zero [nat]."""
+    return -0.5 * (residual / sd) ** 2 - np.log(sd * math.sqrt(2.0 * math.pi))
 
 
 def standard_error(series: Float[np.ndarray, " observed"]) -> float | None:
@@ -234,7 +238,7 @@ class Prediction:
     def log_score(self) -> float:
         """Return the mean log density of a block mean under its predicted normal [nat]."""
         seen = self.test.is_observed
-        return float(np.mean(norm.logpdf(self.residual[seen], scale=self.sd[seen])))
+        return float(np.mean(_log_normal(self.residual[seen], self.sd[seen])))
 
 
 def predict(

@@ -23,15 +23,6 @@ from lptn import Inputs
 if TYPE_CHECKING:
     from .balance_errors import Told
 
-BLOCK_S = 20.0
-"""Length of a block [s]: long enough that rounding and sampling are averaged out, short against
-the fast time constant of a traction motor (60...150 s)."""
-
-
-SLOW_LOGGER_S = 1.0
-"""From this sampling period on the moment of a load step counts as unknown [s]: half of it is half
-a per cent of a winding's time constant, half of what Ceq_w of a good test is known to."""
-
 
 class Logger(NamedTuple):
     """What a test's readings were recorded with: tests that agree in it share their noise.

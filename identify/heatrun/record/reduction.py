@@ -12,14 +12,14 @@ from lptn import Inputs
 
 from ..errors import InputError
 from .balance_errors import own_errors
-from .blocks import BLOCK_S, Blocks, Body
+from .blocks import Blocks, Body
 from .by_resistance import sensor_sd
 from .channels import BODIES
 from .derive import recorded_shaft_power
 from .motor import Motor
 from .record import Record
 from .rounding import rounding_step
-from .samples import needed_channels
+from .samples import BLOCK_S, needed_channels
 
 STEP_S = 2.0
 """Length of a step [s]: on a winding of 90 s a jump of load inside a step then costs a few

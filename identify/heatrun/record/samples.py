@@ -23,6 +23,15 @@ LOADED_SHARE = 0.05
 at rest, below the no-load losses of any machine."""
 
 
+BLOCK_S = 20.0
+"""Length of a block [s]: long enough that rounding and sampling are averaged out, short against
+the fast time constant of a traction motor (60...150 s)."""
+
+SLOW_LOGGER_S = 1.0
+"""From this sampling period on the moment of a load step counts as unknown [s]: half of it is half
+a per cent of a winding's time constant, half of what Ceq_w of a good test is known to."""
+
+
 def sink_channel(motor: Motor) -> str:
     """Return the channel that is the temperature T0 [degC] which the stator loses its heat to."""
     return "coolant_degC" if motor.sink == "coolant" else "ambient_degC"

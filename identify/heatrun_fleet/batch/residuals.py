@@ -27,7 +27,7 @@ from jaxtyping import Array, Float
 from heatrun.model.discrepancy import NUM_COLUMNS, SPACING_S
 from heatrun.model.noise import HEAT, Noise, SensorRows, filter_rows
 from heatrun.model.problem import Structure
-from heatrun.record.blocks import BLOCK_S
+from heatrun.record.samples import BLOCK_S
 from lptn import CopperLosses
 
 from .march import SLOPE, Group, Lane, Machines, late_means, march
