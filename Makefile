@@ -7,7 +7,7 @@ LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import s
 
 .PHONY: demo demo-results test quick test-slow profile test-latest lint types check bench bench-fleet bench-before study-coverage study-crosschecks \
   study-accidents study-bodies study-discovery study-exam study-faults study-first-hour study-fleet study-fleet-discovery study-fleet-kills study-fuzz study-misfit study-ordinary study-paderborn \
-  study-readings study-real study-view audit house docs notebooks notebooks-rendered schemas lock clean
+  study-readings study-real study-view audit house docs notebooks notebooks-rendered lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -142,11 +142,6 @@ study-coverage: $(VENV)/ready
 
 notebooks: $(VENV)/ready
 	$(BIN)/pytest -n auto tests/test_notebooks.py $(if $(NOTEBOOKS),-k "$(NOTEBOOKS)")
-
-# The JSON schemas of fit.json, discovery.json and population.json, from the types in the rooms `results`.
-schemas: $(VENV)/ready
-	$(BIN)/python -m heatrun.results.schema
-	$(BIN)/python -m heatrun_fleet.results.schema
 
 # The reference page of the motor file, from the meanings of its keys.
 docs: $(VENV)/ready
