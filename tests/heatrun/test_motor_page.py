@@ -13,7 +13,7 @@ from heatrun.errors import InputError
 from heatrun.motor_keys import BODY_PARTS, PARAMETER_MEANINGS, SECTIONS
 from heatrun.motorfile import UNITS, parse_motor
 
-PAGE = Path(__file__).parents[2] / "notebooks" / "motor_file.md"
+PAGE = Path(__file__).parents[2] / "docs" / "motor_file.md"
 HEAD = '[motor]\nname = "M"\n'
 
 

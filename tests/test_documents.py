@@ -1,0 +1,56 @@
+"""The documents lead where they say: links, measured numbers."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md", "VISION.md")),
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "results").glob("*/README.md")),
+]
+
+
+def in_words(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def anchors(page: Path) -> set[str]:
+    """The names by which headings are linked to."""
+    heads = re.findall(r"^#+ (.+)$", page.read_text("utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=in_words)
+def test_every_link_leads_somewhere(page):
+    links = re.findall(r"\]\(([^)\s]+)\)", page.read_text("utf-8"))
+    broken = []
+    for link in links:
+        if re.match(r"https?:", link):
+            continue
+        name, _, anchor = link.partition("#")
+        target = page.parent / name if name else page
+        if not target.exists() or (anchor and anchor not in anchors(target)):
+            broken.append(link)
+    assert not broken
+
+
+def test_the_figures_of_the_readme_are_those_of_the_tables():
+    rows = re.findall(r"^\| .*\]\((results/\w+/table\.md)\).*?\| (.*?) \|", readme(), re.M)
+    assert len(rows) == 6
+    for table, said in rows:
+        text = (ROOT / table).read_text("utf-8")
+        # "9 of 206" in one piece where the table has it so, number by number where it has columns
+        for figure in re.findall(r"\d+ of \d+|\d+\.\d %", said):
+            parts = [figure] if figure in text else figure.split(" of ")
+            assert all(re.search(rf"(?<!\d){re.escape(part)}(?!\d)", text) for part in parts), (
+                figure
+            )
+
+
+def readme() -> str:
+    return (ROOT / "README.md").read_text("utf-8")
