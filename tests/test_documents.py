@@ -1,9 +1,10 @@
-"""The documents lead where they say: links, measured numbers."""
+"""The documents lead where they say: links, places in the code, measured numbers."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
+from pkgutil import resolve_name
 
 import pytest
 
@@ -13,6 +14,7 @@ PAGES = [
     *sorted((ROOT / "docs").glob("*.md")),
     *sorted((ROOT / "results").glob("*/README.md")),
 ]
+ON_THE_CODE = [ROOT / "CONTRIBUTING.md", ROOT / "docs" / "road.md"]
 
 
 def in_words(path: Path) -> str:
@@ -37,6 +39,21 @@ def test_every_link_leads_somewhere(page):
         if not target.exists() or (anchor and anchor not in anchors(target)):
             broken.append(link)
     assert not broken
+
+
+@pytest.mark.parametrize("page", ON_THE_CODE, ids=in_words)
+def test_every_place_in_the_code_is_there(page):
+    text = page.read_text("utf-8")
+    names = set(re.findall(r"(?<![\w/])(?:heatrun(?:_\w+)?|lptn)(?:\.\w+)+", text))
+    paths = set(re.findall(r"(?<=`)(?:identify|models|tests|data|results)/[^`]+(?=`)", text))
+    assert len(names) > 10
+    lost = [path for path in paths if not (ROOT / path).exists()]
+    for name in names:
+        try:
+            resolve_name(name)
+        except (ImportError, AttributeError):
+            lost.append(name)
+    assert not lost
 
 
 def test_the_figures_of_the_readme_are_those_of_the_tables():
