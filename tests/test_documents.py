@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import re
+import shlex
+import sys
 from pathlib import Path
 from pkgutil import resolve_name
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent / "studies"))
+
+from studies import STUDIES
 
 ROOT = Path(__file__).parents[1]
 PAGES = [
@@ -54,6 +60,18 @@ def test_every_place_in_the_code_is_there(page):
         except (ImportError, AttributeError):
             lost.append(name)
     assert not lost
+
+
+@pytest.mark.parametrize("page", PAGES, ids=in_words)
+def test_every_make_target_is_there(page):
+    said = set(re.findall(r"(?<=`make )[a-z][a-z-]*", page.read_text("utf-8")))
+    targets = set(re.findall(r"^([a-z-]+)\b.*:", (ROOT / "Makefile").read_text("utf-8"), re.M))
+    assert said <= targets | {f"study-{name}" for name in STUDIES}
+
+
+def test_every_script_of_a_study_is_there():
+    scripts = [shlex.split(each)[0] for study in STUDIES.values() for each in study.scripts]
+    assert all(script == "-m" or (ROOT / script).is_file() for script in scripts)
 
 
 def test_the_figures_of_the_readme_are_those_of_the_tables():
