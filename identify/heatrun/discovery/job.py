@@ -25,7 +25,7 @@ from ..runs.run_folder import RunFolder
 from ..runs.write import write_run
 from ..work import SILENT, Work
 from .result import assemble
-from .run import Discovery, tell
+from .run import tell
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,11 @@ class Job:
     """A discovery with its result and its run folder.
 
     Attributes:
-        found: What was found.
         calibration: The network with the effects.
         result: What stands in `discovery.json`.
         path: The run folder.
     """
 
-    found: Discovery
     calibration: Calibration
     result: DiscoveryResult
     path: Path
@@ -122,7 +120,7 @@ def run_job(
     work.at("writing", "writing the sheet", 0.6)
     calibration = replace(calibration, result=with_sheet(run, folder))
     path = folder.finish(manifest(calibration, command, seed))
-    return Job(found, calibration, result, path)
+    return Job(calibration, result, path)
 
 
 def _next(motor: Motor, tests: Sequence[BenchTest]) -> str:

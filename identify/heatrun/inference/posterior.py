@@ -35,11 +35,10 @@ from .model import Model
 from .model_parameters import parameters
 from .noise import Noise
 from .parameters import ParameterSet
+from .problem import NUM_NOISE
 from .sampling.convergence import FULL, QUICK, Convergence, judge
 from .sampling.importance import importance_sample, starting_sample
 from .sampling.weighted import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted, spread
-
-NUM_NOISE = len(noise_module.NOISE)
 
 
 @dataclass(frozen=True, eq=False)
