@@ -17,7 +17,6 @@ from .commands.words import AnyOrder
 from .errors import InputError, UsageError, of_file
 from .io.caches import damaged_are_replaced, use_caches
 from .io.whole_files import check_stated_moment
-from .memory_limit import is_for_lack_of_memory, prepare_for_limit
 from .runtime import one_thread_for_small_matrices
 from .version import __version__
 
@@ -59,7 +58,6 @@ def _call(options: argparse.Namespace) -> int:
         check_stated_moment()
         tell_tests(options)
         cut_tests(options)
-        prepare_for_limit(options.command)
         with damaged_are_replaced(say):
             code = int(options.run_command(options))
         sys.stdout.flush()
@@ -80,7 +78,7 @@ def _call(options: argparse.Namespace) -> int:
         _drop_output()
         return NOT_ALLOWED
     except (MemoryError, ImportError) as error:
-        if isinstance(error, ImportError) and not is_for_lack_of_memory(error):
+        if isinstance(error, ImportError) and not _is_for_lack_of_memory(error):
             raise
         print_error(
             InputError(
@@ -92,6 +90,12 @@ def _call(options: argparse.Namespace) -> int:
         )
         return NOT_ALLOWED
     return code
+
+
+def _is_for_lack_of_memory(error: ImportError) -> bool:
+    """Return whether a package could not be loaded because the address space is used up."""
+    said = str(error).lower()
+    return "failed to map segment" in said or "cannot allocate memory" in said
 
 
 def _drop_output() -> None:

@@ -14,7 +14,7 @@ from heatrun.io.quantities import plain, with_breaks
 from heatrun.io.texts import Texts
 from heatrun.io.whole_files import without_folders
 from heatrun.reports.figures import save
-from heatrun.reports.pdf import filling_height, typeset
+from heatrun.reports.pdf import typeset
 from heatrun.reports.printed import fixed
 
 from .card import CARDS
@@ -49,13 +49,10 @@ def write_pdf(
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         texts = document_content(report, content, say or Texts())
-        drawn = [drawing.draw() for drawing in report.drawings]
-        sizes_in = [tuple(figure.get_size_inches()) for figure in drawn]
-        height = filling_height(TEMPLATE, texts, sizes_in)
-        figures = []
-        for number, (figure, size_in) in enumerate(zip(drawn, sizes_in, strict=True)):
-            figure.set_size_inches(size_in[0], height * size_in[1])
-            figures.append(save(figure, folder / f"{number:03d}.png"))
+        figures = [
+            save(drawing.draw(), folder / f"{number:03d}.png")
+            for number, drawing in enumerate(report.drawings)
+        ]
         return typeset(TEMPLATE, texts, figures, path)
 
 

@@ -54,20 +54,19 @@ class Simulated:
         return self.prediction.model.form.measured_node
 
 
-def simulate_run(run: Path, record: Record, motor: Motor, *, seed: int = 0) -> Simulated:
+def simulate_run(run: Path, record: Record, motor: Motor) -> Simulated:
     """Predict a test with a run.
 
     Args:
         run: A folder that `heatrun calibrate` or `heatrun discover` wrote.
         record: With currents, losses and sink.
         motor: How the bench of this test measures.
-        seed: Of draws, start and noise.
 
     Raises:
         InputError: As `heatrun.runs.run.Run.predict`.
     """
     opened = open_run(run)
-    found = opened.predict(record, motor=motor, seed=seed)
+    found = opened.predict(record, motor=motor)
     return Simulated(found, not found.is_held_out, opened.result.motor.name)
 
 

@@ -21,7 +21,7 @@ from heatrun.fit.fit_result import Fit
 from heatrun.model.problem import log_posterior, log_posterior_batch
 from heatrun.posterior.importance import importance_sample
 from heatrun.posterior.posterior import sample
-from heatrun.runs import netcdf as archive
+from heatrun.posterior.weighted import load_arviz
 
 SECTION = "Posterior"
 
@@ -79,8 +79,9 @@ def effective_draws(made: dict, small: bool) -> list[Row]:
 
     def row(name, taken, draws, target=None):
         draws = draws.reshape(2, -1, draws.shape[-1])  # one chain in two halves, for R-hat
-        about = archive.monte_carlo({str(i): draws[..., i] for i in range(draws.shape[-1])}, (0.5,))
-        size = min(row["ess_bulk"][0] for row in about.values())
+        arviz = load_arviz()
+        about = arviz.convert_to_dataset({str(i): draws[..., i] for i in range(draws.shape[-1])})
+        size = min(float(each) for each in arviz.ess(about, method="bulk").values())
         detail = f"{size:.0f} effective draws in {duration(taken)}, compiling not counted"
         rows.append(Row(SECTION, f"1000 effective draws, {name}", 1000 * taken / size, "s",
                         target, detail))  # fmt: skip

@@ -26,8 +26,7 @@ from heatrun.model.model import Model
 from heatrun.model.noise import LARGEST_SCORES, NOISE
 from heatrun.model.problem import Problem, log_posterior
 from heatrun.motor.file import load_motor
-from heatrun.posterior.weighted import Weighted
-from heatrun.runs import netcdf as archive
+from heatrun.posterior.weighted import Weighted, load_arviz
 
 SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
 
@@ -149,9 +148,32 @@ def statistics(found: Fit, vectors: np.ndarray) -> Statistics:
     Args:
         found: Names the coordinates.
         vectors: Draws in scores, shape (chain, draw, all).
+
+    Reference: A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Buerkner, Rank-normalization,
+        folding, and localization: an improved R-hat, Bayesian Analysis 16 (2021) 667-718.
     """
-    columns = {name: vectors[..., i] for i, name in enumerate(names(found))}
-    return archive.monte_carlo(columns, PROBABILITIES)
+    draws = {name: vectors[..., i] for i, name in enumerate(names(found))}
+    arviz = load_arviz()
+    data = arviz.convert_to_dataset(draws)
+    # the error of a sd by way of that of the variance: ArviZ 0.23 fails on it under NumPy 2.4
+    squares = arviz.convert_to_dataset({k: (x - np.mean(x)) ** 2 for k, x in draws.items()})
+    error = {f"q{100 * p:g}": arviz.mcse(data, method="quantile", prob=p) for p in PROBABILITIES}
+    error["mean"] = arviz.mcse(data, method="mean")
+    error_of_squares = arviz.mcse(squares, method="mean")
+    verdicts = {
+        "ess_bulk": arviz.ess(data, method="bulk"),
+        "ess_tail": arviz.ess(data, method="tail"),
+        "rhat": arviz.rhat(data),
+    }
+    result = {}
+    for name, x in draws.items():
+        sd = float(np.std(x))
+        values = {"mean": float(np.mean(x))}
+        values |= {f"q{100 * p:g}": float(np.quantile(x, p)) for p in PROBABILITIES}
+        result[name] = {key: (value, float(error[key][name])) for key, value in values.items()}
+        result[name]["sd"] = (sd, float(error_of_squares[name]) / (2.0 * sd))
+        result[name] |= {key: (float(each[name]), 0.0) for key, each in verdicts.items()}
+    return result
 
 
 def weighted_statistics(found: Fit, weighted: Weighted) -> Statistics:

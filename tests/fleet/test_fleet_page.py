@@ -15,7 +15,7 @@ from heatrun_fleet.fleet_file import KEYS
 from heatrun_fleet.population.table import COLUMNS as OF_A_POPULATION
 from heatrun_fleet.rows import COLUMNS
 
-PAGE = (Path(__file__).parents[2] / "notebooks" / "fleet.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize("columns", [COLUMNS, OF_A_POPULATION], ids=["fleet", "population"])

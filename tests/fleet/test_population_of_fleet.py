@@ -15,11 +15,12 @@ from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.motor.file import parse_motor
 from heatrun.results import from_json
-from heatrun.results.schema import shipped
+from heatrun.results.schema import schema_of
 from heatrun_fleet.population.design import covariates_of, designed
 from heatrun_fleet.population.of_fleet import gathered_of_fleet, read_fleet
 from heatrun_fleet.population.table import COLUMNS, schema
 from heatrun_fleet.results import PopulationResult
+from heatrun_fleet.results.schema import SCHEMAS
 
 NUM = 40
 SUPPLIER, DRIFT = 0.08, 0.10
@@ -110,9 +111,7 @@ def test_the_outlier_is_named_with_what_is_different(known):
 
 def test_the_file_holds_to_its_schema_and_reads_back(known):
     content = (known[1] / "population.json").read_bytes()
-    validator = jsonschema.Draft202012Validator(
-        shipped("population-1.json", "heatrun_fleet.results")
-    )
+    validator = jsonschema.Draft202012Validator(schema_of("population-1.json", SCHEMAS))
     assert [error.message for error in validator.iter_errors(json.loads(content))] == []
     read = from_json(content, PopulationResult, "population.json", "here")
     assert read == known[0].result

@@ -19,10 +19,11 @@ from heatrun.fit.fit import fit
 from heatrun.fit.restricted import whiten_fit
 from heatrun.model.problem import Problem, linearise
 from heatrun.results import to_json
-from heatrun.results.schema import shipped
+from heatrun.results.schema import schema_of
 from heatrun_fleet.batches import batches_of, digests_of, numerics
 from heatrun_fleet.fleet_file import load_fleet
 from heatrun_fleet.machine import Prepared, prepare
+from heatrun_fleet.results.schema import SCHEMAS
 from heatrun_fleet.shared_effects.claims import discovery_text
 from heatrun_fleet.shared_effects.columns import effect_columns, evidence_in, packed, unpacked
 from heatrun_fleet.shared_effects.job import NAME, discover_fleet, discover_type, read_discovery
@@ -180,9 +181,7 @@ def test_the_result_holds_to_its_schema_and_reads_as_words(tmp_path):
         ]  # fmt: skip
     pyarrow.parquet.write_table(pyarrow.Table.from_pylist(table), rows)
     result = discover_fleet(rows, "line")
-    jsonschema.validate(
-        json.loads(to_json(result)), shipped("fleet-discovery-1.json", "heatrun_fleet.results")
-    )
+    jsonschema.validate(json.loads(to_json(result)), schema_of("fleet-discovery-1.json", SCHEMAS))
     (tmp_path / NAME).write_text(to_json(result))
     assert to_json(read_discovery(tmp_path)) == to_json(result)
     with pytest.raises(InputError, match="--discover"):

@@ -1,4 +1,4 @@
-"""`discovery.json` is what its shipped schema says, and the schema refuses what it is not."""
+"""`discovery.json` is what its schema says, and the schema refuses what it is not."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import pytest
 
 from heatrun.cli import main
 from heatrun.results.discovery import DISCOVERY_FORMAT
-from heatrun.results.schema import shipped
+from heatrun.results.schema import schema_of
 
 pytestmark = pytest.mark.slow
 
-SCHEMA = shipped("discovery-2.json")
+SCHEMA = schema_of("discovery-2.json")
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 
 

@@ -14,7 +14,6 @@ from scipy.stats import norm
 
 import heatrun
 from heatrun.effects.missing import (
-    PROBABLE,
     SCALES,
     Missing,
     _log_bayes,
@@ -22,12 +21,12 @@ from heatrun.effects.missing import (
     missing,
     missing_finding,
 )
+from heatrun.effects.search import ODDS
 from heatrun.fit.fit import fit
 from heatrun.model.catalogue import all_effects
 from heatrun.model.draws import PlausibleEffect
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
-from heatrun.record.reduction import reduce
 
 
 @pytest.fixture(scope="module")
@@ -112,16 +111,15 @@ def test_the_draws_of_two_small_effects_have_their_law():
         for fold, sizes in ((2.0, first), (1.0, second))
     ]
     slab[0][0] *= 0.5  # a trapezium's end
-    odds = PROBABLE / (1.0 - PROBABLE)
     of_none = likelihood(0.0, 0.0)
-    of_first = odds * slab[0] @ grid[:, second.size // 2]
-    of_second = odds * grid[0] @ slab[1]
-    of_both = odds**2 * slab[0] @ grid @ slab[1]
+    of_first = ODDS * slab[0] @ grid[:, second.size // 2]
+    of_second = ODDS * grid[0] @ slab[1]
+    of_both = ODDS**2 * slab[0] @ grid @ slab[1]
     total = of_none + of_first + of_second + of_both
     assert np.mean(~np.any(size, axis=1)) == pytest.approx(of_none / total, abs=0.03)
     assert np.mean(size[:, 0] != 0) == pytest.approx((of_first + of_both) / total, abs=0.03)
     assert np.mean(size[:, 1] != 0) == pytest.approx((of_second + of_both) / total, abs=0.03)
-    by_first = odds * (slab[0] * first) @ (grid[:, second.size // 2] + odds * grid @ slab[1])
+    by_first = ODDS * (slab[0] * first) @ (grid[:, second.size // 2] + ODDS * grid @ slab[1])
     assert np.mean(size[:, 0]) == pytest.approx(by_first / total, abs=0.02)
     assert np.all(size[:, 0] >= 0.0)
     across = joined[:, 1] @ joined[:, 1:]

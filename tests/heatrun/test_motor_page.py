@@ -13,7 +13,7 @@ from heatrun.motor import keys as motor_page
 from heatrun.motor.file import UNITS, parse_motor
 from heatrun.motor.keys import BODY_PARTS, PARAMETER_MEANINGS, SECTIONS
 
-PAGE = Path(__file__).parents[2] / "notebooks" / "motor_file.md"
+PAGE = Path(__file__).parents[2] / "docs" / "motor_file.md"
 HEAD = '[motor]\nname = "M"\n'
 
 

@@ -60,7 +60,6 @@ def blocks(hottest=150.0, power=POWER):
         block_s=20.0,
         rounding_K=0.0,
         start_degC=SINK,
-        start_slope=0.0,
         sample_s=0.5,
     )
 

@@ -12,7 +12,7 @@ from heatrun.cli import _parser
 from heatrun_reports.prototypes.prototype import parse_roles
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "notebooks" / "thesis_commands.md").read_text("utf-8")
+PAGE = (ROOT / "docs" / "thesis_commands.md").read_text("utf-8")
 FOLDERS = {"$P": "data/synthetic/prototypes", "$D": "data/synthetic", "$O": "results/runs/thesis"}
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 from accident_cases import ACCIDENTS, doubts, is_caught, is_named, num_beside, run
-from scipy.stats import beta
+from discovery_gates import limits_95
 from study_runs import Row, rows_as_they_come, rows_done, write_rows
 
 REPORTING_SEED = 12000
@@ -26,18 +26,11 @@ MOST_FALSE = 0.02
 """Share of clean records that may be accused [1]."""
 
 
-def limits(count: int, of: int) -> tuple[float, float]:
-    """Return the 95 % limits of a share (Clopper and Pearson)."""
-    low = float(beta.ppf(0.025, count, of - count + 1)) if count else 0.0
-    high = float(beta.ppf(0.975, count + 1, of - count)) if count < of else 1.0
-    return low, high
-
-
 def table(rows: Sequence[Row], seed: int) -> str:
     """Return the report of a study."""
     clean = [row for row in rows if not row["accident"]]
     accused = [row for row in clean if doubts(row)]
-    low, high = limits(len(accused), max(len(clean), 1))
+    low, high = limits_95(len(accused), max(len(clean), 1))
     ids = Counter(id for row in accused for id in set(doubts(row)))
     of = ", ".join(f"{id} ({count})" for id, count in ids.most_common()) or "none"
     lines = [

@@ -10,7 +10,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 
 from accident_cases import is_named, run
-from accidents import limits, table
+from accidents import table
+from discovery_gates import limits_95
 
 
 def test_clean_records_are_not_accused_and_accidents_are_named(tmp_path):
@@ -33,4 +34,4 @@ def test_another_moment_or_another_finding_is_not_named():
 
 
 def test_limits_of_a_share():
-    assert limits(0, 240) == pytest.approx((0.0, 0.0152), abs=1e-4)
+    assert limits_95(0, 240) == pytest.approx((0.0, 0.0152), abs=1e-4)

@@ -56,9 +56,6 @@ MOVED = 1.0
 SCALES = (0.1, 0.3, 1.0)
 """Standard deviations of a small effect's size over the usual one, equally probable [1]."""
 
-PROBABLE = ODDS / (1.0 + ODDS)
-"""Of each small effect before the tests have spoken, as in the search [1]."""
-
 LEAST_OF_NONE = 0.5
 """Of the network alone after them [1]. What is left closes less of the gap than the laws in the
 network leave open, and evidence of that size decides nothing."""

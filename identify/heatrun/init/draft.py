@@ -195,7 +195,7 @@ def _head(surveys: Sequence[Survey], missing: Sequence[Gap]) -> list[str]:
     files = ", ".join(Path(one.path).name for one in surveys)
     lines = [
         _comment(f"Motor file for {files}, drafted by heatrun init (heatrun {__version__})."),
-        "# A line holds once its # is removed. All keys: notebooks/motor_file.md of heatrun.",
+        "# A line holds once its # is removed. All keys: docs/motor_file.md of heatrun.",
     ]
     if missing:
         lines.append("# Missing:")

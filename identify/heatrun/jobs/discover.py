@@ -10,7 +10,7 @@ from pathlib import Path
 from ..attempts import OUTPUT_FAILED, Attempts
 from ..calibration import BenchTest, Calibration, Settings, calibrate, identity, manifest
 from ..discovery.result import assemble
-from ..discovery.run import Discovery, tell
+from ..discovery.run import tell
 from ..errors import InputError
 from ..model.catalogue import all_effects
 from ..model.network_text import network_named, network_text
@@ -32,13 +32,11 @@ class Job:
     """A discovery with its result and its run folder.
 
     Attributes:
-        found: What was found.
         calibration: The network with the effects.
         result: What stands in `discovery.json`.
         path: The run folder.
     """
 
-    found: Discovery
     calibration: Calibration
     result: DiscoveryResult
     path: Path
@@ -139,7 +137,7 @@ def _written(
     work.at("writing", "writing the sheet", 0.6)
     calibration = replace(calibration, result=with_sheet(run, folder))
     path = folder.finish(manifest(calibration, settings))
-    return Job(found, calibration, result, path)
+    return Job(calibration, result, path)
 
 
 def _next(motor: Motor, tests: Sequence[BenchTest]) -> str:

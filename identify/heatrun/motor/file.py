@@ -629,7 +629,7 @@ def _effects(section: Mapping[str, Any], where: str) -> tuple[str, ...]:
         raise InputError(
             f"Expected a list of effects, got {shown(effects)}.",
             where=at,
-            remedy='Write effects = ["speed_cooling"]; the ids stand in the README.',
+            remedy='Write effects = ["speed_cooling"]; the ids stand in docs/motor_file.md.',
         )
     return tuple(effects)
 

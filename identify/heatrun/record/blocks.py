@@ -89,7 +89,6 @@ class Blocks:
         block_s: Length of a block [s].
         rounding_K: Resolution of the readings [K]; 0 if none is seen.
         start_degC: Mean reading over the first block's first few seconds [degC].
-        start_slope: Trend of the reading over the first block [K/s].
         sample_s: Median sampling period [s].
         bodies: Readings of other bodies than the winding.
         fitted: Channels of those whose rows follow the winding's.
@@ -117,7 +116,6 @@ class Blocks:
     block_s: float
     rounding_K: float
     start_degC: float
-    start_slope: float
     sample_s: float
     bodies: tuple[Body, ...] = ()
     fitted: tuple[str, ...] = ()

@@ -89,7 +89,7 @@ def reduce(
     weight, position, count, measured, middle = _observation(
         time[is_read], record["winding_degC"][is_read], edges, shape
     )
-    start, slope = _start(time[is_read], record["winding_degC"][is_read], step * steps_per_block)
+    start = _start(time[is_read], record["winding_degC"][is_read], step * steps_per_block)
     return Blocks(
         name=record.name,
         inputs=inputs,
@@ -101,7 +101,6 @@ def reduce(
         block_s=step * steps_per_block,
         rounding_K=rounding_step(record["winding_degC"][is_read]) or 0.0,
         start_degC=start,
-        start_slope=slope,
         sample_s=sample_s,
         bodies=tuple(_bodies(record, edges, shape)),
         sensor=_column(record, "winding_degC"),
@@ -271,9 +270,8 @@ def _column(record: Record, channel: str) -> str:
     return next((row.column for row in record.mapping if row.channel == channel), "")
 
 
-def _start(time: np.ndarray, reading: np.ndarray, block_s: float) -> tuple[float, float]:
-    """Return the first temperature [degC] and its trend [K/s] from the first block."""
+def _start(time: np.ndarray, reading: np.ndarray, block_s: float) -> float:
+    """Return the first temperature [degC], from the trend of the first block."""
     first = time <= max(time[0] + block_s, time[min(4, time.size - 1)])
     offset = time[first] - time[0]
-    slope, start = np.polyfit(offset, reading[first], 1)
-    return float(start), float(slope)
+    return float(np.polyfit(offset, reading[first], 1)[1])

@@ -2,8 +2,8 @@
 
 Field names are the keys of the files.
 
-Reading, writing and the shipped schemas all follow from these types: `to_json` writes any of
-them, `from_json` reads and checks one, and `python -m heatrun.results.schema` writes the schemas.
+Reading, writing and the schemas all follow from these types: `to_json` writes any of them,
+`from_json` reads and checks one, and `python -m heatrun.results.schema` prints the schemas.
 """
 
 from .discovery import DiscoveryResult as DiscoveryResult

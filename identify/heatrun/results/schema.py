@@ -1,7 +1,6 @@
 """The JSON schemas of `fit.json` and `discovery.json`, generated from the types.
 
-They are shipped beside the types. `python -m heatrun.results.schema` (`make schemas`) writes them
-again after a type was changed; a test compares the two.
+`python -m heatrun.results.schema fit-1.json` prints one, without a name their names.
 """
 
 from __future__ import annotations
@@ -9,8 +8,8 @@ from __future__ import annotations
 import inspect
 import json
 import re
-from collections.abc import Mapping
-from importlib.resources import files
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +36,7 @@ SCHEMAS: Schemas = {
         "discovery.json of heatrun: what `heatrun discover` writes",
     ),
 }
-"""Type and title by name of the file; its number is that of the format."""
+"""Type and title by name of the schema; its number is that of the format."""
 
 
 def schema_of(name: str, schemas: Schemas = SCHEMAS) -> dict[str, Any]:
@@ -45,7 +44,7 @@ def schema_of(name: str, schemas: Schemas = SCHEMAS) -> dict[str, Any]:
 
     Args:
         name: One of them.
-        schemas: Type and title by name of the file; those of another package have its own types.
+        schemas: Type and title by name of the schema; those of another package have its own types.
     """
     kind, title = schemas[name]
     found = msgspec.json.schema(kind)
@@ -64,23 +63,20 @@ def schema_of(name: str, schemas: Schemas = SCHEMAS) -> dict[str, Any]:
     }
 
 
-def schema_text(name: str, schemas: Schemas = SCHEMAS) -> str:
-    """Return a schema as it stands in its file; arguments as `schema_of`."""
-    return json.dumps(schema_of(name, schemas), indent=1, ensure_ascii=False) + "\n"
+def print_schemas(names: Sequence[str], schemas: Schemas = SCHEMAS) -> int:
+    """Print schemas, or the names that there are, and return the exit code.
 
-
-def shipped(name: str, package: str = "heatrun.results") -> dict[str, Any]:
-    """Return a schema as it is shipped beside the types of a package."""
-    file = files(package) / "schemas" / name
-    return json.loads(file.read_text(encoding="utf-8"))
-
-
-def write_schemas(folder: Path, schemas: Schemas = SCHEMAS) -> list[Path]:
-    """Write all schemas into a folder and return their paths."""
-    paths = [folder / name for name in schemas]
-    for path in paths:
-        path.write_text(schema_text(path.name, schemas), encoding="utf-8")
-    return paths
+    Args:
+        names: Of them.
+        schemas: As for `schema_of`.
+    """
+    unknown = [name for name in names if name not in schemas]
+    if unknown or not names:
+        print(*schemas, sep="\n", file=sys.stderr if unknown else sys.stdout)
+        return 2 if unknown else 0
+    for name in names:
+        print(json.dumps(schema_of(name, schemas), indent=1, ensure_ascii=False))
+    return 0
 
 
 def _tidy(definition: dict[str, Any]) -> dict[str, Any]:
@@ -100,5 +96,4 @@ def _tidy(definition: dict[str, Any]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    for path in write_schemas(Path(__file__).with_name("schemas")):
-        print(path)
+    sys.exit(print_schemas(sys.argv[1:]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -174,45 +174,6 @@ def _noise_scores(group: Any, parameter: Parameter) -> np.ndarray:
 def summary(posterior: Posterior) -> Any:
     """Return ArviZ's table of means, intervals and diagnostics."""
     return load_arviz().summary(groups(posterior))
-
-
-def monte_carlo(
-    draws: Mapping[str, Float[np.ndarray, "chain draw"]], probabilities: Sequence[float]
-) -> dict[str, dict[str, tuple[float, float]]]:
-    """Return statistics of chains with their Monte Carlo errors.
-
-    Args:
-        draws: Draws by parameter.
-        probabilities: Of the quantiles.
-
-    Returns:
-        By parameter: `mean`, `sd` and `q2.5` (and so on) as pairs of value and Monte Carlo
-        standard error in the draws' unit; `ess_bulk`, `ess_tail` and `rhat` [1] with error 0.
-
-    Reference: A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Buerkner, Rank-normalization,
-        folding, and localization: an improved R-hat, Bayesian Analysis 16 (2021) 667-718.
-    """
-    arviz = load_arviz()
-    data = arviz.convert_to_dataset(dict(draws))
-    # the error of a sd by way of that of the variance: ArviZ 0.23 fails on it under NumPy 2.4
-    squares = arviz.convert_to_dataset({k: (x - np.mean(x)) ** 2 for k, x in draws.items()})
-    error = {f"q{100 * p:g}": arviz.mcse(data, method="quantile", prob=p) for p in probabilities}
-    error["mean"] = arviz.mcse(data, method="mean")
-    error_of_squares = arviz.mcse(squares, method="mean")
-    verdicts = {
-        "ess_bulk": arviz.ess(data, method="bulk"),
-        "ess_tail": arviz.ess(data, method="tail"),
-        "rhat": arviz.rhat(data),
-    }
-    result = {}
-    for name, x in draws.items():
-        sd = float(np.std(x))
-        values = {"mean": float(np.mean(x))}
-        values |= {f"q{100 * p:g}": float(np.quantile(x, p)) for p in probabilities}
-        result[name] = {key: (value, float(error[key][name])) for key, value in values.items()}
-        result[name]["sd"] = (sd, float(error_of_squares[name]) / (2.0 * sd))
-        result[name] |= {key: (float(found[name]), 0.0) for key, found in verdicts.items()}
-    return result
 
 
 def _netcdf(data: Any) -> bytes:

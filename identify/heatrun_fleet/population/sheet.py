@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 
 from heatrun.reports.figures import save
-from heatrun.reports.pdf import filling_height, typeset
+from heatrun.reports.pdf import typeset
 
 from ..results.population import PopulationResult
 from .sheet_content import type_sheet_content
@@ -32,12 +32,9 @@ def write_type_sheet(result: PopulationResult, path: Path) -> Path:
         "Each machine by its own tests, and given all machines of the type. Long intervals of "
         f"short tests are truncated at the frame.{thinned}"
     )
-    drawn = [each.get_size_inches() for each in type_figures(result)]
-    sizes = [(float(width), float(height)) for width, height in drawn]
-    height = filling_height(TEMPLATE, content, sizes)
     with tempfile.TemporaryDirectory() as name:
         figures = [
             save(figure, Path(name) / f"{number:03d}.png")
-            for number, figure in enumerate(type_figures(result, height))
+            for number, figure in enumerate(type_figures(result))
         ]
         return typeset(TEMPLATE, content, figures, path)

@@ -36,17 +36,12 @@ LONGEST_NAME = 14
 """Letters of a machine's name in the figure."""
 
 
-def type_figures(result: PopulationResult, height: float = 1.0) -> list[Figure]:
-    """Return the figures of all parameters.
-
-    Args:
-        result: The population.
-        height: Share of their usual height [1].
-    """
+def type_figures(result: PopulationResult) -> list[Figure]:
+    """Return the figures of all parameters."""
     names = list(result.parameters)
     shown = shown_machines(result.machines)
     return [
-        _figure(result, names[first : first + PER_FIGURE], shown, height)
+        _figure(result, names[first : first + PER_FIGURE], shown)
         for first in range(0, len(names), PER_FIGURE)
     ]
 
@@ -67,11 +62,10 @@ def _figure(
     result: PopulationResult,
     names: Sequence[str],
     shown: Sequence[PopulationMachine],
-    height: float,
 ) -> Figure:
     has_names = len(shown) <= MOST_NAMES
-    usual_in = 1.3 * len(names) + (1.1 if has_names else 0.6)
-    figure = Figure(figsize=(7.2, height * usual_in), layout="constrained")
+    height_in = 1.3 * len(names) + (1.1 if has_names else 0.6)
+    figure = Figure(figsize=(7.2, height_in), layout="constrained")
     axes = list(figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0])
     for axis, name in zip(axes, names, strict=True):
         _panel(axis, result, name, shown)

@@ -8,8 +8,6 @@ from typing import Literal
 from heatrun.results.discovery import ValueWithInterval
 from heatrun.results.values import Count, NonNegative, Probability
 
-FLEET_DISCOVERY_FORMAT = "heatrun-fleet-discovery/1"
-
 FleetVerdict = Literal[
     "nothing_found", "named", "ambiguous", "instrument", "unexplained", "too_few"
 ]

@@ -1,11 +1,11 @@
 """The JSON schemas of `population.json` and `fleet_discovery.json`, generated from the types.
 
-`python -m heatrun_fleet.results.schema` (`make schemas`) writes them again.
+`python -m heatrun_fleet.results.schema population-1.json` prints one, as `heatrun.results.schema`.
 """
 
-from pathlib import Path
+import sys
 
-from heatrun.results.schema import Schemas, write_schemas
+from heatrun.results.schema import Schemas, print_schemas
 
 from .fleet_discovery import FleetDiscoveryResult
 from .population import PopulationResult
@@ -24,5 +24,4 @@ SCHEMAS: Schemas = {
 
 
 if __name__ == "__main__":
-    for path in write_schemas(Path(__file__).with_name("schemas"), SCHEMAS):
-        print(path)
+    sys.exit(print_schemas(sys.argv[1:], SCHEMAS))

@@ -260,7 +260,6 @@ class SignalComparison:
 
     Attributes:
         channel: The signal.
-        compared_s: Time over which both are known [s].
         bias: Mean difference, weighted by time [unit of the channel, K for temperatures].
         rmse: Root mean square of the difference [the same].
         largest: Largest difference by magnitude, with its sign [the same].
@@ -272,12 +271,10 @@ class SignalComparison:
             without a band.
         energy_kWh: Energy of test and reference over the compared time [kWh]; None for a signal
             that is no power.
-        energy_difference_percent: Of the reference's energy [%]; None where that is none or 0.
         verdict: One of `VERDICTS`.
     """
 
     channel: str
-    compared_s: float
     bias: float
     rmse: float
     largest: float
@@ -287,7 +284,6 @@ class SignalComparison:
     share_inside: float
     share_in_band: float | None
     energy_kWh: tuple[float, float] | None
-    energy_difference_percent: float | None
     verdict: Verdict
 
 
@@ -340,8 +336,9 @@ def _compare(
     known = np.isfinite(ours) & np.isfinite(theirs)
     if np.sum(known) < 2:
         nan = float("nan")
-        return SignalComparison(channel, 0.0, nan, nan, nan, nan, None, tolerance, nan, None,
-                                None, None, "not comparable")  # fmt: skip
+        return SignalComparison(
+            channel, nan, nan, nan, nan, None, tolerance, nan, None, None, "not comparable"
+        )
     time_s, a, b = pair.time_s[known], ours[known], theirs[known]
     steps = bridged_steps(time_s)
     weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
@@ -357,14 +354,12 @@ def _compare(
         with_band = np.isfinite(low) & np.isfinite(high)
         if weight @ with_band > 0.0:
             in_band = float(weight @ ((a >= low) & (a <= high) & with_band) / (weight @ with_band))
-    energy = change = None
+    energy = None
     if channel.endswith("_W"):
         drawn, theirs = (integrate(time_s, values).net / J_PER_KWH for values in (a, b))
         energy = (drawn, theirs)
-        change = 100.0 * (energy[0] - energy[1]) / abs(energy[1]) if energy[1] != 0.0 else None
     return SignalComparison(
         channel=channel,
-        compared_s=float(np.sum(steps)),
         bias=bias,
         rmse=float(np.sqrt(weight @ difference**2)),
         largest=float(difference[worst]),
@@ -374,7 +369,6 @@ def _compare(
         share_inside=share,
         share_in_band=in_band,
         energy_kWh=energy,
-        energy_difference_percent=change,
         verdict="agrees" if share >= INSIDE else "biased" if unbiased >= INSIDE else "differs",
     )
 

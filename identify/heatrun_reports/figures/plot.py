@@ -44,7 +44,7 @@ def stacked(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
     Args:
         heights: Of each panel [in].
     """
-    figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.5), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.4), layout="constrained")
     grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=list(heights))
     return figure, list(grid[:, 0])
 
@@ -148,7 +148,7 @@ def courses(record: Record, motor: Motor) -> Figure:
     full = with_powers(record, motor)
     panels = [[c for c in names if has(full, c)] for names in PANELS]
     panels = [names for names in panels if names]
-    figure, axes = stacked([1.9 if n[0].endswith("_degC") else 1.15 for n in panels])
+    figure, axes = stacked([1.5 if n[0].endswith("_degC") else 0.9 for n in panels])
     for axis, names in zip(axes, panels, strict=True):
         for number, name in enumerate(names):
             line(axis, *samples_or_nan(full, name), wording(name), number)
@@ -173,7 +173,7 @@ def energy_course(record: Record, motor: Motor) -> Figure:
         means = 0.5 * (course[1:] + course[:-1])
         return np.concatenate(([0.0], np.cumsum(means * steps))) / 3600.0
 
-    figure, (top, bottom) = stacked([1.5, 1.7])
+    figure, (top, bottom) = stacked([1.2, 1.35])
     line(top, time_s, values / 1000.0, "electrical power")
     top.axhline(0.0, color="0.6", lw=0.6)
     top.set_ylabel("power [kW]", fontsize=8)
@@ -187,7 +187,7 @@ def energy_course(record: Record, motor: Motor) -> Figure:
 def plane(record: Record, found: OperatingMap | None) -> Figure:
     """Return the torque-speed plane: operating points, and power and efficiency where known."""
     num_panels = 1 if found is None else 3
-    figure = Figure(figsize=(WIDTH_IN, 2.7 if num_panels == 3 else 3.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 2.15 if num_panels == 3 else 2.55), layout="constrained")
     panels = figure.subplots(1, num_panels, sharey=True, squeeze=False)[0]
     time_s, speed, torque = samples(record, "speed_rpm", "torque_Nm")
     order = np.linspace(0, time_s.size - 1, min(time_s.size, 4000)).astype(int)
@@ -241,7 +241,7 @@ def overlay(
 ) -> Figure:
     """Return one signal of both prototypes, and their difference with the tolerance."""
     name = row.channel
-    figure, (top, bottom) = stacked([1.55, 0.85])
+    figure, (top, bottom) = stacked([1.25, 0.7])
     if name in bands:
         top.fill_between(pair.time_s / 60.0, *bands[name], color=CYCLE[0], alpha=0.2, lw=0,
                          label="95 % band of the reference")  # fmt: skip

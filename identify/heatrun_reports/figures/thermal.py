@@ -32,7 +32,7 @@ def temperatures(
         for number, channel in enumerate(behaviour_channels)
         if channel not in NOT_OF_THE_MACHINE and has(record, channel, sink)
     ]
-    figure, (axis, *below) = stacked([2.5, 1.3] if rises else [2.9])
+    figure, (axis, *below) = stacked([2.0, 1.05] if rises else [2.3])
     for number, channel in rises:
         made = Record(record.name, {"time_s": record.time_s, "K": record[channel] - record[sink]})
         line(below[0], *samples_or_nan(made, "K"), wording(channel), number)
@@ -61,7 +61,7 @@ def _continue(
 
 def losses(record: Record, split: LossSplit) -> Figure:
     """Return P_Js and P_ol over time."""
-    figure, (axis,) = stacked([1.9])
+    figure, (axis,) = stacked([1.5])
     for number, (label, values) in enumerate(
         (("P_Js, winding", split.joule_W), ("P_ol, others", split.other_W))
     ):
@@ -75,7 +75,7 @@ def losses(record: Record, split: LossSplit) -> Figure:
 
 def against(simulated: Simulated) -> Figure:
     """Return measured against simulated winding with bands, and the residuals."""
-    figure, (top, bottom) = stacked([2.7, 1.1])
+    figure, (top, bottom) = stacked([2.15, 0.9])
     found = simulated.prediction
     minutes = found.time_s / 60.0
     top.fill_between(minutes, *found.total["95"], color=CYCLE[0], alpha=0.15, lw=0,
@@ -102,7 +102,7 @@ def against(simulated: Simulated) -> Figure:
 
 def flows(simulated: Simulated, labels: dict[tuple[str, str], str]) -> Figure:
     """Return the heat flows of the network over time with their bands."""
-    figure, (axis,) = stacked([1.9])
+    figure, (axis,) = stacked([1.5])
     found = simulated.prediction
     minutes = found.time_s / 60.0
     for number, (link, flow) in enumerate(found.flows.items()):

@@ -24,7 +24,7 @@ PAIR_COLOURS = (6, 3, 4, 7, 5)
 
 def overlay(found: Confrontation, motor: Motor, channel: str) -> Figure:
     """Return one signal of all prototypes on one clock, and the differences of the pairs."""
-    figure, (top, bottom) = stacked([1.55, 0.95])
+    figure, (top, bottom) = stacked([1.25, 0.75])
     for number, prototype in enumerate(found.prototypes):
         record = _in_window(found, prototype.role, with_powers(prototype.record, motor))
         if not has(record, channel):
@@ -51,7 +51,7 @@ def overlay(found: Confrontation, motor: Motor, channel: str) -> Figure:
 
 def networks(found: Confrontation) -> Figure:
     """Return each measured winding with the prediction of the network, and the difference."""
-    figure, (top, bottom) = stacked([2.4, 1.2])
+    figure, (top, bottom) = stacked([1.9, 0.95])
     channel = "winding_degC"
     roles = [prototype.role for prototype in found.prototypes]
     bottom.axhline(0.0, color="0.6", lw=0.6)

@@ -1,0 +1,91 @@
+"""The documents lead where they say: links, places in the code, measured numbers."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+from pathlib import Path
+from pkgutil import resolve_name
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent / "studies"))
+
+from studies import STUDIES
+
+ROOT = Path(__file__).parents[1]
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md", "VISION.md")),
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "results").glob("*/README.md")),
+]
+ON_THE_CODE = [ROOT / "CONTRIBUTING.md", ROOT / "docs" / "road.md"]
+
+
+def in_words(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def anchors(page: Path) -> set[str]:
+    """The names by which headings are linked to."""
+    heads = re.findall(r"^#+ (.+)$", page.read_text("utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=in_words)
+def test_every_link_leads_somewhere(page):
+    links = re.findall(r"\]\(([^)\s]+)\)", page.read_text("utf-8"))
+    broken = []
+    for link in links:
+        if re.match(r"https?:", link):
+            continue
+        name, _, anchor = link.partition("#")
+        target = page.parent / name if name else page
+        if not target.exists() or (anchor and anchor not in anchors(target)):
+            broken.append(link)
+    assert not broken
+
+
+@pytest.mark.parametrize("page", ON_THE_CODE, ids=in_words)
+def test_every_place_in_the_code_is_there(page):
+    text = page.read_text("utf-8")
+    names = set(re.findall(r"(?<![\w/])(?:heatrun(?:_\w+)?|lptn)(?:\.\w+)+", text))
+    paths = set(re.findall(r"(?<=`)(?:identify|models|tests|data|results)/[^`]+(?=`)", text))
+    assert len(names) > 10
+    lost = [path for path in paths if not (ROOT / path).exists()]
+    for name in names:
+        try:
+            resolve_name(name)
+        except (ImportError, AttributeError):
+            lost.append(name)
+    assert not lost
+
+
+@pytest.mark.parametrize("page", PAGES, ids=in_words)
+def test_every_make_target_is_there(page):
+    said = set(re.findall(r"(?<=`make )[a-z][a-z-]*", page.read_text("utf-8")))
+    targets = set(re.findall(r"^([a-z-]+)\b.*:", (ROOT / "Makefile").read_text("utf-8"), re.M))
+    assert said <= targets | {f"study-{name}" for name in STUDIES}
+
+
+def test_every_script_of_a_study_is_there():
+    scripts = [shlex.split(each)[0] for study in STUDIES.values() for each in study.scripts]
+    assert all(script == "-m" or (ROOT / script).is_file() for script in scripts)
+
+
+def test_the_figures_of_the_readme_are_those_of_the_tables():
+    rows = re.findall(r"^\| .*\]\((results/\w+/table\.md)\).*?\| (.*?) \|", readme(), re.M)
+    assert len(rows) == 6
+    for table, said in rows:
+        text = (ROOT / table).read_text("utf-8")
+        # "9 of 206" in one piece where the table has it so, number by number where it has columns
+        for figure in re.findall(r"\d+ of \d+|\d+\.\d %", said):
+            parts = [figure] if figure in text else figure.split(" of ")
+            assert all(re.search(rf"(?<!\d){re.escape(part)}(?!\d)", text) for part in parts), (
+                figure
+            )
+
+
+def readme() -> str:
+    return (ROOT / "README.md").read_text("utf-8")
