@@ -81,9 +81,10 @@ audit: $(VENV)/ready
 notebooks: $(VENV)/ready
 	$(BIN)/pytest -n auto tests/test_notebooks.py $(if $(NOTEBOOKS),-k "$(NOTEBOOKS)")
 
-# The reference page of the motor file, from the meanings of its keys.
+# The reference pages of the motor file and of the findings, from the meanings in the code.
 docs: $(VENV)/ready
 	$(BIN)/python -m heatrun.motor.keys docs/motor_file.md
+	$(BIN)/python -m heatrun.record.findings docs/findings.md
 
 # Hashes for every platform and Python from 3.11 on, no index addresses.
 lock:

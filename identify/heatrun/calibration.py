@@ -257,10 +257,8 @@ def calibrate(
         )
         if asked is not None:
             seen += asked_findings(asked, is_plain=is_plain)
-        return _Outcome(
-            posterior, predicted, described, seen + attempts.findings, sampling_s,
-            asked, screened,
-        )  # fmt: skip
+        seen = [replace(each, network=name) for each in [*seen, *attempts.findings]]
+        return _Outcome(posterior, predicted, described, seen, sampling_s, asked, screened)
 
     outcomes = dict(zip(names, at_once(one, models), strict=True))
     posteriors = {name: outcome.posterior for name, outcome in outcomes.items()}

@@ -157,7 +157,7 @@ def test_a_network_that_lacks_something_is_restricted(result):
     said = headline(replace(result, findings=(lack,)))
     assert said.use == "restricted"
     assert any("lacks something that the tests show" in reason for reason in said.reasons)
-    other = Finding("missing_effect", "warning", "the first-order network is incomplete")
+    other = replace(lack, network="first")
     assert headline(replace(result, findings=(other,))).use == "usable"
 
 
@@ -222,7 +222,7 @@ def test_names_stand_on_page_1_to_the_letter(result, tmp_path):
                                                      ("second", "Ceq_w", "Ceq ")])  # fmt: skip
 def test_the_network_that_lost_is_not_on_the_pages(result, tmp_path, order, own, other):
     """One line says how sure the choice is; findings about the other network are left out."""
-    lacks = [Finding("misfit", "warning", f"the {each}-order network is incomplete")
+    lacks = [Finding("misfit", "warning", f"the {each}-order network is incomplete", network=each)
              for each in ("first", "second")]  # fmt: skip
     chosen = replace(result, verdict=replace(result.verdict, order=order), findings=tuple(lacks))
     text = " ".join(pages(chosen, Certificate(), tmp_path))

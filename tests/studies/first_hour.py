@@ -34,7 +34,7 @@ from heatrun.io.quantities import quantity, rounded
 from heatrun.reports.printed import format_interval, printed
 from heatrun.results import FitResult, from_json
 from heatrun.results.model import FittedParameter
-from heatrun.runs.verdict import concerns, favoured
+from heatrun.runs.verdict import concerns
 
 TRUTH = Path(__file__).parents[2] / "data" / "synthetic" / "truth.json"
 
@@ -121,9 +121,8 @@ def run(kind: str, folder: Path) -> dict[str, Any]:
     )
     row["rmse_K"] = fit["models"]["second"]["residuals"][0]["rmse_K"]
     result = from_json(content, FitResult, "fit.json", "the run")
-    certified = result.models[favoured(result)]
     row["findings"] = sorted({each.id for each in result.findings if each.severity == "warning"
-                              and concerns(each, result, certified)})  # fmt: skip
+                              and concerns(each, result)})  # fmt: skip
     row["written"] = sorted(path.name for path in out.iterdir() if path.is_file())
     return row
 

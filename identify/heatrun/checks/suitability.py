@@ -19,24 +19,13 @@ from dataclasses import dataclass, replace
 from ..io.own_files import is_simulated
 from ..io.quantities import rounded
 from ..io.toml_text import table_header
+from ..record.findings import FINDINGS, with_doubt
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 
 SIMULATED = "simulated_by_heatrun"
 
-DOUBTS = {
-    SIMULATED: "it was simulated by heatrun, not measured",
-    "unit_suspected": "a column may be in another unit",
-    "units_temperature": "a temperature may be in another unit",
-    "losses_absurd": "its losses are beyond those of known machines",
-    "losses_below_copper": "its losses are at times below the copper loss",
-    "current_amplitude": "its current may be an amplitude",
-    "current_maybe_amplitude": "its current may be an amplitude",
-    "current_maybe_rms": "its d and q currents may be rms values",
-    "columns_disagree": "two of its columns disagree",
-    "column_used_twice": "one column stands for two channels",
-    "ambient_implausible": "its sink temperature is unusual",
-}
+DOUBTS = {id: FINDINGS[id].said for id in with_doubt("parameters", "inputs") if FINDINGS[id].said}
 """Id to what is in doubt, said of the record."""
 
 
@@ -54,10 +43,7 @@ def doubts(findings: Sequence[Finding]) -> dict[str, list[str]]:
     return found
 
 
-WEAK = {
-    "too_short": "it is too short for the slow time constant",
-    "single_step": "it holds a single load step",
-}
+WEAK = {id: kind.said for id, kind in FINDINGS.items() if kind.said and not kind.doubt}
 """Warnings after which the second order is calibrated, and its stator parameters stay uncertain."""
 
 LONGEST_REASON = 140

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from msgspec import UNSET, UnsetType
 
 Severity = Literal["error", "warning", "note"]
 
@@ -27,6 +28,7 @@ class Finding:
         test: Name of the record, empty if the finding concerns none in particular.
         values: Figures behind the message by name with unit suffix, for `--json`; None for one
             that was not finite, where the finding was read back.
+        network: Name of the network that it is about, unset if it is about none in particular.
     """
 
     id: str
@@ -36,6 +38,7 @@ class Finding:
     remedy: str = ""
     test: str = ""
     values: Mapping[str, int | float | None] = field(default_factory=dict)
+    network: str | UnsetType = UNSET
 
     def sentence(self) -> str:
         """Return the finding as one line of text."""

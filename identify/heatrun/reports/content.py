@@ -38,7 +38,7 @@ def sheet_content(
     certificate = certificate or Certificate()
     say = say or Texts(certificate.language or LANGUAGES[0])
     model = result.models[favoured(result)]
-    own = [each for each in result.findings if concerns(each, result, model)]
+    own = [each for each in result.findings if concerns(each, result)]
     own.sort(key=lambda each: GRAVITY[each.severity])
     graver = [each for each in own if each.severity != "note"]
     columns = [(clean(names), rows, _assumed(rows)) for names, rows in grouped(result.tests)]

@@ -83,7 +83,7 @@ def result_text(result: FitResult, run: str = "RUN", *, verbose: bool = False) -
         lines += _rest(result)
     else:
         warnings = (f for f in result.findings if f.severity != "note")
-        ids = list(dict.fromkeys(f.id for f in warnings if concerns(f, result, model)))
+        ids = list(dict.fromkeys(f.id for f in warnings if concerns(f, result)))
         told = f"warnings ({', '.join(ids)}), " if ids else ""
         lines.append(f"With -v: {told}all networks, how each column was read.")
     return "\n".join(printable(line) for text in lines for line in text.split("\n"))

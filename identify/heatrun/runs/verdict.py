@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..attempts import FAILED
-from ..checks.suitability import DOUBTS, SIMULATED, doubts
+from ..checks.suitability import SIMULATED, doubts
 from ..io.quantities import clean, rounded
+from ..record.findings import ORDER, with_doubt
 from ..record.record import Finding
 from ..results import FitResult
 from ..results.model import FittedModel, FittedParameter, UseVerdict
+from ..results.values import known
 
 USES: dict[str, str] = {
     "Ceq": "warm-up and time to a limit",
@@ -33,17 +35,16 @@ NOT_FOLLOWED = 0.05
 """RMSE of a fitted test over the rise of its winding from which on a network does not follow it
 [1]; in a good fit it is some thousandths."""
 
-INCOMPLETE = ("misfit", "missing_effect", "effects_left_out", "effect_ambiguous")
+INCOMPLETE = with_doubt("network")
 """Findings that the tests show more than the network has, or do not tell what it is."""
 
 TAKEN_UP = ("instrument_beyond_prior", "prior_conflict")
 """Findings that a parameter stands where nobody expects it."""
 
-BEFORE_PARAMETERS = ("not_converged", SIMULATED, *TAKEN_UP)
+BEFORE_PARAMETERS = with_doubt("parameters")
 """Findings that leave no parameter to be used."""
 
-DECIDING = (*BEFORE_PARAMETERS, *DOUBTS, FAILED, *INCOMPLETE, "sampling_not_converged",
-            "holdout_outside_band")  # fmt: skip
+DECIDING = with_doubt(*filter(None, ORDER))
 """Findings that restrict the use of a result, the gravest first."""
 
 BEYOND = 3.0
@@ -68,7 +69,7 @@ def headline(result: FitResult) -> UseVerdict:
     lost = [name for name, entry in free.items() if entry.identifiability == "not identifiable"]
     weak = [name for name, entry in free.items() if entry.identifiability == "weak"]
     reasons = (
-        *restrictions(result), *against_others(result), *_warnings(result, model),
+        *restrictions(result), *against_others(result), *_warnings(result),
         *_accuracy(model), *_given(model),
     )  # fmt: skip
     if model.result != "converged":
@@ -85,7 +86,7 @@ def headline(result: FitResult) -> UseVerdict:
             "the parameters of that simulation, not of a machine.",
             reasons,
         )
-    astray = _not_followed(result, model) or _taken_up(result, model)
+    astray = _not_followed(result, model) or _taken_up(result)
     if astray:
         return UseVerdict("not usable", f"{title}. {astray}", reasons)
     if lost:
@@ -105,10 +106,8 @@ def headline(result: FitResult) -> UseVerdict:
             f"{_uses(weak)}.",
             reasons,
         )
-    is_restricted = (
-        not model.posterior.is_sound or bool(_inputs(result)) or _unjudged(result, model)
-    )
-    if is_restricted or _fails_held_out(model) or _lacks(result, model):
+    is_restricted = not model.posterior.is_sound or bool(_inputs(result)) or _unjudged(result)
+    if is_restricted or _fails_held_out(model) or _lacks(result):
         return UseVerdict(
             "restricted",
             f"{title}. All {len(free)} parameters are identified, with the restrictions below.",
@@ -129,8 +128,7 @@ def restrictions(result: FitResult) -> list[str]:
 
 def deciding(result: FitResult) -> list[Finding]:
     """Return the findings that restrict the use of the favoured network, the gravest first."""
-    model = result.models[favoured(result)]
-    found = [f for f in result.findings if f.severity != "note" and concerns(f, result, model)]
+    found = [f for f in result.findings if f.severity != "note" and concerns(f, result)]
     ranks = {id: rank for rank, id in enumerate(DECIDING)}
     return sorted((f for f in found if f.id in ranks), key=lambda finding: ranks[finding.id])
 
@@ -144,9 +142,9 @@ def judged(result: FitResult) -> FitResult:
     Args:
         result: With all its findings.
     """
-    model = result.models[favoured(result)]
-    because = _taken_up(result, model)
+    because = _taken_up(result)
     if because:
+        model = result.models[favoured(result)]
         entries = {
             name: replace(entry, identifiability="weak", why=because)
             if entry.identifiability == "identified"
@@ -165,12 +163,12 @@ def _title(model: FittedModel) -> str:
     return f"{model.title.capitalize()}{' with ' if listed else ''}{listed}"
 
 
-def _taken_up(result: FitResult, model: FittedModel) -> str:
+def _taken_up(result: FitResult) -> str:
     """Return which parameter stands far from its prior, as a sentence; empty if none does."""
     far = [
         (abs(score), finding)
         for finding in result.findings
-        if finding.id in TAKEN_UP and concerns(finding, result, model)
+        if finding.id in TAKEN_UP and concerns(finding, result)
         if abs(score := finding.values.get("prior_sd") or 0.0) > BEYOND
     ]
     if not far:
@@ -253,16 +251,15 @@ def _not_followed(result: FitResult, model: FittedModel) -> str:
     return ""
 
 
-def _lacks(result: FitResult, model: FittedModel) -> bool:
+def _lacks(result: FitResult) -> bool:
     return any(
-        f.id in INCOMPLETE and f.severity != "note" and concerns(f, result, model)
-        for f in result.findings
+        f.id in INCOMPLETE and f.severity != "note" and concerns(f, result) for f in result.findings
     )
 
 
-def _unjudged(result: FitResult, model: FittedModel) -> bool:
+def _unjudged(result: FitResult) -> bool:
     """Return whether a step that judges the result failed."""
-    return any(f.id == FAILED and concerns(f, result, model) for f in result.findings)
+    return any(f.id == FAILED and concerns(f, result) for f in result.findings)
 
 
 def _doubts(result: FitResult, model: FittedModel) -> list[str]:
@@ -275,18 +272,18 @@ def _doubts(result: FitResult, model: FittedModel) -> list[str]:
         )
     if not model.posterior.is_sound:
         words.append("The intervals are indicative: the diagnostics of the sampling are not met.")
-    if _lacks(result, model):
+    if _lacks(result):
         words.append(
             "The network lacks something that the tests show: its intervals are wider for it, and "
             "`heatrun discover` searches for what it is."
         )
-    if _unjudged(result, model):
+    if _unjudged(result):
         words.append("A step that judges the result failed: it may be worse than it looks.")
     return words
 
 
-def _warnings(result: FitResult, model: FittedModel) -> list[str]:
-    warnings = [f for f in result.findings if f.severity != "note" and concerns(f, result, model)]
+def _warnings(result: FitResult) -> list[str]:
+    warnings = [f for f in result.findings if f.severity != "note" and concerns(f, result)]
     number = "1 warning" if len(warnings) == 1 else f"{len(warnings)} warnings"
     return [f"{number} of the checks: see Findings."] if warnings else []
 
@@ -305,11 +302,9 @@ def against_others(result: FitResult) -> list[str]:
     return [f"Chance that the {other} describes the fitted tests better: {spoken}."]
 
 
-def concerns(finding: Finding, result: FitResult, model: FittedModel) -> bool:
-    """Return whether a finding is not about another network than this one alone."""
-    text = f"{finding.where} {finding.message}".replace("-", " ").casefold()
-    others = [each.title for each in result.models.values() if each.title != model.title]
-    return model.title in text or not any(title in text for title in others)
+def concerns(finding: Finding, result: FitResult) -> bool:
+    """Return whether a finding is not about another network than the one that is stated."""
+    return known(finding.network) in (None, favoured(result))
 
 
 def _given(model: FittedModel) -> list[str]:
