@@ -83,7 +83,7 @@ notebooks: $(VENV)/ready
 
 # The reference page of the motor file, from the meanings of its keys.
 docs: $(VENV)/ready
-	$(BIN)/python -m heatrun.motor_keys docs/motor_file.md
+	$(BIN)/python -m heatrun.motor.keys docs/motor_file.md
 
 # Hashes for every platform and Python from 3.11 on, no index addresses.
 lock:

@@ -26,7 +26,7 @@ from .version import __version__ as __version__
 if TYPE_CHECKING:
     from .api import Found, calibrate, check, compare, discover, simulate
     from .errors import InputError
-    from .motorfile import load_motor
+    from .motor.file import load_motor
     from .runs.run import Run, open_run
 
 __all__ = [
@@ -44,7 +44,7 @@ __all__ = [
 
 _PLACES = {
     "InputError": ".errors",
-    "load_motor": ".motorfile",
+    "load_motor": ".motor.file",
     "Run": ".runs.run",
     "open_run": ".runs.run",
 }

@@ -9,25 +9,26 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import pandas as pd
 
-from .bench import Finding
-from .bench.checks import check_record
-from .bench.joined import read_test, read_tests
-from .calibration import BenchTest, load_tests
-from .inference.catalogue import all_effects, known_effects
-from .inference.networks import NetworkForm, network_named, networks_of, pair_of
-from .jobs import calibrate_into, discover_into
-from .motor import Motor
-from .motorfile import load_motor
+from .calibration import BenchTest, Method, Settings, load_tests
+from .checks import check_record
+from .jobs.calibrate import Place, calibrate_into
+from .jobs.discover import discover_into
+from .model.catalogue import all_effects, known_effects
+from .model.network_form import NetworkForm
+from .model.network_text import network_named, networks_of, pair_of
+from .motor.file import load_motor
+from .readers.joined import read_test, read_tests
+from .record.motor import Motor
+from .record.record import Finding
 from .results import DiscoveryResult
 from .runs.run import Run, open_run
 from .simulation import read_parameters, simulate_values
 
 Files = Sequence[str | Path] | str | Path
-Method = Literal["emcee", "quick"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,10 +123,11 @@ def calibrate(
         model = networks_of(model)
     networks = (model,) if isinstance(model, NetworkForm) else tuple(model)
     with _folder(out) as (folder, is_kept):
-        _, path = calibrate_into(
-            folder, machine, read, networks, effects=known_effects(machine, ",".join(effects)),
-            method=method, seed=seed, command="heatrun.calibrate", is_replacing=force,
+        settings = Settings(
+            networks=networks, effects=known_effects(machine, ",".join(effects)), method=method,
+            seed=seed, command="heatrun.calibrate",
         )  # fmt: skip
+        _, path = calibrate_into(Place(folder, is_replacing=force), machine, read, settings)
         return _opened(path, is_kept)
 
 
@@ -200,10 +202,11 @@ def discover(
         form = network_named(model)
     files = [Path(file) for file in own_effects]
     with _folder(out) as (folder, is_kept):
-        job = discover_into(
-            folder, machine, read, form, kinds=all_effects(files), known=known, files=files,
-            method=method, seed=seed, command="heatrun.discover", is_replacing=force,
+        settings = Settings(
+            networks=(form,), effects=known, kinds=all_effects(files), files=files, method=method,
+            seed=seed, command="heatrun.discover",
         )  # fmt: skip
+        job = discover_into(Place(folder, is_replacing=force), machine, read, settings)
         return Found(_opened(job.path, is_kept))
 
 

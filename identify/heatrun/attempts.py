@@ -27,8 +27,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .bench.record import Finding
 from .errors import InputError, UsageError
+from .record.record import Finding
 
 NUM_ROWS = 20_000
 """Rows of the check: of so many, 3616 come out wrong. Of 16 384 or fewer, and of 48 000 or more,

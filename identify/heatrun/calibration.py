@@ -13,34 +13,36 @@ from typing import Any, Literal
 from lptn.effects import AbstractEffect
 
 from .attempts import Attempts
-from .bench import Finding, Record
-from .bench.blocks import Blocks
-from .bench.checks import check_record, current_scale_unchecked
-from .bench.checks.suitability import as_holdout
-from .bench.joined import read_tests
-from .bench.load_moments import with_load_moments
-from .bench.reduction import reduce
+from .checks import check_record, current_scale_unchecked
+from .checks.load_moments import with_load_moments
+from .checks.suitability import as_holdout
 from .effects.found import Found, asked_findings, find
 from .effects.missing import Missing, averaged, missing, missing_finding
 from .errors import InputError, did_you_mean
-from .inference.fitting.fit import fit
-from .inference.fitting.fit_checks import fit_findings, holding_heat
-from .inference.fitting.fit_result import Fit
-from .inference.fitting.identifiability import check_reduction
-from .inference.fitting.test_to_test import changes_finding, fit_with_changes
-from .inference.kernels import at_once
-from .inference.model import Model
-from .inference.networks import NetworkForm
-from .inference.posterior import Posterior, normal_draws, sample
-from .inference.predict import Prediction, predict, unpredicted
-from .inference.problem import Problem
+from .fit.fit import fit
+from .fit.fit_result import Fit
 from .io.whole_files import moment
-from .motor import Motor
+from .model.kernels import at_once
+from .model.model import Model
+from .model.network_form import NetworkForm
+from .model.problem import Problem
+from .posterior.fit_checks import fit_findings, holding_heat
+from .posterior.identifiability import check_reduction
+from .posterior.posterior import Posterior, normal_draws, sample
+from .posterior.predict import Prediction, predict, unpredicted
+from .posterior.test_to_test import changes_finding, fit_with_changes
+from .readers.joined import read_tests
+from .record.blocks import Blocks
+from .record.motor import Motor
+from .record.record import Finding, Record
+from .record.reduction import reduce
 from .results.model import DescribedTest, FitResult, FittedModel
 from .results.values import Role
 from .runs.result import assemble, describe_model, describe_test
 from .runs.run_folder import RunFolder, environment
 from .work import SILENT, Work
+
+Method = Literal["emcee", "quick"]
 
 
 class Refused(Exception):
@@ -126,47 +128,65 @@ def _reduced(record: Record, motor: Motor, role: str) -> Blocks:
     return with_load_moments(blocks, record, motor) if role == "calibration" else blocks
 
 
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What is asked of a calibration or a discovery, beside the machine and its tests.
+
+    Attributes:
+        networks: What is calibrated, the simpler first: by name, TOML file or form.
+        effects: Known effects that each of them has.
+        kinds: Effects that the last of them may lack; None for the catalogue and installed ones,
+            as far as a calibration goes into them.
+        files: Python files that some of the effects came from.
+        method: Sampler, as `heatrun.posterior.posterior.sample`.
+        seed: Random seed.
+        duties: Ratings asked for, as `heatrun.runs.ratings_figures.derive`.
+        command: As it is to stand in the result.
+        is_plain: Whether the last network stays without the effects that the tests ask for.
+    """
+
+    networks: Sequence[str | NetworkForm]
+    effects: tuple[type[AbstractEffect], ...] = ()
+    kinds: Sequence[type[AbstractEffect]] | None = None
+    files: Sequence[Path] = ()
+    method: Method = "emcee"
+    seed: int = 0
+    duties: Sequence[str] = ()
+    command: str = ""
+    is_plain: bool = False
+
+
 def calibrate(
     motor: Motor,
     tests: Sequence[BenchTest],
+    settings: Settings,
     *,
-    networks: Sequence[str | NetworkForm] = ("first", "second"),
-    effects: tuple[type[AbstractEffect], ...] = (),
-    kinds: Sequence[type[AbstractEffect]] | None = None,
-    method: Literal["emcee", "quick"] = "emcee",
-    seed: int = 0,
-    command: str = "",
-    duties: Sequence[str] = (),
-    is_plain: bool = False,
     folder: RunFolder | None = None,
     work: Work = SILENT,
 ) -> Calibration:
-    """Calibrate a motor's network on tests.
+    """Calibrate a motor's networks on tests.
 
     Args:
         motor: The machine.
         tests: From `load_tests`.
-        networks: Networks to calibrate, by name or TOML file.
-        effects: Known effects that each of them has.
-        kinds: Effects that the last of them may lack; by default the catalogue and installed ones.
-        method: Sampler, as `heatrun.inference.posterior.sample`.
-        seed: Random seed.
-        duties: Ratings asked for, as `heatrun.ratings.figures.derive`.
-        command: As it is to stand in the result.
-        is_plain: Whether the last network stays without the effects that the tests ask for.
+        settings: What is asked.
         folder: Where checkpoints go; None for none.
         work: Told how far it is, by the thread that does it; as `heatrun.work.work_of_calibration`.
 
     Raises:
         InputError: If something that the model needs is not given.
     """
+    kinds, seed, is_plain = settings.kinds, settings.seed, settings.is_plain
     fitted = [test.blocks for test in tests if test.role == "calibration"]
     predicted_only = [test.blocks for test in tests if test.role != "calibration"]
     findings = [finding for test in tests for finding in test.findings]
     findings += current_scale_unchecked(motor, [test.record for test in tests])
 
     roles: list[Role] = [test.role for test in tests]
-    models = [Model.of(network, motor, effects).scaled(motor, fitted) for network in networks]
+    models = [
+        Model.of(network, motor, settings.effects).scaled(motor, fitted)
+        for network in settings.networks
+    ]
     names = [model.name for model in models]
     if len(set(names)) < len(names):
         raise InputError(
@@ -206,7 +226,7 @@ def calibrate(
             work.at((name, "sample"), f"{model.title}: {sentence}", 0.9 * share)
 
         begun = time.monotonic()
-        posterior = _sampled(found, screened, method, seed, folder, report, attempts)
+        posterior = _sampled(found, screened, settings, folder, report, attempts)
         sampling_s = time.monotonic() - begun
         work.done((name, "sample"), f"{model.title}: predicting the tests")
         predicted = [
@@ -221,7 +241,9 @@ def calibrate(
             for test in tests
         ]
         undecided = {} if asked is None or is_plain else asked.undecided(seed=seed)
-        described = describe_model(posterior, predicted, roles, duties, attempts, undecided)
+        described = describe_model(
+            posterior, predicted, roles, settings.duties, attempts, undecided
+        )
         work.done((name, "predict"), f"{model.title}: done")
         seen = [*found.findings, *_sampling_findings(posterior)]
         if screened is not None:
@@ -250,7 +272,9 @@ def calibrate(
     work.done("reduction")
     described = {name: outcome.described for name, outcome in outcomes.items()}
     findings += [*found, *attempts.findings]
-    result = assemble(motor, rows, findings, described, predictions, command=command, seed=seed)
+    result = assemble(
+        motor, rows, findings, described, predictions, command=settings.command, seed=seed
+    )
     final = outcomes[names[-1]]
     in_model = () if final.asked is None or is_plain else final.asked.ids
     result = replace(result, effects=in_model)
@@ -324,8 +348,7 @@ def _fit_findings(
 def _sampled(
     found: Fit,
     screened: Missing | None,
-    method: Literal["emcee", "quick"],
-    seed: int,
+    settings: Settings,
     folder: RunFolder | None,
     progress: Callable[[str, float], None],
     attempts: Attempts,
@@ -333,6 +356,7 @@ def _sampled(
     """Return the posterior of a fit, averaged over the effects that its network may miss."""
     name, title = found.problem.model.name, found.problem.model.title
     checkpoints = None if folder is None else folder.checkpoints / name
+    method, seed = settings.method, settings.seed
 
     posterior = attempts.of(
         "the sampling of the posterior",
@@ -395,12 +419,12 @@ def identity(motor: Motor, tests: Sequence[BenchTest], **settings: Any) -> dict[
     }
 
 
-def manifest(calibration: Calibration, command: str, seed: int) -> dict[str, Any]:
+def manifest(calibration: Calibration, settings: Settings) -> dict[str, Any]:
     """Return what a run folder's manifest says."""
     return {
         "format": "heatrun-run/1",
-        "command": command,
-        "seed": seed,
+        "command": settings.command,
+        "seed": settings.seed,
         "date": moment().isoformat(timespec="seconds"),
         "platform": platform.system(),
         "inputs": [

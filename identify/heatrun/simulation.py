@@ -19,24 +19,27 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from .bench import Record, read_raw, read_record, require
-from .bench.blocks import Blocks
-from .bench.checks.samples import needed_channels
-from .bench.joined import read_test
-from .bench.readers.open_file import read_start
 from .errors import InputError
-from .inference.catalogue import known_effects
-from .inference.model import Model
-from .inference.model_parameters import override_names, parameters
-from .inference.networks import NetworkForm, network_named
-from .inference.parameters import effect_names
-from .inference.posterior import NUM_NOISE, Draws
-from .inference.predict import Prediction, of_test, predict
-from .inference.virtual import reduce_driven, refuse_coarse_steps, refuse_runaway, virtual_record
 from .io.file_set import together
+from .io.open_file import read_start
 from .io.toml_text import LARGEST_BYTES, parse_toml
 from .io.whole_files import is_other, numbered, refuse_replacing, writable, write_whole
-from .motor import Motor, ParameterOverride
+from .model.catalogue import known_effects
+from .model.draws import NUM_NOISE, Draws
+from .model.model import Model
+from .model.model_parameters import override_names, parameters
+from .model.network_form import NetworkForm
+from .model.network_text import network_named
+from .model.parameters import effect_names
+from .posterior.predict import Prediction, of_test, predict
+from .posterior.virtual import reduce_driven, refuse_coarse_steps, refuse_runaway, virtual_record
+from .readers.channel_map import require
+from .readers.joined import read_test
+from .readers.read import read_raw, read_record
+from .record.blocks import Blocks
+from .record.motor import Motor, ParameterOverride
+from .record.record import Record
+from .record.samples import needed_channels
 from .runs.run import open_run
 
 if TYPE_CHECKING:
@@ -108,7 +111,7 @@ def read_driven(path: Path, motor: Motor) -> Record:
     """Read a test whose current, losses and sink drive a model.
 
     Args:
-        path: As `heatrun.bench.joined.read_test`.
+        path: As `heatrun.readers.joined.read_test`.
         motor: How its bench measures.
 
     Raises:

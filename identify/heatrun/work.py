@@ -211,7 +211,7 @@ def work_of_calibration(
     Args:
         networks: Names of the networks, in order.
         num_tests: Number of tests [1].
-        method: As `heatrun.inference.posterior.sample`.
+        method: As `heatrun.posterior.posterior.sample`.
         progress: As `Work`.
     """
     parts: dict[Hashable, float] = {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from heatrun.inference.networks import NetworkForm
+from heatrun.model.network_form import NetworkForm
 
 from .cluster import Workers
 from .fleet_file import load_fleet

@@ -12,12 +12,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from heatrun.bench.joined import files_of
-from heatrun.bench.readers.open_file import digest
-from heatrun.bench.record import Finding
 from heatrun.errors import InputError
-from heatrun.inference.networks import NetworkForm
-from heatrun.inference.networks.text import network_text
+from heatrun.io.open_file import digest
+from heatrun.model.network_form import NetworkForm
+from heatrun.model.network_text import network_text
+from heatrun.readers.joined import files_of
+from heatrun.record.record import Finding
 from heatrun.results.json_text import to_json
 
 from .entries import Entry

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from heatrun.bench.readers.open_file import read_start
-from heatrun.bench.record import Finding
 from heatrun.errors import InputError, did_you_mean
+from heatrun.io.open_file import read_start
+from heatrun.record.record import Finding
 
 ROLES = ("calibration", "holdout")
 

@@ -22,10 +22,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from heatrun.bench.readers.open_file import read_start
 from heatrun.errors import InputError
-from heatrun.inference.networks import NetworkForm, network_named
+from heatrun.io.open_file import read_start
 from heatrun.io.toml_text import LARGEST_BYTES, check_keys, parse_toml, shown, text_of
+from heatrun.model.network_form import NetworkForm
+from heatrun.model.network_text import network_named
 
 from .entries import ALIASES, COLUMNS, Entry, Row, cell_text, check_columns, gathered, read_manifest
 
@@ -215,6 +216,6 @@ def _texts(fleet: Mapping[str, Any], key: str, where: str) -> tuple[str, ...]:
 
 
 def _sha256(path: Path) -> str:
-    from heatrun.bench.readers.open_file import digest
+    from heatrun.io.open_file import digest
 
     return digest(path)

@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from heatrun.bench.blocks import Blocks
-from heatrun.bench.checks import current_scale_unchecked
-from heatrun.bench.record import Finding
 from heatrun.calibration import BenchTest, Refused, load_tests, refuse_unplaced_bodies
+from heatrun.checks import current_scale_unchecked
 from heatrun.errors import InputError
-from heatrun.inference.catalogue import known_effects
-from heatrun.inference.fitting.fit_result import RESULT, Fit
-from heatrun.inference.model import Model
-from heatrun.inference.posterior import Draws
-from heatrun.inference.predict import predict
-from heatrun.inference.problem import Problem
-from heatrun.motor import Motor
-from heatrun.motorfile import load_motor
+from heatrun.fit.fit_result import RESULT, Fit
+from heatrun.model.catalogue import known_effects
+from heatrun.model.draws import Draws
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.motor.file import load_motor
+from heatrun.posterior.predict import predict
+from heatrun.record.blocks import Blocks
+from heatrun.record.motor import Motor
+from heatrun.record.record import Finding
 
 from .batches import Batch, digest_or_none, files_by_role, resolved
 from .entries import Entry

@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from heatrun.bench.record import Finding
-from heatrun.inference.fitting.fit_result import RESULT, Fit
-from heatrun.inference.noise import noise_parameters
+from heatrun.fit.fit_result import RESULT, Fit
+from heatrun.model.noise import noise_parameters
+from heatrun.record.record import Finding
 from heatrun.results.json_text import to_plain
 
 from .arrow_schema import LIST, Column, arrow_schema
@@ -134,7 +134,7 @@ def fitted(
 
     Args:
         entry: The machine.
-        fit: As `heatrun.inference.fitting.fit.fit` gives it.
+        fit: As `heatrun.fit.fit.fit` gives it.
         findings: Of its rows and records; those of the fit are added.
         inputs: Its files.
         duration_s: Length of the fitted records in all [s].

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 
 from heatrun.attempts import refuse_wrong_sums
 from heatrun.errors import InputError
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_checks import holding_heat
-from heatrun.inference.fitting.fit_result import Fit
-from heatrun.inference.problem import Problem
+from heatrun.fit.fit import fit
+from heatrun.fit.fit_result import Fit
+from heatrun.model.problem import Problem
+from heatrun.posterior.fit_checks import holding_heat
 from heatrun.runtime import configure
 
 from .batch.fit import fit_batch

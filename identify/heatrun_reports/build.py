@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from heatrun.bench.record import Record
 from heatrun.errors import UsageError
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 
 from .card import TEST_TYPES, Kind
 from .general import energy_report, general_report

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
-from heatrun.bench.channels.claims import CHANNELS
-from heatrun.inference.networks.form import NetworkForm
+from heatrun.model.network_form import NetworkForm
+from heatrun.record.channels import CHANNELS
 
 Kind = Literal["general", "thermal", "energy", "virtual", "real", "prototypes"]
 """Test type, as `heatrun report --type` takes it."""

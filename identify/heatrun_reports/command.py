@@ -69,7 +69,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Write the reports and print their tables; one that failed makes the exit code 1."""
-    from heatrun.motorfile import load_motor
+    from heatrun.motor.file import load_motor
 
     from . import make_report
     from .analysis.general_information import parse_tolerances
@@ -97,7 +97,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _prototypes(options: argparse.Namespace, tolerances: Mapping[str, float]) -> Outcome:
     from heatrun.errors import UsageError
-    from heatrun.motorfile import load_motor
+    from heatrun.motor.file import load_motor
 
     from . import make_prototypes_report
     from .prototypes.prototype import parse_roles

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from heatrun.io.quantities import plain, with_breaks
+from heatrun.io.texts import Texts
 from heatrun.io.whole_files import without_folders
-from heatrun.reports.sheet.figures import save
-from heatrun.reports.sheet.pdf import typeset
-from heatrun.reports.sheet.printed import fixed
-from heatrun.reports.texts import Texts
+from heatrun.reports.figures import save
+from heatrun.reports.pdf import typeset
+from heatrun.reports.printed import fixed
 
 from .card import CARDS
 from .report import Cell, Line, Report, Row, Table

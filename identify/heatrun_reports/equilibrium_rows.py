@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from heatrun.reports.sheet.printed import places_of
+from heatrun.reports.printed import places_of
 
 from .analysis.equilibrium import Equilibrium, SteadyRise
 from .analysis.steady_of_network import SteadyNetwork

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from heatrun.bench.checks.samples import samples
-from heatrun.bench.record import Record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.samples import samples
 
 from .analysis.drive import Course, electrical_power, has, integrate, with_powers
 from .analysis.general_information import (
@@ -21,9 +21,9 @@ from .analysis.general_information import (
     general_information,
 )
 from .analysis.operating_map import OperatingMap, above_one, operating_map
-from .analysis.operating_ranges import ShaftEnergy, recorded, shaft_energy, signal_table
 from .card import TEST_TYPES
 from .figures.plot import courses, energy_course, plane
+from .operating_ranges import ShaftEnergy, recorded, shaft_energy, signal_table
 from .report import Column, Drawing, Line, Report, Row, Table
 
 WORTH_SAYING = 0.01

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from heatrun.bench.record import Record
+from heatrun.record.record import Record
 from heatrun.runs.run import open_run
 
 SIMULATED = ("copper_loss_W", "other_loss_W")

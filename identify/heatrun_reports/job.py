@@ -6,14 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from heatrun.bench.joined import read_tests
-from heatrun.bench.readers.open_file import digest
-from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.io.file_set import together
+from heatrun.io.open_file import digest
+from heatrun.io.texts import LANGUAGES, Texts
 from heatrun.io.whole_files import writable, write_whole
-from heatrun.motor import Motor
-from heatrun.reports.texts import LANGUAGES, Texts
+from heatrun.readers.joined import read_tests
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from heatrun.results import to_json
 from heatrun.runs.run import open_run
 from heatrun.work import Progress, Work
@@ -89,7 +89,7 @@ def make_report(
         reference: File of the other prototype, for `"virtual"` and `"real"`.
         tolerances: As `build_report`.
         offset_s: As `build_report`.
-        language: Of the PDF, one of `heatrun.reports.texts.LANGUAGES`.
+        language: Of the PDF, one of `heatrun.io.texts.LANGUAGES`.
         say: Told a sentence about each test that is begun.
         progress: Called with a sentence and the share of the reports that are written.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from heatrun.bench.record import Finding, Source
+from heatrun.record.record import Finding, Source
 
 from .analysis.equilibrium import ThermalBehaviour
 from .analysis.general_information import GeneralInformation

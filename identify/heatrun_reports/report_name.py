@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from heatrun.bench import Record
-from heatrun.bench.clocks.header_date import CLOCK_OF_DAY as CLOCK
 from heatrun.errors import InputError
 from heatrun.io.file_set import names_begun
+from heatrun.readers.header_date import CLOCK_OF_DAY as CLOCK
+from heatrun.record.record import Record
 
 from .card import CARDS, Kind
 

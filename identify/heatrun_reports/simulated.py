@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from heatrun.bench.channels.claims import CHANNELS
-from heatrun.bench.checks.samples import sink_channel
-from heatrun.bench.readers.open_file import digest, is_pipe
-from heatrun.bench.readers.read import read_raw, read_record
-from heatrun.bench.record import Record, Source
 from heatrun.errors import InputError
-from heatrun.inference.predict import Prediction
-from heatrun.motor import Motor
+from heatrun.io.open_file import digest, is_pipe
+from heatrun.posterior.predict import Prediction
+from heatrun.readers.read import read_raw, read_record
+from heatrun.record.channels import CHANNELS
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record, Source
+from heatrun.record.samples import sink_channel
 from heatrun.runs.run import open_run
 
 from .analysis.pair import Pair

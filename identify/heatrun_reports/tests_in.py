@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from heatrun.bench.own_files import is_run_folder, own_file_at
-from heatrun.bench.record import Record
 from heatrun.errors import InputError
+from heatrun.io.own_files import is_run_folder, own_file_at
+from heatrun.record.record import Record
 
 from .card import CARDS
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from heatrun.bench.checks.samples import samples
-from heatrun.bench.record import Finding, Record
-from heatrun.motor import Motor
-from heatrun.reports.sheet.printed import COVERAGE_FACTOR, format_interval, format_value, places_of
+from heatrun.record.motor import Motor
+from heatrun.record.record import Finding, Record
+from heatrun.record.samples import samples
+from heatrun.reports.printed import COVERAGE_FACTOR, format_interval, format_value, places_of
 
 from .analysis.drive import LossSplit, integrate
 from .analysis.equilibrium import (
@@ -21,7 +21,6 @@ from .analysis.equilibrium import (
     ThermalBehaviour,
     thermal_behaviour,
 )
-from .analysis.operating_ranges import places_of_readings, recorded, rise_lines, signal_table
 from .analysis.validation import instrument_class
 from .card import NOT_OF_THE_MACHINE, TEST_TYPES, flow_words, unnamed
 from .document import number
@@ -35,6 +34,7 @@ from .equilibrium_rows import (
 from .figures import thermal as figures
 from .figures.plot import wording
 from .independence import before, fitted_by
+from .operating_ranges import places_of_readings, recorded, rise_lines, signal_table
 from .report import Drawing, Report, Row
 from .simulated import Simulated
 

@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from heatrun.bench import Finding
 from heatrun.errors import InputError
 from heatrun.io.quantities import printed_unit
+from heatrun.record.record import Finding
 
 from .server.gate import is_inside, read_inside
 from .store import Stamp

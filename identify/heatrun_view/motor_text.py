@@ -20,7 +20,7 @@ from typing import Any
 
 from heatrun.errors import InputError
 from heatrun.io.toml_text import LARGEST_BYTES, parse_toml, table_header
-from heatrun.motorfile import parse_motor
+from heatrun.motor.file import parse_motor
 
 from .server.gate import read_inside, replace_inside
 from .words import error_message
@@ -100,7 +100,7 @@ def line_of(text: str, error: InputError) -> int | None:
 
     Args:
         text: Of the motor file.
-        error: As `heatrun.motorfile.parse_motor` has raised it.
+        error: As `heatrun.motor.file.parse_motor` has raised it.
     """
     lines = text.split("\n")
     headers = [(number, path) for number, line in enumerate(lines) if (path := _header(line))]

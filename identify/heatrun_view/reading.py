@@ -8,16 +8,16 @@ from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
 
-from heatrun.bench.channels.mapping import HEAD, describe_columns, grouped
-from heatrun.bench.checks import check_record
-from heatrun.bench.following import NotFollowed
-from heatrun.bench.gaps import over_gaps
-from heatrun.bench.record import Finding, Record
-from heatrun.bench.survey import Survey, survey
+from heatrun.checks import check_record
 from heatrun.errors import InputError
+from heatrun.init.survey import Survey, survey
 from heatrun.io.whole_files import Opener, opening_by
-from heatrun.motor import Motor, PartsOfTest
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.readers.following import NotFollowed
+from heatrun.readers.gaps import over_gaps
+from heatrun.readers.mapping import HEAD, describe_columns, grouped
+from heatrun.record.motor import Motor, PartsOfTest
+from heatrun.record.record import Finding, Record
 
 from .store import Opened, RecordStore, Stamp
 from .words import error_message, findings_html, message, table

@@ -22,7 +22,7 @@ from heatrun.runs.run import course_name, open_run
 from heatrun.runs.run_folder import MANIFEST
 
 from .fleets import MACHINES
-from .plotting.linked import Band
+from .linked import Band
 from .server.gate import is_inside, read_inside
 from .store import Opened, Stamp
 

@@ -14,15 +14,15 @@ from dataclasses import dataclass, replace
 from io import BufferedReader
 from pathlib import Path
 
-from heatrun.bench import Record
-from heatrun.bench.following import FollowedTest, Other, other_columns
-from heatrun.bench.joined import read_whole_test
-from heatrun.bench.own_files import MACHINES, MOST_BYTES, SIMULATION, own_file
-from heatrun.bench.readers.open_file import LARGEST_BYTES
-from heatrun.bench.readers.read import read_record
 from heatrun.errors import InputError
+from heatrun.io.open_file import LARGEST_BYTES
+from heatrun.io.own_files import MACHINES, MOST_BYTES, SIMULATION, own_file
 from heatrun.io.whole_files import Opener, opening_by
-from heatrun.motor import Motor
+from heatrun.readers.following import FollowedTest, Other, other_columns
+from heatrun.readers.joined import read_whole_test
+from heatrun.readers.read import read_record
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from heatrun.runs.run_folder import MANIFEST
 
 from .server.gate import is_inside, open_inside, outside

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
-from heatrun.bench import Finding
 from heatrun.errors import InputError
 from heatrun.io.quantities import printed_unit, rounded
+from heatrun.record.record import Finding
 from heatrun.reports.terminal import ranked, verdict_lines
 from heatrun.results import DiscoveryResult, FitResult
 from heatrun.results.model import MissingSpan

@@ -144,8 +144,8 @@ def test_no_link_slips_in_between_look_and_open(tmp_path, what):
 
 def test_readers_open_through_the_folder(folder, tmp_path):
     """Whatever a reader is asked to open, it is the folder that opens it."""
-    from heatrun.bench.readers.read import read_record
-    from heatrun.motorfile import load_motor
+    from heatrun.motor.file import load_motor
+    from heatrun.readers.read import read_record
 
     for name in ("step_30min.csv.gz", "motor.toml"):
         shutil.copy(folder / name, tmp_path / name)

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heatrun.bench.following import FollowedTest, GrowingColumns, NotFollowed
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.readers.text.values import MARK_BYTES, Growth
 from heatrun.errors import InputError
-from heatrun.motorfile import load_motor, parse_motor
+from heatrun.motor.file import load_motor, parse_motor
+from heatrun.readers.following import FollowedTest, GrowingColumns, NotFollowed
+from heatrun.readers.read import read_record
+from heatrun.readers.text.values import MARK_BYTES, Growth
 from heatrun_view.reading import Reader
 from heatrun_view.store import RecordStore
 
@@ -107,7 +107,7 @@ SEVERAL = MOTOR + b'[columns]\nwinding_degC = "mean(winding_degC, ambient_degC)"
 
 @pytest.mark.parametrize("motor", [None, *(parse_motor(m, "motor.toml") for m in (MOTOR, SEVERAL))])
 def test_piece_by_piece_is_as_whole(path, motor, monkeypatch):
-    monkeypatch.setattr("heatrun.bench.following.BUSY_SHARE", 1e-9)  # nothing is read whole again
+    monkeypatch.setattr("heatrun.readers.following.BUSY_SHARE", 1e-9)  # nothing is read whole again
     path.write_text(HEAD)
     test = FollowedTest(path, motor)
     with pytest.raises(InputError):
@@ -228,7 +228,7 @@ def test_a_clock_goes_over_midnight(path):
 
 
 def test_a_column_that_begins_to_hold_numbers_is_found(path, monkeypatch):
-    monkeypatch.setattr("heatrun.bench.following.BUSY_SHARE", 1e9)
+    monkeypatch.setattr("heatrun.readers.following.BUSY_SHARE", 1e9)
     path.write_text(
         "time_s,losses_W,phase_current_A,ambient_degC,winding_degC\n0,1,2,3,\n1,1,2,3,\n"
     )
@@ -261,6 +261,6 @@ def test_calibration_still_refuses_a_file_that_changes(path, monkeypatch):
         found = list(real(descriptor))
         return os.stat_result(found, {"st_mtime_ns": next(stamps)})
 
-    monkeypatch.setattr("heatrun.bench.readers.open_file.os.fstat", changing)
+    monkeypatch.setattr("heatrun.io.open_file.os.fstat", changing)
     with pytest.raises(InputError, match="changed while it was read"):
         read_record(path)

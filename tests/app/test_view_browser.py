@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 from playwright.sync_api import expect
 
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
 
 LONG_MS = 180_000
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from heatrun.errors import InputError
-from heatrun.motorfile import parse_motor
+from heatrun.motor.file import parse_motor
 from heatrun_view.motor_text import fault_html, file_of_text, has_mixed_ends, line_of, text_of_file
 from heatrun_view.tabs.editing import Editing
 

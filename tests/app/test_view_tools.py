@@ -9,8 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from heatrun.bench import Record
 from heatrun.errors import InputError
+from heatrun.record.record import Record
+from heatrun_view.linked import Plots, Told
 from heatrun_view.look import DARK, LIGHT, Screen
 from heatrun_view.motor_text import (
     windows_of,
@@ -19,11 +20,10 @@ from heatrun_view.motor_text import (
     without_window,
     write_windows,
 )
-from heatrun_view.plotting.linked import Plots, Told
-from heatrun_view.plotting.trace import Trace, colours, cursor_table, spoken, unit_of
 from heatrun_view.server.gate import replace_inside
 from heatrun_view.store import Opened, Stamp
 from heatrun_view.tabs.signals import Cutting, shifts_of
+from heatrun_view.trace import Trace, colours, cursor_table, spoken, unit_of
 
 MOTOR = b"""# bench 3\r
 [motor]\r

@@ -33,8 +33,8 @@ from heatrun.runtime import configure
 configure()
 import ours
 from duty_record import record
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.problem import log_posterior_batch
+from heatrun.fit.fit import fit
+from heatrun.model.problem import log_posterior_batch
 found = fit(ours.problem(record(45846)))
 problem = found.problem
 vectors = found.vector + 0.01 * np.random.default_rng(0).standard_normal((64, found.vector.size))

@@ -20,16 +20,16 @@ import jax  # isort: skip
 import jax.numpy as jnp
 import numpy as np
 
-from heatrun.bench.joined import read_test
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.calibration import BenchTest, calibrate
-from heatrun.inference.fitting import fit as fit_module
-from heatrun.inference.fitting import restricted as restricted_module
-from heatrun.inference.posterior import sample
-from heatrun.inference.problem import log_posterior_batch
-from heatrun.inference.sampling import importance as proposal_module
-from heatrun.motorfile import load_motor
+from heatrun.calibration import BenchTest, Settings, calibrate
+from heatrun.fit import fit as fit_module
+from heatrun.fit import restricted as restricted_module
+from heatrun.model.problem import log_posterior_batch
+from heatrun.motor.file import load_motor
+from heatrun.posterior import importance as proposal_module
+from heatrun.posterior.posterior import sample
+from heatrun.readers.joined import read_test
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 COMPILED = "/jax/core/compile/backend_compile_duration"
@@ -94,7 +94,7 @@ def main() -> None:
     for name, one in (("first", record), ("second", warmer(record))):
         test = BenchTest(one, reduce(one, motor), "calibration", ())
         with counting() as found:
-            done = calibrate(motor, [test], networks=("second",), method="quick")
+            done = calibrate(motor, [test], Settings(networks=("second",), method="quick"))
         fitted = done.posteriors["second"].fit
         found["steps"] = fitted.stats["num_steps"]
         found["method"] = done.posteriors["second"].method

@@ -45,7 +45,7 @@ from fleet_machines import NAMES, bench_records, machine  # noqa: E402
 from measured import heatrun  # noqa: E402
 from run import machine as about_machine  # noqa: E402
 
-from heatrun.inference.fitting.fit import fit  # noqa: E402
+from heatrun.fit.fit import fit  # noqa: E402
 from heatrun_fleet.job import BATCH  # noqa: E402
 from heatrun_fleet.work import FEWEST, fit_machines  # noqa: E402
 

@@ -15,10 +15,10 @@ from duty_record import TRUTH, around, record
 from rows import Row, duration, median, seconds
 
 import lptn
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem, log_posterior_batch
-from heatrun.inference.sampling.weighted import BATCH
-from heatrun.motor import Motor
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem, log_posterior_batch
+from heatrun.posterior.weighted import BATCH
+from heatrun.record.motor import Motor
 from lptn.effects import EFFECTS, AbstractEffect, build
 
 SECTION = "Growth"

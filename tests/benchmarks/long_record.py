@@ -12,15 +12,15 @@ import json
 import sys
 from pathlib import Path
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.joined import read_test
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.posterior import weighted_draws
-from heatrun.inference.predict import predict
-from heatrun.inference.problem import Problem
-from heatrun.motorfile import load_motor
+from heatrun.checks import check_record
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.motor.file import load_motor
+from heatrun.posterior.posterior import weighted_draws
+from heatrun.posterior.predict import predict
+from heatrun.readers.joined import read_test
+from heatrun.record.reduction import reduce
 
 
 def main() -> None:

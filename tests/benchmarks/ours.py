@@ -10,11 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 
 import lptn
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
-from heatrun.motor import Motor
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 
 def build(theta):

@@ -46,15 +46,15 @@ PHASES = {
     "checks of the fit": "heatrun.calibration.fit_findings",
     "reduction": "heatrun.calibration.check_reduction",
     "comparison of the networks": "heatrun.calibration.assemble",
-    "writing the run": "heatrun.jobs.write_run",
-    "figures": "heatrun.reports.sheet.figures.drawn",
-    "figure of page 1": "heatrun.reports.sheet.of_run.drawn",
-    "typesetting": "heatrun.reports.sheet.of_run.write_pdf",
-    "workbook": "heatrun.reports.sheet.of_run.write_xlsx",
+    "writing the run": "heatrun.jobs.calibrate.write_run",
+    "figures": "heatrun.reports.figures.drawn",
+    "figure of page 1": "heatrun.reports.of_run.drawn",
+    "typesetting": "heatrun.reports.of_run.write_pdf",
+    "workbook": "heatrun.reports.of_run.write_xlsx",
 }
 """Functions of the command by what they do, at the place that they are called from."""
 
-MODULES = ("heatrun.commands.calibrate", "heatrun.jobs", "heatrun.api")
+MODULES = ("heatrun.commands.calibrate", "heatrun.jobs.calibrate", "heatrun.api")
 """What the command loads sooner or later."""
 
 

@@ -16,12 +16,12 @@ import rivals
 from duty_record import around
 from rows import Row, duration, seconds
 
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_result import Fit
-from heatrun.inference.posterior import sample
-from heatrun.inference.problem import log_posterior, log_posterior_batch
-from heatrun.inference.sampling.importance import importance_sample
-from heatrun.inference.sampling.weighted import load_arviz
+from heatrun.fit.fit import fit
+from heatrun.fit.fit_result import Fit
+from heatrun.model.problem import log_posterior, log_posterior_batch
+from heatrun.posterior.importance import importance_sample
+from heatrun.posterior.posterior import sample
+from heatrun.posterior.weighted import load_arviz
 
 SECTION = "Posterior"
 

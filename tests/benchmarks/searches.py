@@ -15,7 +15,7 @@ from duty_record import TRUTH
 from rows import Row, duration, median, ratio_row, seconds
 from scipy.optimize import least_squares
 
-from heatrun.inference.fitting.fit import fit
+from heatrun.fit.fit import fit
 
 SECTION = "Fit"
 OFF = np.log([2.0, 0.5, 2.0, 0.5])

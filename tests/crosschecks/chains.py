@@ -20,13 +20,13 @@ import numpy as np
 import pandas as pd
 
 from heatrun.calibration import load_tests
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_result import Fit
-from heatrun.inference.model import Model
-from heatrun.inference.noise import LARGEST_SCORES, NOISE
-from heatrun.inference.problem import Problem, log_posterior
-from heatrun.inference.sampling.weighted import Weighted, load_arviz
-from heatrun.motorfile import load_motor
+from heatrun.fit.fit import fit
+from heatrun.fit.fit_result import Fit
+from heatrun.model.model import Model
+from heatrun.model.noise import LARGEST_SCORES, NOISE
+from heatrun.model.problem import Problem, log_posterior
+from heatrun.motor.file import load_motor
+from heatrun.posterior.weighted import Weighted, load_arviz
 
 SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
 

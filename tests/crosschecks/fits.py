@@ -16,8 +16,8 @@ from numba import njit
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import least_squares
 
-from heatrun.bench.blocks import Blocks
-from heatrun.inference.fitting.fit_result import Fit
+from heatrun.fit.fit_result import Fit
+from heatrun.record.blocks import Blocks
 
 SUBSTEPS = 4
 """Fourth-order steps in one step of the record; 2 s / 4 errs below 1e-8 K at 90 s."""

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import lptn
-from heatrun.bench.joined import read_test
-from heatrun.bench.reduction import reduce
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.readers.joined import read_test
+from heatrun.record.reduction import reduce
 from lptn.effects.cooling import SpeedCooling
 from lptn.effects.losses import AcCopperLoss, StrayLoadLoss
 from lptn.effects.surface import Radiation

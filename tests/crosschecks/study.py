@@ -26,8 +26,8 @@ import numpy as np
 import report
 import simulation
 
-from heatrun.inference.posterior import sample
-from heatrun.inference.sampling.importance import importance_sample, linear_sample
+from heatrun.posterior.importance import importance_sample, linear_sample
+from heatrun.posterior.posterior import sample
 
 SEED = 20
 SHORT_S = 120.0

@@ -23,7 +23,7 @@ def test_the_dense_covariance_is_that_of_the_filter(found):
     import fits
     from scipy.stats import multivariate_normal
 
-    from heatrun.inference.noise import log_density
+    from heatrun.model.noise import log_density
 
     blocks, noise = found.problem.tests[0], found.noise
     dense = fits.covariance(blocks, float(noise.sd), float(noise.time), float(noise.white))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.inference.posterior import sample
+from heatrun.posterior.posterior import sample
 
 FAR = 4.5
 """Largest difference in Monte Carlo errors: chance passes it once in 2000 comparisons of 14
@@ -89,7 +89,7 @@ def test_quick_draws_find_the_tail_of_a_noise_that_does_not_show():
     """The white part of the noise may be as small as its prior allows: many cheap draws tell."""
     import chains
 
-    from heatrun.inference.sampling.importance import importance_sample, linear_sample
+    from heatrun.posterior.importance import importance_sample, linear_sample
 
     found = chains.fitted("duty_90min", "second")
 
@@ -110,7 +110,7 @@ def test_quick_draws_find_the_tail_of_a_noise_that_does_not_show():
 )
 def test_weighted_draws_find_a_long_tail_or_say_that_they_did_not(found, seed, monkeypatch):
     """One coordinate falls off four times as slowly to one side, as white noise near zero does."""
-    from heatrun.inference.sampling import importance as proposal
+    from heatrun.posterior import importance as proposal
 
     left, right = 2.0, 0.5  # standard deviations of the two halves, in those of the fit
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import emcee
 import numpy as np
 
-from heatrun.inference.sampling.ensemble import Checkpoint
+from heatrun.posterior.ensemble import Checkpoint
 from heatrun.runs.run_folder import MANIFEST, RunFolder
 
 EVENTS = ("open", "os.rename", "os.remove", "os.rmdir", "os.mkdir", "shutil.rmtree")

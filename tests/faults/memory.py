@@ -16,7 +16,7 @@ import numpy as np
 
 PROGRAM = """
 import resource, sys
-from heatrun.bench.readers.read import read_record
+from heatrun.readers.read import read_record
 from heatrun.errors import InputError
 try:
     said = f"{read_record(sys.argv[1]).time_s.size} samples"

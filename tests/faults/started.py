@@ -25,9 +25,9 @@ from pathlib import Path
 
 WRITES = ("open", "os.rename", "os.remove", "os.rmdir", "os.mkdir", "os.link", "os.symlink",
           "shutil.rmtree")  # fmt: skip
-MODULES = ("heatrun.cli", "heatrun.calibration", "heatrun.discovery.job",
+MODULES = ("heatrun.cli", "heatrun.calibration", "heatrun.jobs.discover",
            "heatrun_reports.job", "heatrun.export", "heatrun.simulation",
-           "heatrun.reports.sheet.of_run", "heatrun.runs.netcdf",
+           "heatrun.reports.of_run", "heatrun.runs.netcdf",
            "heatrun.reports.terminal", "arviz", "xarray", "h5netcdf",
            "matplotlib.backends.backend_agg")  # fmt: skip
 EARLY = 99

@@ -136,7 +136,7 @@ def test_a_read_only_folder_and_an_unreadable_file_are_said(tmp_path, inputs):
     secret.chmod(0o000)
     program = (
         "import pathlib\n"
-        "from heatrun.bench.readers.read import read_record\n"
+        "from heatrun.readers.read import read_record\n"
         "from heatrun.errors import InputError\n"
         "from heatrun.runs.run_folder import RunFolder\n"
         "import os\n"
@@ -157,7 +157,7 @@ def test_a_disk_that_is_full_is_a_message_with_a_way_on(monkeypatch, capsys, tmp
     def full(*_):
         raise OSError(28, "No space left on device", str(tmp_path / "x"))
 
-    monkeypatch.setattr("heatrun.bench.checks.check_record", full)
+    monkeypatch.setattr("heatrun.checks.check_record", full)
     assert cli.main(["check", str(inputs / "motor.toml"), str(inputs / "duty.csv"), "--json"]) == 1
     captured = capsys.readouterr()
     assert "No space left on device" in json.loads(captured.out)["error"]["problem"]

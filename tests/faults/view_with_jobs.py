@@ -15,7 +15,7 @@ import time
 from typing import Any
 
 from heatrun import cli
-from heatrun_view.jobs import running as jobs
+from heatrun_view import running_jobs as jobs
 
 POLL_S = 0.02
 queues: list[jobs.JobQueue] = []

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
-from heatrun.motor import Motor
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 NAMES = {
     "t": "time_s", "Is": "phase_current_A", "Pd": "losses_W", "Te": "ambient_degC",

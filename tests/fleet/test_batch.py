@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from fleet_machines import machine
 
-from heatrun.inference.fitting.fit import delays, fit
-from heatrun.inference.fitting.restricted import polished_noise
-from heatrun.inference.problem import Problem, linearise, whitened
-from heatrun.motor import ParameterOverride
+from heatrun.fit.fit import delays, fit
+from heatrun.fit.restricted import polished_noise
+from heatrun.model.problem import Problem, linearise, whitened
+from heatrun.record.motor import ParameterOverride
 from heatrun_fleet.batch.fit import fit_batch, fits
 from heatrun_fleet.batch.layout import NotBatched, bucket, key_of, pack
 from heatrun_fleet.batch.residuals import residuals_of_group, solve, sweep

@@ -10,10 +10,10 @@ import pytest
 from simulated_fleet import bench_file, machine_of
 
 from heatrun.calibration import load_tests
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
-from heatrun.motorfile import load_motor
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.motor.file import load_motor
 from heatrun_fleet.batches import batches_of, digests_of, numerics
 from heatrun_fleet.cluster import Workers
 from heatrun_fleet.fleet_file import load_fleet

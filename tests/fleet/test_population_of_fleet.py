@@ -13,7 +13,7 @@ from rows_of_machines import MEDIAN, NAMES, SPREAD, machine, refused, write_rows
 import heatrun
 from heatrun import cli
 from heatrun.errors import InputError
-from heatrun.motorfile import parse_motor
+from heatrun.motor.file import parse_motor
 from heatrun.results import from_json
 from heatrun.results.schema import schema_of
 from heatrun_fleet.population.design import covariates_of, designed

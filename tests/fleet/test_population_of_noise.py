@@ -17,9 +17,9 @@ from rows_of_machines import (
 
 import heatrun
 from heatrun.errors import InputError
-from heatrun.motor import HEAT_LIMITS
-from heatrun.motorfile import parse_motor
-from heatrun_fleet.type_sheet.content import type_sheet_content
+from heatrun.motor.file import parse_motor
+from heatrun.record.motor import HEAT_LIMITS
+from heatrun_fleet.population.sheet_content import type_sheet_content
 
 NUM = 60
 LOOSE, LATENT, SILENT = "M005", "M009", "M012"

@@ -15,10 +15,10 @@ import run_near_truth as stored
 
 import heatrun
 from heatrun import cli
-from heatrun.bench.record import Record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
-from heatrun.motorfile import parse_motor
+from heatrun.motor.file import parse_motor
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 
 NAMES = ["Ceq_w", "Ceq_sr", "Req_w", "Req_sr"]
 SPREAD = 0.04

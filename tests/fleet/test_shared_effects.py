@@ -15,9 +15,9 @@ from simulated_fleet import write_fleet
 
 from heatrun import cli
 from heatrun.errors import InputError
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.restricted import whiten_fit
-from heatrun.inference.problem import Problem, linearise
+from heatrun.fit.fit import fit
+from heatrun.fit.restricted import whiten_fit
+from heatrun.model.problem import Problem, linearise
 from heatrun.results import to_json
 from heatrun.results.schema import schema_of
 from heatrun_fleet.batches import batches_of, digests_of, numerics

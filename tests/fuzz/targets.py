@@ -25,14 +25,13 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 
-import heatrun.inference.networks
-from heatrun.bench.readers.read import read_record
+import heatrun.model
 from heatrun.errors import InputError
-from heatrun.inference.networks import network_named
-from heatrun.inference.networks.text import network_of, network_text
-from heatrun.inference.sampling.ensemble import Checkpoint
-from heatrun.motorfile import load_motor
-from heatrun.reports.sheet.of_run import rewrite_sheet
+from heatrun.model.network_text import network_named, network_of, network_text
+from heatrun.motor.file import load_motor
+from heatrun.posterior.ensemble import Checkpoint
+from heatrun.readers.read import read_record
+from heatrun.reports.of_run import rewrite_sheet
 from heatrun.runs.run import open_run
 from heatrun.simulation import parameters_from
 
@@ -42,7 +41,7 @@ from reading_corpus.grammar import stated
 from reading_corpus.oracle import MISREAD, TRACEBACK, judge
 
 FOLDER = Path(tempfile.mkdtemp(prefix="heatrun-fuzz-"))
-NETWORKS = Path(heatrun.inference.networks.__file__).parent
+NETWORKS = Path(heatrun.model.__file__).parent / "networks"
 REFERENCE = Path(__file__).parents[2] / "data" / "synthetic"
 TABLE = "t,Is,Pd,Te,Tw_m\n0.0,10.5,300.0,21.5,22\n0.5,11.0,310.0,21.5,23\n1.0,-1e1,305.5,21.5,23\n"
 GERMAN = '"Gerät: 1"\nZeit [s];Strom [A];"T Wicklung [°C]"\n0,0;1,5;22,1\n0,5;1,75;22,2\n'

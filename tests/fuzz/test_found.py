@@ -16,12 +16,13 @@ import pyarrow
 import pyarrow.parquet
 import pytest
 
-from heatrun.bench.readers import mat, mat5, open_file, parquet
-from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.errors import InputError
-from heatrun.inference.networks import network_named
-from heatrun.inference.sampling.ensemble import CONTENT, Checkpoint
-from heatrun.motorfile import load_motor
+from heatrun.io import open_file
+from heatrun.model.network_text import network_named
+from heatrun.motor.file import load_motor
+from heatrun.posterior.ensemble import CONTENT, Checkpoint
+from heatrun.readers import mat, mat5, parquet
+from heatrun.readers.read import read_raw, read_record
 from heatrun.simulation import parameters_from
 
 ROOT = Path(__file__).parents[2]

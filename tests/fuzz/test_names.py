@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from heatrun.bench.readers.read import read_record
+from heatrun.readers.read import read_record
 from heatrun.results import to_json
 
 TABLE = "time_s,phase_current_A,losses_W,ambient_degC,winding_degC\n" + "".join(

@@ -13,12 +13,12 @@ import pytest
 from filelock import FileLock
 
 from heatrun import cli
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
-from heatrun.motor import Motor
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 # what several files of tests write stands beside them as a plain script
 sys.path.insert(0, str(Path(__file__).parent))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from heatrun.discovery.run import tell
 from heatrun.effects.found import find
 from heatrun.effects.missing import missing
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_checks import holding_heat
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.posterior.fit_checks import holding_heat
 
 
 def discovered(motor, tests, *, order="second", kinds=None, held_out=()):

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from heatrun.bench.survey import survey
-from heatrun.motor_draft import draft
-from heatrun.motorfile import parse_motor
+from heatrun.init.draft import draft
+from heatrun.init.survey import survey
+from heatrun.motor.file import parse_motor
 
 TIME_S = np.arange(0.0, 3600.0, 10.0)
 _random = np.random.default_rng(7)

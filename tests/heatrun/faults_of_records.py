@@ -26,9 +26,9 @@ from heat_runs import (
     without,
 )
 
-from heatrun.bench.record import ColumnReading, Record
-from heatrun.bench.stretch import Stretch, cut
-from heatrun.motor import Motor, ParameterOverride
+from heatrun.record.motor import Motor, ParameterOverride
+from heatrun.record.record import ColumnReading, Record
+from heatrun.record.stretch import Stretch, cut
 
 JITTER = TIME + 0.03 * np.random.default_rng(1).uniform(-1.0, 1.0, TIME.size)
 NO_BALANCE = replace(MOTOR, losses="map")

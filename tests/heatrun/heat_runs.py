@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from heatrun.bench.record import ColumnReading, Finding, Record
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
+from heatrun.record.record import ColumnReading, Finding, Record
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 
 def machine(hidden_bench, hidden, seed, **options):

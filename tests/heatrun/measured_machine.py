@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from heatrun.bench.record import Record
+from heatrun.record.record import Record
 
 
 def lagging(reading, lag_s, step_s):

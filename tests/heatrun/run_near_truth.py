@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import xarray
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.model import Model
-from heatrun.inference.model_parameters import parameters
-from heatrun.motor import Motor, ParameterOverride
+from heatrun.model.model import Model
+from heatrun.model.model_parameters import parameters
+from heatrun.record.motor import Motor, ParameterOverride
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 from heatrun.runs.motor_text import motor_text
 from heatrun.runs.run import ModelOfRun, model_text
 

@@ -11,12 +11,12 @@ import pytest
 from faults_of_records import FAULTS, VARIANTS
 from heat_runs import CLEAN, MOTOR, edited, named
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.checks.advice import section_of
-from heatrun.bench.joined import parts_of
-from heatrun.bench.record import Record
-from heatrun.motor import Motor
-from heatrun.motorfile import parse_motor
+from heatrun.checks import check_record
+from heatrun.checks.advice import section_of
+from heatrun.motor.file import parse_motor
+from heatrun.readers.joined import parts_of
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 
 LINE = re.compile(r"(\[tests\.[^\]]+\]) ((?:use|use_rows|mask) = \[\[.*?\]\])")
 CASES = {f"{id}: its fault": (id, case[0], case[1]) for id, case in FAULTS.items()} | {

@@ -10,11 +10,11 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from heatrun.bench import read_record
-from heatrun.bench.clocks.align import find_alignment, join
-from heatrun.bench.record import Record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.readers.align import find_alignment, join
+from heatrun.readers.read import read_record
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 
 TASS = Path(__file__).resolve().parents[3] / "shared" / "bench" / "tass"
 STEP_S = 0.1

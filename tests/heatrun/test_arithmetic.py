@@ -12,7 +12,7 @@ from heatrun import attempts as arithmetic
 from heatrun.attempts import refuse_wrong_sums, sums_of_squares
 from heatrun.effects.found import find
 from heatrun.errors import InputError
-from heatrun.inference.fitting.fit import fit
+from heatrun.fit.fit import fit
 from heatrun_fleet.batch.fit import fit_batch
 from heatrun_fleet.work import fit_machines
 

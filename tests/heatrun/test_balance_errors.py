@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from measured_machine import measured_record
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.checks.balance_errors import told_by_inputs
-from heatrun.bench.reduction import reduce
+from heatrun.checks import check_record
 from heatrun.export import Corrections
-from heatrun.inference.bodies import corrected_losses
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.posterior import sample
-from heatrun.inference.predict import predict
-from heatrun.inference.problem import Problem
-from heatrun.motor import ParameterOverride
-from heatrun.ratings.machine import tested as seen_in
+from heatrun.fit.fit import fit
+from heatrun.model.bodies import corrected_losses
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.posterior.posterior import sample
+from heatrun.posterior.predict import predict
+from heatrun.record.balance_errors import told_by_inputs
+from heatrun.record.motor import ParameterOverride
+from heatrun.record.reduction import reduce
+from heatrun.runs.machine import tested as seen_in
 
 GAIN = 0.05
 NUM_LOADS = 16

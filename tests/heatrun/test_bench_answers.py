@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from heatrun import cli
-from heatrun.bench.joined import read_test
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.readers.joined import read_test
 
 START = datetime(2025, 6, 17, 7, 41, 5)
 RESISTANCE_OHM = 0.42

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heatrun.bench.channels.claims import CHANNELS
-from heatrun.bench.record import Record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.record.channels import CHANNELS
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from heatrun.results import to_json
 from heatrun_reports import TEST_TYPES, Reference, build_report, make_report
 from heatrun_reports.content import report_content

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from run_near_truth import TRUTH, run_near_truth
 
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.record import Record
-from heatrun.motor import Motor
+from heatrun.readers.read import read_record
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from heatrun_reports import build_report
 from heatrun_reports.analysis.drive import stretches
 from heatrun_reports.analysis.equilibrium import SteadyRise, equilibria, steady_rise

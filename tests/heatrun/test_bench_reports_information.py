@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun.bench.record import Record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from heatrun_reports import build_report
 from heatrun_reports.analysis.general_information import general_information
 from heatrun_reports.analysis.operating_map import operating_map
-from heatrun_reports.analysis.operating_ranges import shaft_energy
+from heatrun_reports.operating_ranges import shaft_energy
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
 

@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 from run_near_truth import INSTRUMENTS, TRUTH, run_near_truth, seal
 
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.record import Record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.readers.read import read_record
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from heatrun.runs.run import open_run
 from heatrun.simulation import simulate_file
 from heatrun_reports import build_report, read_reference

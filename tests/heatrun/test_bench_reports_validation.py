@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.record import Record
 from heatrun.errors import InputError, UsageError
-from heatrun.motor import Motor
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.readers.read import read_record
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from heatrun_reports import Reference, build_report, read_reference
 from heatrun_reports.analysis.general_information import parse_tolerances
 from heatrun_reports.analysis.pair import pair_records

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heatrun.bench.record import Record
 from heatrun.errors import UsageError
-from heatrun.motor import Motor, ParameterOverride
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.record.motor import Motor, ParameterOverride
+from heatrun.record.record import Record
 from heatrun_reports import Reference, build_report, read_reference
 from heatrun_reports.analysis.general_information import parse_tolerances
 from heatrun_reports.analysis.validation import Validation, validate

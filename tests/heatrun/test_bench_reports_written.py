@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from pypdf import PdfReader
 
-from heatrun.bench.joined import read_test, read_tests
 from heatrun.cli import main
-from heatrun.motor import Motor
+from heatrun.readers.joined import read_test, read_tests
+from heatrun.record.motor import Motor
 from heatrun_reports import CARDS, TEST_TYPES, job, make_report
 from heatrun_reports.command import TYPES
 from heatrun_reports.csv_table import neutral

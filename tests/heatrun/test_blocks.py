@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.bench.rounding import rounding_step
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
+from heatrun.record.rounding import rounding_step
 
 
 def record(time, current=100.0, winding=None, **channels):

@@ -13,19 +13,20 @@ from msgspec import UNSET
 from test_noise import NOISE, covariance, log_normal
 
 import heatrun
-from heatrun.bench.reduction import reduce
-from heatrun.calibration import calibrate, load_tests, manifest
+from heatrun.calibration import Settings, calibrate, load_tests, manifest
 from heatrun.errors import InputError
-from heatrun.inference.bodies import body_courses
-from heatrun.inference.comparison import verdict
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_result import Fit
-from heatrun.inference.model import Model
-from heatrun.inference.noise import log_density, whiten
-from heatrun.inference.posterior import Draws, normal_draws
-from heatrun.inference.predict import of_test
-from heatrun.inference.problem import Problem
-from heatrun.motorfile import load_motor
+from heatrun.fit.fit import fit
+from heatrun.fit.fit_result import Fit
+from heatrun.model.bodies import body_courses
+from heatrun.model.draws import Draws
+from heatrun.model.model import Model
+from heatrun.model.noise import log_density, whiten
+from heatrun.model.problem import Problem
+from heatrun.motor.file import load_motor
+from heatrun.posterior.comparison import verdict
+from heatrun.posterior.posterior import normal_draws
+from heatrun.posterior.predict import of_test
+from heatrun.record.reduction import reduce
 from heatrun.results import FitResult, from_json
 from heatrun.runs.run_folder import RunFolder
 from heatrun.runs.write import write_run
@@ -76,16 +77,17 @@ def calibrated(bench_files):
     """
     motor = load_motor(bench_files / "motor.toml")
     tests = load_tests(motor, [bench_files / "duty.csv"])
+    settings = Settings(networks=["second"])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("heatrun.calibration.missing", lambda *_, **__: None)
         patch.setattr("heatrun.runs.result.forecast", lambda _: {})
         patch.setattr(
             "heatrun.calibration.sample", lambda fit, *, seed, **_: normal_draws(fit, seed=seed)
         )
-        made = calibrate(motor, tests, networks=["second"])
+        made = calibrate(motor, tests, settings)
     run = RunFolder.begin(bench_files / "run", {})
     write_run(run, made.motor, made.result, made.posteriors, made.predictions)
-    run.finish(manifest(made, "", 0))
+    run.finish(manifest(made, settings))
     posterior = made.posteriors["second"]
     return Calibrated(posterior.fit, posterior.draws, bench_files / "run")
 

@@ -12,10 +12,10 @@ import simulink_models
 from octave import needs_octave, octave
 from simulink_models import Diagram
 
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.record import Record
 from heatrun.export import mat_bytes, simulate_variables, thesis_variables
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.readers.read import read_record
+from heatrun.record.record import Record
 from heatrun.simulation import simulate_values
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.reduction import reduce
+from heatrun.record.reduction import reduce
 from heatrun.simulation import ByHand, exact_draws, predict_values
 
 

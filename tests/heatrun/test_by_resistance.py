@@ -10,14 +10,14 @@ import pytest
 
 import heatrun
 from heatrun import cli
-from heatrun.bench.channels.by_resistance import METER_SD, REFERENCE_SD, sensor_sd
-from heatrun.bench.checks import check_record
-from heatrun.bench.joined import read_test
-from heatrun.bench.reduction import reduce
+from heatrun.checks import check_record
 from heatrun.errors import InputError
-from heatrun.inference.model import Model
-from heatrun.inference.model_parameters import parameters
-from heatrun.motorfile import load_motor, parse_motor
+from heatrun.model.model import Model
+from heatrun.model.model_parameters import parameters
+from heatrun.motor.file import load_motor, parse_motor
+from heatrun.readers.joined import read_test
+from heatrun.record.by_resistance import METER_SD, REFERENCE_SD, sensor_sd
+from heatrun.record.reduction import reduce
 from heatrun.runs.motor_text import motor_text
 
 TIME_S = np.arange(0.0, 2700.0, 3.0)

@@ -6,10 +6,10 @@ import re
 
 import pytest
 
-from heatrun.certificate_file import load_meta, parse_meta
 from heatrun.errors import InputError
-from heatrun.motor import Certificate, Instrument, Motor
-from heatrun.motorfile import parse_motor
+from heatrun.motor.certificate import load_meta, parse_meta
+from heatrun.motor.file import parse_motor
+from heatrun.record.motor import Certificate, Instrument, Motor
 from heatrun.runs.motor_text import motor_text
 
 FULL = """

@@ -13,17 +13,17 @@ import pytest
 from matplotlib.figure import Figure
 from pypdf import PdfReader
 
-from heatrun.bench.channels.derive import BY_CONSTANTS
-from heatrun.bench.record import Finding
-from heatrun.motor import Certificate, Instrument
-from heatrun.reports.sheet import printed as printed_module
-from heatrun.reports.sheet.certificate import certificate_content
-from heatrun.reports.sheet.content import sheet_content
-from heatrun.reports.sheet.figures import save
-from heatrun.reports.sheet.pdf import shown, write_pdf
-from heatrun.reports.sheet.printed import printed
-from heatrun.reports.sheet.printed import test_days as days_of
-from heatrun.reports.sheet.xlsx import write_xlsx
+from heatrun.record.derive import BY_CONSTANTS
+from heatrun.record.motor import Certificate, Instrument
+from heatrun.record.record import Finding
+from heatrun.reports import printed as printed_module
+from heatrun.reports.certificate import certificate_content
+from heatrun.reports.content import sheet_content
+from heatrun.reports.figures import save
+from heatrun.reports.pdf import shown, write_pdf
+from heatrun.reports.printed import printed
+from heatrun.reports.printed import test_days as days_of
+from heatrun.reports.xlsx import write_xlsx
 from heatrun.results import FitResult, from_json, to_json
 from heatrun.results.model import FittedParameter
 from heatrun.runs.verdict import headline

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.channels.channel_map import map_columns
-from heatrun.bench.channels.claims import CHANNEL, COLUMN_MAPS
-from heatrun.bench.channels.header import split_name
-from heatrun.bench.readers.table import Column, Stated, Table
 from heatrun.errors import InputError
+from heatrun.readers.channel_map import map_columns
+from heatrun.record.channels import CHANNEL, COLUMN_MAPS
+from heatrun.record.header import split_name
+from heatrun.record.table import Column, Stated, Table
 
 
 def table(*names: str, value: float = 1.0, **constants: float) -> Table:

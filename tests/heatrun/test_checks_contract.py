@@ -7,7 +7,7 @@ import pytest
 from faults_of_records import FAULTS, VARIANTS
 from heat_runs import CLEAN, MOTOR, SMOOTH, heat_run, named
 
-from heatrun.bench.checks import CHECKS, check_record
+from heatrun.checks import CHECKS, check_record
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.record import Record
-from heatrun.motor import Motor
+from heatrun.checks import check_record
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 
 CHANNELS = (
     "time_s", "phase_current_A", "losses_W", "ambient_degC", "coolant_degC", "winding_degC",

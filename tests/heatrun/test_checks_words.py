@@ -6,13 +6,13 @@ from dataclasses import replace
 
 from heat_runs import CLEAN, LINK, MOTOR, changed, heat_run, named, without
 
-from heatrun.bench.checks import check_record, excitation
-from heatrun.bench.checks.crude_fit import crude_fit
-from heatrun.bench.checks.suspicion.which_unit import read_as
-from heatrun.bench.joined import parts_of
-from heatrun.bench.record import ColumnReading, Finding
-from heatrun.bench.stretch import Stretch, cut
-from heatrun.motor import PartsOfTest
+from heatrun.checks import check_record, excitation
+from heatrun.checks.crude_fit import crude_fit
+from heatrun.checks.suspicion.which_unit import read_as
+from heatrun.readers.joined import parts_of
+from heatrun.record.motor import PartsOfTest
+from heatrun.record.record import ColumnReading, Finding
+from heatrun.record.stretch import Stretch, cut
 
 
 def test_a_long_test_is_not_called_too_short_for_its_length(monkeypatch):

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from heatrun.inference.comparison import verdict
-from heatrun.inference.predict import ScoreDifference
+from heatrun.posterior.comparison import verdict
+from heatrun.posterior.predict import ScoreDifference
 from heatrun.results import FitResult, from_json
 
 STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"

@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from heatrun.inference.sampling.convergence import (
-    AGREEMENT_WANTED,
-    TAILS,
-    autocorrelation_times,
-    judge,
-)
+from heatrun.posterior.convergence import AGREEMENT_WANTED, TAILS, autocorrelation_times, judge
 
 NUM_STEPS, NUM_WALKERS, MEMORY = 1000, 64, 0.8
 

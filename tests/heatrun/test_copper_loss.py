@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
 
 
 def test_the_resistance_of_copper_rises_as_its_tables_say():

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from run_near_truth import run_near_truth
 
-from heatrun.bench.stretch import Stretch, cut, mask
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
+from heatrun.record.stretch import Stretch, cut, mask
 from heatrun.runs.run import open_run
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)

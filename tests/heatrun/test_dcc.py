@@ -11,9 +11,9 @@ import pytest
 from dcc_structure import DCC, SI, violations
 
 from heatrun.errors import InputError
-from heatrun.motor import Certificate, Instrument
-from heatrun.reports.sheet.dcc.document import dcc_text
-from heatrun.reports.sheet.dcc.schema import validate
+from heatrun.record.motor import Certificate, Instrument
+from heatrun.reports.dcc import dcc_text
+from heatrun.reports.dcc_schema import validate
 from heatrun.results import FitResult, from_json
 from lptn.effects import EFFECTS
 

@@ -13,12 +13,12 @@ import pytest
 from scipy.special import logsumexp
 from test_noise import covariance
 
-from heatrun.inference.discrepancy import left_out, windows
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.noise import from_scores
-from heatrun.inference.posterior import weighted_draws
-from heatrun.inference.problem import Problem, residuals
+from heatrun.fit.fit import fit
+from heatrun.model.discrepancy import left_out, windows
+from heatrun.model.model import Model
+from heatrun.model.noise import from_scores
+from heatrun.model.problem import Problem, residuals
+from heatrun.posterior.posterior import weighted_draws
 from heatrun.runs import netcdf as archive
 from heatrun.runs.densities import densities
 

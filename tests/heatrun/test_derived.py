@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench import read_record
-from heatrun.bench.channels.claims import CHANNEL
-from heatrun.bench.channels.derive import DERIVATIONS, derive
-from heatrun.motor import Motor
+from heatrun.readers.read import read_record
+from heatrun.record.channels import CHANNEL
+from heatrun.record.derive import DERIVATIONS, derive
+from heatrun.record.motor import Motor
 
 SHAFT = {"torque_Nm": np.array([0.0, 10.0]), "speed_rpm": np.array([1000.0, 3000.0])}
 SHAFT_W = np.array([0.0, 1000.0 * np.pi])  # 10 Nm at 50 revolutions per second

@@ -7,8 +7,8 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import genpareto, norm
 
-from heatrun.inference.sampling.importance import linear_sample
-from heatrun.inference.sampling.weighted import pareto_smoothed
+from heatrun.posterior.importance import linear_sample
+from heatrun.posterior.weighted import pareto_smoothed
 
 
 def pareto_shape(log_weight: np.ndarray) -> float:

@@ -8,7 +8,7 @@ import pytest
 from discovered import discovered
 from hidden_machines import machine
 
-from heatrun.inference.catalogue import all_effects
+from heatrun.model.catalogue import all_effects
 from lptn import EFFECTS
 
 

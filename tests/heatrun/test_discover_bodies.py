@@ -15,11 +15,11 @@ from machine_of_two_sensors import machine
 from heatrun.discovery.localise import Course, Where, respond
 from heatrun.discovery.run import adequacy, folds
 from heatrun.effects.engine import Engine
-from heatrun.inference.catalogue import all_effects
-from heatrun.inference.model import Model
-from heatrun.inference.noise import from_scores
-from heatrun.inference.problem import Problem
-from heatrun.reports.discovery.figures import missing
+from heatrun.model.catalogue import all_effects
+from heatrun.model.model import Model
+from heatrun.model.noise import from_scores
+from heatrun.model.problem import Problem
+from heatrun.reports.discovery_figures import missing
 
 RIVALS = ("natural_convection", "radiation", "speed_cooling", "external_loss", "neighbour_body")
 NOISE = from_scores(jnp.zeros(4))

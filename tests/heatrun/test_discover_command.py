@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from heatrun.cli import main
-from heatrun.inference.posterior import normal_draws
+from heatrun.posterior.posterior import normal_draws
 from lptn import EFFECTS
 
 IDS = {kind.card.id for kind in EFFECTS}
@@ -26,7 +26,7 @@ def quick_draws(fit, *, method, seed, **_):
 
 def test_the_command_names_what_is_hidden_and_writes_its_folder(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("heatrun.calibration.sample", quick_draws)
-    monkeypatch.setattr("heatrun.discovery.job.weighted_draws", normal_draws)
+    monkeypatch.setattr("heatrun.jobs.discover.weighted_draws", normal_draws)
     run = tmp_path / "run"
     code = main([
         "discover", str(DATA / "motor.toml"), str(DATA / "staircase.csv.gz"),

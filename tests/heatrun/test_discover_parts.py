@@ -13,9 +13,9 @@ import pytest
 from heatrun.discovery.run import folds, left_out_errors, rmse
 from heatrun.effects.engine import Engine, library, white
 from heatrun.errors import InputError
-from heatrun.inference.catalogue import all_effects
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem, linearise
+from heatrun.model.catalogue import all_effects
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem, linearise
 from lptn import EFFECTS, second_order
 
 MINE = Path(__file__).with_name("cabinet_heater.py")
@@ -112,7 +112,7 @@ def test_an_effect_of_an_installed_package_is_taken_in(monkeypatch):
         def load(self):
             return kind
 
-    monkeypatch.setattr("heatrun.inference.catalogue.entry_points", lambda group: [Entry()])
+    monkeypatch.setattr("heatrun.model.catalogue.entry_points", lambda group: [Entry()])
     assert all_effects()[-1] is kind
 
 

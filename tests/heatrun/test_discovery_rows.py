@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from heatrun.reports.discovery.report import parameter_row
+from heatrun.reports.discovery import parameter_row
 from heatrun.results.discovery import ParameterBeforeAfter, ValueWithInterval
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from heatrun.inference.discrepancy import block_responses, heat_columns
-from heatrun.inference.model import Model
-from heatrun.motor import Adequacy
+from heatrun.model.discrepancy import block_responses, heat_columns
+from heatrun.model.model import Model
+from heatrun.record.motor import Adequacy
 from lptn import second_order
 
 C_W, C_S, R_W, R_S = 700.0, 15000.0, 0.145, 0.116

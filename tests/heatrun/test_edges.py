@@ -10,13 +10,13 @@ import pytest
 from scipy.linalg import expm
 
 from heatrun import cli
-from heatrun.bench.checks import check_record
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
-from heatrun.motor import Motor
+from heatrun.checks import check_record
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 TRUTH = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
 RS0, B, T_REF = 0.0062, 234.5, 25.0

@@ -12,8 +12,8 @@ from heatrun.effects.engine import Engine
 from heatrun.effects.found import asked_findings, find, with_catalogue
 from heatrun.effects.linear import Linear, evidence
 from heatrun.effects.search import Search, neighbours
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
 from lptn.effects.bodies import HousingNode, NeighbourBody
 from lptn.effects.sinks import AmbientDrift
 from lptn.effects.surface import NaturalConvection, Radiation

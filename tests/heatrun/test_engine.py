@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from measured_machine import measured_record
 
-from heatrun.bench.reduction import reduce
 from heatrun.effects.engine import Engine, placed
 from heatrun.effects.found import with_catalogue
-from heatrun.inference.catalogue import all_effects
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
-from heatrun.motor import Adequacy
+from heatrun.fit.fit import fit
+from heatrun.model.catalogue import all_effects
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.record.motor import Adequacy
+from heatrun.record.reduction import reduce
 
 
 @pytest.mark.slow

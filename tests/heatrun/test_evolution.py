@@ -5,8 +5,8 @@ from __future__ import annotations
 import emcee
 import numpy as np
 
-from heatrun.inference.posterior import NUM_NOISE
-from heatrun.inference.sampling.ensemble import evolution, of_noise
+from heatrun.model.draws import NUM_NOISE
+from heatrun.posterior.ensemble import evolution, of_noise
 
 SIZE, WALKERS, STEPS = 16, 64, 6000
 

@@ -11,15 +11,15 @@ import pytest
 import scipy.io
 
 import heatrun
-from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.export import Corrections, mat_bytes, network_variables, simulate_network
 from heatrun.export.contents import _is_same
 from heatrun.export.network_file import corrected_network, known_laws
-from heatrun.inference.catalogue import all_effects
-from heatrun.inference.model import Model
-from heatrun.inference.networks import network_named
-from heatrun.motor import Motor
+from heatrun.model.catalogue import all_effects
+from heatrun.model.model import Model
+from heatrun.model.network_text import network_named
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from lptn import EFFECTS, SpeedLoss
 from lptn.effects.cooling import CoolingStep, SpeedCooling
 
@@ -158,7 +158,7 @@ def test_time_counts_from_the_first_sample():
 
 def test_the_built_in_networks_are_told_by_their_parts(tmp_path):
     second = network_named("second")
-    text = Path(heatrun.__file__).parent / "inference/networks/second.toml"
+    text = Path(heatrun.__file__).parent / "model/networks/second.toml"
     own = tmp_path / "own.toml"
     own.write_text(text.read_text().replace("value = 500.0", "value = 800.0"))
     assert _is_same(network_named(str(own)), second)

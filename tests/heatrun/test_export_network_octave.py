@@ -11,11 +11,11 @@ import pandas as pd
 import pytest
 from octave import needs_octave, octave
 
-from heatrun.bench.record import Record
 from heatrun.export import mat_bytes, network_variables, simulate_network
-from heatrun.inference.model import Model
-from heatrun.inference.networks.text import read_network
-from heatrun.motor import Motor
+from heatrun.model.model import Model
+from heatrun.model.network_text import read_network
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from lptn import EFFECTS
 
 SCRIPT = files("heatrun.export") / "templates" / "run_network.m"

@@ -16,11 +16,11 @@ from octave import needs_octave
 from test_export_octave import run_octave
 
 from heatrun import cli
-from heatrun.bench.readers.mat5 import read_variables
-from heatrun.bench.readers.read import read_record
 from heatrun.errors import InputError
 from heatrun.export import export_test, mat_bytes
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.readers.mat5 import read_variables
+from heatrun.readers.read import read_record
 from heatrun.simulation import read_parameters
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"

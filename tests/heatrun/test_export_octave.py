@@ -13,10 +13,10 @@ import pandas as pd
 import pytest
 from octave import needs_octave, octave
 
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.record import Record
 from heatrun.export import mat_bytes, simulate_variables, thesis_variables
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.readers.read import read_record
+from heatrun.record.record import Record
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 TEMPLATES = files("heatrun.export") / "templates"

@@ -14,9 +14,6 @@ import pytest
 from run_files import edit, write_csv
 
 from heatrun import cli
-from heatrun.bench.joined import read_test
-from heatrun.bench.readers.mat5 import read_variables
-from heatrun.bench.readers.read import read_record
 from heatrun.errors import InputError
 from heatrun.export import (
     Corrections,
@@ -28,7 +25,10 @@ from heatrun.export import (
 )
 from heatrun.export.mat import LARGEST_UNSAID_K
 from heatrun.export.variables import Shaft
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.readers.joined import read_test
+from heatrun.readers.mat5 import read_variables
+from heatrun.readers.read import read_record
 from heatrun.runs.run import open_run
 
 THESIS = ["B", "Ceqsr", "Ceqw", "Is", "Pd", "Reqsr", "Reqw"]

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun.bench.record import Record
 from heatrun.errors import InputError
 from heatrun.export import simulate_variables, thesis_variables
 from heatrun.export.variables import Corrections, Shaft
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from lptn import CopperLosses, Inputs, reference, second_order
 
 N = 400

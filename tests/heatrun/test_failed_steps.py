@@ -14,16 +14,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from heatrun import calibration, jobs
+from heatrun import calibration
 from heatrun.attempts import FAILED, OUTPUT_FAILED, Attempts
-from heatrun.calibration import load_tests
+from heatrun.calibration import Settings, load_tests
 from heatrun.errors import InputError, UsageError
-from heatrun.inference.networks import networks_of
-from heatrun.inference.posterior import normal_draws
-from heatrun.inference.predict import unpredicted
-from heatrun.motorfile import load_motor
-from heatrun.reports.sheet import figures, of_run
-from heatrun.reports.sheet.of_run import rewrite_sheet, write_sheet
+from heatrun.jobs import calibrate as jobs
+from heatrun.model.network_text import networks_of
+from heatrun.motor.file import load_motor
+from heatrun.posterior.posterior import normal_draws
+from heatrun.posterior.predict import unpredicted
+from heatrun.reports import figures, of_run
+from heatrun.reports.of_run import rewrite_sheet, write_sheet
 from heatrun.reports.terminal import result_text
 from heatrun.runs import result as of_result
 from heatrun.runs import write
@@ -65,7 +66,9 @@ def left(finished_day, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         for module, name in STEPS.values():
             patch.setattr(module, name, fail)
-        return jobs.calibrate_into(folder, motor, tests, networks_of("both"), method="quick")
+        return jobs.calibrate_into(
+            jobs.Place(folder), motor, tests, Settings(networks=networks_of("both"), method="quick")
+        )
 
 
 @pytest.fixture(scope="module")
@@ -202,9 +205,8 @@ def test_effects_that_cannot_be_averaged_leave_the_draws_of_the_network(second_o
     effect = SimpleNamespace(probability=0.4)
     screened = SimpleNamespace(effects=(effect,))
     attempts = Attempts()
-    found = calibration._sampled(
-        second_order, screened, "quick", 0, None, lambda *_: None, attempts
-    )
+    settings = Settings(networks=["second"], method="quick")
+    found = calibration._sampled(second_order, screened, settings, None, lambda *_: None, attempts)
     assert found is drawn
     assert [f.message.split(" failed")[0] for f in attempts.findings] == [
         "the average over effects that may be missing"

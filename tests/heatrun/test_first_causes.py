@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from heat_runs import CLEAN, MOTOR, as_columns, changed, decided, every, fell_off, heat_run
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.checks.course import cooling_constants
-from heatrun.bench.checks.unexplained import unexplained_movement
-from heatrun.bench.record import Record
+from heatrun.checks import check_record
+from heatrun.checks.course import cooling_constants
+from heatrun.checks.unexplained import unexplained_movement
+from heatrun.record.record import Record
 
 SLOW = every(CLEAN, 20)  # 2 s
 

@@ -7,15 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
-from heatrun.inference.fitting import fit as fit_module
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.restricted import whiten_fit
-from heatrun.inference.model import Model
-from heatrun.inference.model_parameters import parameters
-from heatrun.inference.problem import Problem, linearise, log_posterior, residuals
-from heatrun.motor import Motor, ParameterOverride
+from heatrun.fit import fit as fit_module
+from heatrun.fit.fit import fit
+from heatrun.fit.restricted import whiten_fit
+from heatrun.model.model import Model
+from heatrun.model.model_parameters import parameters
+from heatrun.model.problem import Problem, linearise, log_posterior, residuals
+from heatrun.record.motor import Motor, ParameterOverride
+from heatrun.record.reduction import reduce
 
 
 def test_known_parameters_come_back_within_their_uncertainty(fitted, truth):

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun.inference.fitting.fit_checks import fit_findings
-from heatrun.inference.posterior import weighted_draws
-from heatrun.inference.predict import predict
+from heatrun.posterior.fit_checks import fit_findings
+from heatrun.posterior.posterior import weighted_draws
+from heatrun.posterior.predict import predict
 
 
 def told(draws, id="calibration_outside_band"):

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from heat_runs import MOTOR, at, edited, heat_run, named
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.joined import parts_of
-from heatrun.bench.reduction import reduce
+from heatrun.checks import check_record
 from heatrun.errors import InputError
-from heatrun.motor import PartsOfTest
-from heatrun.motorfile import parse_motor
+from heatrun.motor.file import parse_motor
+from heatrun.readers.joined import parts_of
+from heatrun.record.motor import PartsOfTest
+from heatrun.record.reduction import reduce
 from heatrun.runs.motor_text import motor_text
 
 FROM_S, TO_S = 1500.0, 2220.0

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.channels.channel_map import map_columns
-from heatrun.bench.channels.claims import CHANNEL
-from heatrun.bench.channels.header import split_name
-from heatrun.bench.channels.mapping import unit_of
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.readers.table import Column, Table
-from heatrun.bench.readers.text.remarks import units_of_remarks
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.readers.channel_map import map_columns
+from heatrun.readers.mapping import unit_of
+from heatrun.readers.read import read_record
+from heatrun.readers.text.remarks import units_of_remarks
+from heatrun.record.channels import CHANNEL
+from heatrun.record.header import split_name
+from heatrun.record.motor import Motor
+from heatrun.record.table import Column, Table
 
 VALUES = np.array([1.0, 2.0])
 

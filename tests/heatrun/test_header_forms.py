@@ -11,13 +11,13 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from heatrun.bench.channels import header
-from heatrun.bench.channels.claims import CHANNEL
-from heatrun.bench.channels.header import LONGEST_NAME, LONGEST_UNIT, plain, split_name
-from heatrun.bench.channels.mapping import unit_of
-from heatrun.bench.channels.units import QUANTITIES, Unit, require_unit
-from heatrun.bench.readers.table import Column
 from heatrun.errors import InputError
+from heatrun.readers.mapping import unit_of
+from heatrun.record import header
+from heatrun.record.channels import CHANNEL
+from heatrun.record.header import LONGEST_NAME, LONGEST_UNIT, plain, split_name
+from heatrun.record.table import Column
+from heatrun.record.units import QUANTITIES, Unit, require_unit
 
 COLUMNS = {
     "time": ("time_s", "Zeit"),

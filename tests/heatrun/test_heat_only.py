@@ -9,20 +9,20 @@ import pytest
 from heated_bodies import BLOCK, COIL, LEADS_SHARE, coil, heater
 
 import heatrun
-from heatrun.bench import Record
-from heatrun.bench.checks import check_record
-from heatrun.bench.checks.crude_fit import crude_fit
-from heatrun.bench.checks.excitation import single_step
-from heatrun.bench.joined import read_test
-from heatrun.bench.reduction import reduce
+from heatrun.checks import check_record
+from heatrun.checks.crude_fit import crude_fit
+from heatrun.checks.excitation import single_step
 from heatrun.errors import InputError
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.posterior import normal_draws
-from heatrun.inference.predict import predict
-from heatrun.inference.problem import Problem
-from heatrun.motor import Motor
-from heatrun.motorfile import load_motor
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.motor.file import load_motor
+from heatrun.posterior.posterior import normal_draws
+from heatrun.posterior.predict import predict
+from heatrun.readers.joined import read_test
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 
 def problem(files, network):

@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 
 import heatrun
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_checks import distance, holding_heat, is_overruled
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
-from heatrun.motor import Adequacy, Motor
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.posterior.fit_checks import distance, holding_heat, is_overruled
+from heatrun.record.motor import Adequacy, Motor
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 MOTOR = """[motor]
 name = "yoke behind the tooth"

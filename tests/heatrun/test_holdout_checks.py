@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 from heat_runs import heat_run
 
-from heatrun.bench.stretch import Stretch, cut
 from heatrun.calibration import Refused, load_tests
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.record.stretch import Stretch, cut
 
 MOTOR = '[motor]\nname = "m"\nlosses = "balance"\n[winding]\nphase_resistance_ohm = 0.0062\n'
 

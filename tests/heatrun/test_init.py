@@ -19,13 +19,13 @@ from hypothesis import strategies as st
 from mdf_files import signal, written
 
 from heatrun import cli
-from heatrun.bench.channels.likely_names import LIKELY
-from heatrun.bench.free_columns import FreeColumn, Proposal
-from heatrun.bench.joined import read_test
-from heatrun.bench.survey import Survey, survey
 from heatrun.errors import InputError
-from heatrun.motor_draft import draft
-from heatrun.motorfile import load_motor, parse_motor
+from heatrun.init.draft import draft
+from heatrun.init.free_columns import FreeColumn, Proposal
+from heatrun.init.survey import Survey, survey
+from heatrun.motor.file import load_motor, parse_motor
+from heatrun.readers.joined import read_test
+from heatrun.readers.likely_names import LIKELY
 
 DATA = Path(__file__).parents[2] / "data"
 DUTY = DATA / "synthetic" / "duty_90min.csv.gz"

@@ -10,12 +10,12 @@ import pytest
 from drafted import CURRENT, HOUSING, LOAD, LOSSES, ROOM, TIME_S, named, offered, text_of
 
 from heatrun import cli
-from heatrun.bench.joined import read_test
-from heatrun.bench.survey import survey
 from heatrun.commands.init import motor_of_tests
 from heatrun.errors import InputError
-from heatrun.motor_draft import MOST_LINES, draft
-from heatrun.motorfile import load_motor, parse_motor
+from heatrun.init.draft import MOST_LINES, draft
+from heatrun.init.survey import survey
+from heatrun.motor.file import load_motor, parse_motor
+from heatrun.readers.joined import read_test
 
 SPEED = 1500.0 - 100.0 * LOAD
 TORQUE = 4.0 + 6.0 * LOAD

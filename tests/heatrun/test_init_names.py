@@ -6,8 +6,8 @@ import pytest
 import scipy.io
 from drafted import CURRENT, HOUSING, LOSSES, ROOM, TIME_S, WINDING, named, offered, text_of
 
-from heatrun.bench.channels.likely_names import LIKELY, likely_channels
-from heatrun.bench.survey import survey
+from heatrun.init.survey import survey
+from heatrun.readers.likely_names import LIKELY, likely_channels
 
 WINDING_NAMES = (
     "Tcu", "T_cu", "T_Cu", "TCu", "Temp_Cu", "theta_Cu", "theta_w", "Theta_W", "theta_wdg",

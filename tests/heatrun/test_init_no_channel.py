@@ -20,8 +20,8 @@ from drafted import (
 )
 from mdf_files import signal, written
 
-from heatrun.bench.survey import survey
-from heatrun.motor_gaps import gaps
+from heatrun.init.gaps import gaps
+from heatrun.init.survey import survey
 
 BASE = {"time_s": TIME_S, "losses_W": LOSSES, "ambient_degC": ROOM, "winding_degC": WINDING}
 CONTROLLER = {

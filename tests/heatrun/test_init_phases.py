@@ -18,8 +18,8 @@ from drafted import (
 )
 from mdf_files import signal, written
 
-from heatrun.bench.joined import read_test
-from heatrun.motorfile import parse_motor
+from heatrun.motor.file import parse_motor
+from heatrun.readers.joined import read_test
 
 BASE = {"time_s": TIME_S, "losses_W": LOSSES, "phase_current_A": CURRENT, "ambient_degC": ROOM}
 UVW = (WINDING + 1.5, WINDING, WINDING - 1.0)

@@ -8,8 +8,8 @@ import pytest
 import scipy.io
 from drafted import CURRENT, LOSSES, ROOM, TIME_S, WINDING, named, text_of
 
-from heatrun.bench.survey import survey
-from heatrun.motor_gaps import gaps
+from heatrun.init.gaps import gaps
+from heatrun.init.survey import survey
 
 BASE = {
     "time_s": TIME_S,

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.inference.posterior import NUM_KEPT, keep
+from heatrun.posterior.posterior import NUM_KEPT, keep
 
 
 @pytest.mark.parametrize("num_steps", [800, 1200, 2000, 4000, 9600])

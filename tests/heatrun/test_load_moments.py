@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from heatrun.bench.load_moments import with_load_moments
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
 from heatrun.calibration import load_tests
-from heatrun.motorfile import parse_motor
+from heatrun.checks.load_moments import with_load_moments
+from heatrun.motor.file import parse_motor
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 C_W, C_SR, R_W, R_SR = 20.0, 400.0, 0.6, 1.5
 """A coil with a time constant of 12 s [J/K, K/W]."""

@@ -7,15 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.restricted import estimate_loggers
-from heatrun.inference.loggers import scale_of
-from heatrun.inference.model import Model
-from heatrun.inference.noise import Noise, draw
-from heatrun.inference.posterior import weighted_draws
-from heatrun.inference.predict import predict
-from heatrun.inference.problem import Problem
+from heatrun.fit.fit import fit
+from heatrun.fit.restricted import estimate_loggers
+from heatrun.model.loggers import scale_of
+from heatrun.model.model import Model
+from heatrun.model.noise import Noise, draw
+from heatrun.model.problem import Problem
+from heatrun.posterior.posterior import weighted_draws
+from heatrun.posterior.predict import predict
+from heatrun.record.reduction import reduce
 
 QUIET = {"drift_sd_K": 0.1, "white_sd_K": 0.05, "resolution_K": 0.1}
 NOISY = {"drift_sd_K": 0.8, "white_sd_K": 0.4, "resolution_K": 0.5}

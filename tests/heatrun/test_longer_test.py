@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.identifiability import extended
-from heatrun.motor import Motor
+from heatrun.posterior.identifiability import extended
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 
 def blocks(load_until_s: float, load_A: float = 100.0):

@@ -12,15 +12,15 @@ import pytest
 from turning import NETWORK, RS0, T0, TRUTH, amperes, copper, course, friction, iron, record, rpm
 
 from heatrun import cli
-from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.model_parameters import override_names
-from heatrun.inference.networks.scale import Masses, scale_of_tests, scaled
-from heatrun.inference.networks.text import network_of, network_text, read_network
-from heatrun.inference.problem import Problem
-from heatrun.motor import Motor
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.model_parameters import override_names
+from heatrun.model.network_text import network_of, network_text, read_network
+from heatrun.model.problem import Problem
+from heatrun.model.scale import Masses, scale_of_tests, scaled
+from heatrun.record.motor import Motor
+from heatrun.record.reduction import reduce
 from lptn import CopperLosses, Drive, Inputs, SpeedLoss, heat_input, simulate
 
 MOTOR = Motor("bench", phase_resistance_ohm=RS0)

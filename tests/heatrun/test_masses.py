@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_checks import fit_findings
-from heatrun.inference.model import Model
-from heatrun.inference.networks.scale import BODY, TAKING_PART
-from heatrun.inference.posterior import weighted_draws
-from heatrun.inference.problem import Problem
-from heatrun.motor import ParameterOverride
-from heatrun.motorfile import parse_motor
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.model.scale import BODY, TAKING_PART
+from heatrun.motor.file import parse_motor
+from heatrun.posterior.fit_checks import fit_findings
+from heatrun.posterior.posterior import weighted_draws
+from heatrun.record.motor import ParameterOverride
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 
 def fitted_with(motor, test, **masses):

@@ -13,7 +13,6 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 import heatrun
-from heatrun.bench.reduction import reduce
 from heatrun.effects.missing import (
     SCALES,
     Missing,
@@ -23,11 +22,12 @@ from heatrun.effects.missing import (
     missing_finding,
 )
 from heatrun.effects.search import ODDS
-from heatrun.inference.catalogue import all_effects
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.posterior import PlausibleEffect
-from heatrun.inference.problem import Problem
+from heatrun.fit.fit import fit
+from heatrun.model.catalogue import all_effects
+from heatrun.model.draws import PlausibleEffect
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.record.reduction import reduce
 
 
 @pytest.fixture(scope="module")

@@ -10,16 +10,16 @@ from scipy.stats import multivariate_normal, norm
 from weighted_moments import gap_in_errors
 
 from heatrun.calibration import load_tests
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_checks import holding_heat
-from heatrun.inference.kernels import Kernels
-from heatrun.inference.model import Model
-from heatrun.inference.posterior import sample
-from heatrun.inference.problem import Problem
-from heatrun.inference.sampling.importance import importance_sample, linear_sample
-from heatrun.inference.sampling.proposal import Proposal
-from heatrun.inference.sampling.weighted import truncated
-from heatrun.motorfile import load_motor
+from heatrun.fit.fit import fit
+from heatrun.model.kernels import Kernels
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.motor.file import load_motor
+from heatrun.posterior.fit_checks import holding_heat
+from heatrun.posterior.importance import importance_sample, linear_sample
+from heatrun.posterior.posterior import sample
+from heatrun.posterior.proposal import Proposal
+from heatrun.posterior.weighted import truncated
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 

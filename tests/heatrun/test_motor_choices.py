@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heatrun.bench.survey import survey
-from heatrun.motor_draft import choices, draft
-from heatrun.motorfile import parse_motor
+from heatrun.init.draft import choices, draft
+from heatrun.init.survey import survey
+from heatrun.motor.file import parse_motor
 
 
 @pytest.fixture

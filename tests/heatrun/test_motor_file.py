@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from heatrun.errors import InputError
 from heatrun.io import toml_text
-from heatrun.motor import Adequacy, Motor, ParameterOverride
-from heatrun.motorfile import load_motor, parse_motor
+from heatrun.motor.file import load_motor, parse_motor
+from heatrun.record.motor import Adequacy, Motor, ParameterOverride
 from heatrun.runs.motor_text import motor_text
 
 FULL = """

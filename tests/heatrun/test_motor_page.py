@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from heatrun import motor_keys as motor_page
 from heatrun.errors import InputError
-from heatrun.motor_keys import BODY_PARTS, PARAMETER_MEANINGS, SECTIONS
-from heatrun.motorfile import UNITS, parse_motor
+from heatrun.motor import keys as motor_page
+from heatrun.motor.file import UNITS, parse_motor
+from heatrun.motor.keys import BODY_PARTS, PARAMETER_MEANINGS, SECTIONS
 
 PAGE = Path(__file__).parents[2] / "docs" / "motor_file.md"
 HEAD = '[motor]\nname = "M"\n'

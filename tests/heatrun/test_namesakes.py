@@ -7,10 +7,10 @@ import gzip
 import numpy as np
 import pytest
 
-from heatrun.bench.readers.read import read_raw, read_record
-from heatrun.bench.survey import survey
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.init.survey import survey
+from heatrun.readers.read import read_raw, read_record
+from heatrun.record.motor import Motor
 
 HEAD = ["t [s]", "T_w [K]", "T_w [K]", "T_w [K]", "losses_W"]
 ROWS = [[i, 300.0 + i, 310.0 + i, 320.0 + i, 100.0] for i in range(5)]

@@ -10,12 +10,18 @@ import numpy as np
 import pytest
 
 from heatrun.errors import InputError
-from heatrun.inference.model import Model
-from heatrun.inference.model_parameters import parameters
-from heatrun.inference.networks import BUILT_IN, network_named, networks_of
-from heatrun.inference.networks.text import network_of, network_text, read_network
-from heatrun.inference.problem import Problem, predictions
-from heatrun.motor import Adequacy, Motor, ParameterOverride
+from heatrun.model.model import Model
+from heatrun.model.model_parameters import parameters
+from heatrun.model.network_text import (
+    BUILT_IN,
+    network_named,
+    network_of,
+    network_text,
+    networks_of,
+    read_network,
+)
+from heatrun.model.problem import Problem, predictions
+from heatrun.record.motor import Adequacy, Motor, ParameterOverride
 from heatrun.runs.run import ModelOfRun, model_text, read_model
 
 FOUR = """
@@ -80,7 +86,7 @@ def test_a_model_with_effects_and_fixed_values_reads_back_to_the_same_value(bloc
 
 
 def test_the_second_order_from_a_file_is_the_built_in_to_the_last_bit(tmp_path, blocks, motor):
-    text = files("heatrun.inference.networks").joinpath("second.toml").read_text("utf-8")
+    text = files("heatrun.model").joinpath("networks/second.toml").read_text("utf-8")
     file = tmp_path / "mine.toml"
     file.write_text(text.replace('name = "second"', 'name = "mine"'), "utf-8")
     courses = []

@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun.inference.fitting.fit import ljung_box, low_frequency_excess
-from heatrun.inference.fitting.restricted import restricted_log_likelihood
-from heatrun.inference.noise import Noise, draw, log_density, variance_of_mean, whiten
+from heatrun.fit.fit import ljung_box, low_frequency_excess
+from heatrun.fit.restricted import restricted_log_likelihood
+from heatrun.model.noise import Noise, draw, log_density, variance_of_mean, whiten
 
 
 @pytest.fixture
@@ -138,7 +138,7 @@ def test_restricted_likelihood_integrates_the_parameters_out(fitted):
             problem.data, scores, jnp.asarray(fitted.z), jnp.asarray(residual),
             jnp.asarray(jacobian),
         )  # fmt: skip
-        from heatrun.inference.noise import from_scores
+        from heatrun.model.noise import from_scores
 
         V = covariance(problem.data.tests[0], from_scores(scores))
         centred = residual - jacobian @ fitted.z  # at z = 0 of the linear model

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from heat_runs import CLEAN
 
-from heatrun.bench.checks.suitability import other_tests
+from heatrun.checks.suitability import other_tests
 from heatrun.cli import main
 from heatrun.commands.loading import load
-from heatrun.motorfile import load_motor, parse_motor
+from heatrun.motor.file import load_motor, parse_motor
 
 
 def motor(*names: str):

@@ -13,12 +13,12 @@ import pytest
 import xlsxwriter
 
 from heatrun import cli
-from heatrun.bench import own_files
-from heatrun.bench.checks import check_record
-from heatrun.bench.own_files import refuse_own_file
-from heatrun.bench.readers.read import read_record
+from heatrun.checks import check_record
 from heatrun.errors import InputError
-from heatrun.motorfile import load_motor
+from heatrun.io import own_files
+from heatrun.io.own_files import refuse_own_file
+from heatrun.motor.file import load_motor
+from heatrun.readers.read import read_record
 from heatrun_fleet.entries import ALIASES
 from heatrun_reports.tests_in import tests_in as bench_tests_in
 from heatrun_view.store import Folder

@@ -12,9 +12,9 @@ import heatrun
 from heatrun import cli
 from heatrun.effects.engine import library
 from heatrun.errors import InputError, UsageError
-from heatrun.inference.catalogue import effects_named
-from heatrun.inference.model import Model
-from heatrun.inference.networks import network_named, pair_of
+from heatrun.model.catalogue import effects_named
+from heatrun.model.model import Model
+from heatrun.model.network_text import network_named, pair_of
 from lptn import EFFECTS
 
 FOUR = Path(__file__).with_name("four.toml").read_text("utf-8")

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.readers.read import read_record
-from heatrun.motor import Motor
+from heatrun.checks import check_record
+from heatrun.readers.read import read_record
+from heatrun.record.motor import Motor
 
 END_S = 2400.0
 MOTOR = Motor("M", phase_resistance_ohm=0.04)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from page_numbers import said_and_simulated
 
-from heatrun.bench.readers.mat5 import read_variables
 from heatrun.cli import main
+from heatrun.readers.mat5 import read_variables
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic" / "hidden_cause"
 WORDS = ["calibrate", str(DATA / "motor.toml"), str(DATA / "staircase.csv.gz"), "--model", "second",

@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.joined import read_test, read_tests, read_whole_test
-from heatrun.bench.reduction import reduce
-from heatrun.bench.stretch import split_stretch
+from heatrun.checks import check_record
 from heatrun.cli import main
 from heatrun.errors import InputError
-from heatrun.motorfile import parse_motor
+from heatrun.motor.file import parse_motor
+from heatrun.readers.joined import read_test, read_tests, read_whole_test
+from heatrun.record.reduction import reduce
+from heatrun.record.stretch import split_stretch
 
 HEAD = '[motor]\nname = "M"\n[winding]\nphase_resistance_ohm = 0.01\n'
 

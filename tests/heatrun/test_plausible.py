@@ -10,10 +10,10 @@ import pytest
 from heatrun.cli import main
 from heatrun.commands.words import LARGEST_SEED, seed
 from heatrun.errors import InputError
-from heatrun.inference.model import Model
-from heatrun.inference.model_parameters import override_names, parameters
-from heatrun.motor import ParameterOverride
-from heatrun.motorfile import RANGES, UNITS, load_motor
+from heatrun.model.model import Model
+from heatrun.model.model_parameters import override_names, parameters
+from heatrun.motor.file import RANGES, UNITS, load_motor
+from heatrun.record.motor import ParameterOverride
 from lptn import EFFECTS
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from machine_of_two_sensors import machine
 
-from heatrun.inference.model import Model
-from heatrun.inference.model_parameters import parameters
-from heatrun.inference.posterior import Draws, PlausibleEffect, PlausibleEffects
-from heatrun.inference.predict import predict
-from heatrun.inference.virtual import virtual_record
+from heatrun.model.draws import Draws, PlausibleEffect, PlausibleEffects
+from heatrun.model.model import Model
+from heatrun.model.model_parameters import parameters
+from heatrun.posterior.predict import predict
+from heatrun.posterior.virtual import virtual_record
 from lptn.effects import EFFECTS
 
 RECIRCULATION = next(each for each in EFFECTS if each.card.id == "ambient_recirculation")

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from weighted_moments import gap_in_errors
 
-from heatrun.bench.reduction import reduce
-from heatrun.inference import posterior as posterior_module
-from heatrun.inference.fitting.fit import fit, ljung_box
-from heatrun.inference.fitting.identifiability import forecast
-from heatrun.inference.model import Model
-from heatrun.inference.posterior import sample
-from heatrun.inference.predict import predict
-from heatrun.inference.problem import Problem
-from heatrun.inference.sampling import ensemble as ensemble_run
-from heatrun.inference.sampling.convergence import FULL, judge
-from heatrun.inference.sampling.importance import linear_sample
-from heatrun.inference.sampling.proposal import Branches
+from heatrun.fit.fit import fit, ljung_box
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.posterior import ensemble as ensemble_run
+from heatrun.posterior import posterior as posterior_module
+from heatrun.posterior.convergence import FULL, judge
+from heatrun.posterior.identifiability import forecast
+from heatrun.posterior.importance import linear_sample
+from heatrun.posterior.posterior import sample
+from heatrun.posterior.predict import predict
+from heatrun.posterior.proposal import Branches
+from heatrun.record.reduction import reduce
 from heatrun.runs import netcdf as archive
 
 SLOW = pytest.mark.slow
@@ -29,7 +29,7 @@ SLOW = pytest.mark.slow
 def posterior(fitted):
     """Of 200 steps: for what walkers that start from importance samples show at once."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("heatrun.inference.posterior.CHUNK", 200)
+        patch.setattr("heatrun.posterior.posterior.CHUNK", 200)
         return sample(fitted, seed=3, most_steps=400)
 
 
@@ -77,14 +77,14 @@ def test_weighted_draws_agree_with_the_ensemble(blocks, motor):
 @pytest.fixture
 def short_chunks(monkeypatch):
     """A checkpoint every 20 steps instead of 250: what follows is the same."""
-    monkeypatch.setattr("heatrun.inference.posterior.CHUNK", 20)
+    monkeypatch.setattr("heatrun.posterior.posterior.CHUNK", 20)
 
 
 @pytest.fixture
 def begun(posterior, monkeypatch):
     """The importance samples that walkers start from, drawn once for several tests."""
     start = posterior.weighted
-    monkeypatch.setattr("heatrun.inference.posterior.starting_sample", lambda *_, **__: start)
+    monkeypatch.setattr("heatrun.posterior.posterior.starting_sample", lambda *_, **__: start)
     return start
 
 
@@ -92,7 +92,7 @@ def begun(posterior, monkeypatch):
 def free_steps(fitted, begun, monkeypatch):
     """Steps through a normal law: for what does not depend on the law that is sampled."""
     start = replace(begun, pareto_k=1.0)  # so that no walker draws from the proposal
-    monkeypatch.setattr("heatrun.inference.posterior.starting_sample", lambda *_, **__: start)
+    monkeypatch.setattr("heatrun.posterior.posterior.starting_sample", lambda *_, **__: start)
     sd = np.sqrt(np.diag(fitted.covariance))
 
     def log_density(_, vectors):
@@ -110,8 +110,8 @@ def looks(free_steps, monkeypatch):
         seen.append(chains.shape[1])
         return replace(verdict, agreement=0.0, autocorrelation=1.0)
 
-    monkeypatch.setattr("heatrun.inference.posterior.CHUNK", 5)
-    monkeypatch.setattr("heatrun.inference.posterior.judge", look)
+    monkeypatch.setattr("heatrun.posterior.posterior.CHUNK", 5)
+    monkeypatch.setattr("heatrun.posterior.posterior.judge", look)
     return seen
 
 
@@ -227,11 +227,11 @@ def test_draws_from_a_proposal_that_is_off_are_accepted_as_the_posterior_wants(
 def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble_which_says_why(
     fitted, monkeypatch, short_chunks
 ):
-    monkeypatch.setattr("heatrun.inference.sampling.weighted.PARETO_LIMIT", -1.0)
+    monkeypatch.setattr("heatrun.posterior.weighted.PARETO_LIMIT", -1.0)
     # few draws, for none of them is good enough
-    monkeypatch.setattr("heatrun.inference.sampling.rto.MOST_ROUNDS", 1)
-    monkeypatch.setattr("heatrun.inference.sampling.rto.NUM_DRAWS", 256)
-    monkeypatch.setattr("heatrun.inference.sampling.importance.NUM_ADAPTATIONS", 0)
+    monkeypatch.setattr("heatrun.posterior.rto.MOST_ROUNDS", 1)
+    monkeypatch.setattr("heatrun.posterior.rto.NUM_DRAWS", 256)
+    monkeypatch.setattr("heatrun.posterior.importance.NUM_ADAPTATIONS", 0)
     told = []
     asked = sample(
         fitted,

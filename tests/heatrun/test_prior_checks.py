@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from heatrun.inference.fitting.fit_checks import CHANCE, prior_findings
-from heatrun.inference.parameters import Parameter, Slot
+from heatrun.model.parameters import Parameter, Slot
+from heatrun.posterior.fit_checks import CHANCE, prior_findings
 
 NUM_TESTS = 10
 TIMING = Parameter(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.record import Record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from heatrun_reports import Reference
 from heatrun_reports.prototypes.confront import confront
 from heatrun_reports.prototypes.prototype import Prototype, read_prototypes

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from run_near_truth import FITTED, run_near_truth
 
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.record import Record, Source
-from heatrun.motor import Motor
+from heatrun.readers.read import read_record
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record, Source
 from heatrun_reports import Reference, build_report, read_reference
 from heatrun_reports.prototypes.prototype import Prototype, read_prototypes
 from heatrun_reports.prototypes.report import prototypes_report

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.readers.raster import means_around, raster, require_increasing
 from heatrun.errors import InputError
+from heatrun.record.raster import means_around, raster, require_increasing
 
 FAST = np.arange(1001) * 0.1
 AT = np.arange(101) * 1.0

@@ -5,7 +5,7 @@ import pytest
 
 from heatrun import cli
 from heatrun.errors import UsageError
-from heatrun.ratings.duties import current_at_limit, parse_duty
+from heatrun.runs.duties import current_at_limit, parse_duty
 
 
 def test_a_heat_capacity_alone_gives_the_closed_form():

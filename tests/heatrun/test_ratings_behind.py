@@ -7,8 +7,8 @@ import pytest
 from msgspec import UNSET
 from test_ratings_figures import BY_ID, NUM, TRUE, motor, posterior
 
-from heatrun.inference.posterior import PlausibleEffect, PlausibleEffects
-from heatrun.ratings.figures import derive
+from heatrun.model.draws import PlausibleEffect, PlausibleEffects
+from heatrun.runs.ratings_figures import derive
 
 NONE = -1
 FIGURES = ("steady_rise_K", "continuous_current_A", "time_to_limit_cold_s", "S2-30_current_A")

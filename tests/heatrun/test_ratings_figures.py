@@ -12,14 +12,14 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from heatrun.bench.blocks import Blocks
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
-from heatrun.motor import Motor, ParameterOverride
-from heatrun.ratings.figures import derive, rates
-from heatrun.ratings.machine import machines
-from heatrun.reports.sheet.content import _derived
-from heatrun.reports.texts import Texts
+from heatrun.io.texts import Texts
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.record.blocks import Blocks
+from heatrun.record.motor import Motor, ParameterOverride
+from heatrun.reports.content import _derived
+from heatrun.runs.machine import machines
+from heatrun.runs.ratings_figures import derive, rates
 from lptn import CopperLosses, Drive, Inputs, Network
 from lptn.effects import EFFECTS
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.readers.text.reader import read_text
-from heatrun.bench.survey import survey
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.init.survey import survey
+from heatrun.readers.read import read_record
+from heatrun.readers.text.reader import read_text
+from heatrun.record.motor import Motor
 
 N = 12
 TEMPERATURE = np.round(23.4 + 31.0 * (1.0 - np.exp(-np.arange(N) / 5.0)), 2)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.clocks.clock import parse_time_format, stated_format
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.readers.text.reader import read_text
+from heatrun.checks import check_record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.readers.clock import parse_time_format, stated_format
+from heatrun.readers.read import read_record
+from heatrun.readers.text.reader import read_text
+from heatrun.record.motor import Motor
 
 
 def spelled(seconds, form):

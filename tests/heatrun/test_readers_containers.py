@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import scipy.io
 
-from heatrun.bench.readers.read import read_raw, read_record
-from heatrun.bench.readers.table import kind_of_frames
-from heatrun.bench.survey import survey
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.init.survey import survey
+from heatrun.readers.read import read_raw, read_record
+from heatrun.record.motor import Motor
+from heatrun.record.table import kind_of_frames
 
 N = 30
 T = 4.0 * np.arange(N)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.readers.text.reader import read_text
 from heatrun.errors import InputError
-from heatrun.motor import Motor
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.readers.read import read_record
+from heatrun.readers.text.reader import read_text
+from heatrun.record.motor import Motor
 
 ROWS = ["0;4.500;20", "1;12.750;20", "2;-3.125;21", "3;950;21"]
 

@@ -20,11 +20,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from heatrun import cli
-from heatrun.bench.joined import read_test
-from heatrun.bench.readers.read import read_raw, read_record
-from heatrun.bench.readers.workbook import as_text
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.readers.joined import read_test
+from heatrun.readers.read import read_raw, read_record
+from heatrun.readers.workbook import as_text
+from heatrun.record.motor import Motor
 from heatrun.runs.run_folder import as_named
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"

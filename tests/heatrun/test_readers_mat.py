@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.readers.read import read_raw, read_record
+from heatrun.record.motor import Motor
 
 N = 40
 SIGNALS = {

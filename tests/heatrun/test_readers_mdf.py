@@ -11,11 +11,11 @@ import pytest
 from mdf_files import FAST, SLOW, drive_and_temperatures, signal, written
 
 from heatrun import cli
-from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.calibration import load_tests
 from heatrun.errors import InputError
-from heatrun.motor import Motor
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.readers.read import read_raw, read_record
+from heatrun.record.motor import Motor
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 

@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mdf_files import SLOW, drive_and_temperatures, signal, written
 
-from heatrun.bench.readers.read import read_record
 from heatrun.errors import InputError
+from heatrun.readers.read import read_record
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.readers.read import read_raw, read_record
+from heatrun.record.motor import Motor
 
 N = 7200
 RATE = Motor("M", columns={"time_s": "rate 1 Hz"})

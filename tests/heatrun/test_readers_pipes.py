@@ -12,11 +12,11 @@ import threading
 import numpy as np
 import pytest
 
-from heatrun.bench.joined import read_test
-from heatrun.bench.readers import open_file
-from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.io import open_file
+from heatrun.readers.joined import read_test
+from heatrun.readers.read import read_raw, read_record
+from heatrun.record.motor import Motor
 
 N = 20_000  # lines, many times what a pipe holds at once
 TABLE = "time_s,winding_degC\n" + "".join(f"{t},{20 + 0.25 * (t % 7)}\n" for t in range(N))

@@ -9,9 +9,9 @@ import numpy as np
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.readers.text.reader import read_text
 from heatrun.errors import InputError
+from heatrun.readers.read import read_record
+from heatrun.readers.text.reader import read_text
 
 NAMES = ("T_winding", "Stator Body", "torque", "P")
 UNITS = ("°C", "degC", "Nm", "kW")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.channels.channel_map import map_columns
-from heatrun.bench.readers.text.reader import read_text
 from heatrun.errors import InputError
+from heatrun.readers.channel_map import map_columns
+from heatrun.readers.text.reader import read_text
 
 ROWS = "{0};1;20.5\n{1};2;20.6\n{2};3;20.7\n"
 

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 from scipy.io import netcdf_file
 
-from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.readers.read import read_raw, read_record
+from heatrun.record.motor import Motor
 
 pyarrow = pytest.importorskip("pyarrow")
 

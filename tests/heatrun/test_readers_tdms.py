@@ -13,11 +13,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from heatrun import cli
-from heatrun.bench.readers.read import read_raw, read_record
 from heatrun.calibration import load_tests
 from heatrun.errors import InputError
-from heatrun.motor import Motor
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.readers.read import read_raw, read_record
+from heatrun.record.motor import Motor
 
 nptdms = pytest.importorskip("nptdms")
 DATA = Path(__file__).parents[2] / "data" / "synthetic"

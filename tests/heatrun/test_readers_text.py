@@ -8,10 +8,10 @@ import time
 import numpy as np
 import pytest
 
-from heatrun.bench.channels.channel_map import map_columns
-from heatrun.bench.readers.read import read_raw
-from heatrun.bench.readers.text.reader import read_text
 from heatrun.errors import InputError
+from heatrun.readers.channel_map import map_columns
+from heatrun.readers.read import read_raw
+from heatrun.readers.text.reader import read_text
 
 
 def columns(text: str | bytes):

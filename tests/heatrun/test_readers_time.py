@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from heatrun.bench.clocks.clock import parse_time_format, read_clock
-from heatrun.bench.clocks.dates import read_dates
-from heatrun.bench.clocks.timegrid import exact_grid, from_first_sample
+from heatrun.readers.clock import parse_time_format, read_clock
+from heatrun.readers.dates import read_dates
+from heatrun.record.timegrid import exact_grid, from_first_sample
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.channels.claims import CHANNELS, REQUIRED
-from heatrun.bench.channels.header import split_name, unit_of_cell
-from heatrun.bench.channels.units import QUANTITIES, find_unit, require_unit, to_canonical
 from heatrun.errors import InputError
+from heatrun.record.channels import CHANNELS, REQUIRED
+from heatrun.record.header import split_name, unit_of_cell
+from heatrun.record.units import QUANTITIES, find_unit, require_unit, to_canonical
 
 
 def converted(value: float, spelling: str, quantity: str) -> float:

@@ -8,8 +8,8 @@ from datetime import datetime
 import numpy as np
 import pytest
 
-from heatrun.bench.clocks.header_date import header_day
-from heatrun.bench.readers.read import read_record
+from heatrun.readers.header_date import header_day
+from heatrun.readers.read import read_record
 
 HEAD = "time,current [A],losses [W],ambient [degC],winding [degC]\n"
 

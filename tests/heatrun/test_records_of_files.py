@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heatrun.bench import read_record, require
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.readers.channel_map import require
+from heatrun.readers.read import read_record
+from heatrun.record.motor import Motor
 
 BENCH = Path(__file__).parents[3] / "shared" / "bench"
 needs_bench = pytest.mark.skipif(not BENCH.is_dir(), reason="measured records are not here")

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.identifiability import (
+from heatrun.posterior.identifiability import (
     BETWEEN_K,
     _simulated,
     between_samples,
     check_reduction,
     reduction_error,
 )
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from heatrun.io.file_set import FileSet
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
 from heatrun_reports import job, make_report
 from heatrun_reports.report_name import set_name
 
@@ -54,7 +54,7 @@ def test_a_killed_report_leaves_nothing_that_looks_like_one(test_file, tmp_path)
     out = tmp_path / "out"
     program = (
         "import os, signal, sys, pathlib\n"
-        "from heatrun.motor import Motor\n"
+        "from heatrun.record.motor import Motor\n"
         "from heatrun_reports import job, make_report\n"
         "job.csv_table = lambda report: os.kill(os.getpid(), signal.SIGKILL)\n"
         f"make_report('general', Motor('car'), [pathlib.Path({str(test_file)!r})], "

@@ -10,9 +10,9 @@ import pytest
 from heat_runs import as_columns
 
 from heatrun import cli
-from heatrun.bench.checks import check_record
-from heatrun.bench.record import Record
-from heatrun.motor import Motor
+from heatrun.checks import check_record
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 
 COPPER, ALUMINIUM = 234.5, 225.0
 TIME_S = np.arange(0.0, 5400.0, 2.0)

@@ -11,8 +11,8 @@ import jsonschema
 import numpy as np
 import pytest
 
-from heatrun.bench.record import Finding
 from heatrun.errors import InputError
+from heatrun.record.record import Finding
 from heatrun.results import DiscoveryResult, FitResult, from_json, to_json
 from heatrun.results.discovery import CandidateFate
 from heatrun.results.model import DerivedFigure, MissingSpan

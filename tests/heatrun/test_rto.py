@@ -12,18 +12,18 @@ from scipy.stats import multivariate_normal
 from weighted_moments import gap_in_errors, moments
 
 from heatrun.calibration import load_tests
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.kernels import Kernels
-from heatrun.inference.model import Model
-from heatrun.inference.posterior import sample
-from heatrun.inference.problem import Problem
-from heatrun.inference.sampling import rto as rounds_module
-from heatrun.inference.sampling import rto as rto_module
-from heatrun.inference.sampling.importance import importance_sample
-from heatrun.inference.sampling.proposal import Proposal
-from heatrun.inference.sampling.rto import Rto, Several, covered, sample_rto
-from heatrun.inference.sampling.weighted import Weighted, evaluate
-from heatrun.motorfile import load_motor
+from heatrun.fit.fit import fit
+from heatrun.model.kernels import Kernels
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.motor.file import load_motor
+from heatrun.posterior import rto as rounds_module
+from heatrun.posterior import rto as rto_module
+from heatrun.posterior.importance import importance_sample
+from heatrun.posterior.posterior import sample
+from heatrun.posterior.proposal import Proposal
+from heatrun.posterior.rto import Rto, Several, covered, sample_rto
+from heatrun.posterior.weighted import Weighted, evaluate
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 SLOW = pytest.mark.slow
@@ -143,7 +143,7 @@ def test_draws_agree_with_the_ensemble(short, followed):
     weighted = followed
     start = replace(weighted, pareto_k=1.0)  # so that no walker draws from the proposal
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("heatrun.inference.posterior.starting_sample", lambda *_, **__: start)
+        patch.setattr("heatrun.posterior.posterior.starting_sample", lambda *_, **__: start)
         ensemble = sample(short, seed=5, most_steps=24_000)
     gap = gap_in_errors(weighted, ensemble)
     assert np.all(np.abs(gap) < ERRORS), gap
@@ -185,7 +185,7 @@ def test_draws_around_two_optima_give_the_law_that_those_around_one_give(
 ):
     """With few draws in a round, and with as many as there are."""
     monkeypatch.setattr(rounds_module, "NUM_DRAWS", num)
-    monkeypatch.setattr("heatrun.inference.sampling.weighted.LEAST_EFFECTIVE", least)
+    monkeypatch.setattr("heatrun.posterior.weighted.LEAST_EFFECTIVE", least)
     one = followed
     aside = short.z + 0.7 * moments(one).sd[: short.z.size]
     both = replace(short, modes=np.stack([short.z, aside]))
@@ -215,10 +215,10 @@ def test_a_proposal_around_two_optima_is_a_normalised_density(rto, short, kernel
 
 
 def test_where_the_guard_is_never_satisfied_there_are_draws_all_the_same(short, monkeypatch):
-    monkeypatch.setattr("heatrun.inference.sampling.weighted.PARETO_LIMIT", -1.0)
+    monkeypatch.setattr("heatrun.posterior.weighted.PARETO_LIMIT", -1.0)
     monkeypatch.setattr(rounds_module, "NUM_DRAWS", 64)
     monkeypatch.setattr(rounds_module, "MOST_ROUNDS", 2)
-    monkeypatch.setattr("heatrun.inference.sampling.importance.NUM_ADAPTATIONS", 1)
+    monkeypatch.setattr("heatrun.posterior.importance.NUM_ADAPTATIONS", 1)
     weighted = importance_sample(short)
     assert not weighted.is_sound
     assert np.isfinite(weighted.effective_size)

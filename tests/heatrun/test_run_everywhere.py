@@ -15,7 +15,7 @@ import heatrun
 from heatrun import calibration, cli
 from heatrun.errors import InputError
 from heatrun.export import simulate_network
-from heatrun.inference.posterior import normal_draws
+from heatrun.posterior.posterior import normal_draws
 from heatrun.runs import result as of_result
 
 MOTOR = """[motor]

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from heat_runs import decided
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.joined import read_test
-from heatrun.motorfile import parse_motor
+from heatrun.checks import check_record
+from heatrun.motor.file import parse_motor
+from heatrun.readers.joined import read_test
 
 HEAD = '[motor]\nname = "M"\n[winding]\nphase_resistance_ohm = 0.01\n'
 TIME_S = np.arange(0.0, 3600.0, 2.0)

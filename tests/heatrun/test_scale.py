@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_checks import fit_findings
-from heatrun.inference.model import Model
-from heatrun.inference.networks.scale import one_node, scale_of_tests
-from heatrun.inference.posterior import weighted_draws
-from heatrun.inference.problem import Problem
-from heatrun.motor import ParameterOverride
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.model.scale import one_node, scale_of_tests
+from heatrun.posterior.fit_checks import fit_findings
+from heatrun.posterior.posterior import weighted_draws
+from heatrun.record.motor import ParameterOverride
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 NETWORK = {"Ceq_w": 1, "Ceq_sr": 1, "Req_w": -1, "Req_sr": -1}
 """Power of the size that each parameter grows with."""

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import norm
 
-from heatrun.inference.predict import (
+from heatrun.posterior.predict import (
     ScoreDifference,
     block_scores,
     score_difference,

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from heatrun import jobs
+from heatrun.calibration import Settings
 from heatrun.errors import InputError
 from heatrun.io.whole_files import free_name, numbered
-from heatrun.motor import Certificate, Motor
+from heatrun.jobs import calibrate as jobs
+from heatrun.record.motor import Certificate, Motor
 from heatrun.runs.run_folder import RunFolder, free_place
 
 SAME, OTHER = {"seed": 1}, {"seed": 2}
@@ -94,10 +95,9 @@ def test_a_job_asks_for_the_place_as_it_was_named(
         raise Begun
 
     monkeypatch.setattr(jobs, "RunFolder", type("Folder", (), {"begin": staticmethod(begin)}))
+    asked = jobs.Place(tmp_path / "run", is_named=is_named, is_replacing=is_replacing)
     with pytest.raises(InputError if place is None else Begun):
-        jobs.calibrate_into(
-            tmp_path / "run", Motor("m"), [], [], is_named=is_named, is_replacing=is_replacing
-        )
+        jobs.calibrate_into(asked, Motor("m"), [], Settings(networks=()))
     assert [folder.path.name for folder in begun] == ([] if place is None else [place])
 
 
@@ -112,7 +112,7 @@ def test_a_run_with_a_certificate_is_not_replaced_by_one_without(tmp_path, monke
     def begin(stated):
         machine = Motor("m", certificate=stated)
         with pytest.raises(InputError) as raised:
-            jobs.calibrate_into(tmp_path / "run", machine, [], [])
+            jobs.calibrate_into(jobs.Place(tmp_path / "run"), machine, [], Settings(networks=()))
         return str(raised.value)
 
     monkeypatch.setattr(jobs, "calibrate", calibrate)

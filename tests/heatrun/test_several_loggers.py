@@ -7,9 +7,9 @@ import pytest
 from drafted import BEARING, CURRENT, HOUSING, LOSSES, ROOM, TIME_S, WINDING, named, text_of
 
 from heatrun import cli
-from heatrun.bench.joined import read_test
 from heatrun.errors import InputError
-from heatrun.motorfile import load_motor, parse_motor
+from heatrun.motor.file import load_motor, parse_motor
+from heatrun.readers.joined import read_test
 from heatrun.runs.motor_text import motor_text
 
 BASE = {"time_s": TIME_S, "losses_W": LOSSES, "phase_current_A": CURRENT, "ambient_degC": ROOM}

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from heatrun.bench.joined import read_test
 from heatrun.errors import InputError
-from heatrun.motorfile import parse_motor
+from heatrun.motor.file import parse_motor
+from heatrun.readers.joined import read_test
 
 TIME_S = np.arange(0.0, 1200.0, 2.0)
 RISE_K = 50.0 * (1.0 - np.exp(-TIME_S / 500.0))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from measured_machine import measured_record
 
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.record.reduction import reduce
 
 GAIN = 0.015
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")

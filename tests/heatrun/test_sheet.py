@@ -12,13 +12,13 @@ from msgspec import UNSET
 from pypdf import PdfReader
 
 from heatrun import calibration
-from heatrun.bench.record import ColumnReading
-from heatrun.calibration import load_tests
-from heatrun.inference.posterior import normal_draws
-from heatrun.motorfile import load_motor
-from heatrun.reports.sheet import printed as digits
-from heatrun.reports.sheet.of_run import write_sheet
-from heatrun.reports.sheet.worksheet import WorksheetConstants, fill_worksheet
+from heatrun.calibration import Settings, load_tests
+from heatrun.motor.file import load_motor
+from heatrun.posterior.posterior import normal_draws
+from heatrun.record.record import ColumnReading
+from heatrun.reports import printed as digits
+from heatrun.reports.of_run import write_sheet
+from heatrun.reports.worksheet import WorksheetConstants, fill_worksheet
 from heatrun.results import to_json
 from heatrun.runs.run_folder import RunFolder
 from heatrun.runs.write import write_run
@@ -43,9 +43,8 @@ def found(finished_day):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibration, "missing", lambda *_, **__: None)
         patch.setattr(calibration, "sample", lambda fit, seed, **_: normal_draws(fit, seed=seed))
-        return calibration.calibrate(
-            evil, tests, networks=["second"], method="quick", command=HOSTILE
-        )
+        settings = Settings(networks=["second"], method="quick", command=HOSTILE)
+        return calibration.calibrate(evil, tests, settings)
 
 
 @pytest.fixture(scope="module")

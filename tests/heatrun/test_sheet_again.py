@@ -11,7 +11,7 @@ import pytest
 
 from heatrun import cli
 from heatrun.errors import InputError
-from heatrun.reports.sheet.of_run import rewrite_sheet
+from heatrun.reports.of_run import rewrite_sheet
 from heatrun.runs.run import certificate_of, open_run
 
 
@@ -77,7 +77,7 @@ def few_figures(monkeypatch):
         folder.mkdir()
         return []
 
-    monkeypatch.setattr("heatrun.reports.sheet.of_run.draw", draw)
+    monkeypatch.setattr("heatrun.reports.of_run.draw", draw)
 
 
 def identification(folder: Path) -> dict[str, str]:
@@ -170,8 +170,8 @@ def test_a_sheet_for_which_there_is_no_room_leaves_no_figure(run, tmp_path, monk
         assert drawn[0].exists()
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("heatrun.reports.sheet.of_run.draw", draw)
-    monkeypatch.setattr("heatrun.reports.sheet.of_run.write_xlsx", full)
+    monkeypatch.setattr("heatrun.reports.of_run.draw", draw)
+    monkeypatch.setattr("heatrun.reports.of_run.write_xlsx", full)
     with pytest.raises(InputError, match="the sheet cannot be written: No space left"):
         rewrite_sheet(run, tmp_path)
     assert digests(tmp_path) == {"sheet.pdf": hashlib.sha256(b"an earlier one").hexdigest()}

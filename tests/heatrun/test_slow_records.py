@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
-from heatrun.motor import Motor
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 TRUTH = {"Ceq_w": 60e3, "Ceq_sr": 2.4e6, "Req_w": 0.01, "Req_sr": 0.006}
 PERIOD_S, DAYS = 1800.0, 5

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.readers.read import read_record
-from heatrun.motor import Motor
+from heatrun.checks import check_record
+from heatrun.readers.read import read_record
+from heatrun.record.motor import Motor
 
 N = 240
 RNG = np.random.default_rng(5)

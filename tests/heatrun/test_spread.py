@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import gamma, kstest
 
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.posterior import sample
-from heatrun.inference.problem import Problem
-from heatrun.inference.sampling import weighted as module
-from heatrun.inference.sampling.weighted import spread
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.posterior import weighted as module
+from heatrun.posterior.posterior import sample
+from heatrun.posterior.weighted import spread
 
 
 def test_no_draw_of_the_quick_posterior_stands_for_many(blocks, motor):

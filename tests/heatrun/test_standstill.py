@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun.bench.channels.derive import BY_CONSTANTS
-from heatrun.bench.checks import check_record, current_scale_unchecked
-from heatrun.bench.record import ColumnReading, Record
-from heatrun.motor import Motor, ParameterOverride
+from heatrun.checks import check_record, current_scale_unchecked
+from heatrun.record.derive import BY_CONSTANTS
+from heatrun.record.motor import Motor, ParameterOverride
+from heatrun.record.record import ColumnReading, Record
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.02)
 STANDS_S = 900.0

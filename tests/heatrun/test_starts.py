@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun.bench.reduction import reduce
+from heatrun.record.reduction import reduce
 from heatrun.simulation import predict_values
 
 DELAY_S = 6.8

@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 from heatrun import cli
-from heatrun.bench import Finding
-from heatrun.bench.checks.suitability import suitability
+from heatrun.checks.suitability import suitability
+from heatrun.record.record import Finding
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 AIM = "a second-order calibration"
@@ -93,7 +93,7 @@ def test_the_answer_follows_from_the_findings(findings, will_do, sentence):
 )
 def test_what_is_in_doubt_comes_before_a_calibration(here, capsys, monkeypatch, id, next_step):
     doubt = finding(id, "warning")
-    monkeypatch.setattr("heatrun.bench.checks.check_record", lambda record, motor: (doubt,))
+    monkeypatch.setattr("heatrun.checks.check_record", lambda record, motor: (doubt,))
     _, out = said(capsys, "duty.csv")
     assert next_step in out.splitlines()[-1]
 

@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from heatrun.bench import Finding
+from heatrun.record.record import Finding
 from heatrun.reports.terminal import discovery_text, result_text
 from heatrun.results import DiscoveryResult, FitResult, from_json
 from heatrun.results.model import DerivedFigure

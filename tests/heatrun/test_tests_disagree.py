@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting import test_to_test as changes
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.model_parameters import parameters
-from heatrun.inference.posterior import weighted_draws
-from heatrun.inference.predict import predict
-from heatrun.inference.problem import Problem
-from heatrun.motor import ParameterOverride
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.model_parameters import parameters
+from heatrun.model.problem import Problem
+from heatrun.posterior import test_to_test as changes
+from heatrun.posterior.posterior import weighted_draws
+from heatrun.posterior.predict import predict
+from heatrun.record.motor import ParameterOverride
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 from heatrun.runs.run import ModelOfRun, model_text, read_model
 
 COLUMNS = {

@@ -13,14 +13,14 @@ import pandas as pd
 import pytest
 from pypdf import PdfReader
 
-from heatrun.bench.checks.suitability import DOUBTS
-from heatrun.bench.record import Finding
-from heatrun.inference.networks.text import SHIPPED, network_named
-from heatrun.motor import Certificate
-from heatrun.motorfile import load_motor
-from heatrun.reports.sheet.content import LABELS, sheet_content
-from heatrun.reports.sheet.pdf import write_pdf
-from heatrun.reports.texts import FIELD, LANGUAGES, Texts, table
+from heatrun.checks.suitability import DOUBTS
+from heatrun.io.texts import FIELD, LANGUAGES, Texts, table
+from heatrun.model.network_text import SHIPPED, network_named
+from heatrun.motor.file import load_motor
+from heatrun.record.motor import Certificate
+from heatrun.record.record import Finding
+from heatrun.reports.content import LABELS, sheet_content
+from heatrun.reports.pdf import write_pdf
 from heatrun.results import FitResult, from_json
 from heatrun.runs.verdict import USES
 from heatrun_reports import make_report
@@ -30,7 +30,7 @@ from lptn.effects import EFFECTS
 HEATRUN = Path(str(resources.files("heatrun")))
 STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
 STATES_ENGLISH = (
-    "runs/verdict.py", "ratings/duties.py", "ratings/machine.py", "ratings/figures.py",
+    "runs/verdict.py", "runs/duties.py", "runs/machine.py", "runs/ratings_figures.py",
 )  # fmt: skip
 """Where the sentences are made that a run states in English."""
 
@@ -52,7 +52,7 @@ def test_every_text_stands_in_all_languages_with_the_same_fields():
 def test_every_text_that_a_page_asks_for_is_in_the_table():
     asked = set(LABELS)
     modules = (*HEATRUN.glob("reports/**/*.py"), *HEATRUN.parent.glob("heatrun_reports/**/*.py"))
-    for path in [*modules, HEATRUN / "reports/sheet/templates/sheet.typ"]:
+    for path in [*modules, HEATRUN / "reports/templates/sheet.typ"]:
         text = path.read_text(encoding="utf-8")
         asked |= set(re.findall(r"\bsay\(\s*\"(\w+)\"", text))
         if path.suffix == ".typ":

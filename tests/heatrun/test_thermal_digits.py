@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.record import Record
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from heatrun_reports.document import document_content
 from heatrun_reports.thermal import thermal_report
 

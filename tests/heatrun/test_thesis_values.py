@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from heatrun.bench.record import Record
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from heatrun.simulation import simulate_values
 
 THESIS = Path(__file__).parents[2] / "data" / "thesis"

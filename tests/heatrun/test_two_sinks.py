@@ -15,16 +15,15 @@ from two_sinks import RS0, TRUTH, air, amperes, coolant, course, iron, record
 
 import heatrun
 from heatrun import cli
-from heatrun.bench.joined import read_test
-from heatrun.bench.reduction import reduce
 from heatrun.errors import InputError
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.model import Model
-from heatrun.inference.networks import network_named
-from heatrun.inference.networks.text import network_of, network_text
-from heatrun.inference.problem import Problem
-from heatrun.motor import Motor
-from heatrun.motorfile import load_motor
+from heatrun.fit.fit import fit
+from heatrun.model.model import Model
+from heatrun.model.network_text import network_named, network_of, network_text
+from heatrun.model.problem import Problem
+from heatrun.motor.file import load_motor
+from heatrun.readers.joined import read_test
+from heatrun.record.motor import Motor
+from heatrun.record.reduction import reduce
 from heatrun_reports import build_report
 from heatrun_reports.card import flow_words
 from lptn import CopperLosses, Drive, Inputs, Network, simulate, steady_state
@@ -288,7 +287,7 @@ def test_a_thermal_report_names_both_sinks(run, folder):
 
 @pytest.mark.slow
 def test_the_sheet_names_both_sinks(run):
-    from heatrun.reports.sheet.content import sheet_content
+    from heatrun.reports.content import sheet_content
 
     definitions = dict(sheet_content(run.result)["definitions"])
     assert "measured: ambient" in definitions["T0"]

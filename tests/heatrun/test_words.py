@@ -12,8 +12,9 @@ import heatrun
 
 ROOT = Path(heatrun.__file__).parents[1]
 ROOMS = (
-    "heatrun/bench", "heatrun/commands", "heatrun/discovery", "heatrun/export",
-    "heatrun/inference", "heatrun/ratings", "heatrun/reports", "heatrun/runs",
+    "heatrun/checks", "heatrun/commands", "heatrun/discovery", "heatrun/export", "heatrun/fit",
+    "heatrun/init", "heatrun/model", "heatrun/posterior", "heatrun/readers", "heatrun/record",
+    "heatrun/reports", "heatrun/runs",
     "heatrun_reports", "heatrun_view",
 )  # fmt: skip
 

@@ -12,7 +12,7 @@ import pytest
 
 from heatrun import cli
 from heatrun.commands.console import PROGRESS
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
 from heatrun.work import (
     MOST_BEFORE_DONE,
     SILENT,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from heatrun.errors import InputError
-from heatrun.reports.sheet.worksheet import Worksheet, WorksheetConstants, fill_worksheet
+from heatrun.reports.worksheet import Worksheet, WorksheetConstants, fill_worksheet
 
 THESIS = Path(__file__).parents[2] / "data" / "thesis"
 COMPUTED = {

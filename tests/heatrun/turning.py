@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from heatrun.bench.record import Record
+from heatrun.record.record import Record
 
 TRUTH = {
     "Ceq_winding": 700.0, "Ceq_stator": 9000.0, "Ceq_rotor": 2500.0, "Req_winding_stator": 0.12,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from heatrun.bench.record import Record
+from heatrun.record.record import Record
 
 TRUTH = {
     "Ceq_w": 700.0, "Ceq_sr": 12000.0, "Req_w": 0.12, "Req_coolant": 0.05, "Req_ambient": 0.11,

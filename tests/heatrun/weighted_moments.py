@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from heatrun.inference.posterior import Posterior
-from heatrun.inference.sampling.weighted import Weighted
+from heatrun.posterior.posterior import Posterior
+from heatrun.posterior.weighted import Weighted
 
 
 class Moments(NamedTuple):

@@ -9,7 +9,7 @@ import pytest
 from bench_machines import SERVO, bench_record
 
 from heatrun import cli
-from heatrun.bench.channels.mapping import (
+from heatrun.readers.mapping import (
     LONGEST,
     ReadColumns,
     describe_columns,
@@ -17,8 +17,8 @@ from heatrun.bench.channels.mapping import (
     mapping_rows,
     mapping_text,
 )
-from heatrun.bench.readers.read import read_record
-from heatrun.bench.record import ColumnReading
+from heatrun.readers.read import read_record
+from heatrun.record.record import ColumnReading
 from heatrun_view.reading import Reader
 from heatrun_view.store import RecordStore
 

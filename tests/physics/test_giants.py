@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.checks.suitability import doubts
-from heatrun.bench.record import ColumnReading, Record
-from heatrun.motor import Motor
+from heatrun.checks import check_record
+from heatrun.checks.suitability import doubts
+from heatrun.record.motor import Motor
+from heatrun.record.record import ColumnReading, Record
 
 ROOM = 21.0
 RISES = {2.0: 400.0, 9.0: 100.0}

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.clocks.align import join
-from heatrun.bench.readers.read import read_record
-from heatrun.motor import Motor
-from heatrun.motorfile import load_motor
+from heatrun.checks import check_record
+from heatrun.motor.file import load_motor
+from heatrun.readers.align import join
+from heatrun.readers.read import read_record
+from heatrun.record.motor import Motor
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "bench"

@@ -24,12 +24,12 @@ from bench_machines import (
 )
 from in_turn import in_turn
 
-from heatrun.bench.channels.derive import derive
-from heatrun.bench.checks import check_record
-from heatrun.bench.checks.sensor import falls_at_once
-from heatrun.bench.checks.suspicion import unit_suspected
-from heatrun.bench.record import ColumnReading, Finding, Record, UnitSource
-from heatrun.motor import Motor
+from heatrun.checks import check_record
+from heatrun.checks.sensor import falls_at_once
+from heatrun.checks.suspicion import unit_suspected
+from heatrun.record.derive import derive
+from heatrun.record.motor import Motor
+from heatrun.record.record import ColumnReading, Finding, Record, UnitSource
 
 FIVE = ("time_s", "phase_current_A", "losses_W", "ambient_degC", "coolant_degC", "winding_degC")
 WHOLE = (

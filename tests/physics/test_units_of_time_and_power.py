@@ -13,8 +13,8 @@ from bench_machines import DUTIES, LARGE, MACHINES, SERVO, STANDARD, bench_recor
 from in_turn import in_turn
 from test_units_by_physics import FIVE, as_read, asked, made, motor_of, supposed
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.record import Record
+from heatrun.checks import check_record
+from heatrun.record.record import Record
 
 SHAFT = (*FIVE, "speed_rpm", "torque_Nm")
 DRIVE = (*SHAFT, "dc_power_W")

@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 from ordinary_machines import COIL, KINDS, PER_KELVIN, Columns, make
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.joined import read_tests
-from heatrun.motorfile import load_motor
+from heatrun.checks import check_record
+from heatrun.motor.file import load_motor
+from heatrun.readers.joined import read_tests
 
 PHASES = ("amps1", "amps2", "amps3")
 HEADINGS = {

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from coverage_bench import READING_S, SensorNoise
 
-from heatrun.bench.blocks import Blocks
-from heatrun.inference.problem import Problem, linearise
+from heatrun.model.problem import Problem, linearise
+from heatrun.record.blocks import Blocks
 
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 

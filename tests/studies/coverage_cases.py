@@ -24,18 +24,18 @@ from coverage_bench import (
 from coverage_bound import bound
 
 import heatrun.runtime  # noqa: F401  (settings of JAX before its first use)
-from heatrun.bench.blocks import Blocks
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_result import Fit
-from heatrun.inference.fitting.identifiability import between_samples
-from heatrun.inference.model import Model
-from heatrun.inference.noise import LARGEST_SCORES, NOISE
-from heatrun.inference.posterior import Posterior, sample, weighted_draws
-from heatrun.inference.predict import predict
-from heatrun.inference.problem import Problem
-from heatrun.motor import Motor, ParameterOverride
+from heatrun.fit.fit import fit
+from heatrun.fit.fit_result import Fit
+from heatrun.model.model import Model
+from heatrun.model.noise import LARGEST_SCORES, NOISE
+from heatrun.model.problem import Problem
+from heatrun.posterior.identifiability import between_samples
+from heatrun.posterior.posterior import Posterior, sample, weighted_draws
+from heatrun.posterior.predict import predict
+from heatrun.record.blocks import Blocks
+from heatrun.record.motor import Motor, ParameterOverride
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 
 NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 TIMES = ("tau_winding", "tau_stator", "tau_fast", "tau_slow")

@@ -20,7 +20,7 @@ from coverage_gates import (
     rank,
 )
 
-from heatrun.inference.fitting.identifiability import BETWEEN_K
+from heatrun.posterior.identifiability import BETWEEN_K
 
 METHODS = ("laplace", "quick", "emcee")
 

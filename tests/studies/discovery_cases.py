@@ -141,8 +141,8 @@ def command(arguments: list[str]) -> tuple[int | None, str]:
     A traceback is a result of the study, not its end.
     """
     from heatrun.cli import main
-    from heatrun.inference.posterior import sample
-    from heatrun.inference.predict import predict
+    from heatrun.posterior.posterior import sample
+    from heatrun.posterior.predict import predict
 
     shorter = patch.multiple(
         "heatrun.calibration",

@@ -21,11 +21,11 @@ import numpy as np
 import pandas as pd
 
 import heatrun
-from heatrun.bench.joined import read_test
 from heatrun.calibration import Refused
 from heatrun.errors import InputError
-from heatrun.inference.predict import Prediction
-from heatrun.inference.virtual import virtual_record
+from heatrun.posterior.predict import Prediction
+from heatrun.posterior.virtual import virtual_record
+from heatrun.readers.joined import read_test
 
 RATE_HZ = 2.0
 TESTS = (60, 62, 74)

@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from first_hour_files import FILES, KNOWN, VESC_SEED, Handed
 
 from heatrun.io.quantities import quantity, rounded
-from heatrun.reports.sheet.printed import format_interval, printed
+from heatrun.reports.printed import format_interval, printed
 from heatrun.results import FitResult, from_json
 from heatrun.results.model import FittedParameter
 from heatrun.runs.verdict import concerns, favoured

@@ -20,13 +20,13 @@ import numpy as np
 from discovery_gates import limits_95
 from study_runs import rows_done, write_rows
 
-from heatrun.bench.record import Record
-from heatrun.bench.reduction import reduce
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_result import RESULT, Fit
-from heatrun.inference.model import Model
-from heatrun.inference.problem import Problem
-from heatrun.motor import Motor
+from heatrun.fit.fit import fit
+from heatrun.fit.fit_result import RESULT, Fit
+from heatrun.model.model import Model
+from heatrun.model.problem import Problem
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 from heatrun.results import to_plain
 from heatrun.runtime import configure
 from heatrun_fleet.batch.fit import fit_batch

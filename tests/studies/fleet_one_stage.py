@@ -37,10 +37,10 @@ from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 from numpyro.infer import MCMC, NUTS
 
 import heatrun
-from heatrun.inference.fitting.fit import fit
-from heatrun.inference.fitting.fit_result import Fit
-from heatrun.inference.noise import from_scores
-from heatrun.inference.problem import log_likelihood
+from heatrun.fit.fit import fit
+from heatrun.fit.fit_result import Fit
+from heatrun.model.noise import from_scores
+from heatrun.model.problem import log_likelihood
 from heatrun_fleet.batches import batches_of, digests_of, numerics
 from heatrun_fleet.fleet_file import load_fleet
 from heatrun_fleet.machine import Prepared, prepare

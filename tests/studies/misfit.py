@@ -241,8 +241,8 @@ def thresholds(rows: Sequence[dict[str, Any]]) -> list[str]:
 def limits() -> dict[str, tuple[float, str]]:
     """Return each threshold of a finding with its words; an earlier release has others."""
     from heatrun.effects.missing import CHANCE
-    from heatrun.inference.fitting import fit_checks as prior_checks
-    from heatrun.inference.fitting.fit import LONGEST_NOISE_S, MUCH_HEAT
+    from heatrun.fit.fit import LONGEST_NOISE_S, MUCH_HEAT
+    from heatrun.posterior import fit_checks as prior_checks
 
     return {
         "missing_effect_p": (CHANCE, "family-wise p of `missing_effect`"),
@@ -267,7 +267,7 @@ def findings_at(row: dict[str, Any], name: str, factor: float) -> set[str]:
     others = [sign for sign, of in SIGNS.items() if of != name and sign in message]
     seen -= {"misfit"}
     if name == "unmodelled_heat":
-        from heatrun.inference.noise import NOISE
+        from heatrun.model.noise import NOISE
 
         (heat,) = [parameter for parameter in NOISE if parameter.name == name]
         found = float(heat.score(found))

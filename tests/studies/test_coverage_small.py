@@ -27,11 +27,11 @@ def cases():
     import coverage_cases
     from coverage_cases import CELLS, Cell, make_case
 
-    from heatrun.bench.record import Record
-    from heatrun.bench.reduction import reduce
-    from heatrun.inference.fitting.fit import fit
-    from heatrun.inference.model import Model
-    from heatrun.inference.problem import Problem
+    from heatrun.fit.fit import fit
+    from heatrun.model.model import Model
+    from heatrun.model.problem import Problem
+    from heatrun.record.record import Record
+    from heatrun.record.reduction import reduce
 
     usual = CELLS["prior draws"]
     cell = Cell(usual.errors, {}, knows_resistance=False, from_prior=True, prior_test_s=TEST_S)
@@ -70,7 +70,7 @@ def of_normal_law(cases):
 
 @pytest.fixture(scope="module")
 def of_weighted_draws(cases):
-    from heatrun.inference.posterior import weighted_draws
+    from heatrun.posterior.posterior import weighted_draws
 
     return ranks(cases, lambda fitted: weighted_draws(fitted).values())
 

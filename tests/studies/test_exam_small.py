@@ -71,7 +71,7 @@ def test_another_layout_is_refused_and_no_file_is_no_failure(tmp_path, capsys):
 def test_a_profile_is_read_with_losses_current_and_clock(simulated, tmp_path):
     from exam import Bench, profiles
 
-    from heatrun.bench.joined import read_test
+    from heatrun.readers.joined import read_test
 
     bench = Bench(tmp_path, profiles(simulated[0]))
     record = read_test(bench.test(60), heatrun.load_motor(bench.motor))

@@ -15,8 +15,8 @@ from .init import motor_of_tests
 from .loading import load
 
 if TYPE_CHECKING:
-    from ..inference.networks import NetworkForm
-    from ..motor import Motor
+    from ..model.network_form import NetworkForm
+    from ..record.motor import Motor
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -60,10 +60,10 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Calibrate and write the run folder."""
-    from ..certificate_file import load_meta
-    from ..inference.networks import networks_of
-    from ..motor import Certificate
-    from ..motorfile import load_motor
+    from ..model.network_text import networks_of
+    from ..motor.certificate import load_meta
+    from ..motor.file import load_motor
+    from ..record.motor import Certificate
 
     networks = networks_of(options.model)
     if options.motor is None:
@@ -96,12 +96,13 @@ def calibrate_into_folder(
         networks: What is calibrated.
         default: Run folder where none is named; None for one named after motor and test.
     """
-    from ..inference.catalogue import known_effects
-    from ..inference.networks import BUILT_IN
-    from ..jobs import calibrate_into
-    from ..ratings.duties import parse_duty
+    from ..calibration import Settings
+    from ..jobs.calibrate import Place, calibrate_into
+    from ..model.catalogue import known_effects
+    from ..model.network_text import BUILT_IN
     from ..reports.terminal import result_text
     from ..results import to_json, to_plain
+    from ..runs.duties import parse_duty
     from ..runs.run_folder import default_folder
 
     begun = time.monotonic()
@@ -112,23 +113,19 @@ def calibrate_into_folder(
     name = "both" if names == list(BUILT_IN) else "-".join(names)
     for duty in getattr(options, "rating", ()):
         parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
+    path = options.out or default or default_folder(motor, tests[0].record, name)
+    place = Place(path, is_named=options.out is not None, is_replacing=options.force)
+    settings = Settings(
+        networks=networks,
+        effects=known_effects(motor, getattr(options, "effects_known", "")),
+        method="quick" if options.quick else "emcee",
+        seed=options.seed,
+        command=options.command_line,
+        duties=getattr(options, "rating", ()),
+        is_plain=getattr(options, "plain", False),
+    )
     with bar() as progress:
-        found, written = calibrate_into(
-            options.out or default or default_folder(motor, tests[0].record, name),
-            motor,
-            tests,
-            networks,
-            effects=known_effects(motor, getattr(options, "effects_known", "")),
-            method="quick" if options.quick else "emcee",
-            seed=options.seed,
-            command=options.command_line,
-            is_named=options.out is not None,
-            is_replacing=options.force,
-            duties=getattr(options, "rating", ()),
-            is_plain=getattr(options, "plain", False),
-            say=say,
-            progress=progress,
-        )
+        found, written = calibrate_into(place, motor, tests, settings, say=say, progress=progress)
     if options.quick and options.verbose:
         say(_spared(time.monotonic() - begun, found.sampling_s))
     if options.json:

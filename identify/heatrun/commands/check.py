@@ -11,8 +11,8 @@ from . import words
 from .console import DONE, NOT_ALLOWED, printable, say
 
 if TYPE_CHECKING:
-    from ..bench import Finding, Record
-    from ..bench.unread import UnreadTest
+    from ..init.unread import UnreadTest
+    from ..record.record import Finding, Record
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -32,15 +32,15 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Print whether the tests will do, and why; an error forbids a calibration."""
-    from ..bench import Record
-    from ..bench.channels.mapping import ReadColumns, describe_columns, mapping_text
-    from ..bench.checks import check_record
-    from ..bench.checks.suitability import other_tests, suitability
-    from ..bench.joined import read_tests
-    from ..bench.unread import unread_test
+    from ..checks import check_record
+    from ..checks.suitability import other_tests, suitability
     from ..errors import InputError
-    from ..inference.model_check import check_model, check_second_order
-    from ..motorfile import load_motor
+    from ..init.unread import unread_test
+    from ..model.model_check import check_model, check_second_order
+    from ..motor.file import load_motor
+    from ..readers.joined import read_tests
+    from ..readers.mapping import ReadColumns, describe_columns, mapping_text
+    from ..record.record import Record
     from ..reports.terminal import findings_text
     from ..results import to_json
 
@@ -133,7 +133,7 @@ def _next(
     options: argparse.Namespace, findings: Sequence[Finding], lacks: Sequence[Finding]
 ) -> str:
     """Return what to do next, with the command in full."""
-    from ..bench.checks.suitability import SIMULATED, doubts
+    from ..checks.suitability import SIMULATED, doubts
 
     words = [str(options.motor), *map(str, options.tests)]
     words += ["--model", options.model] if options.model else []

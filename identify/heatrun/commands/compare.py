@@ -37,10 +37,10 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Fit both networks; a run folder is written only where one is named."""
-    from ..calibration import calibrate
-    from ..inference.catalogue import known_effects
-    from ..inference.networks import pair_of
-    from ..motorfile import load_motor
+    from ..calibration import Settings, calibrate
+    from ..model.catalogue import known_effects
+    from ..model.network_text import pair_of
+    from ..motor.file import load_motor
     from ..reports.terminal import result_text, verdict_lines
     from ..results import to_json
     from ..runs.verdict import against_others
@@ -55,17 +55,15 @@ def run(options: argparse.Namespace) -> int:
         return NOT_ALLOWED
     method = "quick" if options.quick else "emcee"
     names = [form.name for form in pair]
+    settings = Settings(
+        networks=pair,
+        effects=known_effects(motor, options.effects_known),
+        method=method,
+        seed=options.seed,
+        command=options.command_line,
+    )
     with bar() as progress, work_of_calibration(names, len(tests), method, progress) as work:
-        found = calibrate(
-            motor,
-            tests,
-            networks=pair,
-            effects=known_effects(motor, options.effects_known),
-            method=method,
-            seed=options.seed,
-            command=options.command_line,
-            work=work,
-        )
+        found = calibrate(motor, tests, settings, work=work)
         work.finish()
     if options.json:
         result = found.result

@@ -24,8 +24,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Calibrate both orders on a duty and predict a load step."""
     from ..bundled import bundled
-    from ..inference.networks import networks_of
-    from ..motorfile import load_motor
+    from ..model.network_text import networks_of
+    from ..motor.file import load_motor
 
     folder = bundled("synthetic")
     return calibrate_into_folder(

@@ -43,11 +43,13 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Search, write the run folder and print the verdict."""
-    from ..bench.channels.mapping import describe_columns, mapping_text
-    from ..inference.catalogue import all_effects, known_effects
-    from ..inference.networks import network_named
-    from ..jobs import discover_into
-    from ..motorfile import load_motor
+    from ..calibration import Settings
+    from ..jobs.calibrate import Place
+    from ..jobs.discover import discover_into
+    from ..model.catalogue import all_effects, known_effects
+    from ..model.network_text import network_named
+    from ..motor.file import load_motor
+    from ..readers.mapping import describe_columns, mapping_text
     from ..reports.terminal import discovery_text
     from ..results import to_json, to_plain
     from ..runs.run_folder import default_folder
@@ -59,23 +61,19 @@ def run(options: argparse.Namespace) -> int:
     tests = load(motor, options.tests, options.holdout, as_json=options.json)
     if tests is None:
         return NOT_ALLOWED
+    path = options.out or default_folder(motor, tests[0].record, "discovery")
+    place = Place(path, is_named=options.out is not None, is_replacing=options.force)
+    settings = Settings(
+        networks=(network,),
+        effects=known,
+        kinds=kinds,
+        files=options.effects,
+        method="quick" if options.quick else "emcee",
+        seed=options.seed,
+        command=options.command_line,
+    )
     with bar() as progress:
-        job = discover_into(
-            options.out or default_folder(motor, tests[0].record, "discovery"),
-            motor,
-            tests,
-            network,
-            kinds=kinds,
-            known=known,
-            files=options.effects,
-            method="quick" if options.quick else "emcee",
-            seed=options.seed,
-            command=options.command_line,
-            is_named=options.out is not None,
-            is_replacing=options.force,
-            say=say,
-            progress=progress,
-        )
+        job = discover_into(place, motor, tests, settings, say=say, progress=progress)
     if options.json:
         print(to_json({**to_plain(job.result), "run": str(job.path)}))
     else:

@@ -105,7 +105,7 @@ def _of_run(options: argparse.Namespace) -> dict[str, Any]:
 def _of_tests(options: argparse.Namespace) -> list[dict[str, Any]]:
     """Export bench files; several go to folders of their own names."""
     from ..export import export_test
-    from ..motorfile import load_motor
+    from ..motor.file import load_motor
 
     if options.test is not None:
         raise UsageError("give either bench files or --test, the name of a test of the run")

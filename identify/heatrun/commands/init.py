@@ -15,8 +15,8 @@ from . import words
 from .console import DONE, printable, say
 
 if TYPE_CHECKING:
-    from ..bench.survey import Survey
-    from ..motor_gaps import Gap
+    from ..init.gaps import Gap
+    from ..init.survey import Survey
 
 USUAL_NAME = "motor.toml"
 UNITS = {"phase_resistance_ohm": "Ω at 25 °C", "time_s": "samples per second",
@@ -54,8 +54,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Look at the tests, write the motor file, and print what is known and what is missing."""
-    from ..motor_draft import draft
-    from ..motor_gaps import gaps
+    from ..init.draft import draft
+    from ..init.gaps import gaps
     from ..results import to_json
 
     out: Path = options.out
@@ -89,9 +89,9 @@ def look_at(tests: Sequence[Path], out: Path, *, is_replacing: bool = False) -> 
     Raises:
         InputError: If a file cannot be read, or the motor file would replace something.
     """
-    from ..bench.joined import files_of
-    from ..bench.survey import survey
     from ..errors import InputError
+    from ..init.survey import survey
+    from ..readers.joined import files_of
 
     files = [(test, *file) for test in tests for file in files_of(test)]
     if os.path.lexists(out) and not is_replacing:
@@ -116,7 +116,7 @@ def look_at(tests: Sequence[Path], out: Path, *, is_replacing: bool = False) -> 
 def write(out: Path, text: str) -> None:
     """Write a motor file that loads."""
     from ..io.whole_files import writable, write_whole
-    from ..motorfile import parse_motor
+    from ..motor.file import parse_motor
 
     content = text.encode()
     parse_motor(content, str(out))  # what is written can be read
@@ -139,8 +139,8 @@ def motor_of_tests(tests: Sequence[Path], command: str) -> Path:
             for; what was found is written nevertheless.
     """
     from ..errors import InputError
-    from ..motor_draft import draft
-    from ..motor_gaps import gaps
+    from ..init.draft import draft
+    from ..init.gaps import gaps
 
     out = Path(USUAL_NAME)
     again = next_command(command, out, tests)

@@ -11,7 +11,7 @@ from .console import bar, say
 
 if TYPE_CHECKING:
     from ..calibration import BenchTest
-    from ..motor import Motor
+    from ..record.motor import Motor
 
 
 def load(
@@ -19,8 +19,8 @@ def load(
 ) -> tuple[BenchTest, ...] | None:
     """Return the tests, or None after the findings that forbid them were printed."""
     count = len(calibration) + len(holdout)
-    from ..bench.checks.suitability import other_tests
     from ..calibration import Refused, load_tests
+    from ..checks.suitability import other_tests
     from ..reports.terminal import findings_text
     from ..results import to_json
 

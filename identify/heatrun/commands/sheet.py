@@ -41,7 +41,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Write the sheet and print its files."""
-    from ..reports.sheet.of_run import rewrite_sheet
+    from ..reports.of_run import rewrite_sheet
     from ..results import to_json
 
     written = rewrite_sheet(

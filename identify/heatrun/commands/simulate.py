@@ -41,7 +41,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Write a CSV file for every test and print how far it is from the measured winding."""
-    from ..motorfile import load_motor
+    from ..motor.file import load_motor
     from ..results import to_json
     from ..simulation import simulate_file
 

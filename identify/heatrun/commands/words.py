@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UsageError
-from ..reports.texts import LANGUAGES
+from ..io.texts import LANGUAGES
 
 LARGEST_SEED = 2**32 - 1
 """What every generator of random numbers here takes."""
@@ -75,7 +75,7 @@ def cut_tests(options: argparse.Namespace) -> None:
     start, end = (getattr(options, f"{name}_time", "") for name in ("from", "until"))
     if not start and not end:
         return
-    from ..bench.stretch import split_stretch  # bench is slow to import
+    from ..record.stretch import split_stretch  # bench is slow to import
 
     for test in options.tests:
         if split_stretch(str(test))[1] and not test.exists():

@@ -27,9 +27,9 @@ from lptn.march import heat_effects
 from lptn.sensor import lagged
 from lptn.stepping import heat_balance, rates
 
-from ..bench.blocks import Blocks
 from ..effects.engine import Engine, Refit
-from ..inference.model import Model, Values
+from ..model.model import Model, Values
+from ..record.blocks import Blocks
 
 SENSOR = "sensor"
 """Name that an error of the reading goes by, beside the names of the nodes."""

@@ -13,9 +13,9 @@ import numpy as np
 
 from lptn import CopperLosses, Inputs
 
-from ..bench.blocks import Blocks
 from ..effects.engine import Engine, Refit
-from ..inference.problem import Problem
+from ..model.problem import Problem
+from ..record.blocks import Blocks
 
 
 @dataclass(frozen=True)

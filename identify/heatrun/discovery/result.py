@@ -15,10 +15,11 @@ from ..calibration import Calibration
 from ..effects.engine import Candidate
 from ..effects.missing import Sight
 from ..effects.search import gap as closed
-from ..inference.noise import from_scores
-from ..inference.parameters import qualified
-from ..inference.posterior import Posterior, of_network
-from ..inference.predict import Prediction
+from ..model.draws import of_network
+from ..model.noise import from_scores
+from ..model.parameters import qualified
+from ..posterior.posterior import Posterior
+from ..posterior.predict import Prediction
 from ..results.discovery import (
     DISCOVERY_FORMAT,
     AdequacyBeforeAfter,

@@ -24,10 +24,10 @@ from ..effects.engine import Engine, Refit
 from ..effects.found import Found, with_effects
 from ..effects.missing import Missing
 from ..effects.search import gap, plain_noise
-from ..inference.fitting.fit import low_frequency_excess
-from ..inference.loggers import scales_of
-from ..inference.networks.form import WINDING
-from ..inference.noise import variance_of_mean
+from ..fit.fit import low_frequency_excess
+from ..model.loggers import scales_of
+from ..model.network_form import WINDING
+from ..model.noise import variance_of_mean
 from ..results.discovery import VerdictWord
 from ..work import SILENT, Work
 from .localise import Where, localise

@@ -26,18 +26,18 @@ from scipy.optimize import least_squares
 from lptn import SIGNALS, Network
 from lptn.effects import AbstractEffect, Quantity, applies
 
-from ..bench.blocks import Blocks, Observation
-from ..inference import noise as noise_module
-from ..inference.catalogue import lacking, unplaced
-from ..inference.fitting.fit_result import Fit
-from ..inference.loggers import Loggers
-from ..inference.model import Model
-from ..inference.model_parameters import machine_size
-from ..inference.networks.form import WINDING
-from ..inference.noise import Noise
-from ..inference.parameters import EVENT, Parameter, sized
-from ..inference.problem import WORST_RESIDUAL, Problem
-from ..motor import Motor
+from ..fit.fit_result import Fit
+from ..model import noise as noise_module
+from ..model.catalogue import lacking, unplaced
+from ..model.loggers import Loggers
+from ..model.model import Model
+from ..model.model_parameters import machine_size
+from ..model.network_form import WINDING
+from ..model.noise import Noise
+from ..model.parameters import EVENT, Parameter, sized
+from ..model.problem import WORST_RESIDUAL, Problem
+from ..record.blocks import Blocks, Observation
+from ..record.motor import Motor
 
 LANES = 24
 """Directions of one call: parameters of the network, of a few tests, and of three effects."""

@@ -13,19 +13,19 @@ import numpy as np
 from lptn.effects import AbstractEffect
 
 from ..attempts import refuse_wrong_sums
-from ..bench.blocks import Blocks
-from ..bench.record import Finding
-from ..inference.catalogue import all_effects
-from ..inference.discrepancy import with_heat
-from ..inference.fitting.fit import finished
-from ..inference.fitting.fit_checks import holding_heat
-from ..inference.fitting.fit_result import Fit
-from ..inference.fitting.restricted import estimate_noise
-from ..inference.model import Model
-from ..inference.noise import from_scores
-from ..inference.parameters import collect
-from ..inference.problem import Problem
-from ..motor import Motor
+from ..fit.fit import finished
+from ..fit.fit_result import Fit
+from ..fit.restricted import estimate_noise
+from ..model.catalogue import all_effects
+from ..model.discrepancy import with_heat
+from ..model.model import Model
+from ..model.noise import from_scores
+from ..model.parameters import collect
+from ..model.problem import Problem
+from ..posterior.fit_checks import holding_heat
+from ..record.blocks import Blocks
+from ..record.motor import Motor
+from ..record.record import Finding
 from .engine import Candidate, Engine, Library, library, without_resistance
 from .search import Member, Search, Set
 

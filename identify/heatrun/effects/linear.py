@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ..inference.noise import from_scores
+from ..model.noise import from_scores
 from .engine import Candidate, Engine
 
 if TYPE_CHECKING:

@@ -29,15 +29,16 @@ from scipy.special import log_ndtr, ndtr, ndtri
 
 from lptn.effects import AbstractEffect, placed_link
 
-from ..bench.record import Finding
-from ..inference.discrepancy import no_heat
-from ..inference.fitting.fit_result import Fit
-from ..inference.fitting.restricted import estimate_noise, log_evidence
-from ..inference.noise import from_scores
-from ..inference.parameters import EVENT, amplitudes
-from ..inference.posterior import PlausibleEffect, PlausibleEffects, Posterior
-from ..inference.problem import Problem
-from ..inference.starts import too_stiff
+from ..fit.fit_result import Fit
+from ..fit.restricted import estimate_noise, log_evidence
+from ..model.discrepancy import no_heat
+from ..model.draws import PlausibleEffect, PlausibleEffects
+from ..model.noise import from_scores
+from ..model.parameters import EVENT, amplitudes
+from ..model.problem import Problem
+from ..posterior.posterior import Posterior
+from ..posterior.starts import too_stiff
+from ..record.record import Finding
 from .engine import Candidate, Engine, Refit, filled, padded, placed
 from .found import with_catalogue
 from .linear import Linear

@@ -21,10 +21,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
-from ..inference.discrepancy import no_heat, with_heat
-from ..inference.fitting.restricted import estimate_noise, log_evidence
-from ..inference.noise import Noise, from_scores
-from ..inference.parameters import qualified
+from ..fit.restricted import estimate_noise, log_evidence
+from ..model.discrepancy import no_heat, with_heat
+from ..model.noise import Noise, from_scores
+from ..model.parameters import qualified
 from .engine import Candidate, Engine, Refit, filled, padded, white
 from .linear import Linear
 

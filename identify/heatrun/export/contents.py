@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 import scipy.io
 
-from ..bench.own_files import EXPORT
 from ..errors import InputError
-from ..inference.networks import BUILT_IN, NetworkForm, network_named
 from ..io.file_set import together
+from ..io.own_files import EXPORT
 from ..io.whole_files import is_other, writable, write_whole
+from ..model.network_form import NetworkForm
+from ..model.network_text import BUILT_IN, network_named
 from ..version import __version__
 from .course import simulate_variables
 from .network_course import simulate_network

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..bench.channels.derive import recorded_shaft_power
-from ..bench.record import Finding
 from ..errors import InputError
 from ..io.whole_files import numbered
-from ..motor import Motor
+from ..record.derive import recorded_shaft_power
+from ..record.motor import Motor
+from ..record.record import Finding
 from .contents import Simulated, contents_of, mat_bytes, write_export
 from .network_file import refuse_unknown
 from .rerun import RunAndTest, as_replica, effects_of, read_new_test, read_run_test
@@ -90,7 +90,7 @@ def export_test(
 
     Args:
         source: A run folder, a TOML file of parameters, or a `prova.mat`.
-        test: The test, as `heatrun.bench.joined.read_test`.
+        test: The test, as `heatrun.readers.joined.read_test`.
         motor: As `read_new_test`.
         folder: Where the files go; None for a folder `NAME_mat` here, numbered where it holds
             another export.

@@ -18,10 +18,10 @@ import numpy as np
 
 from lptn.effects import AbstractEffect
 
-from ..bench.record import Record
 from ..errors import InputError
-from ..inference.model import Model
-from ..motor import Motor
+from ..model.model import Model
+from ..record.motor import Motor
+from ..record.record import Record
 from .variables import Corrections, Shaft, bridged
 
 SCRIPT = "run_network.m"
@@ -107,7 +107,7 @@ def network_variables(
     """Return the variables of `network.mat` and sentences on what is in them.
 
     Args:
-        record: The test, which `heatrun.bench.reduction.reduce` accepts; its own samples are used.
+        record: The test, which `heatrun.record.reduction.reduce` accepts; its own samples are used.
         values: Parameters by name, those of the effects as `"speed_cooling.g"`, start
             temperatures and the errors of the sensor among them.
         motor: The sink.

@@ -18,13 +18,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..bench.blocks import Blocks
-from ..bench.joined import files_of, read_test
-from ..bench.record import Record
 from ..errors import InputError, UsageError
-from ..inference.model import Model
 from ..io.toml_text import parse_toml
-from ..motor import Motor
+from ..model.model import Model
+from ..readers.joined import files_of, read_test
+from ..record.blocks import Blocks
+from ..record.motor import Motor
+from ..record.record import Record
 from ..results.values import known
 from ..runs.run import Run, RunTest, model_name, open_run
 from ..simulation import predict_values, read_driven, read_parameters
@@ -57,7 +57,7 @@ class RunAndTest:
         record: The test at its full rate, under its name in the run; `winding_degC` is NaN
             throughout where it was not measured.
         values: Medians of the posterior, or fixed values, by parameter name without the test; the
-            start of a test that was only predicted as `heatrun.inference.starts` has it.
+            start of a test that was only predicted as `heatrun.posterior.starts` has it.
         is_held_out: Whether the run predicted the test only.
         blocks: The test as it was reduced.
         inputs: Every file that the run was made of, as the manifest names it, and of a new test.
@@ -260,7 +260,7 @@ def read_new_test(
 
     Args:
         source: A run folder, a TOML file of parameters, or a `prova.mat`.
-        test: As `heatrun.bench.joined.read_test`.
+        test: As `heatrun.readers.joined.read_test`.
         motor: How the bench of the test measures; None for the run's own motor file, which the
             run keeps a copy of.
         network: As `heatrun.simulation.simulate_file`.

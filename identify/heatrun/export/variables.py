@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bench.record import Record
 from ..errors import InputError
-from ..inference.bodies import own_name
-from ..motor import Motor
+from ..model.bodies import own_name
+from ..record.motor import Motor
+from ..record.record import Record
 from ..simulation import SCALARS
 
 UNITS: Mapping[str, str] = {
@@ -136,7 +136,7 @@ def thesis_variables(
     """Return the variables of `prova.mat` and sentences on what is in them.
 
     Args:
-        record: The test, which `heatrun.bench.reduction.reduce` accepts; its own samples are used.
+        record: The test, which `heatrun.record.reduction.reduce` accepts; its own samples are used.
         values: Parameters by name; `Rs0` may be missing in the first order, which has no use
             for it.
         motor: Phases, material and reference temperature of the winding, and the sink.

@@ -1,1 +1,4 @@
-"""What users read: terminal, parameter sheet, discovery report, reports by test type."""
+"""What users read of a run: terminal, parameter sheet, workbook, certificate, discovery report.
+
+Begin with `of_run`, which writes all files of a sheet; `terminal` is what the commands print.
+"""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ..bench import Finding
-from ..bench.channels.mapping import mapping_text
-from ..bench.checks.suitability import WEAK
+from ..checks.suitability import WEAK
 from ..io.quantities import printable, printed_unit, quantity, rounded
-from ..motor import Certificate
+from ..readers.mapping import mapping_text
+from ..record.motor import Certificate
+from ..record.record import Finding
 from ..results import DiscoveryResult, FitResult
 from ..results.model import DerivedFigure, FittedModel
 from ..results.values import known
@@ -22,8 +22,8 @@ from ..runs.verdict import (
     restrictions,
     thermal,
 )
-from .sheet.certificate import ENGLISH, certificate_content, parameter_lines
-from .sheet.printed import interval_ends
+from .certificate import ENGLISH, certificate_content, parameter_lines
+from .printed import interval_ends
 
 CURRENT, UNASKED = "_current_A", "continuous_current_A"
 """End of the names of ratings, and the one that nobody needs to ask for by `--rating`."""

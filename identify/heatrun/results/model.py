@@ -22,8 +22,8 @@ from typing import Annotated, Literal
 
 from msgspec import UNSET, Meta, UnsetType
 
-from ..bench.record import ColumnReading, Finding
 from ..io.quantities import quantity, rounded
+from ..record.record import ColumnReading, Finding
 from .values import Count, Interval, NonNegative, Probability, Role, known, number
 
 LOADED, AT_REST = "_loaded", "_at_rest"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from ..inference.predict import Prediction
+from ..posterior.predict import Prediction
 
 FLOWS = {("winding", "stator"): "P_ws_W", ("stator", "ambient"): "P_se_W"}
 """Columns of the heat flows that have a symbol, by link."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..inference.discrepancy import left_out, windows
-from ..inference.posterior import Posterior
+from ..model.discrepancy import left_out, windows
+from ..posterior.posterior import Posterior
 
 LEFT_OUT = (
     "Log density [nat] of a window of block means given all others and the draw, shape "

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from ..motor import Adequacy, Motor, PartsOfTest
+from ..record.motor import Adequacy, Motor, PartsOfTest
 
 MOTOR = ("name", "phases", "losses", "sink", "insulation_class", "rated_speed_rpm",
          "rated_current_A", "mass_kg", "raster_s", "decimal")  # fmt: skip

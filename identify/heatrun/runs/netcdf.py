@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..bench.channels.claims import body_name
-from ..inference.networks.form import WINDING
-from ..inference.noise import NOISE, noise_parameters
-from ..inference.parameters import Parameter, ParameterSet
-from ..inference.posterior import PlausibleEffect, PlausibleEffects, Posterior
-from ..inference.sampling.weighted import load_arviz
 from ..io.whole_files import stated_moment, write_whole
-from ..motor import Adequacy
+from ..model.draws import PlausibleEffect, PlausibleEffects
+from ..model.network_form import WINDING
+from ..model.noise import NOISE, noise_parameters
+from ..model.parameters import Parameter, ParameterSet
+from ..posterior.posterior import Posterior
+from ..posterior.weighted import load_arviz
+from ..record.channels import body_name
+from ..record.motor import Adequacy
 from .densities import DEPENDENCE, LEFT_OUT, PRIOR, Densities
 
 ABSENT = -12.0

@@ -20,20 +20,20 @@ from scipy.optimize import least_squares
 from lptn.effects import AbstractEffect
 
 from ..attempts import Attempts
-from ..bench.blocks import Blocks
-from ..bench.channels.mapping import describe_mapping
-from ..bench.record import Finding, Record
-from ..inference.bodies import OWN, own_name
-from ..inference.comparison import body_rows, compare, residual_row, verdict
-from ..inference.fitting.fit_result import Fit
-from ..inference.fitting.identifiability import forecast, state
-from ..inference.noise import noise_parameters
-from ..inference.parameters import Parameter, Slot, qualified
-from ..inference.posterior import Posterior, of_network
-from ..inference.predict import Prediction, score_difference
-from ..inference.sampling.weighted import evaluate
-from ..motor import Motor
-from ..ratings.figures import derive
+from ..fit.fit_result import Fit
+from ..model.bodies import OWN, own_name
+from ..model.draws import of_network
+from ..model.noise import noise_parameters
+from ..model.parameters import Parameter, Slot, qualified
+from ..posterior.comparison import body_rows, compare, residual_row, verdict
+from ..posterior.identifiability import forecast, state
+from ..posterior.posterior import Posterior
+from ..posterior.predict import Prediction, score_difference
+from ..posterior.weighted import evaluate
+from ..readers.mapping import describe_mapping
+from ..record.blocks import Blocks
+from ..record.motor import Motor
+from ..record.record import Finding, Record
 from ..results.model import (
     FIT_FORMAT,
     BodyRow,
@@ -54,6 +54,7 @@ from ..results.model import (
 )
 from ..results.values import Interval, Role
 from ..version import __version__
+from .ratings_figures import derive
 
 REACH = 5.0
 """A parameter of the replica stays within this factor of the model's, to either side, in logarithms
@@ -182,7 +183,7 @@ def describe_model(
         posterior: Its draws.
         predictions: One per test.
         roles: Likewise.
-        duties: As `heatrun.ratings.figures.derive`.
+        duties: As `heatrun.runs.ratings_figures.derive`.
         attempts: Told which part failed and is left out; None to let the error through.
         undecided: 95 % intervals of parameters over models that the tests do not tell apart.
     """

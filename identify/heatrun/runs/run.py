@@ -20,22 +20,22 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 
-from ..bench.blocks import Logger
-from ..bench.joined import read_test
-from ..bench.record import Finding, Record
-from ..certificate_file import parse_meta
 from ..errors import InputError
-from ..inference.catalogue import effects_named
-from ..inference.loggers import Loggers
-from ..inference.model import Model
-from ..inference.networks.text import network_of, network_text
-from ..inference.parameters import Parameter, ParameterSet, collect
-from ..inference.posterior import Draws, PlausibleEffect
-from ..inference.predict import NUM_DRAWS, Prediction, predict
-from ..inference.virtual import reduce_driven, refuse_runaway, virtual_record
 from ..io.toml_text import parse_toml
-from ..motor import Adequacy, Certificate, Motor
-from ..motorfile import parse_motor
+from ..model.catalogue import effects_named
+from ..model.draws import Draws, PlausibleEffect
+from ..model.loggers import Loggers
+from ..model.model import Model
+from ..model.network_text import network_of, network_text
+from ..model.parameters import Parameter, ParameterSet, collect
+from ..motor.certificate import parse_meta
+from ..motor.file import parse_motor
+from ..posterior.predict import NUM_DRAWS, Prediction, predict
+from ..posterior.virtual import reduce_driven, refuse_runaway, virtual_record
+from ..readers.joined import read_test
+from ..record.blocks import Logger
+from ..record.motor import Adequacy, Certificate, Motor
+from ..record.record import Finding, Record
 from ..results import DiscoveryResult, FitResult, from_json
 from ..results.model import DescribedTest
 from ..results.values import Role, known
@@ -399,7 +399,7 @@ class Run:
         """Return the record of a virtual prototype driven by a test; arguments as `predict`.
 
         Returns:
-            As `heatrun.inference.virtual.virtual_record`.
+            As `heatrun.posterior.virtual.virtual_record`.
         """
         motor = motor or self.motor
         record = test if isinstance(test, Record) else read_test(Path(test), motor)

@@ -25,12 +25,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ..bench.readers.open_file import digest
-from ..bench.record import Record
-from ..bench.stretch import split_stretch
 from ..errors import InputError
 from ..io.caches import FolderLock
 from ..io.file_set import is_aside
+from ..io.open_file import digest
 from ..io.whole_files import (
     PARTIAL,
     drop_partials,
@@ -40,7 +38,9 @@ from ..io.whole_files import (
     writable,
     write_whole,
 )
-from ..motor import Motor
+from ..record.motor import Motor
+from ..record.record import Record
+from ..record.stretch import split_stretch
 from ..results.json_text import to_json
 
 

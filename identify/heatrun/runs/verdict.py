@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..attempts import FAILED
-from ..bench.checks.suitability import DOUBTS, SIMULATED, doubts
-from ..bench.record import Finding
+from ..checks.suitability import DOUBTS, SIMULATED, doubts
 from ..io.quantities import clean, rounded
+from ..record.record import Finding
 from ..results import FitResult
 from ..results.model import FittedModel, FittedParameter, UseVerdict
 

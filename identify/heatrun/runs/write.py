@@ -7,10 +7,10 @@ from dataclasses import replace
 from functools import partial
 
 from ..attempts import OUTPUT_FAILED, Attempts
-from ..inference.posterior import Posterior
-from ..inference.predict import Prediction
 from ..io.whole_files import write_whole
-from ..motor import Motor
+from ..posterior.posterior import Posterior
+from ..posterior.predict import Prediction
+from ..record.motor import Motor
 from ..results import FitResult, from_json, to_json
 from . import netcdf
 from .courses import band_table

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from heatrun.attempts import refuse_wrong_sums
-from heatrun.inference.fitting.fit import (
+from heatrun.fit.fit import (
     DISTINCT,
     NUM_STARTS,
     RIVAL,
@@ -29,11 +29,11 @@ from heatrun.inference.fitting.fit import (
     misfit_findings,
     start_scores,
 )
-from heatrun.inference.fitting.fit_result import RESULT, Fit
-from heatrun.inference.fitting.restricted import laplace
-from heatrun.inference.noise import Noise, from_scores
-from heatrun.inference.problem import Problem
-from heatrun.inference.starts import STABLE
+from heatrun.fit.fit_result import RESULT, Fit
+from heatrun.fit.restricted import laplace
+from heatrun.model.noise import Noise, from_scores
+from heatrun.model.problem import Problem
+from heatrun.posterior.starts import STABLE
 
 from .layout import Key, NotBatched, key_of, pack, why_not
 from .march import Machines

@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from heatrun.bench.blocks import Blocks
-from heatrun.inference.discrepancy import num_knots
-from heatrun.inference.parameters import Parameter
-from heatrun.inference.problem import Problem, Structure
+from heatrun.model.discrepancy import num_knots
+from heatrun.model.parameters import Parameter
+from heatrun.model.problem import Problem, Structure
+from heatrun.record.blocks import Blocks
 
 from .march import Group, Machines
 from .residuals import most_knots

@@ -35,7 +35,7 @@ import jax.numpy as jnp
 from jax.extend.core import Literal
 from jaxtyping import Array, Bool, Float
 
-from heatrun.inference.model import Model
+from heatrun.model.model import Model
 from lptn.stepping import affine_terms, horner
 
 Lane = Float[Array, " lane"]

@@ -24,10 +24,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from heatrun.bench.blocks import BLOCK_S
-from heatrun.inference.discrepancy import NUM_COLUMNS, SPACING_S
-from heatrun.inference.noise import HEAT, Noise, SensorRows, filter_rows
-from heatrun.inference.problem import Structure
+from heatrun.model.discrepancy import NUM_COLUMNS, SPACING_S
+from heatrun.model.noise import HEAT, Noise, SensorRows, filter_rows
+from heatrun.model.problem import Structure
+from heatrun.record.samples import BLOCK_S
 from lptn import CopperLosses
 
 from .march import SLOPE, Group, Lane, Machines, late_means, march

@@ -14,8 +14,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from heatrun.inference.fitting.restricted import SCORE_LIMIT
-from heatrun.inference.noise import LARGEST_SCORES, NOISE, from_scores
+from heatrun.fit.restricted import SCORE_LIMIT
+from heatrun.model.noise import LARGEST_SCORES, NOISE, from_scores
 
 from .march import Machines
 from .residuals import (

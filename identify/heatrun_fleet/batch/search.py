@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from heatrun.inference.noise import Noise
-from heatrun.inference.problem import WORST_RESIDUAL, Structure
+from heatrun.model.noise import Noise
+from heatrun.model.problem import WORST_RESIDUAL, Structure
 
 from .march import Machines
 from .residuals import (

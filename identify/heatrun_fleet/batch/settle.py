@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from heatrun.inference.fitting.fit import NUM_ROUNDS, SETTLED, SIDE, is_corner, near_corner
-from heatrun.inference.fitting.restricted import STARTS_S
-from heatrun.inference.noise import NOISE, Noise, free_of_columns, from_scores
-from heatrun.inference.problem import Structure
+from heatrun.fit.fit import NUM_ROUNDS, SETTLED, SIDE, is_corner, near_corner
+from heatrun.fit.restricted import STARTS_S
+from heatrun.model.noise import NOISE, Noise, free_of_columns, from_scores
+from heatrun.model.problem import Structure
 
 from .march import Group, Machines
 from .residuals import Means, filtered, heat_columns, values_of_group

@@ -20,9 +20,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from heatrun.inference.fitting.fit import HOPELESS, MAX_STEPS
-from heatrun.inference.noise import Noise
-from heatrun.inference.problem import Structure
+from heatrun.fit.fit import HOPELESS, MAX_STEPS
+from heatrun.model.noise import Noise
+from heatrun.model.problem import Structure
 
 from .march import Group, Machines
 from .search import Heat, begun, search

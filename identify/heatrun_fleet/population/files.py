@@ -6,7 +6,7 @@ from pathlib import Path
 
 from heatrun.io.file_set import together
 from heatrun.io.whole_files import is_other, refuse_replacing, write_whole
-from heatrun.motorfile import NAME
+from heatrun.motor.file import NAME
 from heatrun.results import to_json
 
 from ..results.population import PopulationResult
@@ -68,6 +68,6 @@ def _write_table(path: Path, result: PopulationResult) -> None:
 
 
 def _write_sheet(path: Path, result: PopulationResult) -> None:
-    from ..type_sheet.document import write_type_sheet  # slow to import
+    from .sheet import write_type_sheet  # slow to import
 
     write_type_sheet(result, path)

@@ -20,11 +20,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import minimize
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
-from heatrun.inference.kernels import log_student, student
-from heatrun.inference.sampling.ensemble import evolution
-from heatrun.inference.sampling.weighted import pareto_smoothed
+from heatrun.model.kernels import log_student, student
+from heatrun.posterior.ensemble import evolution
+from heatrun.posterior.weighted import pareto_smoothed
 
 from .gathered import Evidence
 from .law import OUTLIER_SCALE, Hyperprior, Law, given_machine, log_marginals, num_scores, unpack
@@ -272,7 +272,7 @@ def tolerance_limits(
         (Bayesian tolerance intervals).
     """
     mean, sd = np.asarray(population.laws.mean), np.asarray(population.laws.sd)
-    above = norm.ppf(content)
+    above = ndtri(content)
     return Limits(
         two_sided=_two_sided(mean, sd, content, confidence),
         lower=np.quantile(mean - above * sd, 1.0 - confidence, axis=0),
@@ -286,7 +286,7 @@ def _two_sided(mean: np.ndarray, sd: np.ndarray, content: float, confidence: flo
     low, high = np.zeros_like(middle), 40.0 * sd.mean(axis=0) + 10.0 * mean.std(axis=0)
     for _ in range(60):
         half = 0.5 * (low + high)
-        held = norm.cdf((middle + half - mean) / sd) - norm.cdf((middle - half - mean) / sd)
+        held = ndtr((middle + half - mean) / sd) - ndtr((middle - half - mean) / sd)
         is_wide = np.mean(held >= content, axis=0) >= confidence
         low, high = np.where(is_wide, low, half), np.where(is_wide, half, high)
     return np.stack([middle - high, middle + high])

@@ -13,7 +13,7 @@ from typing import Any
 from heatrun.errors import InputError
 from heatrun.io.quantities import clean, printed_unit, rounded
 from heatrun.io.whole_files import numbered
-from heatrun.reports.sheet.printed import signed
+from heatrun.reports.printed import signed
 from heatrun.results import to_plain
 from heatrun.results.discovery import ValueWithInterval
 from heatrun.runs.run_folder import refuse_unwritable

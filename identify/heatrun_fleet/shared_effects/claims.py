@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from heatrun.io.quantities import printed_unit, rounded
 from heatrun.results.discovery import ValueWithInterval
@@ -45,7 +45,7 @@ def claim(
     pool = found.pool
     column = found.columns[best]
     score, sd, spread = amplitude(found, best)
-    half = float(student.ppf(0.975, len(pool.machines) - 1)) * sd
+    half = float(stdtrit(len(pool.machines) - 1, 0.975)) * sd
     visible = float(np.nanmedian(pool.visible_K[:, best]))
     at = abs(score)
     # with all instruments less known, and with each one alone not known at all

@@ -44,10 +44,10 @@ from jaxtyping import Bool, Float
 
 from heatrun.effects.engine import Engine, placed
 from heatrun.effects.found import with_catalogue
-from heatrun.inference.catalogue import all_effects
-from heatrun.inference.fitting.fit_result import Fit
-from heatrun.inference.parameters import EVENT, amplitudes, qualified
-from heatrun.inference.problem import Problem
+from heatrun.fit.fit_result import Fit
+from heatrun.model.catalogue import all_effects
+from heatrun.model.parameters import EVENT, amplitudes, qualified
+from heatrun.model.problem import Problem
 
 SETTINGS = (0.0, -1.0, 1.0)
 """Scores of the shape parameters that an effect is tried with, all of them alike [1]."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from heatrun.inference.parameters import effect_parameters
+from heatrun.model.parameters import effect_parameters
 from lptn.effects import AbstractEffect, Quantity
 
 from .pooled import CLIP, FREE, Pool, Tested, largest_by_chance, one_sided, score_test

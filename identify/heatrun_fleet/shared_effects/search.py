@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heatrun.inference.catalogue import all_effects
+from heatrun.model.catalogue import all_effects
 
 from ..results.fleet_discovery import ScreenedEffect, SharedEffect
 from .claims import claim, num_alone

@@ -16,12 +16,12 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from heatrun.bench.channels.derive import dq_power, shaft_power
-from heatrun.bench.checks.samples import block_means, median_step, runs, samples
-from heatrun.bench.checks.time_axis import GAP_STEPS
-from heatrun.bench.record import Record
+from heatrun.checks.time_axis import GAP_STEPS
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.record.derive import dq_power, shaft_power
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.samples import block_means, median_step, runs, samples
 
 KM_PER_H_PER_M_PER_S = 3.6
 

@@ -22,13 +22,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.checks.samples import block_means, samples, sink_channel
-from heatrun.bench.clocks.clock_offset import correlation
-from heatrun.bench.record import Finding, Record
-from heatrun.bench.rounding import rounding_step
+from heatrun.checks import check_record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.readers.clock_offset import correlation
+from heatrun.record.motor import Motor
+from heatrun.record.record import Finding, Record
+from heatrun.record.rounding import rounding_step
+from heatrun.record.samples import block_means, samples, sink_channel
 
 from ..card import NOT_OF_THE_MACHINE
 from ..simulated import Simulated, simulate_run

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from heatrun.bench.channels.claims import CHANNEL
-from heatrun.bench.checks.samples import is_measured, place, samples
-from heatrun.bench.record import Finding, Record
 from heatrun.errors import InputError, UsageError
-from heatrun.motor import Motor
+from heatrun.record.channels import CHANNEL
+from heatrun.record.motor import Motor
+from heatrun.record.record import Finding, Record
+from heatrun.record.samples import is_measured, place, samples
 
 from .drive import Course, Integral, electrical_power, integrate, is_of_vehicle, road_speed
 

@@ -1,6 +1,6 @@
 """How the clocks of two records of one manoeuvre stand to each other, by their shared signals.
 
-`heatrun.bench.clocks.align` joins two loggers of one test that share no signal, by the winding's
+`heatrun.readers.align` joins two loggers of one test that share no signal, by the winding's
 answer to the drive. Two prototypes that drive one manoeuvre share most of their signals, so here
 these are laid over each other: the offset is the one at which a straight line explains most of each
 signal of one record by that of the other. A bias or a wrong scale therefore does not move it.
@@ -28,10 +28,10 @@ from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from heatrun.bench.checks.samples import median_step, samples
-from heatrun.bench.clocks.clock_offset import correlation as residual_correlation
-from heatrun.bench.record import Finding, Record
 from heatrun.errors import InputError
+from heatrun.readers.clock_offset import correlation as residual_correlation
+from heatrun.record.record import Finding, Record
+from heatrun.record.samples import median_step, samples
 
 CLOSEST = 1e-6
 """Unexplained share of the variance [1] below which two signals count as the same."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from heatrun.bench.channels.derive import RAD_PER_S_PER_RPM
-from heatrun.bench.checks.samples import samples
-from heatrun.bench.record import Finding, Record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.record.derive import RAD_PER_S_PER_RPM
+from heatrun.record.motor import Motor
+from heatrun.record.record import Finding, Record
+from heatrun.record.samples import samples
 
 from .drive import bridged_steps, electrical_power, has
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from heatrun.bench.checks.samples import median_step, samples
-from heatrun.bench.checks.time_axis import GAP_STEPS
-from heatrun.bench.clocks.align import joined_channels
-from heatrun.bench.record import Finding, Record
+from heatrun.checks.time_axis import GAP_STEPS
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.readers.align import joined_channels
+from heatrun.record.motor import Motor
+from heatrun.record.record import Finding, Record
+from heatrun.record.samples import median_step, samples
 
 from .drive import has, with_powers
 from .offset import Offset, find_offset, likeness

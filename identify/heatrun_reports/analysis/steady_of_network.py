@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from heatrun.inference.predict import Prediction
-from heatrun.ratings.machine import fixed_losses, other_losses
+from heatrun.posterior.predict import Prediction
+from heatrun.runs.machine import fixed_losses, other_losses
 from lptn import Drive, steady_state
 
 from .drive import Stretch

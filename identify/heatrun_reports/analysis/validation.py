@@ -24,13 +24,13 @@ from typing import Literal
 
 import numpy as np
 
-from heatrun.bench.channels.claims import CHANNEL, CHANNELS
-from heatrun.bench.checks.samples import median_step, samples, sink_channel
-from heatrun.bench.record import Finding, Record
-from heatrun.bench.rounding import rounding_step
 from heatrun.errors import InputError
-from heatrun.inference.bodies import CURRENT_GAIN, INSTRUMENTS
-from heatrun.motor import Motor
+from heatrun.model.bodies import CURRENT_GAIN, INSTRUMENTS
+from heatrun.record.channels import CHANNEL, CHANNELS
+from heatrun.record.motor import Motor
+from heatrun.record.record import Finding, Record
+from heatrun.record.rounding import rounding_step
+from heatrun.record.samples import median_step, samples, sink_channel
 
 from ..card import NOT_OF_THE_MACHINE
 from ..simulated import Limits, Reference, bands_on_axis

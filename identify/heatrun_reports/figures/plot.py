@@ -13,11 +13,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from heatrun.bench.channels.claims import CHANNEL
-from heatrun.bench.checks.samples import samples
-from heatrun.bench.record import Record
-from heatrun.motor import Motor
-from heatrun.reports.sheet.figures import plain
+from heatrun.record.channels import CHANNEL
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+from heatrun.record.samples import samples
+from heatrun.reports.figures import plain
 
 from ..analysis.drive import bridged_steps, electrical_power, has, with_powers
 from ..analysis.operating_map import OperatingMap

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from heatrun.bench.record import Record
+from heatrun.record.record import Record
 
 from ..analysis.drive import LossSplit, has
 from ..analysis.equilibrium import Equilibrium, SteadyRise

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from heatrun.bench.record import Finding
 from heatrun.errors import InputError
-from heatrun.motor import Motor
+from heatrun.record.motor import Motor
+from heatrun.record.record import Finding
 
 from ..analysis.general_information import GeneralInformation, general_information
 from ..analysis.pair import Pair

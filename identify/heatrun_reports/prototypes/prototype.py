@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from heatrun.bench.checks.samples import sink_channel
-from heatrun.bench.joined import parts_of, read_test
-from heatrun.bench.record import Finding, Record
 from heatrun.errors import InputError, UsageError
-from heatrun.motor import Motor
+from heatrun.readers.joined import parts_of, read_test
+from heatrun.record.motor import Motor
+from heatrun.record.record import Finding, Record
+from heatrun.record.samples import sink_channel
 
 from ..analysis.drive import has
 from ..analysis.validation import SignalComparison, Validation, validate

@@ -13,21 +13,21 @@ from functools import partial
 from itertools import combinations
 from pathlib import Path
 
-from heatrun.bench.checks.samples import median_step, samples
+from heatrun.io.texts import LANGUAGES
 from heatrun.io.whole_files import writable
-from heatrun.motor import Motor
-from heatrun.reports.texts import LANGUAGES
+from heatrun.record.motor import Motor
+from heatrun.record.samples import median_step, samples
 
 from ..analysis.general_information import FIGURES
 from ..analysis.validation import PERCENT, RULE, VERDICTS, FigureComparison, SignalComparison, place
 from ..card import PROTOTYPES
 from ..figure_cells import figure_cells
-from ..figures import prototypes as figures
 from ..figures.plot import unit, wording
 from ..independence import before, fitted_by, same_file, simulated_as
 from ..job import Outcome, settings_of, write_report
 from ..report import Column, Drawing, Line, Report, Row, Table
 from ..report_name import date_of_test
+from . import figures as figures
 from .confront import Compared, Confrontation, base_of, confront
 from .prototype import Prototype, is_virtual, judge_network, read_prototypes
 from .summary import counts, summary

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from heatrun.reports.sheet.printed import signed
+from heatrun.reports.printed import signed
 
 from ..analysis.validation import SignalComparison
 from ..figures.plot import unit, wording

@@ -20,9 +20,9 @@ from tornado.netutil import bind_sockets
 
 from heatrun.errors import InputError
 
-from ..jobs.running import JobQueue
 from ..look import PART_CSS
 from ..reading import problem
+from ..running_jobs import JobQueue
 from ..store import Folder, RecordStore
 from ..tabs.page import Page
 from ..uploads import UploadRoom

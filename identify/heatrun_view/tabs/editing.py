@@ -10,10 +10,10 @@ from typing import Protocol
 import panel as pn
 
 from heatrun.errors import InputError
-from heatrun.inference.catalogue import known_effects
 from heatrun.io.toml_text import LARGEST_BYTES
-from heatrun.motor import Motor
-from heatrun.motorfile import parse_motor
+from heatrun.model.catalogue import known_effects
+from heatrun.motor.file import parse_motor
+from heatrun.record.motor import Motor
 
 from ..background import in_background
 from ..look import text_pane

@@ -25,13 +25,13 @@ from heatrun.results import DiscoveryResult, FitResult
 from heatrun_reports import Kind
 
 from ..background import Soon, in_order
-from ..jobs.pane import JobPane
-from ..jobs.running import Job, JobQueue
+from ..linked import Band, Plots, Told
 from ..look import Screen
-from ..plotting.linked import Band, Plots, Told
-from ..plotting.trace import LOOK_AT, MEASURED, MODEL, RESIDUAL, Trace
+from ..pane import JobPane
+from ..running_jobs import Job, JobQueue
 from ..runs import Run
 from ..store import Stamp
+from ..trace import LOOK_AT, MEASURED, MODEL, RESIDUAL, Trace
 from ..words import calibration_html, discovery_html, error_message, message
 from .run_view import run_name, run_view
 

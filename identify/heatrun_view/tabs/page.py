@@ -14,9 +14,9 @@ import panel as pn
 from heatrun.errors import InputError
 from heatrun_reports import TEST_TYPES, Kind
 
-from ..jobs.running import JobQueue
 from ..look import TABS_CSS, Screen, asked_theme, framed, text_pane
 from ..reading import Reader, Reading, problem
+from ..running_jobs import JobQueue
 from ..runs import Run, last_motor, runs_under
 from ..store import Folder, Listing, Opened, RecordStore
 from ..uploads import UploadRoom

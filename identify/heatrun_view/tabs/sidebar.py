@@ -9,7 +9,7 @@ from urllib.parse import urlencode
 
 import panel as pn
 
-from heatrun.bench.channels.claims import CHANNELS
+from heatrun.record.channels import CHANNELS
 from heatrun_reports import TEST_TYPES
 
 from ..look import NAMES_CSS, asked, text_pane

@@ -18,12 +18,13 @@ import numpy as np
 import pandas as pd
 import panel as pn
 
-from heatrun.bench import Record
-from heatrun.bench.channels.claims import CHANNELS
 from heatrun.errors import InputError
+from heatrun.record.channels import CHANNELS
+from heatrun.record.record import Record
 from heatrun_reports.analysis.offset import find_offset
 
 from ..background import Soon, in_background, in_order
+from ..linked import Band, Plots, Told
 from ..look import NARROW_PX, Screen, text_pane
 from ..motor_text import (
     Window,
@@ -36,9 +37,8 @@ from ..motor_text import (
     write_motor_file,
     write_windows,
 )
-from ..plotting.linked import Band, Plots, Told
-from ..plotting.trace import Trace, cursor_table
 from ..store import Opened
+from ..trace import Trace, cursor_table
 from ..words import error_message, message
 
 STEP_S = 0.1

@@ -12,8 +12,8 @@ from heatrun.io.quantities import quantity, rounded
 from heatrun.simulation import ByHand
 
 from ..background import Soon, in_background
+from ..linked import Band
 from ..look import text_pane
-from ..plotting.linked import Band
 from ..reading import Reader, problem
 from ..runs import Run
 from ..store import Opened

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import panel as pn
 
-from heatrun.bench.survey import Survey
 from heatrun.commands.init import UNITS, name_of
 from heatrun.errors import InputError
-from heatrun.motor_draft import NONE, Choice, choices, draft
-from heatrun.motor_gaps import Gap, gaps
+from heatrun.init.draft import NONE, Choice, choices, draft
+from heatrun.init.gaps import Gap, gaps
+from heatrun.init.survey import Survey
 
 from ..background import in_background
 from ..look import text_pane

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from heatrun.bench.checks import check_record
-from heatrun.bench.joined import read_test
+from heatrun.checks import check_record
 from heatrun.errors import InputError
-from heatrun.motor import Motor
-from heatrun.motorfile import load_motor
+from heatrun.motor.file import load_motor
+from heatrun.readers.joined import read_test
+from heatrun.record.motor import Motor
 
 from .case import Case, Truth
 

@@ -1,1 +1,0 @@
-"""From the columns of a file to canonical channels in canonical units."""

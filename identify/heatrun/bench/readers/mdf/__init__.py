@@ -1,1 +1,0 @@
-"""MDF 4 measurement files (extra `mdf`)."""

@@ -1,1 +1,0 @@
-"""TDMS measurement files (extra `tdms`)."""

@@ -1,0 +1,67 @@
+"""Lines of the motor file that a finding advises: what of a test to use, and what to leave out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..io.toml_text import table_header
+from ..record.record import Record
+
+MOST_WINDOWS = 8
+"""More of them are no fault of a moment, and nobody types them."""
+
+
+def section_of(record: Record) -> str:
+    """Return the section of the motor file that says which parts of a record are used."""
+    return "[tests.NAME]" if record.stretch else table_header("tests", record.name)
+
+
+def use_line(record: Record, *windows: tuple[float, float]) -> str:
+    """Return the line that uses stretches of a record, each of them as a test.
+
+    Args:
+        record: The record.
+        windows: First and last time of each [s].
+    """
+    pairs = ", ".join(f"[{low:.3f}, {high:.3f}]" for low, high in windows)
+    return f"{section_of(record)} use = [{pairs}] in the motor file"
+
+
+def mask_line(record: Record, windows: Sequence[tuple[float, float]]) -> str:
+    """Return the line that leaves readings out of the comparison; from the start on, one that
+    begins the test behind them.
+
+    Args:
+        record: The record.
+        windows: First and last time of each [s], in order; those that are left out already come
+            with them.
+    """
+    time_s = record.time_s[np.isfinite(record.time_s)]
+    first, last = windows[0]
+    if first <= time_s[0]:
+        later = time_s[time_s > last]
+        if later.size and len(windows) == 1:
+            return use_line(record, (float(later[0]), float(time_s[-1])))
+    # a key stands once in its section: what is left out already belongs to the line
+    windows = sorted({*record.masks, *windows})
+    return f"{section_of(record)} mask = {windows_text(windows)} in the motor file"
+
+
+def windows_text(windows: Sequence[tuple[float, float]]) -> str:
+    """Return windows as the motor file has them, widened to tenths of a second.
+
+    Args:
+        windows: First and last time of each [s], in order.
+    """
+    if len(windows) > MOST_WINDOWS:
+        return "[[FROM, UNTIL], …]"
+    tenths = [(math.floor(10.0 * low), math.ceil(10.0 * high)) for low, high in windows]
+    pairs = ", ".join(
+        # a window of one sample has two ends too
+        f"[{low / 10.0:.1f}, {max(high, low + 1) / 10.0:.1f}]"
+        for low, high in tenths
+    )
+    return f"[{pairs}]"

@@ -1,0 +1,312 @@
+"""Stretches in which the reading of the winding stands still although its heat balance does not.
+
+A reading rounded to 1 degC stands still for minutes on any plateau, so the length of a constant
+stretch says nothing by itself. What the record says elsewhere does: a crude two-node network is
+fitted outside of the stretch and tells how far the temperature must have moved inside.
+
+Does a reading stand still: a stuck sensor, or a channel at the end of its range?
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..record.motor import Motor
+from ..record.record import Finding, Record
+from ..record.rounding import rounding_step
+from ..record.samples import is_loaded, place, runs, samples, with_all_heat
+from .advice import mask_line
+from .crude_fit import crude_fit
+from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
+
+LIVE_STEP_K = 0.05
+"""Below this rounding step the last digit of a live thermocouple flickers."""
+
+LIVE_SAMPLES = 20
+LIVE_S = 10.0
+"""So many equal readings in a row of a channel whose last digit flickers are no chance: even at one
+chance in two of a repeat it is one in a million."""
+
+MIN_STRETCH_S = 120.0
+"""Under two minutes a rounded reading may stand still anywhere."""
+
+MAX_TRIED = 3
+"""Each stretch costs a fit; the longest ones are tried."""
+
+MAX_TOPS = 200
+"""More stretches at the highest reading than this are a rounded plateau that flickers."""
+
+MOVED_STEPS = 3.0
+"""Rounding hides one step of movement and the network is crude: three must be missing."""
+
+DOUBT_RMS = 3.0
+"""Where the network describes the rest badly, a movement counts from three times its rms
+residual."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch in which the reading did not move.
+
+    Attributes:
+        from_s: Its first sample [s].
+        to_s: Its last sample [s].
+        reading_degC: What the sensor read all along [degC].
+        expected_K: How far, from lowest to highest, the heat balance says that it should have moved
+            [K]; 0 where no network describes the rest.
+        doubt_K: How far that may be wrong [K].
+        is_live: The last digit flickers elsewhere, so that standing still is telling by itself.
+    """
+
+    from_s: float
+    to_s: float
+    reading_degC: float
+    expected_K: float
+    doubt_K: float
+    is_live: bool
+
+
+def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
+    """Return where the winding temperature stands still though heat must have moved it.
+
+    Args:
+        record: Any record.
+        motor: Says which channel is the sink.
+
+    Returns:
+        The stretches in time order; none where the record is too short to tell.
+    """
+    time_s, winding, losses = samples(with_all_heat(record, motor), "winding_degC", "losses_W")
+    if time_s.size < LIVE_SAMPLES:
+        return ()
+    step = rounding_step(winding)
+    is_live = step is None or step < LIVE_STEP_K
+    first, past = runs(np.diff(winding) == 0.0)
+    length_s = time_s[past] - time_s[first]
+    if is_live:
+        long = (past - first >= LIVE_SAMPLES) & (length_s >= LIVE_S)
+    else:
+        long = length_s >= MIN_STRETCH_S
+    if long.sum() > MAX_TRIED:
+        long &= length_s >= np.sort(length_s)[-MAX_TRIED]
+    loaded = is_loaded(losses)
+    found = []
+    for a, b in zip(first[long], past[long], strict=True):
+        from_s, to_s = float(time_s[a]), float(time_s[b])
+        expected, doubt = _expected_move(record, motor, from_s, to_s)
+        if is_live:
+            is_frozen = bool(loaded[a : b + 1].any())
+        else:
+            is_frozen = expected > MOVED_STEPS * (step or 0.0) + doubt
+        if is_frozen:
+            found.append(Stretch(from_s, to_s, float(winding[a]), expected, doubt, is_live))
+    return tuple(found)
+
+
+def _expected_move(record: Record, motor: Motor, from_s: float, to_s: float) -> tuple[float, float]:
+    """How far a network fitted without a stretch moves inside it [K], and its own doubt [K]."""
+    fit = crude_fit(record, motor, left_out_s=[(from_s, to_s)])
+    if fit is None:
+        return 0.0, 0.0
+    inside = (fit.time_s > from_s) & (fit.time_s < to_s)
+    if not inside.any():
+        return 0.0, 0.0
+    return float(np.ptp(fit.fitted_degC[inside])), DOUBT_RMS * fit.rms_K
+
+
+def hidden_above_top(record: Record, motor: Motor) -> float:
+    """Return how far a rounded winding temperature is cut off at its highest reading.
+
+    The network is fitted to all but the samples at the highest reading, and tells how far they
+    should have gone beyond it.
+
+    Args:
+        record: Any record.
+        motor: Says which channel is the sink.
+
+    Returns:
+        Hidden temperature [K]; 0 where no more than rounding and the network's own doubt explain.
+    """
+    time_s, winding = samples(record, "winding_degC")
+    step = rounding_step(winding)
+    if step is None or step < LIVE_STEP_K:
+        return 0.0
+    top = float(winding.max())
+    first, past = runs(winding == top)
+    # A single crest of a live reading is no top; thousands of runs are flicker, not a cut.
+    if not 0 < first.size <= MAX_TOPS:
+        return 0.0
+    spans = [(float(time_s[a]), float(time_s[b - 1])) for a, b in zip(first, past, strict=True)]
+    fit = crude_fit(record, motor, left_out_s=spans)
+    if fit is None:
+        return 0.0
+    inside = np.zeros(fit.time_s.size, dtype=bool)
+    for from_s, to_s in spans:
+        inside |= (fit.time_s >= from_s) & (fit.time_s <= to_s)
+    if not inside.any():
+        return 0.0
+    hidden = float(np.max(fit.fitted_degC[inside])) - top
+    return hidden if hidden > MOVED_STEPS * step + DOUBT_RMS * fit.rms_K else 0.0
+
+
+FLAT_RUN = 5
+FLAT_SAMPLES = 20
+"""A flat top is made of runs of at least `FLAT_RUN` equal samples and of `FLAT_SAMPLES` in all: two
+or three equal readings at a crest are chance."""
+
+HARMFUL_K = 2.0
+"""Two kelvin is what a two-node network is expected to leave on a test; less hides in that."""
+
+REST_SHARE = 0.01
+"""In parts of the largest value [1]: what an instrument reads of nothing."""
+
+LIVE_SHARE = 0.9
+"""A channel is live, so that equal readings mean something, if at least this share of its other
+samples differ from the one before [1]; set-points and rounded readings are not."""
+
+
+def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report a winding temperature that stands still though heat flows.
+
+    An error if more than 2 K of movement are missing, or the stretch is as long as a gap that is an
+    error; otherwise a warning.
+    """
+    time_s, winding = samples(record, "winding_degC")
+    if time_s.size > 2 and np.ptp(winding) == 0.0:
+        return (
+            Finding(
+                "sensor_stuck",
+                "error",
+                f"Expected a temperature that changes; all {time_s.size} samples read "
+                f"{winding[0]:.2f} °C: nothing can be fitted to them.",
+                place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
+                "Check the sensor, and which column is mapped as winding_degC.",
+                values={"reading_degC": float(winding[0]), "from_s": float(time_s[0])},
+            ),
+        )
+    found = []
+    for stretch in frozen_stretches(record, motor):
+        lasts_s = stretch.to_s - stretch.from_s
+        is_harmful = (
+            lasts_s > MAX_GAP_S
+            or lasts_s > MAX_GAP_SHARE * (time_s[-1] - time_s[0])
+            or stretch.expected_K - stretch.doubt_K > HARMFUL_K
+        )
+        expected = (
+            "its last digit changes elsewhere in the test"
+            if stretch.is_live
+            else f"by the heat balance it should change by {stretch.expected_K:.1f} K"
+        )
+        found.append(
+            Finding(
+                "sensor_stuck",
+                "error" if is_harmful else "warning",
+                f"The reading is frozen at {stretch.reading_degC:.2f} °C for {lasts_s:.0f} s, but "
+                f"{expected}: these samples would bias the fit.",
+                place(record, "winding_degC", stretch.from_s, stretch.to_s),
+                "Check the sensor. To leave these readings out: "
+                f"{mask_line(record, [(stretch.from_s, stretch.to_s)])}.",
+                values={
+                    "reading_degC": stretch.reading_degC,
+                    "from_s": stretch.from_s,
+                    "to_s": stretch.to_s,
+                    "expected_K": stretch.expected_K,
+                },
+            )
+        )
+    return tuple(found)
+
+
+def _flat_extreme(values: np.ndarray, extreme: float) -> tuple[np.ndarray, np.ndarray]:
+    """Long runs of samples at an extreme; none if the channel is not live elsewhere."""
+    at_extreme = values == extreme
+    changes = np.diff(values)[~(at_extreme[1:] & at_extreme[:-1])]
+    nothing = np.empty(0, dtype=int)
+    if changes.size == 0 or np.mean(changes != 0.0) < LIVE_SHARE:
+        return nothing, nothing
+    first, past = runs(at_extreme)
+    long = past - first >= FLAT_RUN
+    first, past = first[long], past[long]
+    if (past - first).sum() < FLAT_SAMPLES:
+        return nothing, nothing
+    return first, past
+
+
+def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report flat tops: the extreme of a channel repeated as no live signal repeats it.
+
+    A winding temperature that is rounded repeats values anyway; it is at the end of its range where
+    its heat balance takes it well beyond its highest reading.
+    """
+    found = []
+    for channel in ("winding_degC", "phase_current_A", "losses_W", "stator_degC"):
+        time_s, values = samples(record, channel)
+        if time_s.size <= FLAT_SAMPLES or np.ptp(values) == 0.0:
+            continue
+        for extreme, word in ((values.max(), "highest"), (values.min(), "lowest")):
+            # What current and losses read at rest is no end of a range.
+            is_rest = abs(extreme) < REST_SHARE * np.max(np.abs(values))
+            if word == "lowest" and (is_rest or channel == "winding_degC"):
+                continue
+            first, past = _flat_extreme(values, extreme)
+            if first.size:
+                count = int((past - first).sum())
+                found.append(
+                    _flat(
+                        record,
+                        channel,
+                        word,
+                        extreme,
+                        count,
+                        float(time_s[first[0]]),
+                        float(time_s[past[-1] - 1]),
+                    )
+                )
+    time_s, winding = samples(record, "winding_degC")
+    if hidden_above_top(record, motor) > 0.0:
+        top = np.flatnonzero(winding == winding.max())
+        found.append(
+            _flat(
+                record,
+                "winding_degC",
+                "highest",
+                float(winding.max()),
+                top.size,
+                float(time_s[top[0]]),
+                float(time_s[top[-1]]),
+            )
+        )
+    return tuple(found)
+
+
+def _flat(
+    record: Record,
+    channel: str,
+    word: str,
+    extreme: float,
+    count: int,
+    from_s: float,
+    to_s: float,
+) -> Finding:
+    unit = channel.rsplit("_", 1)[1]
+    return Finding(
+        "saturation",
+        "error" if channel == "winding_degC" else "warning",
+        f"The signal appears clipped at its {word} value {extreme:.6g} {unit} ({count} samples): "
+        "what lies beyond is missing from the fit.",
+        place(record, channel, from_s, to_s),
+        "Check the range of the amplifier and the logger."
+        + (
+            f" To leave these readings out: {mask_line(record, [(from_s, to_s)])}."
+            if channel == "winding_degC"
+            else ""
+        ),
+        values={
+            "extreme": float(extreme),
+            "num_samples": float(count),
+            "from_s": from_s,
+            "to_s": to_s,
+        },
+    )

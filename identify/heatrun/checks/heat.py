@@ -1,0 +1,128 @@
+"""Is there heat for what the winding does, and is it the heat of the machine?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..record.balance_errors import BLOCK_S
+from ..record.derive import recorded_shaft_power
+from ..record.motor import Motor
+from ..record.record import Finding, Record
+from ..record.samples import block_means, is_loaded, place, samples, sink_channel, with_all_heat
+from .advice import use_line
+
+FEWEST_BLOCKS = 30
+"""A cooling of five minutes tells the time constant of a winding."""
+
+UNHEATED_K = 5.0
+"""A winding may warm by a little from a stator that nobody measured; not by this much above all
+that was [K]."""
+
+SAME_POWER = 0.03
+"""Two records of one power agree to this share [1]."""
+
+HELD_VOLTAGE = 0.05
+"""A DC link holds its voltage to this share [1]."""
+
+FOLLOWS = 1.15
+"""Ratio of the 90 % to the 10 % quantile of voltage over current over copper's factor [1] that a
+coil keeps within: leads that stay cold, and its instruments."""
+
+BODIES = ("stator_degC", "tooth_degC", "yoke_degC", "housing_degC", "rotor_degC", "magnet_degC")
+"""Bodies that may warm a winding."""
+
+
+def losses_absent(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report a winding that warms while there are no losses.
+
+    A cooling curve has none, and a winding may be warmed by its sink or by a warmer stator: it then
+    stays below them.
+    """
+    time_s, winding, losses, sink = samples(
+        with_all_heat(record, motor), "winding_degC", "losses_W", sink_channel(motor)
+    )
+    if time_s.size == 0 or is_loaded(losses).any():
+        return ()
+    means_s, winding, sink = block_means(time_s, BLOCK_S, winding, sink)
+    lowest = np.minimum.accumulate(winding)
+    top = int(np.argmax(winding - lowest))
+    rise = float(winding[top] - lowest[top])
+    others = [float(np.max(sink))]
+    for body in BODIES:
+        of_body = samples(record, body)[1]
+        others += [float(np.max(of_body))] if of_body.size else []
+    if rise <= UNHEATED_K or winding[top] <= max(others) + UNHEATED_K:
+        return ()
+    begin = int(np.argmin(winding[: top + 1]))
+    return (
+        Finding(
+            "losses_absent",
+            "error",
+            f"Expected losses where the winding warms; it rises by {rise:.0f} K while losses_W is "
+            "0 W throughout. Whatever heats it is not in the record, so nothing can be fitted.",
+            place(record, "losses_W", float(means_s[begin]), float(means_s[top])),
+            "Record the losses, or phase current and resistance where copper is all."
+            + _cooling(record, means_s, winding, float(time_s[-1])),
+            values={"rise_K": rise},
+        ),
+    )
+
+
+def _cooling(record: Record, time_s: np.ndarray, winding: np.ndarray, end_s: float) -> str:
+    """Return how to use the cooling at the end of a record; empty where it has none."""
+    highest_after = np.maximum.accumulate(winding[::-1])[::-1]
+    warms = np.flatnonzero(highest_after - winding > UNHEATED_K)
+    begin = int(warms[-1]) + 1 if warms.size else 0
+    if time_s.size - begin < FEWEST_BLOCKS:
+        return ""
+    return (
+        " The cooling after the load needs no losses and tells time constants: "
+        f"{use_line(record, (float(time_s[begin]), end_s))}."
+    )
+
+
+def losses_of_dc_link(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Warn of losses that are all the power of a DC link.
+
+    A link holds its voltage while its current follows the load. In a coil under direct current,
+    where all power is heat, voltage over current follows the temperature of the copper.
+    """
+    for name in ("dc_current_A", "phase_current_A"):
+        time_s, voltage, current, losses, winding = samples(
+            record, "dc_voltage_V", name, "losses_W", "winding_degC"
+        )
+        if time_s.size < 3:
+            continue
+        _, voltage, current, losses, winding, power = block_means(
+            time_s, BLOCK_S, voltage, current, losses, winding, voltage * current
+        )
+        loaded = is_loaded(losses) & (power > 0.0)
+        if np.sum(loaded) < 3:
+            continue
+        voltage, current, winding = voltage[loaded], np.abs(current[loaded]), winding[loaded]
+        ratio = losses[loaded] / power[loaded]
+        factor = voltage / current / (motor.resistance_coefficient_degC + winding)
+        low, high = np.quantile(factor, [0.1, 0.9])
+        is_link = np.std(voltage) < HELD_VOLTAGE * np.mean(voltage) and high > FOLLOWS * low
+        if not is_link or np.quantile(np.abs(ratio - 1.0), 0.9) > SAME_POWER:
+            continue
+        is_shaft_known = recorded_shaft_power(record.channels) is not None
+        shaft = "" if is_shaft_known else " and what the shaft takes out"
+        remedy = "Record torque_Nm and speed_rpm beside the DC power, or the phase current; where "
+        remedy += "the rotor is locked, subtract the losses of the inverter."
+        if is_shaft_known:
+            remedy = "Record electrical_power_W at the motor's terminals, or subtract the losses "
+            remedy += "of the inverter."
+        return (
+            Finding(
+                "losses_of_dc_link",
+                "warning",
+                f"Expected the heat of the machine; losses_W is all the power of the DC link "
+                f"(dc_voltage_V·{name}), with the losses of the inverter{shaft}. Capacities come "
+                "out too large and resistances too small by as much: bounds, no estimates.",
+                place(record, "losses_W", float(time_s[0]), float(time_s[-1])),
+                remedy,
+                values={"ratio": float(np.median(ratio))},
+            ),
+        )
+    return ()

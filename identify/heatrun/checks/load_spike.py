@@ -1,0 +1,213 @@
+"""Values of the load that no machine had: markers of a bus, overrange of an analyser, bursts.
+
+A signal that is not valid comes as the largest number of its bits, 0xFFFF, also when scaled by 10
+or 100. Whatever a value is called, its heat must show: what would warm the winding by kelvins, and
+does not, was not there.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..io.quantities import rounded
+from ..record.channels import CHANNEL
+from ..record.motor import Motor
+from ..record.record import Finding, Record
+from ..record.samples import is_measured, place, runs, samples
+from ..record.stretch import bridge, windows
+from ..record.units import find_unit
+from .advice import section_of, windows_text
+from .crude_fit import crude_fit
+
+QUANTITIES = ("phase current", "dq current", "direct current", "power", "torque", "speed",
+              "voltage")  # fmt: skip
+
+BITS = (10, 12, 14, 15, 16, 23, 24, 31, 32)
+SCALES = (1.0, 10.0, 100.0, 1000.0)
+MARKER_TOLERANCE = 1e-6
+"""A marker comes back exact but for the rounding of a text [1]."""
+
+BEYOND = 2.5
+"""Factor over all else of a channel [1] from which a few samples are looked at."""
+
+FEW = 0.02
+"""Share of the samples [1] that are a few."""
+
+FOLLOWS = 1.5
+"""Factor [1] by which the current must rise for a load beyond all others to be one."""
+
+CONTRADICTION = 10.0
+"""Copper loss over the recorded losses [1] that no instrument explains, and no inrush: its power is
+in the losses too."""
+
+SHOWS_S = 120.0
+"""So long after a burst its heat has reached the winding, wherever it was made [s]."""
+
+LEAST_K, SHOWN = 3.0, 0.3
+"""What it must make at least [K], and the share of that [1] which the reading does not show."""
+
+STEADY = 0.5
+"""Share of the largest other value [1] within which a load is the same before and after: a start
+draws more than its load, for a moment."""
+
+
+def load_spike(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report samples of current, powers, torque, speed or voltage that no machine had.
+
+    Told by a value far beyond all else of its channel that is a marker, that the recorded losses
+    contradict, or whose heat the winding does not show.
+    """
+    found = []
+    read = {one.channel: one for one in record.mapping}
+    for name in record.channels:
+        if name not in CHANNEL or CHANNEL[name].quantity not in QUANTITIES:
+            continue
+        if read and name not in read:
+            continue  # what follows from a column says the same
+        time_s, values = samples(record, name)
+        is_far, rest = _beyond(values)
+        if not is_far.any():
+            continue
+        first, past = runs(is_far)
+        spans = [(float(time_s[a]), float(time_s[b - 1])) for a, b in zip(first, past, strict=True)]
+        largest = float(values[np.argmax(np.abs(values))])
+        unit = find_unit(read[name].unit, CHANNEL[name].quantity) if name in read else None
+        why = [_marker(largest / (unit.factor if unit else 1.0))]
+        if _is_steady(values, first, past, rest) or why[0]:
+            why += [_contradiction(record, motor, name, spans), _unshown(record, motor, spans)]
+        why = [each for each in why if each]
+        if not why:
+            continue
+        step_s = float(np.median(np.diff(time_s)))
+        lasts_s = float(np.sum(past - first)) * step_s
+        times = f"{rounded(abs(largest) / rest)} times the next largest value" if rest else ""
+        found.append(
+            Finding(
+                "load_spike",
+                "error",
+                f"{name} reads {largest:.6g} {CHANNEL[name].unit} for {lasts_s:.3g} s"
+                f"{f', {times}' if times else ''}: {', and '.join(why)}.",
+                place(record, name, spans[0][0], spans[-1][1]),
+                f"To run straight over it: {section_of(record)} bridge = {windows_text(spans)} in "
+                "the motor file. Find out what the logger writes for a value that is not valid.",
+                values={
+                    "largest": largest,
+                    "times_the_next": abs(largest) / rest if rest else math.inf,
+                    "num_samples": float(np.sum(is_far)),
+                    "from_s": spans[0][0],
+                    "to_s": spans[-1][1],
+                },
+            )
+        )
+    return tuple(found)
+
+
+def spike_windows(record: Record, finding: Finding) -> list[tuple[float, float]]:
+    """Return the windows [s] of a finding of `load_spike`."""
+    name = finding.where.split(", ")[-2]
+    time_s, values = samples(record, name)
+    return windows(time_s, _beyond(values)[0])
+
+
+def _beyond(values: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return where few samples lie far beyond all others, and the largest of those."""
+    size = np.abs(values)
+    ranked = np.sort(size)
+    tail = ranked[int((1.0 - FEW) * ranked.size) :]
+    if tail.size < 2:
+        return np.zeros(values.size, dtype=bool), 0.0
+    ratios = tail[1:] / np.maximum(tail[:-1], 1e-3 * tail[-1])
+    at = int(np.argmax(ratios))
+    if ratios[at] < BEYOND or not np.all(is_measured(values)):
+        return np.zeros(values.size, dtype=bool), 0.0
+    return size > tail[at], float(tail[at])
+
+
+def windows_mask(time_s: np.ndarray, spans: list[tuple[float, float]]) -> np.ndarray:
+    """Return which times lie in one of some windows, shape (time,)."""
+    inside = np.zeros(time_s.size, dtype=bool)
+    for low, high in spans:
+        inside |= (time_s >= low) & (time_s <= high)
+    return inside
+
+
+def _is_steady(values: np.ndarray, first: np.ndarray, past: np.ndarray, rest: float) -> bool:
+    """Whether the load is the same before and after all bursts."""
+    before = values[np.maximum(first - 1, 0)]
+    after = values[np.minimum(past, values.size - 1)]
+    return bool(np.all(np.abs(after - before) < STEADY * rest))
+
+
+def _marker(value: float) -> str:
+    """Return what a value in the unit of its column is known as, empty if it is none."""
+    size = abs(value)
+    for bits in BITS:
+        for scale in SCALES:
+            for whole in (2.0**bits - 1.0, 2.0**bits):
+                is_signed = whole == 2.0**bits and value < 0.0
+                if whole == 2.0**bits and not is_signed:
+                    continue
+                if abs(size * scale - whole) <= MARKER_TOLERANCE * whole:
+                    shown = f"0x{int(whole):X}" + (
+                        f" in units of 1/{scale:.0f}" if scale > 1 else ""
+                    )
+                    return f"{shown}, the marker of a signal that is not valid"
+    digits = f"{size:.10g}".replace(".", "").rstrip("0")
+    if len(digits) >= 4 and set(digits) == {"9"}:
+        return "the overrange of an instrument"
+    return ""
+
+
+def _contradiction(
+    record: Record, motor: Motor, name: str, spans: list[tuple[float, float]]
+) -> str:
+    """Return what another channel says against a burst, empty if none does.
+
+    Power and torque take current, and current makes losses.
+    """
+    time_s, current, losses, winding = samples(
+        record, "phase_current_A", "losses_W", "winding_degC"
+    )
+    if time_s.size < 3:
+        return ""
+    inside = windows_mask(time_s, spans)
+    if not inside.any() or inside.all():
+        return ""
+    quantity = CHANNEL[name].quantity
+    if quantity in ("power", "torque"):
+        beside = np.interp(time_s[inside], time_s[~inside], np.abs(current[~inside]))
+        if np.all(np.abs(current[inside]) < FOLLOWS * np.maximum(beside, 1e-12)):
+            return f"the phase current stays at {rounded(float(np.median(beside)))} A"
+    elif quantity == "phase current" and motor.losses == "balance" and motor.phase_resistance_ohm:
+        copper = float(np.median(motor.copper_loss_W(current, winding)[inside]))
+        total = float(np.median(losses[inside]))
+        if copper > CONTRADICTION * max(total, 1e-12):
+            return f"its copper loss is {rounded(copper)} W, the recorded losses {rounded(total)} W"
+    return ""
+
+
+def _unshown(record: Record, motor: Motor, spans: list[tuple[float, float]]) -> str:
+    """Return what heat of bursts the winding does not show, empty where it may."""
+    mended = bridge(record, spans, "")
+    fit = crude_fit(mended, motor)
+    time_s, heat_W = samples(record, "losses_W")
+    straight_W = samples(mended, "losses_W")[1]
+    reading_s, reading = samples(record, "winding_degC")
+    if fit is None or heat_W.size != straight_W.size or reading.size < 2:
+        return ""
+    energy_J = float(np.trapezoid(np.abs(heat_W - straight_W), time_s))
+    lasting = np.exp(fit.rates_per_s * SHOWS_S)
+    expected_K = energy_J / len(spans) * float(np.min(fit.response_K_per_J @ lasting))
+    shown_K = []
+    for low, high in spans:
+        both = np.array([low, high + SHOWS_S])
+        rise = np.interp(both, reading_s, reading) - np.interp(both, fit.time_s, fit.fitted_degC)
+        shown_K.append(float(rise[1] - rise[0]))
+    if expected_K < max(LEAST_K, 3.0 * fit.rms_K) or max(shown_K) > SHOWN * expected_K:
+        return ""
+    return (
+        f"the winding shows none of its {rounded(energy_J / 1e3)} kJ ({rounded(expected_K)} K at "
+        "least)"
+    )

@@ -1,0 +1,65 @@
+"""A record without the fault that a finding names, for the checks that come after it.
+
+What a fault brings about is then not told beside it, and what is not its doing is. Nothing that is
+fitted is changed: the record stays as it was read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..record.derive import recorded_shaft_power
+from ..record.motor import Motor
+from ..record.record import Finding, Record
+from ..record.stretch import bridge, mask, windows
+from .load_spike import spike_windows
+from .suspicion import read_otherwise
+
+OF_THE_READING = ("sensor_detached", "temperature_jump", "sensor_stuck")
+"""Findings after which the winding's readings are left out while they last."""
+
+
+def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Motor]:
+    """Return record and motor as they would be without a fault; as they are where none is known.
+
+    Args:
+        record: The record.
+        motor: The machine.
+        finding: About it.
+    """
+    if finding.id == "sensors_differ" and "factor" in finding.values:
+        channel = finding.where.rpartition(", ")[2]
+        values = np.asarray(record[channel], dtype=float) * (finding.values["factor"] or 1.0)
+        return replace(record, channels={**record.channels, channel: values}), motor
+    if finding.id == "losses_of_shaft":
+        rest = {name: column for name, column in record.channels.items() if name != "losses_W"}
+        shaft = recorded_shaft_power(rest)
+        if shaft is not None and not finding.values["is_output"]:
+            rest["losses_W"] = record["losses_W"] - np.abs(shaft)
+        return replace(record, channels=rest), motor
+    if finding.id == "resistance_coefficient":
+        B = finding.values["coefficient_degC"] or motor.resistance_coefficient_degC
+        return record, replace(motor, resistance_coefficient_degC=B)
+    if finding.severity != "error":
+        return record, motor
+    if finding.id == "time_backwards" and "sample" in finding.values:
+        size = int(finding.values["sample"] or 0)
+        return replace(
+            record, channels={name: column[:size] for name, column in record.channels.items()}
+        ), motor
+    if finding.id == "unit_suspected":
+        return read_otherwise(record, motor, finding)
+    if finding.id == "load_spike":
+        return bridge(record, spike_windows(record, finding), ""), motor
+    if finding.id == "saturation" and "winding_degC" in finding.where:
+        winding = np.asarray(record["winding_degC"], dtype=float)
+        clipped = np.isclose(winding, finding.values["extreme"] or 0.0)
+        return mask(record, [*record.masks, *windows(record.time_s, clipped)], ""), motor
+    if finding.id in OF_THE_READING and "winding_degC" in finding.where:
+        begin = finding.values.get("from_s")
+        until = finding.values.get("until_s", finding.values.get("to_s"))
+        if begin is not None and until is not None:
+            return mask(record, [*record.masks, (begin, until)], ""), motor
+    return record, motor

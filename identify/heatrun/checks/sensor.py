@@ -1,0 +1,332 @@
+"""Does the temperature sensor hang on, or has it come off or broken?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..record.motor import Motor
+from ..record.record import Finding, Record
+from ..record.rounding import rounding_step
+from ..record.samples import is_loaded, place, runs, samples, sink_channel, with_all_heat
+from .advice import mask_line, use_line
+from .unexplained import WINDOWS_S, Movement, unexplained_movement
+
+MAX_RATE_K_PER_S = 5.0
+"""A winding heats adiabatically at rho J^2/(c d): with copper at 100 degC (2.3e-8 ohm m, 385 J/kg
+K, 8960 kg/m^3) 5 K/s needs 27 A/mm^2, which no bench holds for more than seconds."""
+
+NOISE_SIGMAS = 6.0
+"""Gaussian noise exceeds six standard deviations once in 5e8 samples."""
+
+SPIKE_SAMPLES = 4
+"""A jump that is undone within so many samples is a spike, not a shift."""
+
+OPEN_CIRCUIT_CODES = (
+    # Ends of the ranges of thermocouple types K, J, T, B and of Pt100 cards, their fault codes, and
+    # the ends of 8..16 bit counters also when scaled by 10 or 100.
+    *(-40.0, -50.0, -99.0, -100.0, -200.0, -210.0, -250.0, -270.0, -327.68, -999.0, -9999.0),
+    *(255.0, 327.67, 655.35, 850.0, 999.0, 1200.0, 1370.0, 1372.0, 1820.0, 3276.7, 6553.5, 9999.0),
+    *(32767.0, -32768.0, 65535.0),
+)
+CODE_TOLERANCE_K = 0.5
+"""Codes come back exact or rounded to a degree."""
+
+CODE_LEAP_K = 20.0
+"""A value that equals a code is one only where the reading leaps to it or away from it: a winding
+may pass 255 degC, and a climate chamber may stand at -40."""
+
+PLAUSIBLE_DEGC = (-60.0, 350.0)
+"""Colder than any test chamber; hotter than any enamel endures (class C ends near 240 degC)."""
+
+FALL_WINDOW_S = 10.0
+FALL_SHARE = 0.5
+MIN_EXCESS_K = 20.0
+"""A winding that loses half of its excess over the sink in 10 s would have a time constant under
+15 s; the shortest of a motor is tens of seconds, and the stator below it is warm. Below 20 K of
+excess ordinary cooling and rounding come near."""
+
+
+BELOW_HOUSING_K, BELOW_HOUSING_S = 3.0, 60.0
+"""Two sensors agree to 1 K each; a housing in the sun of an inverter is warmer than a cold winding
+for less."""
+
+
+def _noise(values: np.ndarray) -> float:
+    """Robust standard deviation of the change from sample to sample."""
+    changes = np.diff(values)
+    return 1.4826 * float(np.median(np.abs(changes - np.median(changes))))
+
+
+def _looks_like_kelvin(temperature: np.ndarray) -> bool:
+    """Then all values are off by 273 and `units_temperature` has the say."""
+    return bool(np.min(temperature) > 230.0 and np.median(temperature) < 500.0)
+
+
+def temperature_jump(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report temperatures that move as no heat moves them.
+
+    Of any machine, as `jumps_at_once`; of this one, as `unexplained_movement`. What is a fall to
+    the sink belongs to `sensor_detached`.
+    """
+    found = jumps_at_once(record, motor)
+    if any("winding_degC" in finding.where for finding in found):
+        return found
+    moved = unexplained_movement(record, motor)
+    if moved is None or is_fall(record, motor, moved):
+        return found
+    change = moved.to_degC - moved.from_degC
+    remedy = "Check the sensor for a loose contact or interference."
+    remedy += (
+        f" To leave its readings out: {mask_line(record, [(moved.from_s, moved.until_s)])}."
+        if moved.is_back
+        else _without_jump(record, "winding_degC", moved.from_s, is_lasting=True)
+    )
+    back = f"; it is back at {moved.until_s:.0f} s" if moved.is_back else " and stays so"
+    return (
+        *found,
+        Finding(
+            "temperature_jump",
+            "error",
+            f"The reading changes by {change:+.1f} K within {moved.to_s - moved.from_s:.0f} s, "
+            f"where the heat in the record makes {moved.expected_K:+.1f} K of it{back}. The fit "
+            "would follow the fault.",
+            place(record, "winding_degC", moved.from_s, moved.to_s),
+            remedy,
+            values={
+                "largest_K": change,
+                "expected_K": moved.expected_K,
+                "from_s": moved.from_s,
+                "to_s": moved.to_s,
+                "until_s": moved.until_s,
+            },
+        ),
+    )
+
+
+def jumps_at_once(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report temperatures that move faster than the heat of any machine allows.
+
+    The limit is 5 K/s times the step, plus two rounding steps and six standard deviations of the
+    noise. A spike is a warning; a shift of the winding temperature that stays is an error, since a
+    fit would explain it by heat.
+    """
+    found = []
+    for channel in ("winding_degC", "stator_degC", "ambient_degC", "coolant_degC"):
+        time_s, temperature = samples(record, channel)
+        if time_s.size < 3:
+            continue
+        steps = np.diff(time_s)
+        slack = 2.0 * (rounding_step(temperature) or 0.0) + NOISE_SIGMAS * _noise(temperature)
+        limits = MAX_RATE_K_PER_S * steps + slack
+        jumps = np.flatnonzero(np.abs(np.diff(temperature)) > limits)
+        if jumps.size == 0:
+            continue
+        after = np.minimum(jumps + SPIKE_SAMPLES, time_s.size - 1)
+        before = np.maximum(jumps - SPIKE_SAMPLES, 0)
+        # A spike comes back after its first jump, and had been there before its second.
+        shift = np.minimum(
+            np.abs(temperature[after] - temperature[jumps]),
+            np.abs(temperature[jumps + 1] - temperature[before]),
+        )
+        lasting = shift > limits[jumps]
+        is_error = channel == "winding_degC" and bool(lasting.any())
+        worst = int(jumps[np.argmax(np.abs(np.diff(temperature))[jumps])])
+        change = float(temperature[worst + 1] - temperature[worst])
+        limit = float(limits[worst])
+        found.append(
+            Finding(
+                "temperature_jump",
+                "error" if is_error else "warning",
+                f"Expected changes within {limit:.2f} K in {steps[worst]:.3g} s; the largest is "
+                f"{change:+.1f} K ({jumps.size} such jumps, {int(lasting.sum())} of them lasting). "
+                "No temperature of a machine jumps; the fit would follow the fault.",
+                place(record, channel, float(time_s[worst]), float(time_s[worst + 1])),
+                "Check the sensor for a loose contact or interference."
+                + _without_jump(record, channel, float(time_s[worst]), bool(lasting.any())),
+                values={
+                    "num_jumps": float(jumps.size),
+                    "num_lasting": float(lasting.sum()),
+                    "largest_K": change,
+                    "limit_K": limit,
+                    "from_s": float(time_s[worst]),
+                },
+            )
+        )
+    return tuple(found)
+
+
+def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -> str:
+    """Return what to write to use a test without a jump; nothing for a channel of the inputs."""
+    time_s = samples(record, channel)[0]
+    if is_lasting and at_s > time_s[0]:
+        return f" To use the test up to it: {use_line(record, (float(time_s[0]), at_s))}."
+    if channel != "winding_degC":
+        return ""
+    past = float(time_s[min(np.searchsorted(time_s, at_s) + SPIKE_SAMPLES, time_s.size - 1)])
+    return f" To leave its readings out: {mask_line(record, [(at_s, past)])}."
+
+
+def _spans(time_s: np.ndarray, first: np.ndarray, past: np.ndarray) -> list[tuple[float, float]]:
+    """Return first and last time of each run of samples [s]."""
+    ends = zip(first, past, strict=True)
+    return [(float(time_s[a]), float(time_s[b - 1])) for a, b in ends]
+
+
+def _open_circuit(temperature: np.ndarray) -> np.ndarray:
+    """Where a temperature is a fault code that it leaps to, or one that no machine has."""
+    is_code = np.zeros(temperature.size, dtype=bool)
+    for code in OPEN_CIRCUIT_CODES:
+        is_code |= np.abs(temperature - code) < CODE_TOLERANCE_K
+    first, past = runs(is_code)
+    last = temperature.size - 1
+    entry = np.abs(temperature[first] - temperature[np.maximum(first - 1, 0)])
+    leaving = np.abs(temperature[past - 1] - temperature[np.minimum(past, last)])
+    is_open = (temperature < PLAUSIBLE_DEGC[0]) | (temperature > PLAUSIBLE_DEGC[1])
+    leaps = np.maximum(entry, leaving) > CODE_LEAP_K
+    for a, b in zip(first[leaps], past[leaps], strict=True):
+        is_open[a:b] = True
+    return is_open
+
+
+def _falls(time_s: np.ndarray, temperature: np.ndarray, sink: np.ndarray) -> np.ndarray:
+    """Where the excess over the sink has halved within the window, sample by sample."""
+    earlier = np.searchsorted(time_s, time_s - FALL_WINDOW_S)
+    excess_then = temperature[earlier] - sink
+    excess_now = temperature - sink
+    return (excess_then > MIN_EXCESS_K) & (excess_now < (1.0 - FALL_SHARE) * excess_then)
+
+
+def sensor_detached(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report open-circuit readings, and a reading that leaves the winding for the air.
+
+    Fault codes such as 850, 1372, 32767 or -327.68 are told by value and by the leap to them. A
+    sensor that has come off is told by a fall that the heat in the record does not explain, or by
+    a reading below the housing while the winding is heated.
+    """
+    time_s, winding = samples(record, "winding_degC")
+    if time_s.size < 3 or _looks_like_kelvin(winding):
+        return ()
+    found = []
+    is_open = _open_circuit(winding)
+    if is_open.any():
+        first, past = runs(is_open)
+        value = float(winding[first[0]])
+        found.append(
+            Finding(
+                "sensor_detached",
+                "error",
+                f"Expected a winding temperature, got {value:.1f} °C, the reading of an open "
+                f"circuit ({int(is_open.sum())} samples in {first.size} stretches). Fitted, they "
+                "would bias every parameter.",
+                place(record, "winding_degC", float(time_s[first[0]]), float(time_s[past[0] - 1])),
+                "Check the sensor and its line. To leave these readings out: "
+                f"{mask_line(record, _spans(time_s, first, past))}.",
+                values={
+                    "reading_degC": value,
+                    "num_samples": float(is_open.sum()),
+                    "from_s": float(time_s[first[0]]),
+                    "to_s": float(time_s[past[0] - 1]),
+                },
+            )
+        )
+    if found:
+        return tuple(found)
+    fallen = _fallen(record, motor)
+    return (*found, *((fallen,) if fallen else ()))
+
+
+def _fallen(record: Record, motor: Motor) -> Finding | None:
+    """Return the finding on a reading that leaves the winding for the air, None if none does."""
+    moved = unexplained_movement(record, motor)
+    if moved is not None and is_fall(record, motor, moved):
+        stays = (
+            f", until {moved.until_s:.0f} s."
+            if moved.is_back
+            else ". From there on it does not show the winding."
+        )
+        return _detached(
+            record,
+            f"The reading falls from {moved.from_degC:.1f} to {moved.to_degC:.1f} °C within "
+            f"{moved.to_s - moved.from_s:.0f} s, where the heat in the record makes "
+            f"{moved.expected_K:+.1f} K of it{stays}",
+            (moved.from_s, moved.to_s, moved.until_s),
+            moved.is_back,
+            {"from_degC": moved.from_degC, "to_degC": moved.to_degC,
+             "expected_K": moved.expected_K},
+        )  # fmt: skip
+    time_s, winding, housing, losses = samples(
+        with_all_heat(record, motor), "winding_degC", "housing_degC", "losses_W"
+    )
+    if time_s.size < 3:
+        return None
+    room = BELOW_HOUSING_K + (rounding_step(winding) or 0.0)
+    first, past = runs(winding < housing - room)
+    heated_s = np.cumsum(np.append(0.0, np.diff(time_s)) * is_loaded(losses))
+    lasting = np.flatnonzero(heated_s[past - 1] - heated_s[first] >= BELOW_HOUSING_S)
+    if lasting.size == 0:
+        return None
+    below, past_it = int(first[lasting[0]]), int(past[lasting[0]])
+    for jump in jumps_at_once(record, motor):
+        if jump.severity == "error" and (jump.values["from_s"] or 0.0) <= time_s[below]:
+            return None  # that tells it
+    # it fell from the highest reading just before
+    before = int(np.searchsorted(time_s, time_s[below] - WINDOWS_S[-1]))
+    begin = before + int(np.argmax(winding[before : below + 1]))
+    above = np.flatnonzero(winding[below:] > housing[below:])
+    until = below + int(above[0]) - 1 if above.size else time_s.size - 1
+    least = float(np.min((winding - housing)[below : until + 1]))
+    return _detached(
+        record,
+        f"The winding reads less than its housing under load, {-least:.1f} K less at most: heat "
+        "would flow into the winding that makes it.",
+        (float(time_s[begin]), float(time_s[past_it - 1]), float(time_s[until])),
+        bool(above.size),
+        {"below_housing_K": -least},
+    )
+
+
+def _detached(
+    record: Record,
+    message: str,
+    span: tuple[float, float, float],
+    is_back: bool,
+    values: dict[str, float],
+) -> Finding:
+    from_s, to_s, until_s = span
+    remedy = "Check whether the sensor has come off. "
+    begin_s = float(samples(record)[0][0])
+    if is_back or from_s <= begin_s:
+        remedy += f"To leave its readings out: {mask_line(record, [(from_s, until_s)])}."
+    else:
+        remedy += f"To use the test up to there: {use_line(record, (begin_s, from_s))}."
+    return Finding(
+        "sensor_detached",
+        "error",
+        message,
+        place(record, "winding_degC", from_s, to_s),
+        remedy,
+        values=values | {"from_s": from_s, "to_s": to_s, "until_s": until_s},
+    )
+
+
+def is_fall(record: Record, motor: Motor, moved: Movement) -> bool:
+    """Return whether a movement brings the reading most of the way to the sink."""
+    time_s, sink = samples(record, sink_channel(motor))
+    around = float(np.interp(moved.from_s, time_s, sink))
+    left = (moved.to_degC - around) / max(moved.from_degC - around, 1e-9)
+    return moved.to_degC - moved.from_degC < moved.expected_K and left < 1.0 - FALL_SHARE
+
+
+def falls_at_once(record: Record, motor: Motor) -> bool:
+    """Return whether the excess over the sink halves within seconds, and stays so.
+
+    Whatever heats it: a clock in the wrong unit shows so.
+    """
+    time_s, winding, sink = samples(record, "winding_degC", sink_channel(motor))
+    if time_s.size < 3 or _looks_like_kelvin(winding):
+        return False
+    if _open_circuit(winding).any():
+        return True
+    # a spike falls back as fast as it rose; only what stays down for the window is a fall
+    first, past = runs(_falls(time_s, winding, sink))
+    return bool(np.any(time_s[past - 1] - time_s[first] > 0.25 * FALL_WINDOW_S))

@@ -1,0 +1,223 @@
+"""Whether a record will do: one sentence from the findings about it, with no physics of its own.
+
+Warnings after which a record's numbers may be those of something else than they are called.
+
+What is said of a test that is predicted only: it need not show a parameter.
+
+`[tests.NAME]` of the motor file for a test that was not given: nothing of it is used.
+
+Whether a record was measured at all.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from ..io.own_files import is_simulated
+from ..io.quantities import rounded
+from ..io.toml_text import table_header
+from ..record.motor import Motor
+from ..record.record import Finding, Record
+
+SIMULATED = "simulated_by_heatrun"
+
+DOUBTS = {
+    SIMULATED: "it was simulated by heatrun, not measured",
+    "unit_suspected": "a column may be in another unit",
+    "units_temperature": "a temperature may be in another unit",
+    "losses_absurd": "its losses are beyond those of known machines",
+    "losses_below_copper": "its losses are at times below the copper loss",
+    "current_amplitude": "its current may be an amplitude",
+    "current_maybe_amplitude": "its current may be an amplitude",
+    "current_maybe_rms": "its d and q currents may be rms values",
+    "columns_disagree": "two of its columns disagree",
+    "column_used_twice": "one column stands for two channels",
+    "ambient_implausible": "its sink temperature is unusual",
+}
+"""Id to what is in doubt, said of the record."""
+
+
+def doubts(findings: Sequence[Finding]) -> dict[str, list[str]]:
+    """Return what is in doubt about the inputs, with the ids that say so.
+
+    Args:
+        findings: About one record; only warnings count, since errors forbid a calibration.
+    """
+    ids = {one.id for one in findings if one.severity == "warning"}
+    found: dict[str, list[str]] = {}
+    for id, words in DOUBTS.items():
+        if id in ids:
+            found.setdefault(words, []).append(id)
+    return found
+
+
+WEAK = {
+    "too_short": "it is too short for the slow time constant",
+    "single_step": "it holds a single load step",
+}
+"""Warnings after which the second order is calibrated, and its stator parameters stay uncertain."""
+
+LONGEST_REASON = 140
+
+
+@dataclass(frozen=True)
+class Suitability:
+    """Whether a record can be calibrated.
+
+    Attributes:
+        test: Name of the record.
+        will_do: No error forbids it, it was measured, and the motor file says what the network
+            needs.
+        sentence: The answer with its reason.
+    """
+
+    test: str
+    will_do: bool
+    sentence: str
+
+
+def suitability(
+    test: str, findings: Sequence[Finding], aim: str, refusal: Finding | None = None
+) -> Suitability:
+    """Return whether a record will do.
+
+    Args:
+        test: Its name.
+        findings: Those about it.
+        aim: What is to be calibrated, such as `"a second-order calibration"`.
+        refusal: What the network lacks, where that is known and not among the findings.
+    """
+    errors = [finding for finding in findings if finding.severity == "error"]
+    if errors:
+        return Suitability(test, False, f"This record will not do for {aim}: {_reasons(errors)}")
+    if refusal is not None:
+        reason = refusal.message.partition(": ")[2] or refusal.message
+        sentence = f"This record will do for {aim} once the motor file is complete: {reason}"
+        return Suitability(test, False, sentence)
+    warnings = {finding.id for finding in findings if finding.severity == "warning"}
+    cooling = next((one for one in findings if one.id == "no_heating"), None)
+    if cooling is not None:
+        taus = [tau for name, tau in cooling.values.items() if name.startswith("tau_") and tau]
+        told = f": {' and '.join(f'{rounded(tau)} s' for tau in taus)}" if taus else ""
+        return Suitability(
+            test,
+            True,
+            f"This record gives time constants only{told}. Heat capacities and resistances need a "
+            "test under load beside it.",
+        )
+    weak = [words for id, words in WEAK.items() if id in warnings]
+    others = sorted(warnings - set(WEAK) - set(DOUBTS))
+    doubtful = doubts(findings)
+    told = [f"{words} ({', '.join(ids)})" for words, ids in doubtful.items()]
+    if SIMULATED in warnings:
+        return Suitability(test, False, f"This record will not do for {aim}: {told[0]}.")
+    sentence = f"This record will do for {aim}"
+    if told:
+        sentence = f"To be cleared up first: {', '.join(told)}. Then this record will do for {aim}"
+    if weak:
+        sentence += f", with wide intervals: {' and '.join(weak)}"
+    if others:
+        sentence += f"{';' if weak else ','} read the warnings first ({', '.join(others)})"
+    return Suitability(test, True, f"{sentence}.")
+
+
+def _reasons(errors: Sequence[Finding]) -> str:
+    """Return the first reason in short, and how many more there are."""
+    missing = [one.where.rpartition(", ")[2] for one in errors if one.id == "missing_channel"]
+    if missing:
+        return f"it has no {', '.join(missing)}."
+    first = errors[0].message
+    reason = first if len(first) <= LONGEST_REASON else f"{first[:LONGEST_REASON].rstrip()}…"
+    more = f" And {len(errors) - 1} more." if len(errors) > 1 else ""
+    return f"{reason} ({errors[0].id}){more}"
+
+
+LITTLE = (
+    "The winding hardly changes: the prediction of this test says how the model holds a level, "
+    "not how it follows a load."
+)
+
+
+def as_holdout(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Return the findings of a record as they stand where nothing is fitted to it.
+
+    A winding that does not warm forbids a fit, and is no obstacle to a prediction.
+
+    Args:
+        findings: Of the record, as `check_record` returns them.
+    """
+    return tuple(
+        replace(each, severity="warning", message=LITTLE, remedy="")
+        if each.id == "no_heating" and each.severity == "error" and "rise_K" in each.values
+        else each
+        for each in findings
+    )
+
+
+NEAR = 0.8
+"""Likeness from which a name is one letter or two away from another."""
+
+
+def other_tests(motor: Motor, names: Iterable[str]) -> tuple[Finding, ...]:
+    """Return a finding for each `[tests.NAME]` that is for none of the tests.
+
+    A motor file serves many tests of a machine, so that this is a note; a name that is nearly that
+    of a test is a warning, for then a part or a mask is not used that was meant to be.
+
+    Args:
+        motor: The machine.
+        names: Of the records; parts of a test end in `_1`, `_2` and so on.
+    """
+    given = tuple(dict.fromkeys(names))
+    whole = {re.sub(r"_[0-9]+$", "", name) for name in given} | set(given)
+    free = [name for name in given if name not in motor.tests]
+    found = []
+    for name in motor.tests:
+        if name in whole:
+            continue
+        header = table_header("tests", name)
+        meant = next((one for one in free if _is_nearly(name, one)), None)
+        message = f"{header} of the motor file is for none of the tests that were given ("
+        message += f"{', '.join(given)}): what it says of use and mask changes nothing here."
+        found.append(
+            Finding(
+                "other_test",
+                "warning" if meant else "note",
+                message,
+                remedy=f"Did you mean {table_header('tests', meant)}? The name is that of the file "
+                "without its ending."
+                if meant
+                else "Nothing need be done if it is for another test.",
+            )
+        )
+    return tuple(found)
+
+
+def _is_nearly(written: str, name: str) -> bool:
+    """Return whether a name was mistyped; names that differ in a number are different tests."""
+    if written.startswith(f"{name}."):
+        return True  # with the ending of the file
+    one, other = written.casefold(), name.casefold()
+    is_like = difflib.SequenceMatcher(None, one, other).ratio() >= NEAR
+    return is_like and re.findall("[0-9]+", one) == re.findall("[0-9]+", other)
+
+
+def simulated_by_heatrun(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report a virtual record of heatrun's: its temperatures are a model's, and have no noise."""
+    columns = (*record.unused, *(reading.column for reading in record.mapping))
+    if not is_simulated(columns):
+        return ()
+    return (
+        Finding(
+            id="simulated_by_heatrun",
+            severity="warning",
+            message="Expected a measurement; the columns copper_loss_W, other_loss_W and flow_… "
+            "are those of a virtual record that heatrun simulated. A calibration on it gives back "
+            "the parameters that it was made with, and its intervals say nothing of a machine.",
+            where=record.name,
+            remedy="Name the bench file that the simulation was made from.",
+        ),
+    )

@@ -1,0 +1,295 @@
+"""Relations between powers, and between speeds, that no machine breaks.
+
+One relation of physics that a record breaks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...io.quantities import rounded
+from ...record.derive import dq_power, shaft_power
+from ...record.motor import Motor
+from ...record.record import Record
+from ...record.samples import block_means, samples
+from ..losses import COPPER_TOLERANCE, copper_shares
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """A relation that a record breaks.
+
+    Attributes:
+        id: Short name.
+        sentence: What was expected and what came.
+        channels: The channels between which it holds.
+        is_odd: It may be so in a rare machine or test; it counts only where one reading repairs it.
+        is_mild: Something else than a unit would explain it too, such as another kind of cooling.
+        values: Figures behind it by name with unit suffix.
+        otherwise: What to do if no unit is wrong, a sentence.
+    """
+
+    id: str
+    sentence: str
+    channels: tuple[str, ...]
+    is_odd: bool
+    values: Mapping[str, float]
+    is_mild: bool = False
+    otherwise: str = ""
+
+
+LOW_EFFICIENCY = 0.12
+"""Best efficiency [1] at which an error of 2 pi/60 in the shaft's power may hide: 1.15/9.55."""
+
+USUAL_EFFICIENCY = 0.5
+LOSSES_AGREE = 3.0
+"""Factor [1] between losses and the difference of powers; what bearings, the inverter or a
+factory calibration leave out is less."""
+
+LEAST_DIFFERENCE = 0.03
+"""Below this share of the power [1] the difference of two powers is one of their errors."""
+
+LOST_BEHIND_DC = 0.5
+"""Share of the DC power [1] that neither the shaft nor the machine's losses take, above which an
+inverter is a poor one; at standstill it may be."""
+
+USUAL_BEHIND_DC = 0.3
+"""And below which it must fall where another reading is to repair it; small drives reach it."""
+
+LEAST_LOSSES = 0.003
+"""Losses over shaft power [1]: the largest generators reach an efficiency of 99 %, no machine
+99.7."""
+
+USUAL_LOSSES = 0.01
+"""And what another reading that is to repair it must reach."""
+
+TURNS = 0.95
+"""Share of the loaded time [1] in which the shaft must turn the same way: at standstill its power
+is the noise of two instruments, whatever the unit."""
+
+FAST_OVER_RATED = 4.0
+"""Speed over rated speed [1]; field weakening ends at three to four."""
+
+KINEMATIC = 0.5
+"""Relative difference [1] between the shaft's speed and the wheel's times the gear; a slipping
+wheel or a worn tyre makes less."""
+
+
+def _electrical(record: Record, motor: Motor) -> str | None:
+    """Name of the electrical power that the record has, nearest to the machine first."""
+    for name, needs in (
+        ("electrical_power_W", ("electrical_power_W",)),
+        ("dq", ("u_d_V", "u_q_V", "i_d_A", "i_q_A")),
+        ("dc_power_W", ("dc_power_W",)),
+        ("dc", ("dc_voltage_V", "dc_current_A")),
+    ):
+        if all(need in record for need in needs):
+            return name
+    return None
+
+
+def _power(record: Record, name: str, phases: int) -> np.ndarray:
+    if name == "dq":
+        return dq_power(record.channels, phases)
+    if name == "dc":
+        return record["dc_voltage_V"] * record["dc_current_A"]
+    return np.asarray(record[name], dtype=float)
+
+
+def power_conflicts(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
+    """Return what is broken between electrical power, the shaft's, and the losses.
+
+    Args:
+        record: Any record.
+        motor: The machine.
+        is_strict: As `heatrun.checks.relations.conflicts`.
+    """
+    name = _electrical(record, motor)
+    has_shaft = "torque_Nm" in record and "speed_rpm" in record
+    if not (has_shaft or "mechanical_power_W" in record):
+        return []
+    shaft = (
+        np.asarray(record["mechanical_power_W"], dtype=float)
+        if "mechanical_power_W" in record
+        else shaft_power(record.channels)
+    )
+    rods = ("mechanical_power_W",) if "mechanical_power_W" in record else ("torque_Nm", "speed_rpm")
+    lossless = _lossless(record, motor, shaft, rods, is_strict)
+    if name is None:
+        return lossless
+    both = {
+        "time_s": record.time_s,
+        "electrical": _power(record, name, motor.phases),
+        "shaft": shaft,
+    }
+    time_s, electrical, shaft = samples(Record("", both), "electrical", "shaft")
+    if time_s.size < 3:
+        return lossless
+    width_s = _width_s(time_s)
+    _, electrical, shaft = block_means(time_s, width_s, electrical, shaft)
+    found = []
+    inputs = {"dq": ("i_q_A", "u_q_V"), "dc": ("dc_current_A", "dc_voltage_V")}.get(name, (name,))
+    channels = (*inputs, *rods)
+    # As a generator the roles are exchanged.
+    given = np.where(electrical + shaft > 0.0, electrical, -shaft)
+    taken = np.where(electrical + shaft > 0.0, shaft, -electrical)
+    loaded = given > 0.3 * float(np.max(given, initial=0.0))
+    if loaded.any():
+        typical = float(np.median((taken / np.maximum(given, 1e-300))[loaded]))
+        best = float(np.quantile((taken / np.maximum(given, 1e-300))[loaded], 0.9))
+        values = {"efficiency": best}
+        if typical > 1.0 + COPPER_TOLERANCE:
+            sentence = f"Expected an efficiency below 1; it is {rounded(typical)}."
+            found.append(Conflict("power_from_nothing", sentence, channels, False, values))
+        elif 1e-6 < best < (USUAL_EFFICIENCY if is_strict else LOW_EFFICIENCY) and _is_idle(
+            record, motor
+        ):
+            sentence = f"The highest efficiency is only {rounded(best, 2)}."
+            found.append(Conflict("little_efficiency", sentence, channels, True, values))
+    found += _difference(record, motor, width_s, name, both, channels)
+    if name.startswith("dc"):
+        found += _behind_dc(record, motor, width_s, both, channels, is_strict)
+    # What says that power comes from nothing says this too.
+    return found if any(c.id == "power_from_nothing" for c in found) else [*found, *lossless]
+
+
+def _width_s(time_s: np.ndarray) -> float:
+    return max(10.0, float(np.ptp(time_s)) / 200.0)
+
+
+def _has_losses(record: Record, motor: Motor) -> bool:
+    """Whether the losses of the machine were recorded, and not derived from the powers."""
+    is_read = not record.mapping or any(one.channel == "losses_W" for one in record.mapping)
+    return motor.losses == "balance" and "losses_W" in record and is_read
+
+
+def _lossless(
+    record: Record, motor: Motor, shaft: np.ndarray, rods: tuple[str, ...], is_strict: bool
+) -> list[Conflict]:
+    """Losses that were recorded against the power of the shaft."""
+    if not _has_losses(record, motor):
+        return []
+    both = {"time_s": record.time_s, "shaft": np.abs(shaft), "losses_W": record["losses_W"]}
+    time_s, shaft, losses = samples(Record("", both), "shaft", "losses_W")
+    if time_s.size < 3:
+        return []
+    _, shaft, losses = block_means(time_s, _width_s(time_s), shaft, losses)
+    loaded = (shaft > 0.3 * float(np.max(shaft, initial=0.0))) & (losses > 0.0)
+    if np.sum(loaded) < max(3, 0.5 * np.sum(shaft > 0.3 * np.max(shaft))):
+        return []
+    share = float(np.median(losses[loaded] / shaft[loaded]))
+    least = USUAL_LOSSES if is_strict else LEAST_LOSSES
+    if share >= least:
+        return []
+    sentence = (
+        f"Expected losses above {100.0 * least:.1f} % of the shaft's power of "
+        f"{rounded(float(np.median(shaft[loaded])))} W; they are {100.0 * share:.2f} % of it."
+    )
+    values = {"losses_over_shaft": share}
+    return [Conflict("too_efficient", sentence, ("losses_W", *rods), False, values)]
+
+
+def _behind_dc(
+    record: Record,
+    motor: Motor,
+    width_s: float,
+    powers: Mapping[str, np.ndarray],
+    channels: tuple[str, ...],
+    is_strict: bool,
+) -> list[Conflict]:
+    """DC power against what the shaft and the recorded losses take of it."""
+    if not _has_losses(record, motor):
+        return []
+    whole = Record("", {**powers, "losses_W": record["losses_W"]})
+    columns = block_means(*_with_width(samples(whole, "electrical", "shaft", "losses_W"), width_s))
+    _, electrical, shaft, losses = columns
+    loaded = electrical > 0.3 * float(np.max(electrical, initial=0.0))
+    if np.sum(loaded) < 3 or np.mean(shaft[loaded] > 0.0) < TURNS:
+        return []
+    share = float(np.median((1.0 - (shaft + losses) / np.maximum(electrical, 1e-300))[loaded]))
+    if share <= (USUAL_BEHIND_DC if is_strict else LOST_BEHIND_DC):
+        return []
+    sentence = (
+        f"Shaft power and losses_W account for {100.0 * (1.0 - share):.0f} % of the DC power only."
+    )
+    values = {"share_to_inverter": share}
+    return [Conflict("lost_behind_dc", sentence, ("losses_W", *channels), True, values)]
+
+
+def _is_idle(record: Record, motor: Motor) -> bool:
+    """Whether a low efficiency is left unexplained by copper loss, as far as that is known."""
+    _, share = copper_shares(record, motor)
+    return share.size < 3 or float(np.median(share)) < 0.3
+
+
+def _difference(
+    record: Record,
+    motor: Motor,
+    width_s: float,
+    name: str,
+    powers: Mapping[str, np.ndarray],
+    channels: tuple[str, ...],
+) -> list[Conflict]:
+    """Losses that were recorded against the difference of recorded powers."""
+    if motor.losses != "balance" or "losses_W" not in record:
+        return []
+    whole = Record("", {**powers, "losses_W": record["losses_W"]})
+    columns = block_means(*_with_width(samples(whole, "electrical", "shaft", "losses_W"), width_s))
+    if columns[0].size < 3:
+        return []
+    _, electrical, shaft, losses = columns
+    difference = electrical - shaft
+    larger = np.maximum(np.abs(electrical), np.abs(shaft))
+    is_known = (losses > 0.0) & (difference > LEAST_DIFFERENCE * larger)
+    is_known &= larger > 0.3 * float(np.max(larger, initial=0.0))
+    if np.sum(is_known) < 3:
+        return []
+    ratio = float(np.median(losses[is_known] / difference[is_known]))
+    # Behind an inverter the difference also holds the inverter's losses: it may be the larger one.
+    least = 0.0 if name.startswith("dc") else 1.0 / LOSSES_AGREE
+    if least <= ratio <= LOSSES_AGREE:
+        return []
+    sentence = (
+        f"Expected losses_W = electrical power - shaft power; it is {rounded(ratio)} times that."
+    )
+    values = {"losses_over_difference": ratio}
+    return [Conflict("losses_disagree", sentence, ("losses_W", *channels), False, values)]
+
+
+def _with_width(columns: tuple[np.ndarray, ...], width_s: float) -> tuple:
+    return (columns[0], width_s, *columns[1:])
+
+
+def speed_conflicts(record: Record, motor: Motor) -> list[Conflict]:
+    """Return what is broken between the speed, the rated speed and the vehicle's.
+
+    Args:
+        record: Any record.
+        motor: The machine.
+    """
+    found = []
+    speed = samples(record, "speed_rpm")[1]
+    if speed.size and motor.rated_speed_rpm:
+        ratio = float(np.quantile(np.abs(speed), 0.99)) / motor.rated_speed_rpm
+        if ratio > FAST_OVER_RATED:
+            sentence = f"The speed reaches {rounded(ratio)} times rated_speed_rpm."
+            values = {"speed_over_rated": ratio}
+            found.append(Conflict("too_quick", sentence, ("speed_rpm",), True, values))
+    if motor.gear_ratio and motor.wheel_radius_m:
+        _, speed, vehicle = samples(record, "speed_rpm", "vehicle_speed_km_per_h")
+        wheel = vehicle / 3.6 / motor.wheel_radius_m * 30.0 / math.pi * motor.gear_ratio
+        moving = np.abs(wheel) > 0.3 * float(np.max(np.abs(wheel), initial=0.0))
+        if moving.any():
+            ratio = float(np.median(np.abs(speed[moving] / wheel[moving])))
+            if not 1.0 - KINEMATIC <= ratio <= 1.0 + KINEMATIC:
+                sentence = (
+                    f"The shaft turns at {rounded(ratio)} times wheel speed times gear ratio."
+                )
+                values = {"speed_over_wheel": ratio}
+                channels = ("speed_rpm", "vehicle_speed_km_per_h")
+                found.append(Conflict("wheel_disagrees", sentence, channels, False, values))
+    return found

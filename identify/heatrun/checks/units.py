@@ -1,0 +1,239 @@
+"""Are the temperatures in degrees Celsius, and can the sink be what it is called?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..record.motor import Motor
+from ..record.record import Finding, Record, Severity
+from ..record.samples import is_loaded, place, samples, sink_channel, with_all_heat
+from .course import lead_in
+
+AMBIENT_AS_KELVIN = (253.0, 333.0)
+"""A hall or chamber between -20 and 60 degC, in kelvin; as degrees Celsius no sink at all."""
+
+WINDING_AS_KELVIN = (253.0, 393.0)
+"""A winding at the start between -20 and 120 degC, in kelvin."""
+
+AMBIENT_AS_FAHRENHEIT = (55.0, 110.0)
+"""A hall between 13 and 43 degC, in degrees Fahrenheit; as degrees Celsius only a hot chamber."""
+
+HOTTEST_START_DEGC, HOTTEST_DEGC = 150.0, 250.0
+"""No winding starts a test hotter than the one, or stays above the other (class 220 with 30 K); a
+scaled one reads so."""
+
+FAHRENHEIT_ABOVE_K = 20.0
+"""A cold winding in Fahrenheit reads so far above any ambient from -15 degC on: 32 + 0.8 T."""
+
+SCALES = (10.0, 100.0, 1000.0)
+"""What loggers and buses multiply degrees by to send integers [1]."""
+
+AGREEMENT_K = 3.0
+"""Winding and ambient agree so closely at a cold start, sensor errors included."""
+
+COOLS_K = 2.0
+"""What a cold winding falls at most below its first excess over the ambient: its sensor's noise and
+the ambient's own lag."""
+
+PLAUSIBLE_DEGC = {"ambient_degC": (-30.0, 50.0), "coolant_degC": (-40.0, 120.0)}
+"""Climate chambers reach -30 degC with a motor inside, halls 50; glycol lies between -40 and
+120."""
+
+POSSIBLE_DEGC = {"ambient_degC": (-60.0, 130.0), "coolant_degC": (-60.0, 160.0)}
+"""Beyond these no bench runs: a wrong column, unit or sensor."""
+
+SAME_SHARE, LEAST_SWING_K = 0.02, 10.0
+"""Excess over the sink as a part of the winding's own swing [1] below which the two are one sensor,
+where it swings so far [K]: the tightest winding in oil that warms with it keeps a tenth."""
+
+SINK_ABOVE_K = 5.0
+"""A winding that stays this far below its sink while heat flows is not heated by it: swapped
+channels."""
+
+
+def _severity(record: Record, channel: str) -> Severity:
+    """An error, but where the motor file itself decides the unit of a channel."""
+    return "warning" if channel in record.decided else "error"
+
+
+def _unit_finding(
+    record: Record, channel: str, unit: str, severity: Severity, typical: float, from_s: float
+) -> Finding:
+    as_celsius = typical - 273.15 if unit == "kelvin" else (typical - 32.0) / 1.8
+    symbol = "K" if unit == "kelvin" else "degF"
+    is_doubtful = severity == "error" and unit == "Fahrenheit"
+    column = next((r.column for r in record.mapping if r.channel == channel), "column")
+    line = f'{channel} = "{column}'
+    return Finding(
+        "units_temperature",
+        severity,
+        f"Expected °C; {typical:.1f} looks like {unit}, which would be {as_celsius:.1f} °C. Read "
+        "in the wrong unit, temperature rises and copper loss would be wrong.",
+        place(record, channel, from_s),
+        f'Declare the unit in the motor file: [columns] {line} [{symbol}]".'
+        + (f' If °C is right, write {line} [degC]": then this is only a warning.' * is_doubtful),
+        values={"value": typical, "as_degC": as_celsius},
+    )
+
+
+def _scaled_finding(
+    record: Record, severity: Severity, typical: float, scale: float, from_s: float
+) -> Finding:
+    degC = typical / scale
+    column = next((r.column for r in record.mapping if r.channel == "winding_degC"), "column")
+    kept = f'winding_degC = "{column} [degC]"'
+    confirmed = f" If °C is right, write {kept}: then this is only a warning."
+    return Finding(
+        "units_temperature",
+        severity,
+        f"Expected °C; the winding starts at {typical:.0f} °C. In units of 1/{scale:.0f} °C it "
+        f"would start at {degC:.1f} °C, the temperature of the sink. Read in the wrong unit, every "
+        "parameter would be wrong.",
+        place(record, "winding_degC", from_s),
+        f"Divide the column by {scale:.0f} before it is read."
+        + (confirmed if severity == "error" else ""),
+        values={"value": typical, "as_degC": degC, "factor": 1.0 / scale},
+    )
+
+
+def unit_assumed(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Note the columns whose unit neither the file nor a name gives."""
+    assumed = [one for one in record.mapping if one.unit_from == "assumed"]
+    if not assumed:
+        return ()
+    first = assumed[0]
+    told = ", ".join(f"{one.channel} in {one.unit} (column '{one.column}')" for one in assumed)
+    return (
+        Finding(
+            "unit_assumed",
+            "note",
+            f"No unit is given in the file or in [columns]; assumed: {told}. A wrong unit scales "
+            "the parameters.",
+            record.name,
+            f'State them: [columns] {first.channel} = "{first.column} [{first.unit}]".',
+            values={"num_columns": float(len(assumed))},
+        ),
+    )
+
+
+def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report temperatures that look like kelvin or degrees Fahrenheit.
+
+    Kelvin is told by value. Fahrenheit is told only where ambient and winding agree at a cold start
+    between 55 and 110, or where one of the two at the start equals the other converted. A hot
+    climate chamber looks the same: where the motor file decides the unit it is a warning. Tenths of
+    degrees are told where the winding is hotter than any and a tenth of its start is the ambient.
+    """
+    found = []
+    for channel, (low, high) in (
+        ("ambient_degC", AMBIENT_AS_KELVIN),
+        ("coolant_degC", WINDING_AS_KELVIN),
+        ("winding_degC", WINDING_AS_KELVIN),
+        ("stator_degC", WINDING_AS_KELVIN),
+    ):
+        time_s, temperature = samples(record, channel)
+        # Start and end both: a winding may reach 253 degC, but it does not start there.
+        if time_s.size and low < temperature[0] < high and float(np.min(temperature)) > low:
+            found.append(
+                _unit_finding(record, channel, "kelvin", "error", float(temperature[0]), time_s[0])
+            )
+    if found:
+        return tuple(found)
+    time_s, winding, ambient, losses = samples(
+        with_all_heat(record, motor), "winding_degC", "ambient_degC", "losses_W"
+    )
+    lead = lead_in(time_s, losses)
+    if lead == 0:
+        return ()
+    low, high = AMBIENT_AS_FAHRENHEIT
+    at_start = float(np.median(winding[:lead]))
+    around = float(np.median(ambient[:lead]))
+    if low < around < high and abs(at_start - around) < AGREEMENT_K:
+        severity = _severity(record, "ambient_degC")
+        return (_unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0]),)
+    if low < around < high and abs((around - 32.0) / 1.8 - at_start) < AGREEMENT_K:
+        # A winding tens of kelvin colder than the air around it has no way to be so.
+        severity = _severity(record, "ambient_degC")
+        return (_unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0]),)
+    is_far = at_start - around > FAHRENHEIT_ABOVE_K
+    if around < low and is_far and _starts_cold(winding, ambient, lead):
+        return (
+            _unit_finding(record, "winding_degC", "Fahrenheit", "warning", at_start, time_s[0]),
+        )
+    high = float(np.quantile(winding, 0.9))
+    is_beyond = at_start > HOTTEST_START_DEGC or high > HOTTEST_DEGC
+    for scale in SCALES:
+        if is_beyond and abs(at_start / scale - around) < AGREEMENT_K:
+            severity = _severity(record, "winding_degC")
+            return (_scaled_finding(record, severity, at_start, scale, float(time_s[0])),)
+    return ()
+
+
+def _starts_cold(winding: np.ndarray, ambient: np.ndarray, lead: int) -> bool:
+    """Whether a winding that starts hot starts at the ambient's temperature in Fahrenheit.
+
+    A hot start may lie there by chance; then the winding cools at rest, and read as Fahrenheit it
+    would fall below the ambient.
+    """
+    above = (winding - 32.0) / 1.8 - ambient
+    at_start = float(np.median(above[:lead]))
+    stays = float(np.quantile(above, 0.01)) > at_start - COOLS_K
+    return abs(at_start) < AGREEMENT_K and stays
+
+
+def ambient_implausible(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report a sink temperature that no bench has, that lies above the loaded winding or is it."""
+    channel = sink_channel(motor)
+    time_s, sink = samples(record, channel)
+    if time_s.size == 0:
+        return ()
+    typical = float(np.median(sink))
+    found = []
+    low, high = PLAUSIBLE_DEGC[channel]
+    lowest, highest = POSSIBLE_DEGC[channel]
+    if not low <= typical <= high:
+        found.append(
+            Finding(
+                "ambient_implausible",
+                "warning" if lowest <= typical <= highest else "error",
+                f"Expected {low:.0f} to {high:.0f} °C; the median is {typical:.1f} °C. The "
+                "fit counts every temperature rise from it.",
+                place(record, channel, float(time_s[0]), float(time_s[-1])),
+                "Check the sensor, its unit, and which column is mapped.",
+                values={"median_degC": typical},
+            )
+        )
+    time_s, sink, winding, losses = samples(
+        with_all_heat(record, motor), channel, "winding_degC", "losses_W"
+    )
+    loaded = is_loaded(losses)
+    if loaded.any() and float(np.median((winding - sink)[loaded])) < -SINK_ABOVE_K:
+        below = float(np.median((winding - sink)[loaded]))
+        found.append(
+            Finding(
+                "ambient_implausible",
+                "error",
+                f"Expected the winding above {channel} under load; it is {-below:.1f} K below. "
+                "Heat would flow from the sink into the loaded winding.",
+                place(record, channel, float(time_s[loaded][0]), float(time_s[loaded][-1])),
+                "Check whether the two columns are exchanged.",
+                values={"winding_above_sink_K": below},
+            )
+        )
+    swing = float(np.ptp(winding)) if winding.size else 0.0
+    excess = float(np.quantile(np.abs(winding - sink), 0.95)) if winding.size else 0.0
+    if loaded.any() and swing > LEAST_SWING_K and excess < SAME_SHARE * swing:
+        found = [  # that it is as hot as a winding follows from it
+            Finding(
+                "ambient_implausible",
+                "error",
+                f"Expected the winding above {channel} under load; they stay within "
+                f"{excess:.2g} K of each other while the winding swings by {swing:.0f} K. They "
+                "are one temperature, so no resistance can be fitted.",
+                place(record, channel, float(time_s[0]), float(time_s[-1])),
+                f"Give {channel} the column of the cooling medium in [columns]; where it was "
+                f"steady and not recorded, its value under [constants], as {channel} = 22.0.",
+                values={"excess_K": excess, "swing_K": swing},
+            )
+        ]
+    return tuple(found)

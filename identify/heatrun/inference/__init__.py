@@ -1,1 +1,0 @@
-"""From reduced records to a fitted model: parameters, noise, fit, posterior, predictions."""

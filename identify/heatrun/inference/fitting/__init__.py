@@ -1,1 +1,0 @@
-"""The fit, its spread, and what it shows of the model."""

@@ -1,1 +1,0 @@
-"""Samplers of the posterior: importance sampling around the fit, and emcee."""

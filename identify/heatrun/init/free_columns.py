@@ -1,0 +1,457 @@
+"""Columns that no channel claims: what stands in them, and which channels they may be.
+
+How the values of a column run, before anybody has said what the column is.
+
+What columns say of each other, before anybody has said what they are.
+
+What is torque·omega is the power at the shaft, what is a little more is the input and no loss. What
+is a voltage times a current is electrical. What warms slowly while a load stands and cools when it
+falls is a winding or a body beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice, product
+
+import numpy as np
+import pandas as pd
+
+from ..errors import InputError
+from ..io.quantities import printable
+from ..readers.clock import parse_time_format, read_stated
+from ..readers.labels import named_unit, speaks_of
+from ..readers.likely_names import LIKELY, NOT_THE_SHAFTS, WEAK, read_name
+from ..readers.mapping import statements, unit_of
+from ..record.channels import CHANNEL, Channel
+from ..record.derive import shaft_power
+from ..record.record import ColumnReading, UnitSource
+from ..record.table import Column
+from ..record.units import find_unit, refusal, to_canonical
+
+CLOCK_FORMATS = ("hh:mm:ss:ff", "d:hh:mm:ss", "d.hh:mm:ss", "d hh:mm:ss", "hh:mm:ss",
+                 "hh.mm.ss", "hh-mm-ss")  # fmt: skip
+"""What a text that looks like a clock may be written in."""
+
+
+def flat(text: str) -> str:
+    """Return a text on one line."""
+    return " ".join(text.split())
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A channel that a column may be.
+
+    Attributes:
+        channel: Canonical name.
+        line: Right-hand side of `[columns]` that reads the column so.
+        unit_from: How its unit is known; `"assumed"` if the line itself states it.
+        score: How surely the name speaks for it, as `likely_names`; 0 for the unit alone.
+        unit: Unit that it is read in.
+    """
+
+    channel: str
+    line: str
+    unit_from: UnitSource
+    score: int
+    unit: str = ""
+
+    @property
+    def is_likely(self) -> bool:
+        """The name speaks for it, not the unit alone."""
+        return self.score >= LIKELY
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the values of a column say of it as a channel.
+
+    Attributes:
+        speaks: For the channel, or against it.
+        words: Why.
+        is_alone: For this channel and no other.
+    """
+
+    speaks: bool
+    words: str
+    is_alone: bool = False
+
+
+@dataclass(frozen=True)
+class FreeColumn:
+    """A column that no channel claims.
+
+    Attributes:
+        name: As it stands in the file.
+        unit: Unit text that the file gives, or None.
+        low: Smallest value, in the file's unit; None without any.
+        high: Largest value.
+        num_values: Number of values [1]; None where they were not looked at.
+        text: What stands in it instead of numbers, or empty.
+        proposals: What it may be, likely ones first.
+        course: How its values run, in the file's unit; None where they were not looked at.
+        remark: Why it is no channel although it looks like one, or empty.
+        evidence: Channel to what the other columns of the file say of it as that.
+    """
+
+    name: str
+    unit: str | None
+    low: float | None
+    high: float | None
+    num_values: int | None
+    text: str = ""
+    proposals: tuple[Proposal, ...] = ()
+    course: Course | None = None
+    remark: str = ""
+    evidence: Mapping[str, Evidence] = field(default_factory=dict)
+
+    @property
+    def is_silent(self) -> bool:
+        """It holds zeros alone, or no value: nothing was recorded, or nothing happened."""
+        is_zero = self.low == self.high == 0.0 and self.num_values != 1
+        return is_zero or (self.num_values == 0 and not self.text)
+
+    def shown(self) -> str:
+        """Return what stands in the column, in words."""
+        return f"{self._held()}; {self.remark}" if self.remark else self._held()
+
+    def _held(self) -> str:
+        if self.text:
+            return f"text: {printable(flat(self.text))[:60]}"
+        unit = f" {printable(flat(self.unit))}" if self.unit else ", no unit given"
+        if self.low is None or self.high is None:
+            return f"{'no values' if self.num_values == 0 else 'values not looked at'}{unit}"
+        if self.is_silent:
+            unit = unit if self.unit else ""
+            return f"0{unit} throughout: not recorded, or 0 during the whole test"
+        if self.low == self.high:
+            many = "1 value" if self.num_values == 1 else "throughout"
+            return f"{self.low:.6g}{unit} ({many})"
+        return f"{self.low:.4g} … {self.high:.4g}{unit}"
+
+
+def free_column(
+    column: Column, where: str, values: np.ndarray | None, refused: Mapping[str, str]
+) -> FreeColumn:
+    """Look at a column.
+
+    Args:
+        column: The column.
+        where: The file, for messages.
+        values: What it holds, shape (time,), None if it was not read.
+        refused: Name of a column to the reason why it is none, as a built-in map has it.
+    """
+    stated = statements(column)
+    unit = stated[0].text if stated else column.unit
+    reason = refused.get(column.name, "")
+    proposals = [] if reason else _proposals(column, where)
+    is_speed = not unit or any(one.channel == "speed_rpm" for one in proposals)
+    if is_speed and read_name(column.label).is_electrical_speed:
+        proposals, reason = [], NOT_THE_SHAFTS
+    if not reason and not proposals and unit:
+        reason = _refusal(unit, speaks_of(column.label))
+    if values is None:
+        return FreeColumn(
+            column.name, unit, None, None, None, proposals=tuple(proposals), remark=reason
+        )
+    numbers = values[np.isfinite(values)]
+    return FreeColumn(
+        column.name,
+        unit,
+        float(numbers.min()) if numbers.size else None,
+        float(numbers.max()) if numbers.size else None,
+        int(numbers.size),
+        proposals=() if _is_remark(values) else tuple(proposals),
+        course=course_of(numbers),
+        remark=reason,
+    )
+
+
+def text_column(name: str, text: str) -> FreeColumn:
+    """Look at a column without a number: one that holds clock times in some format may be the time.
+
+    Args:
+        name: As it stands in the file.
+        text: What stands in its first cell.
+    """
+    cell = pd.Series([text])
+    lines = [
+        Proposal("time_s", f"{name} [{form}]", "assumed", LIKELY)
+        for form in CLOCK_FORMATS
+        if (stated := parse_time_format(form)) and np.isfinite(read_stated(cell, stated).seconds[0])
+    ]
+    return FreeColumn(name, None, None, None, 0, text or "nothing", tuple(lines))
+
+
+def _is_remark(values: np.ndarray) -> bool:
+    """Return whether a column is a remark in a cell, no course."""
+    return bool(np.isfinite(values).sum() == 1 < values.size)
+
+
+def _refusal(unit: str, likely: Iterable[str]) -> str:
+    """Return why a unit does not determine the channel that a name speaks of, or an empty text."""
+    for name in likely:
+        if reason := refusal(unit, CHANNEL[name].quantity):
+            return f"{name} is not read in {printable(flat(unit))}: {reason}"
+    return ""
+
+
+def _proposals(column: Column, where: str) -> list[Proposal]:
+    """Return the channels whose quantity the column's unit is of, and those its name speaks of."""
+    found = []
+    stated = statements(column)
+    for channel in CHANNEL.values():
+        score = speaks_of(column.label, channel.quantity, stated[0].text if stated else None).get(
+            channel.name, 0
+        )
+        text = None
+        try:
+            text, unit_from = unit_of(column, channel, where)
+        except InputError:
+            # of another quantity; or the file leaves it open, and the line would decide it
+            known = {find_unit(one.text, channel.quantity) for one in stated}
+            if not score or None in known or len(known) > 1:
+                continue
+            unit_from = "assumed"
+            named = named_unit(column.label, channel.quantity)
+            text = named.unit if named and find_unit(named.unit, channel.quantity) else None
+            # "MW" in a name is also the German mean: what is marked goes before it
+            text = stated[0].text if stated else text
+        if unit_from == "assumed" and not score:
+            continue
+        line = f"{column.name} [{text or channel.unit}]" if unit_from == "assumed" else column.name
+        found.append(Proposal(channel.name, line, unit_from, score, _symbol(text, channel)))
+    return sorted(found, key=lambda one: -one.score)
+
+
+def _symbol(text: str | None, channel: Channel) -> str:
+    unit = find_unit(text, channel.quantity) if text else None
+    return unit.symbol if unit else channel.unit
+
+
+SPIKES = 0.01
+"""Share of the samples at either end that a course is told without: a loose contact is none."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """The course of one column, in the unit of the file.
+
+    Attributes:
+        low: Value that 99 % of the samples exceed.
+        high: Value that 1 % of the samples exceed.
+        mean: Mean of the samples.
+        is_growing: No sample is smaller than the one before it, and the last exceeds the first.
+    """
+
+    low: float
+    high: float
+    mean: float
+    is_growing: bool = False
+
+    def converted(self, factor: float, offset: float) -> Course:
+        """Return the course in another unit: `factor * value + offset`.
+
+        Args:
+            factor: New units per old unit, positive.
+            offset: In the new unit.
+        """
+        low, high, mean = (factor * value + offset for value in (self.low, self.high, self.mean))
+        return Course(low, high, mean, self.is_growing)
+
+
+def course_of(values: np.ndarray) -> Course | None:
+    """Return the course of a column, None without a value.
+
+    Args:
+        values: Finite, in the unit of the file, shape (time,).
+    """
+    if values.size == 0:
+        return None
+    low, high = np.quantile(values, (SPIKES, 1.0 - SPIKES))
+    is_growing = bool(values[-1] > values[0] and np.all(np.diff(values) >= 0.0))
+    return Course(float(low), float(high), float(np.mean(values)), is_growing)
+
+
+NUM_SAMPLES = 400
+"""So many samples over the whole of a column are looked at."""
+
+LOADED_SHARE = 0.2
+"""Of the largest power [1]: below it, offsets of the transducers count."""
+
+SAME_SHARE = 0.02
+"""Two measurements of one power agree to it [1]."""
+
+LEAST_EFFICIENCY = 0.4
+"""Of a machine whose input a column may be [1]; below it, losses exceed the output as well."""
+
+LEAST_FIT = 0.5
+"""Share of the changes of a temperature that its load and its own level explain [1]."""
+
+LEAST_RISE_K, COLDEST, HOTTEST = 5.0, -40.0, 300.0
+"""Of a column that nothing but its course calls a temperature [K, °C]."""
+
+MOST_PRODUCTS, MOST_LOADS = 24, 3
+"""So many are held against each column: files have thousands."""
+
+LOADS = ("phase_current_A", "losses_W", "electrical_power_W", "dc_current_A", "torque_Nm", "i_q_A")
+
+
+def with_evidence(
+    free: Sequence[FreeColumn],
+    readings: Sequence[ColumnReading],
+    values: Mapping[str, np.ndarray],
+) -> tuple[FreeColumn, ...]:
+    """Return columns with what the values of the file say of them.
+
+    Args:
+        free: Columns that no channel claims.
+        readings: How the others are read.
+        values: Name of a column to what it holds, shape (time,), where it was looked at.
+    """
+    read = {
+        one.channel: _converted(values[one.column], one.channel, one.unit)
+        for one in readings
+        if one.column in values
+    }
+    by_channel: dict[str, dict[str, np.ndarray]] = {
+        one.channel: {one.column: read[one.channel]} for one in readings if one.channel in read
+    }
+    for column in free:
+        # a name goes before a unit alone
+        best = max((one.score for one in column.proposals), default=0)
+        for one in column.proposals:
+            if one.score == best and one.channel not in read and column.name in values:
+                numbers = _converted(values[column.name], one.channel, one.unit)
+                by_channel.setdefault(one.channel, {})[column.name] = numbers
+    known = {name: next(iter(each.values())) for name, each in by_channel.items()
+             if len(each) == 1}  # fmt: skip
+    currents = [one for name in ("dc_current_A", "phase_current_A")
+                for one in by_channel.get(name, {}).items()]  # fmt: skip
+    pairs = product(by_channel.get("dc_voltage_V", {}).items(), dict(currents).items())
+    products = {
+        f"'{volts}' times '{amperes}'": voltage * current
+        for (volts, voltage), (amperes, current) in islice(pairs, MOST_PRODUCTS)
+        if voltage.shape == current.shape
+    }
+    loads = [one for name in LOADS for one in by_channel.get(name, {}).items()]
+    return tuple(
+        _looked_at(one, values.get(one.name), known, products, loads[:MOST_LOADS]) for one in free
+    )
+
+
+def _converted(values: np.ndarray, channel: str, symbol: str) -> np.ndarray:
+    unit = find_unit(symbol, CHANNEL[channel].quantity)
+    return values if unit is None else to_canonical(values, unit)
+
+
+def _looked_at(
+    column: FreeColumn,
+    values: np.ndarray | None,
+    known: Mapping[str, np.ndarray],
+    products: Mapping[str, np.ndarray],
+    loads: Sequence[tuple[str, np.ndarray]],
+) -> FreeColumn:
+    if values is None or column.course is None:
+        return column
+    for one in column.proposals:
+        if CHANNEL[one.channel].quantity == "power":
+            power_W = _converted(values, one.channel, one.unit)
+            return replace(column, evidence=power_evidence(power_W, known, products))
+    is_unknown = not column.proposals and not column.unit and not column.remark
+    may_warm = is_unknown and _may_be_a_temperature(column.course)
+    if not may_warm and not any(one.channel == "winding_degC" for one in column.proposals):
+        return column
+    for name, load in loads:
+        if name != column.name and warms_with(values, load):
+            proposals = column.proposals
+            if is_unknown:
+                line = f"{column.name} [degC]"
+                proposals = (Proposal("winding_degC", line, "assumed", WEAK, "degC"),)
+            warms = Evidence(True, f"warms with '{name}' and cools when it falls")
+            return replace(column, proposals=proposals, evidence={"winding_degC": warms})
+    return column
+
+
+def _may_be_a_temperature(course: Course) -> bool:
+    is_inside = COLDEST <= course.low <= course.high <= HOTTEST
+    return is_inside and course.high - course.low >= LEAST_RISE_K and not course.is_growing
+
+
+def power_evidence(
+    power_W: np.ndarray, channels: Mapping[str, np.ndarray], products: Mapping[str, np.ndarray]
+) -> dict[str, Evidence]:
+    """Return what a power says of itself by the channel that it may be.
+
+    Args:
+        power_W: The column [W], shape (time,).
+        channels: With `torque_Nm` and `speed_rpm` where they are known, shape (time,) each.
+        products: Voltage times current of the file [W] by the names of both, shape (time,) each.
+    """
+    found: dict[str, Evidence] = {}
+    if {"torque_Nm", "speed_rpm"} <= channels.keys():
+        ratio = _ratio(power_W, shaft_power(channels))
+        if ratio is not None and abs(ratio - 1.0) <= SAME_SHARE:
+            return {
+                "mechanical_power_W": Evidence(True, "is torque·omega", is_alone=True),
+                "losses_W": Evidence(False, "is torque·omega, the power at the shaft"),
+                "electrical_power_W": Evidence(False, "is torque·omega, the power at the shaft"),
+            }
+        if ratio is not None and 1.0 < ratio <= 1.0 / LEAST_EFFICIENCY:
+            words = f"is {ratio:.3g} times torque·omega: the input, not the losses"
+            found["electrical_power_W"] = Evidence(True, words, is_alone=True)
+            found["losses_W"] = found["mechanical_power_W"] = Evidence(False, words)
+    for names, voltage_times_current in products.items():
+        ratio = _ratio(power_W, voltage_times_current)
+        if ratio is not None and abs(ratio - 1.0) <= SAME_SHARE:
+            found.setdefault("electrical_power_W", Evidence(True, f"is {names}", is_alone=True))
+    return found
+
+
+def _ratio(power_W: np.ndarray, other_W: np.ndarray) -> float | None:
+    """Return how many times another power a power is, None where it is no multiple of it."""
+    if power_W.shape != other_W.shape:
+        return None
+    power, other = _samples(power_W), _samples(other_W)
+    loaded = np.abs(other) > LOADED_SHARE * np.nanmax(np.abs(other), initial=0.0)
+    loaded &= np.isfinite(power) & np.isfinite(other)
+    if np.count_nonzero(loaded) < 3:
+        return None
+    ratios = power[loaded] / other[loaded]
+    low, middle, high = np.quantile(ratios, (0.1, 0.5, 0.9))
+    # the efficiency changes with the load, but by less than the load does
+    return float(middle) if low > 0.0 and high - low <= 0.3 * middle else None
+
+
+def warms_with(temperature: np.ndarray, load: np.ndarray) -> bool:
+    """Return whether a column changes as a body heated by a load does.
+
+    The changes of a body of one node are `a·load² - b·temperature + c` with a and b above 0; a
+    column that follows the load at once, or something else, is none.
+
+    Args:
+        temperature: The column, in any unit, shape (time,).
+        load: Current, power or torque, shape (time,).
+    """
+    if temperature.shape != load.shape or temperature.size < 20:
+        return False
+    level, heat = _samples(temperature), _samples(load) ** 2
+    known = np.isfinite(level) & np.isfinite(heat)
+    level, heat = level[known], heat[known]
+    if level.size < 20 or np.ptp(level) == 0.0 or np.ptp(heat) == 0.0:
+        return False
+    change = np.diff(level)
+    if np.max(np.abs(change)) > 0.3 * np.ptp(level):  # it jumps
+        return False
+    columns = np.column_stack((heat[1:] / np.ptp(heat), level[:-1], np.ones(change.size)))
+    a, b, c = np.linalg.lstsq(columns, change, rcond=None)[0]
+    left = change - columns @ np.array((a, b, c))
+    return bool(a > 0.0 > b and np.var(left) <= (1.0 - LEAST_FIT) * np.var(change))
+
+
+def _samples(values: np.ndarray) -> np.ndarray:
+    if values.size <= NUM_SAMPLES:
+        return values
+    return values[np.linspace(0, values.size - 1, NUM_SAMPLES).astype(int)]

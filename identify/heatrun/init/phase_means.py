@@ -1,0 +1,200 @@
+"""The mean of three sensors as a line of `[columns]`, for `heatrun init` to offer.
+
+Sensors of the three phases, told by their names and by their values.
+
+The names are alike but for one sign, U, V and W, or 1, 2 and 3. T_U, T_V and T_W may also be room,
+inlet and winding, and T1 to T3 anything, so the values decide: sensors of one winding stay within
+a few kelvin of each other while they warm by much more, and currents of a balanced machine within
+a tenth of their value.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from ..errors import InputError
+from ..readers.channel_map import map_columns
+from ..record.channels import APART_K, APART_SHARE, CHANNEL, Columns
+from ..record.table import Column, Table
+from ..record.units import find_unit, to_canonical
+from .free_columns import FreeColumn, Proposal
+
+PHASES = ("UVW", "uvw", "123", "ABC", "abc")
+SIGN = re.compile(f"[{''.join(first[0] for first in PHASES)}]")
+
+NUM_SAMPLES = 400
+"""So many samples of a column are compared."""
+
+LEAST_RISE_K = 10.0
+"""Below it, sensors anywhere in a machine read the same [K]."""
+
+CLOSE_SHARE = 0.1
+"""Sensors whose names say nothing agree to this share of their rise, currents of theirs [1]."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A column that may be the sensor of one phase.
+
+    Attributes:
+        label: Its name without the unit.
+        values: In the channel's unit, shape (time,).
+        is_named: The name speaks for the channel.
+    """
+
+    label: str
+    values: np.ndarray
+    is_named: bool
+
+
+def phases(sensors: Mapping[str, Sensor], quantity: str) -> Iterator[tuple[str, str, str]]:
+    """Yield the names of three columns that read one winding, in the order of the phases.
+
+    Args:
+        sensors: By the name of the column.
+        quantity: `"temperature"` or `"phase current"`.
+    """
+    by_label = {sensor.label: name for name, sensor in sensors.items()}
+    for label in by_label:
+        for sign in SIGN.finditer(label):
+            place = sign.start()
+            letters = next(letters for letters in PHASES if letters[0] == sign[0])
+            alike = [f"{label[:place]}{letter}{label[place + 1 :]}" for letter in letters]
+            if not all(one in by_label for one in alike):
+                continue
+            first, second, third = (by_label[one] for one in alike)
+            if _is_one_winding([sensors[name] for name in (first, second, third)], quantity):
+                yield first, second, third
+
+
+def _is_one_winding(three: Sequence[Sensor], quantity: str) -> bool:
+    stacked = np.stack([_samples(sensor.values) for sensor in three])
+    stacked = stacked[:, np.all(np.isfinite(stacked), axis=0)]
+    if stacked.shape[1] < 2:
+        return False
+    middle = np.median(stacked, axis=0)
+    apart = float(np.max(np.quantile(np.abs(stacked - middle), 0.95, axis=1)))
+    low, high = np.quantile(middle, (0.01, 0.99))
+    if quantity == "phase current":
+        return high > 0.0 and apart <= CLOSE_SHARE * high
+    rise = float(high - low)
+    if all(sensor.is_named for sensor in three):
+        return apart <= max(APART_K, APART_SHARE * rise)
+    return rise >= LEAST_RISE_K and apart <= min(APART_K, CLOSE_SHARE * rise)
+
+
+def _samples(values: np.ndarray) -> np.ndarray:
+    """Return samples over the whole of a column, whatever its rate, shape (NUM_SAMPLES,)."""
+    if values.size == 0:
+        return np.full(NUM_SAMPLES, np.nan)
+    return values[np.linspace(0, values.size - 1, NUM_SAMPLES).astype(int)]
+
+
+MADE_OF_PHASES = ("winding_degC", "phase_current_A")
+MOST_MEANS = 20
+"""Of one file; each is read back, which takes a while in files of thousands of columns."""
+
+
+@dataclass(frozen=True)
+class PhaseMean:
+    """Three columns of which one channel may be the mean.
+
+    Attributes:
+        channel: Canonical name.
+        line: Right-hand side of `[columns]` that reads it so.
+        columns: Their names, in the order of the phases.
+    """
+
+    channel: str
+    line: str
+    columns: tuple[str, ...]
+
+
+def phase_means(
+    table: Table,
+    free: Sequence[FreeColumn],
+    values: Mapping[int, np.ndarray],
+    known: Collection[str],
+    left_out: Columns,
+    where: str,
+) -> tuple[PhaseMean, ...]:
+    """Return the means that channels may be, each of them read back once.
+
+    Args:
+        table: With the columns of the file.
+        free: Those that no channel claims.
+        values: Identity of a column to what it holds, shape (time,), where it was looked at.
+        known: Channels that are recognised already.
+        left_out: `[columns]` that leave out what the file asks about.
+        where: The file.
+    """
+    many = Counter(column.name for column in table.columns)
+    columns = {
+        column.name: column
+        for column in table.columns
+        if many[column.name] == 1 and id(column) in values
+    }
+    found: list[PhaseMean] = []
+    for channel in MADE_OF_PHASES:
+        if channel in known:
+            continue
+        held = {
+            one.name: proposal
+            for one in free
+            if one.name in columns and not one.is_silent
+            for proposal in one.proposals
+            if proposal.channel == channel
+            and (proposal.is_likely or not any(other.is_likely for other in one.proposals))
+        }
+        sensors = {
+            name: _sensor(columns[name], values[id(columns[name])], proposal)
+            for name, proposal in held.items()
+        }
+        for names in islice(phases(sensors, CHANNEL[channel].quantity), MOST_MEANS):
+            if any({*names} & {*other.columns} for other in found):
+                continue
+            three = [columns[name] for name in names]
+            for line in _lines(three, [held[name] for name in names], table):
+                if _reads_back(table, channel, line, names, left_out, where):
+                    found.append(PhaseMean(channel, line, names))
+                    break
+    return tuple(found)
+
+
+def _sensor(column: Column, values: np.ndarray, proposal: Proposal) -> Sensor:
+    unit = find_unit(proposal.unit, CHANNEL[proposal.channel].quantity)
+    known = values if unit is None else to_canonical(values, unit)
+    return Sensor(column.label, known, proposal.is_likely)
+
+
+def _lines(three: Sequence[Column], proposals: Sequence[Proposal], table: Table) -> Iterator[str]:
+    """Yield the lines that may read a mean, the one that is easiest to read first."""
+    many = Counter(name for column in table.columns for name in {column.label, column.name})
+    if all(one.unit_from == "stated" for one in proposals) and all(
+        many[column.label] == 1 for column in three
+    ):
+        yield f"mean({', '.join(column.label for column in three)})"
+    if all(one.unit_from == "assumed" for one in proposals):
+        yield f"mean({', '.join(column.name for column in three)}) [{proposals[0].unit}]"
+    yield f"mean({', '.join(one.line for one in proposals)})"
+
+
+def _reads_back(
+    table: Table,
+    channel: str,
+    line: str,
+    names: tuple[str, ...],
+    left_out: Columns,
+    where: str,
+) -> bool:
+    try:
+        mapped = map_columns(table, {**left_out, channel: line}, where=where, is_part=True)
+    except InputError:
+        return False
+    return channel in mapped.columns and mapped.names(channel) == names

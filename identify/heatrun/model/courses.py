@@ -1,0 +1,59 @@
+"""What a model says of a test for many draws: readings, node temperatures, heat flows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..record.blocks import Observation
+from .model import Model
+
+
+class Courses(NamedTuple):
+    """Means over the blocks of a test, draw by draw.
+
+    Attributes:
+        reading: Of the winding, then of each fitted body, in a row [degC], shape (draw, row).
+        nodes: Temperature of each node [degC], shape (draw, block) each.
+        flows: Heat flow by link [W], shape (draw, block) each.
+    """
+
+    reading: Any
+    nodes: dict[str, Any]
+    flows: dict[tuple[str, str], Any]
+
+
+def courses(
+    model: Model, values: Mapping[str, Float[np.ndarray, " draw"]], test: Observation
+) -> Courses:
+    """Return what a model says of a test.
+
+    Args:
+        model: Network with effects.
+        values: Draws by parameter name [their units].
+        test: A reduced record.
+    """
+    return jax.tree.map(np.asarray, _courses(model, dict(values), test))
+
+
+@partial(jax.jit, static_argnames="model")
+def _courses(model: Model, values: dict[str, Float[Array, " draw"]], test: Observation) -> Courses:
+    num_steps = test.weight.shape[1]
+
+    def means(course):
+        return course.reshape(-1, num_steps).mean(axis=1)
+
+    def one(values):
+        trace = model.simulate(values, test.inputs)
+        return Courses(
+            reading=model.block_means(values, test),
+            nodes={n: means(0.5 * (T[1:] + T[:-1])) for n, T in trace.temperature.items()},
+            flows={n: means(P) for n, P in trace.flow.items()},
+        )
+
+    return jax.lax.map(one, values, batch_size=50)

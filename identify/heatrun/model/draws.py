@@ -1,0 +1,234 @@
+"""Draws of parameters and noise, enough to predict any test with.
+
+Effects that a network may miss, none or some in each draw: what they add to the readings. In a
+draw with effects the network's parameters are where these put them, and a prediction needs their
+shares: the difference that each effect makes at the most probable parameters, scaled with its size
+in the draw. They are small, and add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from lptn.effects import AbstractEffect
+
+from ..record.blocks import Blocks
+from ..record.motor import Motor
+from . import noise as noise_module
+from .catalogue import lacking
+from .courses import Courses, courses
+from .loggers import Loggers
+from .model import Model
+from .model_parameters import parameters
+from .noise import Noise
+from .parameters import ParameterSet
+
+NUM_NOISE = len(noise_module.NOISE)
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Draws of parameters and noise with all that gives them a meaning.
+
+    Attributes:
+        model: Network with effects and nuisances.
+        motor: The machine.
+        parameters: What stands in which place of a vector, with priors and fixed values.
+        vectors: Scores of parameters and noise, shape (draw, all).
+        plausible: Effects behind the draws; None where all are of the model alone.
+        loggers: Noise of each logger.
+    """
+
+    model: Model
+    motor: Motor
+    parameters: ParameterSet
+    vectors: Float[np.ndarray, "draw all"]
+    plausible: PlausibleEffects | None = None
+    loggers: Loggers = field(default_factory=dict)
+
+    def thin(self, num: int, seed: int = 0) -> Draws:
+        """Return `num` of the draws, picked evenly at random without repetition."""
+        picked = np.random.default_rng(seed).permutation(self.vectors.shape[0])[:num]
+        plausible = None if self.plausible is None else self.plausible.pick(picked)
+        return replace(self, vectors=self.vectors[picked], plausible=plausible)
+
+    def values(self) -> dict[str, np.ndarray]:
+        """Return the draws of the free parameters by slot name [their units], shape (draw,)."""
+        return self.parameters.physical(self.vectors[:, : self.parameters.num_free])
+
+    def of_test(self, test: str | None) -> dict[str, np.ndarray]:
+        """Return the draws that hold for a test by bare name [their units], shape (draw,).
+
+        Args:
+            test: Name of a test that was fitted; None for any other test, which takes over
+                what all tests share.
+        """
+        index = None if test is None else self.parameters.tests.index(test)
+        size = self.vectors.shape[0]
+        result = {}
+        for name, parameter in self.parameters.by_test[index or 0].items():
+            if parameter.fixed is not None and (index is not None or not parameter.per_test):
+                result[name] = np.full(size, parameter.fixed)
+        values = self.values()
+        for slot in self.parameters.slots:
+            if slot.test is None or slot.test == index:
+                result[slot.parameter.name] = values[slot.name]
+        return result
+
+    def noise(self) -> Noise:
+        """Return the noise of the first logger for each draw, shape (draw,) each."""
+        return noise_module.from_scores(self.vectors[:, -NUM_NOISE:].T)
+
+
+Link = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class PlausibleEffect:
+    """An effect that the network may miss.
+
+    Attributes:
+        kind: The effect.
+        test: Name of the test that it happens in; None if it acts in all of them.
+        probability: That it is missing [1].
+        with_effect: Parameters of network and effect that all tests share, by name [their units].
+        without: Those of the network alone that it is told from. A resistance that the effect acts
+            on stands there for its mean over the tests, as in the draws.
+    """
+
+    kind: type[AbstractEffect]
+    test: str | None
+    probability: float
+    with_effect: Mapping[str, float]
+    without: Mapping[str, float]
+
+    @property
+    def id(self) -> str:
+        """Id of the effect."""
+        return self.kind.card.id
+
+
+@dataclass(frozen=True, eq=False)
+class PlausibleEffects:
+    """The effects behind some draws.
+
+    Attributes:
+        effects: By probability, the most probable first.
+        size: Amplitude of each effect over that of `with_effect` [1], zero where it is not there,
+            shape (draw, effect).
+    """
+
+    effects: tuple[PlausibleEffect, ...]
+    size: Float[np.ndarray, "draw effect"]
+
+    @property
+    def is_none(self) -> Bool[np.ndarray, " draw"]:
+        """Which draws are of the network alone."""
+        return ~np.any(self.size, axis=1)
+
+    def pick(self, rows: Int[np.ndarray, " row"]) -> PlausibleEffects:
+        """Return those of some draws."""
+        return replace(self, size=self.size[rows])
+
+    def with_effects(
+        self, course: Courses, model: Model, motor: Motor, test: Blocks, fitted_as: str | None
+    ) -> Courses:
+        """Return what a test is with the effects: readings, nodes and flows.
+
+        An event of one test adds nothing to another, nor does an effect whose channel is lacking.
+
+        Args:
+            course: What the network alone says of the draws.
+            model: The network alone.
+            motor: The machine.
+            test: A reduced record, with the rows that `course` has.
+            fitted_as: Name of the fitted test that it is, None if it was not fitted.
+        """
+        used = [
+            index
+            for index, each in enumerate(self.effects)
+            if np.any(self.size[:, index])
+            and each.test in (None, fitted_as)
+            and not lacking(each.kind, test)
+        ]
+        if not used:
+            return course
+        shift = _differences(model, motor, test, [self.effects[index] for index in used])
+        size = self.size[:, used]
+
+        def added(draws: np.ndarray, by_effect: np.ndarray) -> np.ndarray:
+            return draws + size @ by_effect
+
+        return Courses(
+            reading=added(course.reading, shift.reading),
+            nodes={node: added(T, shift.nodes[node]) for node, T in course.nodes.items()},
+            flows={
+                link: added(P, shift.flows[_way(link, shift.flows, course.nodes)])
+                for link, P in course.flows.items()
+            },
+        )
+
+
+def of_network(
+    plausible: PlausibleEffects | None, draws: Float[np.ndarray, "draw ..."]
+) -> Float[np.ndarray, "picked ..."]:
+    """Return the draws of the network alone, whose median is what is stated; all where there are
+    none such.
+
+    A draw with an effect beside the network has parameters that say little without it.
+
+    Args:
+        plausible: Effects behind the draws; None for none.
+        draws: Anything that hangs on them, one row for each.
+    """
+    alone = None if plausible is None else plausible.is_none
+    return draws if alone is None or not np.any(alone) else draws[alone]
+
+
+def _way(link: Link, links: Collection[Link], nodes: Collection[str]) -> Link:
+    """Return the link by which the heat of a link leaves its first node.
+
+    That is the link itself, unless the body of an effect stands in it.
+
+    Args:
+        link: Of the network alone.
+        links: Of the network with effects.
+        nodes: Of the network alone.
+    """
+    if link in links:
+        return link
+    near, far = link
+
+    def leads(node: str, seen: frozenset[str]) -> bool:
+        ends = {b if a == node else a for a, b in links if node in (a, b)} - seen
+        return far in ends or any(leads(n, seen | {n}) for n in ends if n not in nodes)
+
+    return next(
+        (near, body)
+        for start, body in links
+        if start == near and body not in nodes and leads(body, frozenset({near, body}))
+    )
+
+
+def _differences(
+    model: Model, motor: Motor, test: Blocks, effects: Sequence[PlausibleEffect]
+) -> Courses:
+    """Return what each effect adds at the parameters that it was found with, one row for each."""
+    kinds = tuple(dict.fromkeys(effect.kind for effect in effects))
+    extended = replace(model, effects=(*model.effects, *kinds))
+    known = parameters(extended, motor, [test], searched=kinds).by_test[0]
+    rows = []
+    for effect in effects:
+        for values in (effect.with_effect, effect.without):
+            rows.append({
+                name: values.get(name, p.centre if p.fixed is None else p.fixed)
+                for name, p in known.items()
+            })  # fmt: skip
+    stacked = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    means = courses(extended, stacked, test.observation())
+    return jax.tree.map(lambda each: each[0::2] - each[1::2], means)

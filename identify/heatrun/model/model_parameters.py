@@ -1,0 +1,191 @@
+"""The free parameters of a model over tests, with their priors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+
+from lptn.effects import AbstractEffect
+
+from ..errors import InputError
+from ..record.blocks import Blocks
+from ..record.channels import BODIES, body_name
+from ..record.motor import Motor
+from .bodies import (
+    BODY_PARTS,
+    CURRENT_GAIN,
+    body_errors,
+    instruments,
+    own_errors,
+    second_sink_error,
+    shaft_errors,
+    timing_error,
+    torque_error,
+)
+from .model import Model, change_name
+from .network_form import NetworkForm
+from .network_text import BUILT_IN, network_named
+from .parameters import (
+    CATALOGUE,
+    Parameter,
+    ParameterSet,
+    Size,
+    check_names,
+    collect,
+    effect_names,
+    effect_parameters,
+    override,
+)
+from .scale import one_node
+
+COLD_START_K = 2.0
+"""Start within this of the sink [K] and at rest: stator and winding count as one temperature."""
+
+SD_FOUR_WIRE, SD_SINGLE_PHASE = 0.01, 0.07
+"""Prior standard deviations of ln Rs0. Of a coil or transformer on alternating current, eddies add
+5 to 20 % to the copper loss, and without a speed no effect of the catalogue tells them apart."""
+
+OF_ALL_NETWORKS = (
+    "Rs0", "current_gain", "power_gain", "torque_offset", "sensor_gain", "sensor_offset",
+    "ambient_offset", "load_timing", "shaft_power_gain", "shaft_power_offset",
+    "second_sink_offset",
+)  # fmt: skip
+"""Parameters that do not belong to the network itself."""
+
+
+def parameters(
+    model: Model,
+    motor: Motor,
+    tests: Sequence[Blocks],
+    searched: Sequence[type[AbstractEffect]] = (),
+) -> ParameterSet:
+    """Return all parameters of a model over tests, with priors and the motor file's overrides.
+
+    Args:
+        model: Network with effects.
+        motor: The machine.
+        tests: The reduced records.
+        searched: Effects of the model that may be absent, as `effect_parameters`.
+
+    Raises:
+        InputError: If the phase resistance is needed and not given, an override is wrong, or an
+            effect lacks its channel or its place.
+    """
+    model.refuse_unusable(tests, searched)
+    check_names((*override_names(model.form), *effect_names(model.effects)), motor)
+    shared = [*model.form.parameters, *_resistance(model, motor, tests), *instruments(tests)]
+    shared += body_errors(tests)
+    shared += shaft_errors(motor, tests)
+    if model.form.second_sink:
+        shared.append(second_sink_error(model.form.second_sink))
+    if "torque_offset" in motor.parameters:
+        shared.append(torque_error(motor, tests))
+    size = machine_size(model, motor, tests)
+    by_test = [
+        override(
+            [
+                *shared,
+                *timing_error(test),
+                *own_errors(test),
+                *_start(model, test),
+                *(_changes(model, motor) if model.change_sd else ()),
+                *effect_parameters(model.effects, test.duration_s, searched, size),
+            ],
+            motor,
+        )
+        for test in tests
+    ]
+    return collect([test.name for test in tests], by_test)
+
+
+def changing(model: Model, motor: Motor) -> list[Parameter]:
+    """Return the parameters that may change from test to test: free capacities and resistances."""
+    free = override(model.form.parameters, motor).values()
+    return [p for p in free if p.unit in ("J/K", "K/W") and p.fixed is None and not p.per_test]
+
+
+def _changes(model: Model, motor: Motor) -> list[Parameter]:
+    return [
+        Parameter(
+            change_name(each.name), "1", f"change of ln {each.name} in this test", "change",
+            "linear", 0.0, model.change_sd, "as the tests differ from each other", per_test=True,
+        )
+        for each in changing(model, motor)
+    ]  # fmt: skip
+
+
+def override_names(*networks: NetworkForm) -> tuple[str, ...]:
+    """Return every name that a motor file may override beside those of effects.
+
+    Args:
+        networks: Networks beyond the built-in ones.
+    """
+    forms = [*(network_named(name) for name in BUILT_IN), *networks]
+    names = [name for form in forms for name in form.names]
+    of_bodies = [f"{body_name(channel)}_{part}" for channel in BODIES for part in BODY_PARTS]
+    return tuple(dict.fromkeys([*names, *OF_ALL_NETWORKS, *of_bodies]))
+
+
+def machine_size(model: Model, motor: Motor, tests: Sequence[Blocks]) -> Size:
+    """Return the size of a machine, as its tests show it."""
+    speeds = [float(test.inputs.rated_speed) for test in tests]
+    found = one_node(tests, model.unmeasured_copper_ohm(motor)) or (
+        CATALOGUE.capacity, CATALOGUE.resistance,
+    )  # fmt: skip
+    return Size(*found, speed=max(speeds, default=0.0) or CATALOGUE.speed)
+
+
+def _resistance(model: Model, motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:
+    """Return Rs0 and the error of the current where the copper loss enters."""
+    has_current = any(bool(jnp.any(test.inputs.current_squared > 0.0)) for test in tests)
+    if not model.needs_resistance or not has_current:
+        return []
+    said = motor.parameters.get("Rs0")
+    given = motor.phase_resistance_ohm
+    if given is None and (said is None or (said.value is None and said.fixed is None)):
+        raise InputError(
+            "the phase resistance is not given, and the copper loss of the "
+            f"{model.words} needs it.",
+            where=motor.path or motor.name,
+            remedy="Give [winding] phase_resistance_ohm, or a guess to be estimated with "
+            "[parameters.Rs0] value = ... and relative_sd = 0.2; or calibrate with --model first.",
+        )
+    is_coil = motor.phases == 1
+    return [
+        Parameter(
+            "Rs0", "ohm", "phase resistance at the reference temperature", "resistance", "log",
+            1.0 if given is None else given, SD_SINGLE_PHASE if is_coil else SD_FOUR_WIRE,
+            "four-wire measurement, winding temperature known to 2 K (0.4 %/K)" if not is_coil
+            else "one phase: alternating current may meet up to 15 % more; for direct current "
+            "state relative_sd = 0.01 under [parameters.Rs0]",
+        ),
+        CURRENT_GAIN,
+    ]  # fmt: skip
+
+
+def _start(model: Model, test: Blocks) -> list[Parameter]:
+    return [
+        Parameter(
+            name, "degC", f"{node} temperature at the start", "start", "linear",
+            *_start_prior(model, node, test), per_test=True,
+        )
+        for node, name in model.form.starts
+    ]  # fmt: skip
+
+
+def _start_prior(model: Model, node: str, test: Blocks) -> tuple[float, float, str]:
+    """Return centre and standard deviation [degC] of a node's start, and what they rest on."""
+    rise = test.start_degC - float(test.inputs.ambient[0])
+    if node == model.form.measured_node:
+        return test.start_degC, 2.0, "first readings, with the sensor's lag and rounding"
+    for body in test.bodies:
+        if node == model.form.sensed(body.channel):
+            return body.start_degC, 2.0, f"first readings of {body.channel}"
+    if abs(rise) < COLD_START_K:
+        return test.start_degC, 1.0, "cold start: the machine has soaked at one temperature"
+    return (
+        test.start_degC - 0.35 * rise,
+        max(5.0, 0.2 * abs(rise)),
+        f"warm start, {node} not measured: between sink and winding, nearer the winding",
+    )

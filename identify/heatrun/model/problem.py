@@ -1,0 +1,243 @@
+"""A model set against records: predictions, whitened residuals and log density in one place.
+
+Least squares, importance sampling and emcee all read their numbers here, so they cannot
+disagree about what is being estimated. What is compiled depends on the form of a problem alone;
+its numbers are arguments, so a second record of the same shape compiles nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from lptn.effects import AbstractEffect
+
+from ..record.blocks import Blocks, Observation
+from ..record.motor import Motor
+from . import noise as noise_module
+from .loggers import Loggers, scales_of
+from .model import Model
+from .model_parameters import parameters
+from .noise import Noise
+from .parameters import Form, ParameterSet, Priors
+
+NUM_NOISE = len(noise_module.NOISE)
+
+WORST_RESIDUAL = 1e6
+"""A residual that is not finite [K], from a network too stiff for the step: out of reach of any
+real one, so that a solver turns back."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What is compiled: the model and what stands in which slot. Hashable."""
+
+    model: Model
+    form: Form
+
+    @property
+    def num_parameters(self) -> int:
+        """Number of free parameters without the noise."""
+        return len(self.form)
+
+
+class Data(eqx.Module):
+    """The numbers of a problem: a pytree.
+
+    Attributes:
+        priors: Centres, standard deviations, fixed values.
+        tests: The reduced records.
+    """
+
+    priors: Priors
+    tests: tuple[Observation, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A model and the tests it is to explain.
+
+    Attributes:
+        model: Network with nuisances.
+        motor: What the motor file says.
+        tests: The reduced records.
+        parameters: The model's parameters over these tests.
+        heat: What unmodelled heat does to each test, as `Observation.heat`; None leaves it out.
+        loggers: Noise of each logger.
+    """
+
+    model: Model
+    motor: Motor
+    tests: tuple[Blocks, ...]
+    parameters: ParameterSet
+    heat: tuple[Float[np.ndarray, "block column"], ...] | None = None
+    loggers: Loggers = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        motor: Motor,
+        tests: Sequence[Blocks],
+        searched: Sequence[type[AbstractEffect]] = (),
+    ) -> Problem:
+        """Return the problem of a model over tests.
+
+        Args:
+            model: Network with effects.
+            motor: The machine.
+            tests: The reduced records.
+            searched: Effects of the model that may be absent, as `parameters`.
+
+        Raises:
+            InputError: If a parameter is needed and not given.
+        """
+        return cls(model, motor, tuple(tests), parameters(model, motor, tests, searched))
+
+    @property
+    def num_parameters(self) -> int:
+        """Number of free parameters without the noise."""
+        return self.parameters.num_free
+
+    @cached_property
+    def structure(self) -> Structure:
+        """What is compiled."""
+        return Structure(self.model, self.parameters.form)
+
+    @cached_property
+    def data(self) -> Data:
+        """The numbers."""
+        heat = self.heat or (None,) * len(self.tests)
+        return Data(
+            priors=self.parameters.priors(),
+            tests=tuple(
+                test.observation(of_test, scales_of(self.loggers, test))
+                for test, of_test in zip(self.tests, heat, strict=True)
+            ),
+        )
+
+    @property
+    def is_observed(self) -> np.ndarray:
+        """Which blocks hold a reading, all tests in a row."""
+        return np.concatenate([test.is_observed for test in self.tests])
+
+    def rmse_K(self, residual: Float[np.ndarray, " row"]) -> float:
+        """Return the root mean square of residuals where there is a reading [K].
+
+        Args:
+            residual: Of all rows, all tests in a row [K].
+        """
+        return float(np.sqrt(np.mean(residual[self.is_observed] ** 2)))
+
+    @property
+    def label(self) -> str:
+        """Names of the tests, for messages."""
+        return ", ".join(test.name for test in self.tests)
+
+    def split(self, stacked: np.ndarray) -> list[np.ndarray]:
+        """Split rows over all blocks into one array per test."""
+        ends = np.cumsum([test.measured.size for test in self.tests])[:-1]
+        return np.split(stacked, ends)
+
+
+def predictions(
+    structure: Structure, data: Data, z: Float[Array, " parameter"]
+) -> list[Float[Array, " block"]]:
+    """Return the modelled block means of each test [degC]."""
+    result = []
+    for index, test in enumerate(data.tests):
+        values = data.priors.values(structure.form, z, index)
+        result.append(structure.model.block_means(values, test))
+    return result
+
+
+def residuals(
+    structure: Structure, data: Data, z: Float[Array, " parameter"]
+) -> list[Float[Array, " block"]]:
+    """Return measured minus modelled block means of each test [K], 0 where none was read."""
+    result = []
+    for test, predicted in zip(data.tests, predictions(structure, data, z), strict=True):
+        difference = jnp.where(test.is_observed, test.measured - predicted, 0.0)
+        is_sound = jnp.abs(difference) < WORST_RESIDUAL
+        result.append(jnp.where(is_sound, difference, WORST_RESIDUAL))
+    return result
+
+
+def whitened(
+    structure: Structure, data: Data, z: Float[Array, " parameter"], noise: Noise
+) -> Float[Array, " residual"]:
+    """Return whitened residuals of all tests, followed by the scores (the prior)."""
+    parts = [
+        noise_module.whiten(residual, noise, test)[0]
+        for residual, test in zip(residuals(structure, data, z), data.tests, strict=True)
+    ]
+    return jnp.concatenate([*parts, z])
+
+
+def log_likelihood(
+    structure: Structure, data: Data, z: Float[Array, " parameter"], noise: Noise
+) -> Float[Array, ""]:
+    """Return the log density of all readings [nat]."""
+    parts = [
+        noise_module.log_density(residual, noise, test)
+        for residual, test in zip(residuals(structure, data, z), data.tests, strict=True)
+    ]
+    return jnp.sum(jnp.stack(parts))
+
+
+def log_posterior(
+    structure: Structure, data: Data, vector: Float[Array, " all"]
+) -> Float[Array, ""]:
+    """Return log likelihood plus log prior of the scores of parameters and noise [nat]."""
+    z, noise_z = vector[: structure.num_parameters], vector[structure.num_parameters :]
+    prior = -0.5 * jnp.sum(vector**2) - 0.5 * vector.size * jnp.log(2 * jnp.pi)
+    noise = noise_module.from_scores(noise_z)
+    total = log_likelihood(structure, data, z, noise) + prior
+    is_allowed = jnp.all(noise_z <= jnp.asarray(noise_module.LARGEST_SCORES))
+    return jnp.where(is_allowed & jnp.isfinite(total), total, -jnp.inf)
+
+
+@partial(jax.jit, static_argnames="structure")
+def log_posterior_batch(
+    structure: Structure, data: Data, vectors: Float[Array, "draw all"]
+) -> Float[Array, " draw"]:
+    """As `log_posterior`, over draws; compiled."""
+    return jax.vmap(partial(log_posterior, structure, data))(vectors)
+
+
+@partial(jax.jit, static_argnames="structure")
+def linearise(
+    structure: Structure, data: Data, z: Float[Array, " parameter"]
+) -> tuple[Float[Array, " block"], Float[Array, "block parameter"]]:
+    """Return the residuals of all tests in a row [K] and their Jacobian [K per score]."""
+
+    def stacked(z):
+        return jnp.concatenate(residuals(structure, data, z))
+
+    value, push = jax.linearize(stacked, z)
+    return value, jax.vmap(push, out_axes=-1)(jnp.eye(structure.num_parameters))
+
+
+@partial(jax.jit, static_argnames="structure")
+def information(
+    structure: Structure, data: Data, z: Float[Array, " parameter"], noise: Noise
+) -> Float[Array, "parameter parameter"]:
+    """Return the precision of the scores, prior included, that the linear model gives."""
+    _, push = jax.linearize(lambda z: whitened(structure, data, z, noise), z)
+    jacobian = jax.vmap(push, out_axes=-1)(jnp.eye(structure.num_parameters))
+    return jacobian.T @ jacobian
+
+
+@partial(jax.jit, static_argnames="structure")
+def predict_batch(
+    structure: Structure, data: Data, z: Float[Array, "draw parameter"]
+) -> list[Float[Array, "draw block"]]:
+    """As `predictions`, over draws; compiled."""
+    return jax.vmap(partial(predictions, structure, data))(z)

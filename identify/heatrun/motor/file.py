@@ -1,0 +1,707 @@
+"""Reading the motor file: every key is known, every value checked, nothing guessed.
+
+`[tests.NAME]` of the motor file: which parts of a test count, and its own `[columns]`.
+
+Which values a parameter can have in any machine: what lies outside was mistyped, or is a test.
+
+The ranges are wide: from a motor of some grams to a generator of thousands of tonnes. They keep
+numbers out with which nothing can be computed, such as 1e300, and a unit that is wrong by far.
+
+`[population]` of a motor file: what its sisters say of a machine before its first test.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, cast, get_args
+
+from ..errors import InputError, did_you_mean
+from ..io.open_file import read_start
+from ..io.toml_text import LARGEST_BYTES, check_keys, parse_toml, shown, text_of
+from ..record.channels import BODIES, CHANNEL, body_name, parse_claims
+from ..record.motor import (
+    HEAT_LIMITS,
+    Adequacy,
+    COEFFICIENTS_degC,
+    GapLoad,
+    Motor,
+    ParameterOverride,
+    PartsOfTest,
+)
+from ..record.stretch import Stretch, in_order, parse_time
+from .certificate import parse_certificate
+
+PARTS_KEYS = ("use", "use_rows", "mask", "bridge", "gap", "columns")
+
+MOST_CHOICES = 20
+"""Right-hand sides of one channel."""
+
+MOST_PARTS = 200
+"""Of one test; each stretch becomes a test with temperatures of its own at the start."""
+
+
+def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest]:
+    """Return what `[tests.NAME]` says, by name of the test.
+
+    Args:
+        section: The parsed `[tests]`.
+        where: The motor file, for messages.
+
+    Raises:
+        InputError: If a key is not known, or a window is no pair of times or rows in order.
+    """
+    parts = {}
+    for name, keys in section.items():
+        at = f"{where}, [tests.{name}]"
+        if not isinstance(keys, dict):
+            raise InputError(
+                "Expected a section with use, use_rows, mask, bridge, gap or columns.",
+                where=at,
+                remedy=f"Write [tests.{name}] and below it use = [[600, 5400]], for example.",
+            )
+        check_keys(keys, PARTS_KEYS, at, "key")
+        if "use" in keys and "use_rows" in keys:
+            raise InputError(
+                "Both use and use_rows are given.", where=at, remedy="Keep one of them."
+            )
+        use = _stretches(keys, "use", at) + _stretches(keys, "use_rows", at)
+        mask, bridge = (
+            tuple((part.start, part.end) for part in _stretches(keys, key, at))
+            for key in ("mask", "bridge")
+        )
+        if any(math.isinf(end) for _, end in (*mask, *bridge)):
+            raise InputError("mask and bridge need both ends of a window.", where=at)
+        columns = parse_columns(keys.get("columns", {}), at)
+        parts[name] = PartsOfTest(use, mask, bridge, _gap_load(keys, at), columns)
+    return parts
+
+
+def _gap_load(keys: Mapping[str, Any], where: str) -> GapLoad | None:
+    """Return the load in gaps."""
+    section = keys.get("gap")
+    load = section.get("load") if isinstance(section, dict) else section
+    if section is None or (load in get_args(GapLoad) and section == {"load": load}):
+        return load
+    raise InputError(
+        f"Expected the load in the gaps of the logger, got {str(section)[:80]}.",
+        where=f"{where}, gap",
+        remedy='Write gap.load = "held", "zero" or "unknown".',
+    )
+
+
+def parse_columns(section: Any, where: str) -> dict[str, str | tuple[str, ...]]:
+    """Return `[columns]`, or that of a test.
+
+    Args:
+        section: As parsed.
+        where: The motor file and what the section is under, for messages.
+
+    Raises:
+        InputError: If a channel is not known, or what stands behind it is no text and no list.
+    """
+    at = f"{where}, [columns]"
+    if not isinstance(section, dict):
+        raise InputError("Expected a section with lines such as winding_degC = …", where=at)
+    columns: dict[str, str | tuple[str, ...]] = {}
+    for key, said in section.items():
+        if not isinstance(said, list):
+            columns[key] = text_of(section, key, at)
+            continue
+        if not 0 < len(said) <= MOST_CHOICES:
+            raise InputError(
+                f"Expected 1 to {MOST_CHOICES} columns for {key}, got {len(said)}.", where=at
+            )
+        columns[key] = tuple(text_of({key: text}, key, at) for text in said)
+    parse_claims(columns, where)
+    return columns
+
+
+def _stretches(keys: Mapping[str, Any], key: str, where: str) -> tuple[Stretch, ...]:
+    if key not in keys:
+        return ()
+    listed = keys[key]
+    pairs = isinstance(listed, list) and all(
+        isinstance(pair, list) and len(pair) == 2 for pair in listed
+    )
+    if not pairs or not listed or len(listed) > MOST_PARTS:
+        raise InputError(
+            f"Expected a list of 1 to {MOST_PARTS} pairs for {key}, got {str(listed)[:80]}.",
+            where=where,
+            remedy=f"Write {key} = [[600, 5400], [7200, 9000]]: first and last "
+            f"{'row' if key == 'use_rows' else 'second'} of each.",
+        )
+    at = f"{where}, {key}"
+    return tuple(
+        in_order(Stretch(_end(first, key, at), _end(last, key, at), key == "use_rows"), at)
+        for first, last in listed
+    )
+
+
+def _end(value: Any, key: str, where: str) -> float:
+    """Return one end of a window, a time [s] or a row."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if key == "use_rows":
+        kind = "a whole number from 1"
+        if is_number and isinstance(value, int) and 1 <= value < 10**15:
+            return float(value)
+    else:
+        kind = "seconds from 0, or a text such as '90 min'"
+        if is_number and 0 <= value <= 1e12:
+            return float(value)
+        if isinstance(value, str) and value.strip():
+            return parse_time(
+                value, where, "Rows stand under use_rows, as numbers: use_rows = [[1, 5000]]."
+            )
+    raise InputError(
+        f"Expected {kind} for an end of {key}, got {str(value)[:80]!r}.",
+        where=where,
+        remedy="Times are counted from the first sample of the file.",
+    )
+
+
+UNITS = {
+    "Ceq": "J/K", "Ceq_w": "J/K", "Ceq_sr": "J/K",
+    "Req": "K/W", "Req_w": "K/W", "Req_sr": "K/W",
+    "Rs0": "ohm",
+    "Tw_start": "degC", "Tsr_start": "degC",
+    "sensor_offset": "K", "ambient_offset": "K", "second_sink_offset": "K",
+    "power_gain": "1", "sensor_gain": "1", "current_gain": "1",
+    "torque_offset": "N m",
+    "shaft_power_gain": "1", "shaft_power_offset": "W",
+    "load_timing": "s",
+    **{
+        f"{body_name(channel)}_{part}": unit
+        for channel in BODIES
+        for part, unit in (("gain", "1"), ("offset", "K"), ("lag", "s"))
+    },
+}  # fmt: skip
+"""Units of the parameters beside those of effects, known before any model is made."""
+
+RANGES = {
+    "J/K": (1e-3, 1e10),  # copper has 385 J/(kg K)
+    "K/W": (1e-7, 1e5),  # still air around a thumb: some 100 K/W
+    "ohm": (1e-9, 1e6),
+    "degC": (-273.15, 1500.0),  # absolute zero; where iron melts
+    "K": (-500.0, 500.0),
+    "1": (-0.99, 10.0),  # relative errors: at -1 nothing is left of what is measured
+    "N m": (-1e6, 1e6),
+    "W": (-1e9, 1e9),
+    "s": (-86400.0, 86400.0),
+}
+"""Lowest and highest value by unit."""
+
+RELATIVE_SD = (1e-6, 1e3)
+"""Standard deviation of a prior relative to its value [1]: below, the parameter is fixed; above,
+the interval spans six powers of ten."""
+
+SMALLEST_SHARE = 1e-12
+"""Smallest standard deviation of a prior as a share of the range: below, the parameter is fixed."""
+
+WIDTHS = 25.0
+"""How far an effect's parameter may lie from the middle of its plausible range, in its widths; the
+width is four standard deviations of the prior."""
+
+
+LOG_WIDTHS = 10.0
+"""The same for a log-normal parameter, in standard deviations of the logarithm."""
+
+
+def refuse_implausible(
+    name: str, said: ParameterOverride, unit: str, limits: tuple[float, float], where: str
+) -> None:
+    """Refuse values of a motor file that no machine has.
+
+    Args:
+        name: Of the parameter.
+        said: What the motor file says of it.
+        unit: Of the parameter.
+        limits: Lowest and highest value [unit].
+        where: The place in the motor file.
+
+    Raises:
+        InputError: With the range.
+    """
+    low, high = limits
+    of_unit = "" if unit == "1" else f" {unit}"
+    for label, number in (("fixed", said.fixed), ("value", said.value)):
+        if number is not None and not low <= number <= high:
+            raise InputError(
+                f"{label} = {number:g}{of_unit} is beyond what {name} is in any machine: "
+                f"{low:g} to {high:g}{of_unit}.",
+                where=where,
+                remedy=f"Correct it (the unit is {unit}), or leave it out to have it estimated.",
+            )
+    widest, smallest = high - min(low, 0.0), SMALLEST_SHARE * (high - low)
+    if said.sd is not None and not smallest <= said.sd <= widest:
+        raise InputError(
+            f"sd = {said.sd:g}{of_unit} is no standard deviation of {name}: expected "
+            f"{smallest:.2g} to {widest:g}{of_unit}.",
+            where=where,
+            remedy="Correct it, or write fixed = … for a value that is known.",
+        )
+    low, high = RELATIVE_SD
+    if said.relative_sd is not None and not low <= said.relative_sd <= high:
+        raise InputError(
+            f"relative_sd = {said.relative_sd:g} is no standard deviation of {name} relative to "
+            f"its value: expected {low:g} to {high:g} (0.2 is 20 %).",
+            where=where,
+            remedy="Correct it, or write fixed = … for a value that is known.",
+        )
+
+
+def limits_around(centre: float, sd: float, *, is_log: bool) -> tuple[float, float]:
+    """Return the limits of an effect's parameter from its prior, which is wide already.
+
+    Args:
+        centre: Of the prior [its unit].
+        sd: Of the prior, of the logarithm [1] or [its unit].
+        is_log: Whether the prior is one of the logarithm.
+    """
+    if is_log:
+        reach = math.exp(min(LOG_WIDTHS * sd, 200.0))
+        return centre / reach, centre * reach
+    return centre - 4.0 * WIDTHS * sd, centre + 4.0 * WIDTHS * sd
+
+
+NAME = "population.json"
+"""The file of a population, in its folder."""
+
+HEAT = "unmodelled_heat"
+"""Name of the heat that a network misses, among the parameters of the noise."""
+
+
+@dataclass(frozen=True)
+class NextMachine:
+    """What a population says of its next machine before its first test.
+
+    Attributes:
+        parameters: Prior of each thermal parameter.
+        effects: Ids of the effects that its machines were calibrated with.
+        unmodelled_heat: Median of the prior of the heat that the network misses, sd over the mean
+            loss [1]; None where the machines do not tell it.
+    """
+
+    parameters: dict[str, ParameterOverride]
+    effects: tuple[str, ...] = ()
+    unmodelled_heat: float | None = None
+
+
+def next_of_population(section: Mapping[str, Any], where: str) -> NextMachine:
+    """Return what is known of a machine of a known type; nothing where no type is given.
+
+    Each parameter has its own: correlations over the machines are left aside, and covariates are at
+    their mean over the machines.
+
+    Args:
+        section: `[population]`.
+        where: The motor file; a folder is sought from where it is.
+
+    Raises:
+        InputError: If there is no population where it says.
+    """
+    if not section:
+        return NextMachine({})
+    at = f"{where}, [population]"
+    folder = Path(where).parent / text_of(section, "run", at)
+    return read_next_machine(folder, at)
+
+
+def read_next_machine(folder: Path, where: str) -> NextMachine:
+    """Return what a population says of its next machine before its first test.
+
+    Args:
+        folder: Of the population, or its file.
+        where: What asked for it, for messages.
+
+    Raises:
+        InputError: If there is no such file, or it is not one that heatrun wrote.
+    """
+    path = folder / NAME if folder.is_dir() else folder
+    remedy = "Give the folder that `heatrun population` wrote."
+    try:
+        content = json.loads(path.read_bytes())
+        found = {name: _prior(said) for name, said in content["parameters"].items()}
+        heat = _heat(content.get("noise") or {})
+    except OSError as error:
+        types = sorted(each.parent.name for each in folder.glob(f"*/{NAME}"))
+        raise InputError(
+            f"Expected a population, found no readable {path} ({error.strerror}).",
+            where=where,
+            remedy=f"Name one of the types in it: {', '.join(types)[:200]}." if types else remedy,
+        ) from None
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError):
+        raise InputError(
+            f"Expected a population as heatrun writes it, got another content in {path}.",
+            where=where,
+            remedy=remedy,
+        ) from None
+    sound = [_is_sound(each) for each in found.values()]
+    if not found or not all(sound) or not (heat is None or 0.0 < heat < math.inf):
+        raise InputError(
+            f"Expected positive medians and widths of the parameters in {path}.",
+            where=where,
+            remedy=remedy,
+        )
+    effects = dict.fromkeys(name.partition(".")[0] for name in found if "." in name)
+    return NextMachine(found, tuple(effects), _within_limits(heat))
+
+
+def _heat(noise: dict[str, Any]) -> float | None:
+    said = noise.get("parameters", {}).get(HEAT)
+    return None if said is None else float(said["next_median"])
+
+
+def _within_limits(heat: float | None) -> float | None:
+    """Return the heat as far as a motor file may say it: the tail of a law may reach beyond."""
+    low, high = HEAT_LIMITS
+    return None if heat is None else min(max(heat, low), high)
+
+
+def _prior(said: dict[str, Any]) -> ParameterOverride:
+    centre = float(said["next_median"])
+    if said.get("transform", "log") == "linear":
+        return ParameterOverride(value=centre, sd=float(said["next_sd"]))
+    return ParameterOverride(value=centre, relative_sd=math.expm1(float(said["next_log_sd"])))
+
+
+def _is_sound(prior: ParameterOverride) -> bool:
+    width = prior.sd if prior.relative_sd is None else prior.relative_sd
+    assert prior.value is not None
+    assert width is not None
+    is_positive = prior.relative_sd is None or prior.value > 0.0
+    return math.isfinite(prior.value) and is_positive and math.isfinite(width) and width > 0.0
+
+
+INSULATION_CLASSES = ("A", "E", "B", "F", "H", "N", "R")
+"""Letters of IEC 60085, in the order of their temperature."""
+
+KEYS: dict[str, tuple[str, ...]] = {
+    "motor": (
+        "name",
+        "phases",
+        "losses",
+        "sink",
+        "insulation_class",
+        "rated_speed_rpm",
+        "rated_current_A",
+        "mass_kg",
+        "raster_s",
+        "decimal",
+    ),
+    "winding": (
+        "material",
+        "resistance_coefficient_degC",
+        "phase_resistance_ohm",
+        "reference_temperature_degC",
+        "measured_resistance_ohm",
+        "lead_resistance_ohm",
+        "conductor_mass_kg",
+    ),
+    "vehicle": ("gear_ratio", "wheel_radius_m"),
+    "adequacy": ("unmodelled_heat", "heat_time_s"),
+    "population": ("run",),
+}
+"""Sections with a fixed set of keys; `[columns]` and `[parameters.NAME]` have their own."""
+
+OVERRIDE_KEYS = ("fixed", "value", "relative_sd", "sd", "per_test")
+
+LARGEST = 10**30
+"""Beyond it no quantity of a motor means anything in any unit."""
+
+MOST_PHASES = 99
+
+Limits = tuple[float, float, str]
+POSITIVE: Limits = (0.0, math.inf, "above 0")
+NOT_NEGATIVE: Limits = (-1e-12, math.inf, "at least 0")
+ANY_NUMBER: Limits = (-1e30, 1e30, "between -1e30 and 1e30")
+COEFFICIENT_RANGE: Limits = (100.0, 400.0, "between 100 and 400 degC (copper 234.5)")
+HEAT_RANGE: Limits = (
+    *HEAT_LIMITS,
+    f"between {HEAT_LIMITS[0]:g} and {HEAT_LIMITS[1]:g} of the mean loss "
+    f"(usual: {Adequacy().unmodelled_heat:g})",
+)
+HEAT_TIME_RANGE: Limits = (60.0, 86400.0, "between 60 and 86400 s (usual: 1200)")
+REFERENCE_RANGE: Limits = (-60.0, 250.0, "between -60 and 250 degC")
+
+
+def load_motor(path: str | Path) -> Motor:
+    """Read a motor file.
+
+    Args:
+        path: A TOML file with `[motor]` and optionally `[winding]`, `[vehicle]`, `[columns]`,
+            `[constants]`, `[sensors]`, `[model]`, `[adequacy]`, `[population]`, `[tests.NAME]`,
+            `[certificate]` and `[parameters.NAME]`.
+
+    Raises:
+        InputError: If the file cannot be read, has a section or key that is not known (with the
+            closest one), a value of another type or out of range, or two that contradict.
+    """
+    return parse_motor(read_start(path, LARGEST_BYTES), str(path))
+
+
+def parse_motor(data: bytes, where: str) -> Motor:
+    """Return the machine of a motor file; errors as `load_motor`.
+
+    Args:
+        data: The bytes of the file.
+        where: The file, for messages.
+    """
+    content = parse_toml(data, where)
+    check_keys(
+        content,
+        (*KEYS, "model", "columns", "constants", "sensors", "tests", "parameters", "certificate"),
+        where,
+        "section",
+    )
+    sections = {name: _section(content, name, where) for name in KEYS}
+    for name, keys in KEYS.items():
+        check_keys(sections[name], keys, f"{where}, [{name}]", "key")
+    motor, winding, vehicle, adequacy, population = (sections[name] for name in KEYS)
+    sisters = next_of_population(population, where)
+    effects = _effects(_section(content, "model", where), where)
+    if "name" not in motor:
+        raise InputError(
+            "Expected the name of the motor, found none.",
+            where=f"{where}, [motor]",
+            remedy='Add: name = "…".',
+        )
+    at, at_winding, at_vehicle, at_adequacy, _ = (f"{where}, [{name}]" for name in KEYS)
+    return Motor(
+        name=text_of(motor, "name", at),
+        phases=_phases(motor, at),
+        losses=cast(
+            Literal["balance", "map"], _choice(motor, "losses", ("balance", "map"), at) or "balance"
+        ),
+        sink=cast(
+            Literal["ambient", "coolant"],
+            _choice(motor, "sink", ("ambient", "coolant"), at) or "ambient",
+        ),
+        insulation_class=_choice(motor, "insulation_class", INSULATION_CLASSES, at),
+        rated_speed_rpm=_number(motor, "rated_speed_rpm", POSITIVE, at),
+        rated_current_A=_number(motor, "rated_current_A", POSITIVE, at),
+        resistance_coefficient_degC=_coefficient(winding, at_winding),
+        mass_kg=_number(motor, "mass_kg", POSITIVE, at),
+        conductor_mass_kg=_conductor_mass(winding, motor, where),
+        phase_resistance_ohm=_number(winding, "phase_resistance_ohm", POSITIVE, at_winding),
+        reference_temperature_degC=_or_default(
+            _number(winding, "reference_temperature_degC", REFERENCE_RANGE, at_winding),
+            Motor.reference_temperature_degC,
+        ),
+        measured_resistance_ohm=_number(winding, "measured_resistance_ohm", POSITIVE, at_winding),
+        lead_resistance_ohm=_leads(winding, at_winding),
+        gear_ratio=_number(vehicle, "gear_ratio", POSITIVE, at_vehicle),
+        wheel_radius_m=_number(vehicle, "wheel_radius_m", POSITIVE, at_vehicle),
+        columns=parse_columns(_section(content, "columns", where), where),
+        constants=_constants(_section(content, "constants", where), where),
+        parameters={
+            **sisters.parameters,
+            **_parameters(_section(content, "parameters", where), where),
+        },
+        sensors=_sensors(_section(content, "sensors", where), where),
+        tests=parse_parts(_section(content, "tests", where), where),
+        effects=tuple(dict.fromkeys((*effects, *sisters.effects))),
+        adequacy=_adequacy(adequacy, sisters.unmodelled_heat, at_adequacy),
+        certificate=parse_certificate(_section(content, "certificate", where), where),
+        raster_s=_number(motor, "raster_s", POSITIVE, at),
+        decimal=cast(Literal[".", ","] | None, _choice(motor, "decimal", (".", ","), at)),
+        sha256=hashlib.sha256(data).hexdigest(),
+        path=where,
+    )
+
+
+def _section(content: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any]:
+    section = content.get(name, {})
+    if not isinstance(section, dict):
+        raise InputError(
+            f"Expected a section, got {shown(section)}.",
+            where=f"{where}, {name}",
+            remedy=f"Write [{name}] on a line of its own.",
+        )
+    return section
+
+
+def _choice(
+    section: Mapping[str, Any], key: str, choices: tuple[str, ...], where: str
+) -> str | None:
+    if key not in section:
+        return None
+    value = section[key]
+    if value not in choices:
+        near = did_you_mean(value, choices) if isinstance(value, str) else ""
+        raise InputError(
+            f"Expected one of {', '.join(choices)} for {key}, got {shown(value)}. {near}".strip(),
+            where=where,
+            remedy=f'Write {key} = "{choices[0]}", for example.',
+        )
+    return value
+
+
+def _number(section: Mapping[str, Any], key: str, limits: Limits, where: str) -> float | None:
+    if key not in section:
+        return None
+    value = section[key]
+    low, high, spoken = limits
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(
+            f"Expected a number for {key}, got {shown(value)}.",
+            where=where,
+            remedy=f"Write {key} = 1.0, without quotes and unit.",
+        )
+    if isinstance(value, int) and abs(value) > LARGEST:  # an integer may be too large for a float
+        raise InputError(f"Expected {key} {spoken}, got {shown(value)}.", where=where)
+    # Not `value <= low`: NaN must be refused too.
+    if not (low < value < high):
+        raise InputError(f"Expected {key} {spoken}, got {value:g}.", where=where)
+    return float(value)
+
+
+def _or_default(value: float | None, default: float) -> float:
+    return default if value is None else value
+
+
+def _phases(motor: Mapping[str, Any], where: str) -> int:
+    value = motor.get("phases", Motor.phases)
+    if isinstance(value, int) and value > MOST_PHASES:
+        raise InputError(f"Expected at most {MOST_PHASES} phases, got {shown(value)}.", where=where)
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise InputError(
+            f"Expected a whole number of phases above 0, got {shown(value)}.",
+            where=where,
+            remedy="Write phases = 3.",
+        )
+    return value
+
+
+def _coefficient(winding: Mapping[str, Any], where: str) -> float:
+    material = _choice(winding, "material", tuple(COEFFICIENTS_degC), where)
+    coefficient = _number(winding, "resistance_coefficient_degC", COEFFICIENT_RANGE, where)
+    if material is not None and coefficient is not None:
+        raise InputError(
+            f"Both material = '{material}' ({COEFFICIENTS_degC[material]:g} degC) and "
+            f"resistance_coefficient_degC = {coefficient:g} are given.",
+            where=where,
+            remedy="Keep one of them.",
+        )
+    if coefficient is not None:
+        return coefficient
+    return COEFFICIENTS_degC[material or "copper"]
+
+
+def _conductor_mass(
+    winding: Mapping[str, Any], motor: Mapping[str, Any], where: str
+) -> float | None:
+    """Return the mass of the conductor [kg], which is a part of that of the machine."""
+    conductor = _number(winding, "conductor_mass_kg", POSITIVE, f"{where}, [winding]")
+    whole = _number(motor, "mass_kg", POSITIVE, f"{where}, [motor]")
+    if conductor is not None and whole is not None and conductor >= whole:
+        raise InputError(
+            f"Expected conductor_mass_kg below mass_kg, got {conductor:g} of {whole:g} kg.",
+            where=f"{where}, [winding]",
+            remedy="Write both in kg; mass_kg is that of the whole machine.",
+        )
+    return conductor
+
+
+def _leads(winding: Mapping[str, Any], where: str) -> float:
+    """Return the resistance of the leads [ohm], which is a part of the measured one."""
+    leads = _number(winding, "lead_resistance_ohm", NOT_NEGATIVE, where) or 0.0
+    whole = _number(winding, "measured_resistance_ohm", POSITIVE, where)
+    if whole is not None and leads >= whole:
+        raise InputError(
+            f"Expected lead_resistance_ohm below measured_resistance_ohm, got {leads:g} of "
+            f"{whole:g} ohm.",
+            where=where,
+            remedy="Write both in ohm; measured_resistance_ohm is that of winding and leads.",
+        )
+    return leads
+
+
+def _effects(section: Mapping[str, Any], where: str) -> tuple[str, ...]:
+    at = f"{where}, [model]"
+    check_keys(section, ("effects",), at, "key")
+    effects = section.get("effects", [])
+    if not isinstance(effects, list) or not all(isinstance(e, str) for e in effects):
+        raise InputError(
+            f"Expected a list of effects, got {shown(effects)}.",
+            where=at,
+            remedy='Write effects = ["speed_cooling"]; the ids stand in docs/motor_file.md.',
+        )
+    return tuple(effects)
+
+
+def _constants(section: Mapping[str, Any], where: str) -> dict[str, float]:
+    """Return the value of each channel that is constant."""
+    at = f"{where}, [constants]"
+    known = [name for name in CHANNEL if name not in ("time_s", "winding_degC")]
+    check_keys(section, known, at, "channel")
+    values = {name: _number(section, name, ANY_NUMBER, at) for name in section}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _sensors(section: Mapping[str, Any], where: str) -> dict[str, str]:
+    """Return the node of each measured body by its channel."""
+    at = f"{where}, [sensors]"
+    check_keys(section, BODIES, at, "channel")
+    return {channel: text_of(section, channel, at) for channel in section}
+
+
+def _adequacy(section: Mapping[str, Any], of_sisters: float | None, where: str) -> Adequacy:
+    usual = Adequacy()
+    heat = _or_default(of_sisters, usual.unmodelled_heat)
+    return Adequacy(
+        unmodelled_heat=_or_default(_number(section, "unmodelled_heat", HEAT_RANGE, where), heat),
+        heat_time_s=_or_default(
+            _number(section, "heat_time_s", HEAT_TIME_RANGE, where), usual.heat_time_s
+        ),
+    )
+
+
+def _parameters(section: Mapping[str, Any], where: str) -> dict[str, ParameterOverride]:
+    overrides = {}
+    for name in section:
+        at = f"{where}, [parameters.{name}]"
+        keys = section[name]
+        if not isinstance(keys, dict) or not keys:
+            raise InputError(
+                f"Expected a section with one of {', '.join(OVERRIDE_KEYS)}, got {shown(keys)}.",
+                where=at,
+                remedy=f"Write [parameters.{name}] and below it fixed = 0.1, for example.",
+            )
+        check_keys(keys, OVERRIDE_KEYS, at, "key")
+        overrides[name] = said = _override(keys, at)
+        unit = UNITS.get(name)
+        if unit is not None:  # those of effects are looked at where the effects are known
+            refuse_implausible(name, said, unit, RANGES[unit], at)
+    return overrides
+
+
+def _override(keys: Mapping[str, Any], where: str) -> ParameterOverride:
+    beside_fixed = [key for key in OVERRIDE_KEYS[1:] if key in keys]
+    if "fixed" in keys and beside_fixed:
+        raise InputError(
+            f"A fixed parameter has no {' and no '.join(beside_fixed)}.",
+            where=where,
+            remedy="Remove either fixed or the others.",
+        )
+    if "sd" in keys and "relative_sd" in keys:
+        raise InputError(
+            "Both sd and relative_sd are given.", where=where, remedy="Keep one of them."
+        )
+    per_test = keys.get("per_test")
+    if per_test is not None and not isinstance(per_test, bool):
+        raise InputError(
+            f"Expected true or false for per_test, got {shown(per_test)}.", where=where
+        )
+    finite: Limits = (-math.inf, math.inf, "to be finite")
+    return ParameterOverride(
+        fixed=_number(keys, "fixed", finite, where),
+        value=_number(keys, "value", finite, where),
+        relative_sd=_number(keys, "relative_sd", POSITIVE, where),
+        sd=_number(keys, "sd", POSITIVE, where),
+        per_test=per_test,
+    )

@@ -1,0 +1,221 @@
+"""The posterior of a fit by MCMC (emcee) or, where its diagnostics allow, importance sampling."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from ..fit.fit_result import Fit
+from ..model.draws import Draws, PlausibleEffects
+from ..model.kernels import at_once
+from .convergence import FULL, QUICK, Convergence, judge
+from .importance import importance_sample, starting_sample
+from .weighted import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted, spread
+
+NUM_ENSEMBLES = 2
+"""Ensembles that run apart, so that they can be held against each other."""
+
+CHUNK = 250
+"""Steps between two checkpoints, and between two looks at the convergence at first."""
+
+LOOK_AGAIN = 0.1
+"""Growth of the ensembles between two looks [1]: a look takes the longer the more steps it sees."""
+
+BURN_IN = 0.2
+"""Share of the steps that is dropped: the walkers start from importance samples."""
+
+MOST_STEPS = 24_000
+"""Steps of an ensemble after which it is given up, with a verdict that says so. After half of them
+it is, where the autocorrelation time says that the other half would not do."""
+
+NUM_KEPT = 4000
+"""Draws kept of the posterior."""
+
+Method = Literal["emcee", "importance", "normal"]
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws from the posterior of a fit.
+
+    Attributes:
+        fit: What was sampled.
+        vectors: Scores of parameters and noise, shape (chain, draw, all); a chain is one of the
+            ensembles, thinned, one walker after the other.
+        log_density: Unnormalised log posterior, shape (chain, draw).
+        method: How they were drawn.
+        weighted: The importance samples that came first; None for draws of a normal law.
+        convergence: Verdict on the ensembles; None for importance sampling.
+        was_to_be_quick: Whether the ensembles stand in for importance samples that could not be
+            trusted.
+        plausible: Effects behind the draws, where these are averaged over models with one; None
+            where all draws are of the network alone.
+        alone: The posterior before it was averaged; None where it was not.
+    """
+
+    fit: Fit
+    vectors: Float[np.ndarray, "chain draw all"]
+    log_density: Float[np.ndarray, "chain draw"]
+    method: Method
+    weighted: Weighted | None
+    convergence: Convergence | None
+    was_to_be_quick: bool = False
+    plausible: PlausibleEffects | None = None
+    alone: Posterior | None = None
+
+    @property
+    def flat(self) -> Float[np.ndarray, "draw all"]:
+        """All draws in a row."""
+        return self.vectors.reshape(-1, self.vectors.shape[-1])
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether the draws can be trusted."""
+        if self.convergence is not None:
+            return self.convergence.is_enough
+        return self.weighted is not None and self.weighted.is_sound
+
+    def sentence(self) -> str:
+        """Return the verdict in words."""
+        if self.weighted is None:
+            return (
+                "Drawn from the normal law around the fit, for sampling failed: the intervals are "
+                "indicative."
+            )
+        figures = (
+            f"Pareto k {self.weighted.pareto_k:.2f}, limit {PARETO_LIMIT:g}; effective sample size "
+            f"{self.weighted.effective_size:.0f}, at least {LEAST_EFFECTIVE:g}"
+        )
+        if self.convergence is not None:
+            why = (
+                " With `--quick`, MCMC took the place of importance sampling, which is faster and "
+                f"not reliable for these tests ({figures})."
+            )
+            return self.convergence.sentence() + (why if self.was_to_be_quick else "")
+        if self.weighted.is_sound:
+            return f"Importance sampling is reliable ({figures})."
+        return f"Importance sampling is not reliable ({figures}): the intervals are indicative."
+
+    @property
+    def draws(self) -> Draws:
+        """The draws with what gives them a meaning: enough to predict any test."""
+        problem = self.fit.problem
+        return Draws(
+            problem.model,
+            problem.motor,
+            problem.parameters,
+            self.flat,
+            self.plausible,
+            problem.loggers,
+        )
+
+    def thin(self, num: int, seed: int = 0) -> Float[np.ndarray, "draw all"]:
+        """Return `num` of the draws, picked evenly at random without repetition."""
+        flat = self.flat
+        picked = np.random.default_rng(seed).permutation(flat.shape[0])[:num]
+        return flat[picked]
+
+    def values(self) -> dict[str, np.ndarray]:
+        """Return the draws by slot name in physical units, each of shape (chain, draw)."""
+        parameters = self.fit.problem.parameters
+        return parameters.physical(self.vectors[..., : self.fit.problem.num_parameters])
+
+
+def sample(
+    fit: Fit,
+    *,
+    method: Literal["emcee", "quick"] = "emcee",
+    seed: int = 0,
+    folder: Path | None = None,
+    progress: Progress | None = None,
+    most_steps: int = MOST_STEPS,
+) -> Posterior:
+    """Sample the posterior around a fit.
+
+    Args:
+        fit: The fit.
+        method: `"emcee"`: MCMC; `"quick"`: importance sampling if it is sound, else MCMC of half
+            the effective sample size.
+        seed: Random seed.
+        folder: Where checkpoints are written and taken up again; None for none.
+        progress: Called with a sentence and the share done.
+        most_steps: Steps of an ensemble after which it is given up; after half of them where all
+            would not do.
+    """
+    is_quick = method == "quick"
+    weighted = (importance_sample if is_quick else starting_sample)(fit, seed=seed)
+    if is_quick and weighted.is_sound:
+        return _of_weighted(fit, weighted, seed)
+    wanted = QUICK if is_quick else FULL
+    instead = "importance sampling is not reliable here, MCMC instead: " if is_quick else ""
+
+    from .ensemble import Ensemble
+
+    size = fit.vector.size
+    num_walkers = max(64, 2 * (2 * size // 2 + 1))
+    ensembles = [
+        Ensemble.begin(fit, weighted, num_walkers, index, seed, folder)
+        for index in range(NUM_ENSEMBLES)
+    ]
+    num_steps = 0
+    while True:
+        chunks = max(1, int(LOOK_AGAIN * num_steps / CHUNK))
+        at_once(lambda ensemble, num=chunks: ensemble.advance(CHUNK, num), ensembles)
+        num_steps = ensembles[0].num_steps
+        drop = int(BURN_IN * num_steps)
+        chains = np.stack([ensemble.chain()[drop:] for ensemble in ensembles])
+        convergence = judge(chains, wanted)
+        if (convergence.is_enough and num_steps >= 2 * CHUNK) or num_steps >= most_steps:
+            break
+        if progress is not None:
+            # until it is enough there is one look more at least, whatever lacks
+            times = max(convergence.times_as_long, 1.0 + LOOK_AGAIN)
+            steps = max(times * num_steps, 2 * CHUNK)
+            steps = CHUNK * math.ceil(steps / CHUNK) if steps < most_steps else most_steps
+            progress(f"{instead}{num_steps} of about {steps} steps", num_steps / steps)
+        least_steps = wanted.times * convergence.autocorrelation / (1.0 - BURN_IN)
+        if num_steps >= most_steps // 2 and least_steps > most_steps:
+            break
+    density = np.stack([ensemble.density()[drop:] for ensemble in ensembles])
+    return Posterior(fit, keep(chains), keep(density), "emcee", weighted, convergence, is_quick)
+
+
+def keep(draws: Float[np.ndarray, "ensemble step walker ..."]) -> np.ndarray:
+    """Return about `NUM_KEPT` draws, shape (ensemble, draw, ...): whole steps, walker by walker.
+
+    Every n-th of all draws in a row would be the same few walkers wherever n and their number
+    share a divisor. One walker after the other, so that whoever looks for the autocorrelation of
+    the rows finds it.
+    """
+    every = max(1, draws.shape[0] * draws.shape[1] * draws.shape[2] // NUM_KEPT)
+    by_walker = np.swapaxes(draws[:, ::every], 1, 2)
+    return by_walker.reshape(draws.shape[0], -1, *draws.shape[3:])
+
+
+def normal_draws(fit: Fit, *, seed: int = 0) -> Posterior:
+    """Return draws of the normal law around a fit, for where nothing better could be had.
+
+    They are not held against the posterior: `Posterior.is_sound` is false.
+    """
+    rng = np.random.default_rng([seed, 2])
+    values, axes = np.linalg.eigh(0.5 * (fit.covariance + fit.covariance.T))
+    spread = axes * np.sqrt(np.maximum(values, 0.0))
+    vectors = fit.vector + rng.standard_normal((NUM_KEPT, fit.vector.size)) @ spread.T
+    return Posterior(fit, vectors[None], np.full((1, NUM_KEPT), np.nan), "normal", None, None)
+
+
+def weighted_draws(fit: Fit, *, seed: int = 0) -> Posterior:
+    """Return importance samples of a fit, reliable or not; `Posterior.is_sound` tells."""
+    return _of_weighted(fit, importance_sample(fit, seed=seed), seed)
+
+
+def _of_weighted(fit: Fit, weighted: Weighted, seed: int) -> Posterior:
+    vectors, density = spread(fit, weighted, NUM_KEPT, np.random.default_rng([seed, 1]))
+    return Posterior(fit, vectors[None], density[None], "importance", weighted, None)

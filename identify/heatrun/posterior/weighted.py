@@ -1,0 +1,265 @@
+"""Draws with importance weights, and when they can be trusted.
+
+Pareto-smoothed weights and Pareto k by ArviZ: these are all calls of it that inference makes.
+
+Works on ArviZ 0.23 and 1.x. What ArviZ has no figure for stays where it is needed: the convergence
+of ensembles, whose walkers are no chains, and Kish's effective sample size, which is one line.
+
+Equally weighted draws of which none stands for many.
+
+Draws that are picked by their weights repeat: the few that the proposal makes too rarely stand
+dozens of times, and the end of an interval may rest on one of them. Some steps of differential
+evolution, which leave the posterior as it is, move the copies apart.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import warnings
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from typing import Any, Protocol
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.special import logsumexp
+
+from ..fit.fit_result import Fit
+from ..model.kernels import in_batches
+from ..model.problem import log_posterior_batch
+
+_LOADING = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """Importance weights whose largest are replaced by the quantiles of a law fitted to them.
+
+    Attributes:
+        log_weight: Their logarithms, normalised; -inf for a weight of zero, shape (draw,).
+        pareto_k: Shape of the generalised Pareto law of the largest weights [1]; infinite where
+            there is no tail to fit, as with equal weights, which stay as they are.
+    """
+
+    log_weight: Float[np.ndarray, " draw"]
+    pareto_k: float
+
+
+def pareto_smoothed(log_weight: Float[np.ndarray, " draw"]) -> Smoothed:
+    """Return weights with a Pareto-smoothed tail: hardly biased, and of far smaller variance.
+
+    Args:
+        log_weight: Logarithms of importance weights, up to a constant; -inf for a weight of zero.
+            Where all are zero they come back as they are.
+
+    Reference: A. Vehtari, D. Simpson, A. Gelman, Y. Yao, J. Gabry, Pareto Smoothed Importance
+        Sampling, Journal of Machine Learning Research 25 (2024) 72.
+    """
+    if not np.any(np.isfinite(log_weight)):
+        return Smoothed(log_weight, float("inf"))
+    raw = log_weight - logsumexp(log_weight)
+    if np.unique(log_weight[np.isfinite(log_weight)]).size < 2:
+        return Smoothed(raw, float("inf"))
+    arviz = load_arviz()
+    if hasattr(arviz, "psislw"):
+        smoothed, shape = arviz.psislw(log_weight)
+    else:
+        from arviz_stats.base import array_stats  # pyright: ignore[reportMissingImports]
+
+        smoothed, shape = array_stats.psislw(-log_weight)  # 1.x takes log likelihoods: negative
+    if not np.isfinite(shape):
+        return Smoothed(raw, float("inf"))
+    smoothed = np.asarray(smoothed, dtype=float)
+    return Smoothed(smoothed - logsumexp(smoothed), float(shape))
+
+
+def load_arviz() -> Any:
+    """Return the module; it is loaded when it is first needed, for it takes a second."""
+    with _LOADING:  # the orders are sampled in threads, and filters of warnings belong to all
+        if "arviz" not in sys.modules:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # 0.23 announces 1.0 when it is imported
+                import_module("arviz")
+        return sys.modules["arviz"]
+
+
+PARETO_LIMIT = 0.7
+"""Largest Pareto k at which importance sampling can be trusted (Vehtari et al., 2024)."""
+
+LEAST_EFFECTIVE = 400
+"""Smallest effective sample size at which importance sampling can be trusted."""
+
+BATCH = 32
+"""Draws evaluated at once, half an ensemble: more of them fall out of the cache."""
+
+
+class AbstractDrawn(Protocol):
+    """Draws with the log density of what they were drawn from [nat]."""
+
+    @property
+    def vectors(self) -> Float[np.ndarray, "draw all"]:
+        """Scores of parameters and noise."""
+        ...
+
+    @property
+    def log_density(self) -> Float[np.ndarray, " draw"]:
+        """Of the proposal [nat]."""
+        ...
+
+
+class AbstractProposal(Protocol):
+    """A density that can be drawn from."""
+
+    def draw(self, num: int, rng: np.random.Generator) -> AbstractDrawn:
+        """Return draws."""
+        ...
+
+    def log_density(self, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
+        """Return the log density of vectors from elsewhere [nat]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Weighted:
+    """Draws with weights.
+
+    Attributes:
+        vectors: Scores of parameters and noise, shape (draw, all).
+        log_density: Unnormalised log posterior, shape (draw,).
+        weights: Normalised importance weights, their tail Pareto-smoothed, shape (draw,).
+        pareto_k: Shape of the Pareto fit to the largest weights [1].
+        log_evidence: Estimate of the log marginal likelihood, of the weights as they came: they
+            are without bias [nat].
+        proposal: Where they were drawn from.
+    """
+
+    vectors: Float[np.ndarray, "draw all"]
+    log_density: Float[np.ndarray, " draw"]
+    weights: Float[np.ndarray, " draw"]
+    pareto_k: float
+    log_evidence: float
+    proposal: AbstractProposal
+
+    @classmethod
+    def of(
+        cls,
+        vectors: Float[np.ndarray, "draw all"],
+        log_density: Float[np.ndarray, " draw"],
+        proposed: Float[np.ndarray, " draw"],
+        proposal: AbstractProposal,
+    ) -> Weighted:
+        """Return draws with their weights.
+
+        Args:
+            vectors: The draws.
+            log_density: Their log posterior; -inf where it is nothing [nat].
+            proposed: Their log density under the proposal [nat].
+            proposal: Where they were drawn from.
+        """
+        log_weight = log_density - proposed
+        log_weight = np.where(np.isfinite(log_weight), log_weight, -np.inf)
+        smoothed = pareto_smoothed(log_weight)
+        return cls(
+            vectors=vectors,
+            log_density=log_density,
+            weights=np.exp(smoothed.log_weight),
+            pareto_k=smoothed.pareto_k,
+            log_evidence=float(np.asarray(logsumexp(log_weight))) - float(np.log(log_weight.size)),
+            proposal=proposal,
+        )
+
+    @property
+    def effective_size(self) -> float:
+        """Kish's effective sample size."""
+        return float(1.0 / np.sum(self.weights**2))
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether the weights can be trusted."""
+        return self.pareto_k < PARETO_LIMIT and self.effective_size > LEAST_EFFECTIVE
+
+    def pick(self, num: int, rng: np.random.Generator) -> Int[np.ndarray, " num"]:
+        """Return the positions of rows drawn with their weights."""
+        return rng.choice(self.weights.size, size=num, p=self.weights)
+
+    def resample(self, num: int, rng: np.random.Generator) -> Float[np.ndarray, "num all"]:
+        """Return rows drawn with their weights."""
+        return self.vectors[self.pick(num, rng)]
+
+
+def truncated(weights: Float[np.ndarray, " draw"]) -> Float[np.ndarray, " draw"]:
+    """Return weights of which none exceeds the mean times the root of their number, normalised.
+
+    Reference: E. L. Ionides, Truncated Importance Sampling, Journal of Computational and Graphical
+        Statistics 17 (2008) 295-311.
+    """
+    cut = np.minimum(weights, weights.size**-0.5)
+    return cut / np.sum(cut)
+
+
+def evaluate(fit: Fit, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
+    """Return the log posterior of many vectors."""
+    structure, data = fit.problem.structure, fit.problem.data
+    return in_batches(partial(log_posterior_batch, structure, data), vectors, BATCH)
+
+
+ROUNDS = 5
+"""Steps of each draw."""
+
+GAMMA = 1.2
+"""Length of a step times the root of twice the number of dimensions [1]: half of what mixes
+fastest, for more of the steps are then accepted, and a draw that has not moved stands with its
+copies."""
+
+JITTER = 1e-5
+"""Standard deviation that is added to each step [scores], so that every point can be reached."""
+
+Spread = tuple[Float[np.ndarray, "draw all"], Float[np.ndarray, " draw"]]
+
+
+def spread(fit: Fit, weighted: Weighted, num: int, rng: np.random.Generator) -> Spread:
+    """Return draws picked by their weights and moved apart, with their log posterior [nat].
+
+    Args:
+        fit: What is sampled.
+        weighted: Draws with weights.
+        num: Number of draws wanted.
+        rng: Of the choice and of the steps.
+
+    Reference: W. R. Gilks, C. Berzuini, Following a moving target: Monte Carlo inference for
+        dynamic Bayesian models, Journal of the Royal Statistical Society B 63 (2001) 127-146
+        (resample and move); C. J. F. ter Braak, A Markov chain Monte Carlo version of the genetic
+        algorithm differential evolution, Statistics and Computing 16 (2006) 239-249.
+    """
+    picked = _systematic(weighted.weights, num, rng)
+    rng.shuffle(picked)  # copies stand in a row, and would all be in one half
+    vectors, density = weighted.vectors[picked], weighted.log_density[picked]
+    halves = np.array_split(np.arange(num), 2)
+    for _ in range(ROUNDS):
+        for mine, others in (halves, halves[::-1]):
+            moved = vectors[mine] + _steps(vectors[others], mine.size, rng)
+            there = evaluate(fit, moved)
+            is_taken = np.log(rng.uniform(size=mine.size)) < there - density[mine]
+            vectors[mine[is_taken]], density[mine[is_taken]] = moved[is_taken], there[is_taken]
+    return vectors, density
+
+
+def _steps(
+    others: Float[np.ndarray, "other all"], num: int, rng: np.random.Generator
+) -> Float[np.ndarray, "num all"]:
+    """Return differences of two draws of the other half, scaled."""
+    first = rng.integers(others.shape[0], size=num)
+    second = (first + rng.integers(1, others.shape[0], size=num)) % others.shape[0]
+    size = others.shape[1]
+    jitter = JITTER * rng.standard_normal((num, size))
+    return GAMMA / np.sqrt(2.0 * size) * (others[first] - others[second]) + jitter
+
+
+def _systematic(
+    weights: Float[np.ndarray, " draw"], num: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Return positions: each stands as often as its weight says, rounded up or down."""
+    levels = (np.arange(num) + rng.uniform()) / num
+    return np.minimum(np.searchsorted(np.cumsum(weights), levels), weights.size - 1)

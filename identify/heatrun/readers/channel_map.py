@@ -1,0 +1,458 @@
+"""From the columns of a file to canonical channels, by the motor file or by known names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..errors import InputError, did_you_mean
+from ..io.quantities import printable
+from ..record.channels import (
+    CHANNEL,
+    COLUMN_MAPS,
+    NOT_RECORDED,
+    REQUIRED,
+    Claim,
+    ColumnMap,
+    Columns,
+    parse_claims,
+)
+from ..record.header import read_heading
+from ..record.record import ColumnReading, Finding, Record
+from ..record.table import Column, Table
+from ..record.units import QUANTITIES, find_unit, quantities_of, require_unit
+from .labels import columns_of, is_sure, named_unit, speaks_of, words_in
+from .likely_names import SURE, read_name
+from .mapping import Assignment, overridden, statements, unit_of, unit_wanted
+
+ONLY_CLOCK, ITS_WORDS = "the one column of times", "its words"
+"""What says that a column is the time where nobody has named it: a rate goes before both."""
+
+
+@dataclass(frozen=True)
+class MappedColumns:
+    """The canonical channels of one file.
+
+    Attributes:
+        channels: Canonical name to float64 in the canonical unit, shape (time,).
+        notes: What was mapped from where, and with which unit.
+        findings: Doubts about the mapping.
+        unused: Columns that became no channel.
+        rate_Hz: Sampling rate that `[columns]` gives in place of a time column [Hz], or None.
+        columns: Canonical name to the name of the column that became it.
+        readings: How each column became its channel.
+        parts: Canonical name to the names of the columns that it combines, where it does.
+        start: When the times begin, as `Column.start`.
+        refused: Name of a column to the reason why it is no channel, whatever it looks like.
+        decided: Channels whose unit `[columns]` itself gives.
+    """
+
+    channels: Mapping[str, np.ndarray]
+    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    unused: tuple[str, ...] = ()
+    rate_Hz: float | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
+    readings: tuple[ColumnReading, ...] = ()
+    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    start: str = ""
+    refused: Mapping[str, str] = field(default_factory=dict)
+    decided: frozenset[str] = frozenset()
+
+    def names(self, channel: str) -> tuple[str, ...]:
+        """Return the names of the columns that a channel is made of."""
+        return self.parts.get(channel, (self.columns[channel],))
+
+
+def map_columns(
+    table: Table,
+    columns: Columns | None = None,
+    *,
+    where: str,
+    is_part: bool = False,
+) -> MappedColumns:
+    """Return the canonical channels of a table.
+
+    The motor file's `[columns]` come first, then exact canonical names, then the built-in maps in
+    their order, then names of which every word speaks for one channel; a channel found earlier is
+    not looked for again.
+
+    Args:
+        table: What a reader returned.
+        columns: `[columns]` of the motor file.
+        where: The file, for messages.
+        is_part: The file is one of several of the same test: a column that `[columns]` names and
+            the file does not have is a note, not an error.
+
+    Raises:
+        InputError: If a named channel or column does not exist, two columns claim one channel, a
+            unit is not known or belongs to another quantity.
+    """
+    mapping = Assignment(where)
+    pool = table.columns + _constants(table)
+    rate_Hz = None
+    for claim in parse_claims(columns or {}, where):
+        may_lack = is_part or claim.is_choice
+        if claim.is_choice and claim.channel in mapping.channels:
+            continue  # the first of several counts
+        if claim.rate_Hz is not None:
+            rate_Hz = claim.rate_Hz
+            continue
+        if claim.text == NOT_RECORDED:
+            mapping.excluded.add(claim.channel)
+            continue
+        if claim.parts and all(column.name != claim.text for column in pool):
+            _add_combined(mapping, claim, pool, table, may_lack)
+            continue
+        column = _claimed(claim, pool, table, where, may_lack)
+        if column is None:
+            mapping.notes.append(f"{claim.channel}: no column '{claim.text}' in this file.")
+            continue
+        claim = _by_resistance(claim, column, where)
+        _add_claimed(mapping, claim, column)
+    _add_canonical(mapping, table.columns)
+    for column_map in COLUMN_MAPS:
+        if _num_present(column_map, pool) >= column_map.num_needed:
+            _add_by_map(mapping, column_map, pool)
+    if rate_Hz is not None:
+        mapping.excluded.add("time_s")  # a rate that is stated goes before a word
+    _add_by_words(mapping, table.columns)
+    if rate_Hz is None:
+        _add_only_clock(mapping, pool)
+    used = mapping.used
+    unused = [column.name for column in table.columns if id(column) not in used]
+    mapping.findings += [*mapping.used_twice(), *_texts_for_numbers(mapping, table)]
+    return MappedColumns(
+        mapping.channels,
+        tuple(mapping.notes),
+        tuple(mapping.findings),
+        (*unused, *table.text_columns),
+        rate_Hz,
+        {name: column.name for name, column in mapping.taken.items()},
+        tuple(mapping.readings),
+        {name: tuple(part.name for part in parts) for name, parts in mapping.parts.items()},
+        mapping.taken["time_s"].start if "time_s" in mapping.taken else "",
+        mapping.refused,
+        frozenset(mapping.decided),
+    )
+
+
+def _texts_for_numbers(mapping: Assignment, table: Table) -> list[Finding]:
+    """Return a finding for each column that would be a channel if it did not hold text."""
+    found = []
+    for name, text in table.text_columns.items():
+        label = read_heading(name).label
+        spoken = {label} | {
+            channel
+            for quantity in QUANTITIES
+            for channel, score in speaks_of(label, quantity, None).items()
+            if score == SURE
+        }
+        lost = [channel for channel in REQUIRED if channel in spoken and mapping.wants(channel)]
+        if text and lost:
+            found.append(
+                Finding(
+                    id="text_for_numbers",
+                    severity="warning",
+                    message=f"Expected numbers, got text, '{printable(text[:40])}' in its first "
+                    f"cell: {lost[0]} is left out.",
+                    where=f"{mapping.where}, column '{name}'",
+                    remedy="Export numbers, with their unit in the heading.",
+                )
+            )
+    return found
+
+
+def require(record: Record, channels: Sequence[str] = REQUIRED) -> None:
+    """Check that a record has channels.
+
+    Args:
+        record: The test.
+        channels: Canonical names; by default those that a fit needs.
+
+    Raises:
+        InputError: Naming the missing channels, what the file has and how to map them.
+    """
+    missing = [name for name in channels if name not in record]
+    if not missing:
+        return
+    meaning = ", ".join(
+        f"{name} ({CHANNEL[name].meaning})" if name in CHANNEL else name for name in missing
+    )
+    unit = CHANNEL[missing[0]].unit if missing[0] in CHANNEL else "unit"
+    raise InputError(
+        f"Missing: {meaning}. The file gives {', '.join(record.channels)}"
+        f"; not used: {', '.join(record.unused) or 'nothing'}.",
+        where=record.name,
+        remedy=f'Map each in the motor file: [columns] {missing[0]} = "COLUMN [{unit}]".',
+    )
+
+
+def _constants(table: Table) -> tuple[Column, ...]:
+    """Return the scalars of a file as columns that stay the same, such as a fixed ambient."""
+    present = {column.name for column in table.columns}
+    return tuple(
+        Column(name, name, None, np.full(table.num_rows, value), "a constant of the file")
+        for name, value in table.constants.items()
+        if name not in present
+    )
+
+
+def _claimed(
+    claim: Claim, pool: Iterable[Column], table: Table, where: str, is_part: bool
+) -> Column | None:
+    """Return the column that a line of `[columns]` names."""
+    pool = tuple(pool)
+    quantity = CHANNEL[claim.channel].quantity
+    for matches in (
+        [column for column in pool if column.name == claim.text],
+        [column for column in pool if claim.base and column.name == claim.base],
+        [column for column in pool if claim.label in (column.name, column.label)],
+        [column for column in pool if claim.text == column.label],
+        [column for column in pool if claim.label == _stem(column, quantity)],
+        _with_unit_left(claim, pool),
+    ):
+        if len(matches) > 1:
+            raise _two_columns(claim.channel, matches, where)
+        if matches:
+            return matches[0]
+    for name, text in table.text_columns.items():
+        if name in (claim.text, claim.label):
+            held = f"the text '{text[:40]}'" if text else "no values"
+            raise InputError(
+                f"Column '{name}' for {claim.channel} holds {held}, expected numbers.",
+                where=where,
+                remedy="Name a column of numbers in [columns].",
+            )
+    if is_part:
+        return None
+    names = [column.name for column in pool]
+    labels = [column.label for column in pool]
+    raise InputError(
+        f"[columns] names '{claim.text}' for {claim.channel}, which the file does not have. "
+        f"{did_you_mean(claim.label, [*names, *labels])}".strip(),
+        where=where,
+        remedy=f"Columns are: {', '.join(names)}.",
+    )
+
+
+def _by_resistance(claim: Claim, column: Column, where: str) -> Claim:
+    """Return the claim of a winding's resistance for what is claimed as its temperature in ohm.
+
+    Raises:
+        InputError: If a resistance is claimed as a temperature in degrees.
+    """
+    if CHANNEL[claim.channel].quantity != "temperature":
+        return claim
+    said = claim.bracket if column.name == claim.base else claim.unit
+    units = [one.text for one in statements(column)]
+    named = named_unit(column.label, "resistance")
+    units += [named.unit] if named and named.is_sure else []
+    is_ohmic = any(find_unit(unit, "resistance") for unit in units)
+    if said is not None and find_unit(said, "resistance"):
+        is_ohmic, said = True, None
+    if not is_ohmic:
+        return claim
+    if said is not None or claim.channel != "winding_degC":
+        raise InputError(
+            f"The column is a resistance in {units[0] if units else 'ohm'}, which no unit turns "
+            "into a temperature.",
+            where=f"{where}, column '{column.name}' as {claim.channel}",
+            remedy="Of the winding, write [columns] winding_resistance_ohm = "
+            f'"{column.name}": its temperature follows by R(T). Of a Pt100 or an NTC, have the '
+            "logger convert it.",
+        )
+    return replace(claim, channel="winding_resistance_ohm")
+
+
+def _stem(column: Column, quantity: str) -> str | None:
+    """Return the label of a column without a unit in it that can be nothing else."""
+    named = named_unit(column.label, quantity)
+    return named.stem if named and is_sure(named.unit) and named.stem else None
+
+
+def _with_unit_left(claim: Claim, pool: Iterable[Column]) -> list[Column]:
+    """Return the one column whose name goes on with a unit alone behind the name in `[columns]`."""
+    found = [column for column in pool if column.label.startswith(claim.label)]
+    return found if len(found) == 1 and _unit_left(claim, found[0]) else []
+
+
+def _unit_left(claim: Claim, column: Column) -> str | None:
+    """Return the unit that stands behind the name in `[columns]`, as K in "T_wdg K" for T_wdg."""
+    if claim.unit is not None or not column.label.startswith(claim.label):
+        return None
+    named = named_unit(column.label, CHANNEL[claim.channel].quantity)
+    is_left = named is not None and column.label == f"{claim.label} {named.unit}"
+    return named.unit if named and is_left else None
+
+
+def _add_combined(
+    mapping: Assignment, claim: Claim, pool: Iterable[Column], table: Table, is_part: bool
+) -> None:
+    """Take the mean or the hottest of several columns for a channel."""
+    pool = tuple(pool)
+    found = [_claimed(part, pool, table, mapping.where, is_part) for part in claim.parts]
+    columns = [column for column in found if column is not None]
+    if len(columns) < len(found):
+        mapping.notes.append(f"{claim.channel}: not all columns of '{claim.text}' in this file.")
+        return
+    if len({id(column) for column in columns}) < len(columns):
+        raise InputError(
+            f"'{claim.text}' names one column twice.",
+            where=f"{mapping.where}, {claim.channel}",
+            remedy="Name each sensor once.",
+        )
+    each = [Assignment(mapping.where) for _ in columns]
+    for one, part, column in zip(each, claim.parts, columns, strict=True):
+        _add_claimed(one, part, column)
+    mapping.add_combined(claim.channel, claim.text, claim.how, columns, each)
+
+
+def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
+    channel = CHANNEL[claim.channel]
+    where = f"{mapping.where}, column '{column.name}' as {channel.name}"
+    decided = claim.bracket if column.name == claim.base else claim.unit
+    says_two = len(read_heading(claim.text).units) > 1
+    if column.name == claim.text and (says_two or (column.heading and not claim.bracket)):
+        decided = None  # slashes of a path mark no unit; two units say two things
+    if decided is None or column.is_seconds:
+        left = None if statements(column) else _unit_left(claim, column)
+        unit, unit_from = (left, "name") if left else unit_of(column, channel, where)
+        mapping.add(channel, column, unit, "[columns]", unit_from)
+        return
+    remedy = unit_wanted(channel, column)
+    known = require_unit(decided, channel.quantity, where=where, remedy=remedy)
+    if against := overridden(column, channel, decided):
+        mapping.findings.append(
+            Finding(
+                id="unit_overridden",
+                severity="warning",
+                message=f"{against.source[:1].upper()}{against.source[1:]} gives {against.text}, "
+                f"[columns] says {known.symbol}; {known.symbol} is used.",
+                where=f"{mapping.where}, column '{column.name}'",
+                remedy="Remove the unit from [columns] if the file is right.",
+            )
+        )
+    # the name as it stands in the file says nothing of its own
+    is_decided = column.name != claim.text
+    mapping.add(channel, column, decided, "[columns]", "stated", is_decided=is_decided)
+
+
+def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:
+    columns = tuple(columns)
+    for channel in CHANNEL.values():
+        if not mapping.wants(channel.name):
+            continue
+        matches = [column for column in columns if column.label == channel.name]
+        if len(matches) > 1:
+            raise _two_columns(channel.name, matches, mapping.where)
+        if not matches:
+            continue
+        (column,) = matches
+        where = f"{mapping.where}, column '{column.name}' as {channel.name}"
+        unit, unit_from = unit_of(column, channel, where)
+        mapping.add(channel, column, unit, "canonical name", unit_from)
+
+
+def _add_only_clock(mapping: Assignment, pool: Iterable[Column]) -> None:
+    """Take the one column that holds times of day for the time, whatever it is called."""
+    if not mapping.wants("time_s"):
+        return
+    clocks = []
+    for column in pool:
+        steps = np.diff(column.values[np.isfinite(column.values)])
+        is_clock = bool(column.note) and column.is_seconds and column.question is None
+        if is_clock and id(column) not in mapping.used and (steps >= 0.0).all() and steps.any():
+            clocks.append(column)
+    if len(clocks) == 1:
+        mapping.add(CHANNEL["time_s"], clocks[0], "s", ONLY_CLOCK, "stated")
+
+
+def _num_present(column_map: ColumnMap, pool: Iterable[Column]) -> int:
+    pool = tuple(pool)
+    labels = [*column_map.entries.items(), *((label, "") for label in column_map.refused)]
+    return sum(bool(columns_of(label, channel, pool)) for label, channel in labels)
+
+
+def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Column]) -> None:
+    used = mapping.used
+    free = [column for column in pool if id(column) not in used]
+    claims: dict[str, list[tuple[Column, str]]] = {}
+    for label, channel in column_map.entries.items():
+        if not mapping.wants(channel):
+            continue
+        for column in columns_of(label, channel, free):
+            claims.setdefault(channel, []).append((column, label))
+    for name, found in claims.items():
+        if len(found) > 1:
+            raise _two_columns(name, [column for column, _ in found], mapping.where)
+        (column, label) = found[0]
+        if label in column_map.zero_means_absent and not np.nan_to_num(column.values).any():
+            mapping.absent.add(id(column))
+            mapping.findings.append(
+                Finding(
+                    id="not_recorded",
+                    severity="warning",
+                    message="All values are 0, which this bench writes for a channel that it does "
+                    f"not record: {name} is not read from it.",
+                    where=f"{mapping.where}, column '{column.name}'",
+                    remedy=f'If the zeros were measured, say so in [columns]: {name} = "{label}".',
+                )
+            )
+            continue
+        channel = CHANNEL[name]
+        where = f"{mapping.where}, column '{column.name}' as {channel.name}"
+        try:
+            unit, unit_from = unit_of(column, channel, where)
+            unit = unit or column_map.units.get(label)
+            mapping.add(channel, column, unit, column_map.name, unit_from)
+        except InputError as error:
+            raise InputError(
+                error.problem,
+                where=error.where,
+                remedy=f"{error.remedy} Or leave the column out by "
+                f'[columns] {name} = "{NOT_RECORDED}".',
+            ) from error
+    for label, reason in column_map.refused.items():
+        for column in columns_of(label, "", free):
+            mapping.notes.append(f"Column '{column.name}' is not mapped: {reason}.")
+            mapping.refused[column.name] = reason
+
+
+def _add_by_words(mapping: Assignment, columns: Iterable[Column]) -> None:
+    """Take the columns whose every word speaks for one channel, where no other column does."""
+    used = mapping.used
+    speaking: dict[str, list[Column]] = {}
+    for column in columns:
+        is_open = column.name in mapping.refused or column.question is not None
+        if is_open or id(column) in used | mapping.absent:
+            continue
+        stated = statements(column)
+        quantities = quantities_of(stated[0].text) if stated else tuple(QUANTITIES)
+        for quantity in quantities:
+            spoken = speaks_of(column.label, quantity, stated[0].text if stated else None)
+            for name in [name for name, score in spoken.items() if score == SURE]:
+                if CHANNEL[name].quantity == quantity and mapping.wants(name):
+                    speaking.setdefault(name, []).append(column)
+    for name, (column, *others) in speaking.items():
+        channel = CHANNEL[name]
+        if others or not read_name(words_in(column.label, channel.quantity)).is_clear:
+            continue
+        where = f"{mapping.where}, column '{column.name}' as {name}"
+        try:
+            unit, unit_from = unit_of(column, channel, where)
+        except InputError:
+            continue
+        if unit is not None:
+            mapping.add(channel, column, unit, ITS_WORDS, unit_from)
+
+
+def _two_columns(channel: str, columns: Sequence[Column], where: str) -> InputError:
+    names = " and ".join(f"'{column.name}'" for column in columns)
+    return InputError(
+        f"The columns {names} both stand for {channel}.",
+        where=where,
+        remedy=f'Decide in the motor file: [columns] {channel} = "{columns[0].name}".',
+    )

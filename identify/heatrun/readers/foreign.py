@@ -1,0 +1,67 @@
+"""Calling a library on a file that may be damaged: quiet, and with our own error alone."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import warnings
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..errors import InputError
+
+
+class BrokenFileError(Exception):
+    """What our own checks found wrong with a file, in words for its reader."""
+
+
+@contextlib.contextmanager
+def reading(what: str, where: str) -> Iterator[None]:
+    """Turn whatever a library does about a damaged file into an `InputError`.
+
+    Within, nothing is printed or logged: the libraries of measurement formats print to stdout,
+    where `--json` puts its object alone. What they warn of, the readers check themselves.
+
+    Args:
+        what: The format, such as `"an MDF 4 file"`.
+        where: The file, for the message.
+
+    Raises:
+        InputError: In place of any other exception.
+    """
+    disabled = logging.root.manager.disable
+    try:
+        with (
+            contextlib.redirect_stdout(io.StringIO()),
+            warnings.catch_warnings(),
+            np.errstate(all="ignore"),
+        ):
+            warnings.simplefilter("ignore")
+            logging.disable(logging.CRITICAL)
+            yield
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file raises nearly anything in there
+        is_ours = isinstance(error, BrokenFileError)
+        problem = str(error) if is_ours else f"{type(error).__name__}: {error}"
+        raise damaged(what, where, problem) from error
+    finally:
+        logging.disable(disabled)
+
+
+def damaged(what: str, where: str, problem: str) -> InputError:
+    """Return the error for a file that is damaged or cut.
+
+    Args:
+        what: As `reading`.
+        where: As `reading`.
+        problem: What is wrong with it.
+    """
+    first_line = problem.strip().splitlines()[0][:300] if problem.strip() else "no reason given"
+    return InputError(
+        f"Expected {what}, it could not be read ({first_line}).",
+        where=where,
+        remedy="Copy the file again from the bench; it may have been cut.",
+    )

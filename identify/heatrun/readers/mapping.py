@@ -1,0 +1,591 @@
+"""Columns on their way to channels: taken, converted, noted.
+
+The unit that a column is read in: everything that its file says of it, against each other.
+
+Statements are the marked units of the name, the row of units, comment lines and what the file
+keeps beside the name. All of them must be units of the channel's quantity and mean the same; what
+does not is a question for `[columns]` and never decided here. Without a statement, a unit that is
+part of the name counts (`heatrun.readers.labels`), and without that nobody says.
+
+Which column became which channel, in which unit, and how that is known: as data and as text.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from ..errors import InputError
+from ..record.by_resistance import by_resistance
+from ..record.channels import CHANNEL, Channel, combine, known_by, sensors_differ
+from ..record.derive import constants_of, formulas
+from ..record.header import read_heading
+from ..record.record import ColumnReading, Finding, Record, UnitSource
+from ..record.table import Column, Stated
+from ..record.units import (
+    AMPERE,
+    KILOAMPERE,
+    MILLIAMPERE,
+    ROOT_2,
+    Unit,
+    find_unit,
+    quantities_of,
+    require_unit,
+    to_canonical,
+)
+from .labels import named_unit, rival_unit
+
+PLAIN_AMPERES = frozenset((*AMPERE, *MILLIAMPERE, *KILOAMPERE))
+
+
+def line_of(channel: Channel, column: Column, unit: str | None = None) -> str:
+    """Return the line of a motor file that reads a column as a channel in a unit.
+
+    Args:
+        channel: What the column is to become.
+        column: The column.
+        unit: Unit text, None for the canonical one.
+    """
+    text = json.dumps(f"{column.name} [{unit or channel.unit}]", ensure_ascii=False)
+    return f"[columns] {channel.name} = {text}"
+
+
+def statements(column: Column) -> tuple[Stated, ...]:
+    """Return what the file says about the unit of a column, of this one alone, in its order."""
+    if column.is_seconds:
+        return (Stated("s", "the column"),)
+    marked = tuple(
+        Stated(unit, "the name") for unit in read_heading(column.heading or column.name).units
+    )
+    beside = tuple(one for one in column.beside if one.scope == "column")
+    known = [one.text for one in (*marked, *beside)]
+    if column.unit is None or column.unit in known:
+        return marked + beside
+    return (*marked, *beside, Stated(column.unit, "the file"))
+
+
+def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, UnitSource]:
+    """Return the unit text of a column that becomes a channel, and how it is known.
+
+    Args:
+        column: The column.
+        channel: What it becomes.
+        where: File and column, for the message.
+
+    Returns:
+        The text, None if nobody says.
+
+    Raises:
+        InputError: If a statement is no unit of the channel's quantity, two of them contradict
+            each other, or what is part of the name may be read in two ways.
+    """
+    if column.is_seconds:
+        return "s", column.unit_from
+    quantity = channel.quantity
+    stated = statements(column)
+    for one in stated:
+        require_unit(one.text, quantity, where=where, remedy=unit_wanted(channel, column))
+    binding = _binding(column, quantity)
+    said = (*binding, *stated)
+    rival = rival_unit(column.label, quantity) if stated and not binding else None
+    against = (Stated(rival, "the name"), *said) if rival else said
+    may_refine = bool(rival or binding) and column.label not in CHANNEL
+    for one in against[1:]:
+        if not _agrees(against[0], one, quantity, may_refine=may_refine):
+            raise _conflict(against[0], one, channel, column, where)
+    if stated:
+        return stated[0].text, "stated"
+    if binding:
+        return binding[0].text, "name"
+    named = named_unit(column.label, quantity)
+    if named is not None:
+        if named.doubt:
+            raise _doubt(f"{named.doubt}.", (named.unit,), channel, column, where)
+        require_unit(named.unit, quantity, where=where, remedy=unit_wanted(channel, column))
+        return named.unit, "name"
+    return _by_general(column, channel, where)
+
+
+def _binding(column: Column, quantity: str) -> tuple[Stated, ...]:
+    """Return the unit in the name that binds as much as one that is marked.
+
+    It does if it can be nothing else than a unit, or if the name is that of a channel.
+    """
+    canonical = CHANNEL.get(column.label)
+    if canonical is not None and canonical.unit != "1" and find_unit(canonical.unit, quantity):
+        return (Stated(canonical.unit, "the name"),)
+    named = named_unit(column.label, quantity)
+    if named is None or not named.is_sure or named.doubt or not find_unit(named.unit, quantity):
+        return ()
+    return (Stated(named.unit, "the name"),)
+
+
+def _agrees(first: Stated, second: Stated, quantity: str, *, may_refine: bool) -> bool:
+    """Return whether two statements mean the same unit.
+
+    Args:
+        first: One of them.
+        second: The other.
+        quantity: Of both.
+        may_refine: The first is a part of the name: a plain A in it says nothing of rms or peak,
+            so that a unit that does is no contradiction.
+    """
+    one, other = find_unit(first.text, quantity), find_unit(second.text, quantity)
+    if one == other:
+        return True
+    if not (may_refine and first.text in PLAIN_AMPERES and one and other):
+        return False
+    return any(math.isclose(other.factor, one.factor * kind) for kind in (1 / ROOT_2, 1.0, ROOT_2))
+
+
+def _by_general(column: Column, channel: Channel, where: str) -> tuple[str | None, UnitSource]:
+    """Return the unit that lines of the file give for more than this column."""
+    general = [
+        one
+        for one in column.beside
+        if one.scope != "column" and find_unit(one.text, channel.quantity)
+    ]
+    clear = [one for one in general if one.scope == "quantity"]
+    for one in clear[1:]:
+        if find_unit(one.text, channel.quantity) != find_unit(clear[0].text, channel.quantity):
+            raise _conflict(clear[0], one, channel, column, where)
+    if clear:
+        return clear[0].text, "stated"
+    for one in general:
+        if find_unit(one.text, channel.quantity) != find_unit(channel.unit, channel.quantity):
+            problem = f"{one.source[:1].upper()}{one.source[1:]} mentions {one.text}; nothing "
+            raise _doubt(
+                f"{problem}states whether it is the unit of this column.",
+                (one.text,),
+                channel,
+                column,
+                where,
+            )
+    return None, "assumed"
+
+
+def overridden(column: Column, channel: Channel, decided: str) -> Stated | None:
+    """Return the first statement of a file that `[columns]` decides against, or None.
+
+    Args:
+        column: The column.
+        channel: What it becomes.
+        decided: Unit text in `[columns]`.
+    """
+    quantity = channel.quantity
+    unit = find_unit(decided, quantity)
+    rival = rival_unit(column.label, quantity)
+    in_name = _binding(column, quantity) or ((Stated(rival, "the name"),) if rival else ())
+    for one in (*statements(column), *in_name):
+        if find_unit(one.text, quantity) != unit:
+            return one
+    return None
+
+
+def unit_wanted(channel: Channel, column: Column) -> str:
+    """Return the remedy where a unit is not understood; none is offered, it may be any of them."""
+    return f"Say it in the motor file, with the unit for UNIT: {line_of(channel, column, 'UNIT')}."
+
+
+def _conflict(
+    first: Stated, second: Stated, channel: Channel, column: Column, where: str
+) -> InputError:
+    source = "the unit behind it" if first.source == second.source else second.source
+    return InputError(
+        f"{first.source[:1].upper()}{first.source[1:]} says {first.text}, {source} {second.text}.",
+        where=where,
+        remedy=f"Decide in the motor file: {line_of(channel, column, first.text)} or "
+        f"{line_of(channel, column, second.text)}.",
+    )
+
+
+def _doubt(
+    problem: str, units: tuple[str, ...], channel: Channel, column: Column, where: str
+) -> InputError:
+    known = [unit for unit in units if channel.quantity in quantities_of(unit)]
+    lines = " or ".join(line_of(channel, column, unit) for unit in (None, *known))
+    return InputError(problem, where=where, remedy=f"Say it in the motor file: {lines}.")
+
+
+AMPLITUDE = re.compile(
+    r"peak|ampl|scheitel|spitze|crest|crête"
+    r"|(?:^|[^a-z])(?:pk|max|amp|pp|p-p)(?![a-z])"
+    r"|(?:^|[^a-z])(?:i[a-zA-Z0-9]{0,3}|current|strom)?[_ .\-]?(?:hat|dach)(?![a-z])"
+    r"|[îÎ]|i\u0302|\u02c6|\^(?![0-9+-])",
+    re.IGNORECASE,
+)
+"""Names of amplitudes; the hat also as a sign of its own or one that combines with the i."""
+
+KIND = re.compile(r"rms|eff|peak|pk|ampl", re.IGNORECASE)
+"""In a unit, the words by which `[columns]` decides."""
+
+FACTOR = re.compile(
+    r"(?:(?<![A-Za-z0-9])[x×*]\s?|/\s?)(?:10\^[+-]?[0-9]+|1[eE][+-]?[0-9]+|0?\.[0-9]+|10+)(?![\w.^/])"
+)
+"""A factor in a name, as in "P x0.1 [W]": whether the values hold it already, nobody says."""
+
+LETTER = re.compile(r"_(?P<unit>[A-Za-z])$")
+"""A letter at the end of a label that may be a unit: "P_loss_W"."""
+
+EFFECTIVE = re.compile(r"rms|(?:^|[^a-z])eff(?![a-z])|effekt", re.IGNORECASE)
+
+
+@dataclass
+class Assignment:
+    """What is mapped so far; filled during one call of `map_columns` and then left.
+
+    Attributes:
+        where: The file, for messages.
+        taken: Canonical name to its column.
+        channels: Canonical name to values in the canonical unit, shape (time,).
+        excluded: Canonical names that no column may become.
+        notes: One sentence for each channel.
+        findings: Doubts about columns.
+        readings: How each column became its channel.
+        parts: Canonical name to the columns that it combines, where it does.
+        refused: Name of a column to the reason why it is no channel, whatever it looks like.
+        decided: Channels whose unit `[columns]` itself gives.
+        absent: Identities of columns whose zeros stand for what was not recorded.
+    """
+
+    where: str
+    taken: dict[str, Column] = field(default_factory=dict)
+    channels: dict[str, np.ndarray] = field(default_factory=dict)
+    excluded: set[str] = field(default_factory=set)
+    notes: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    readings: list[ColumnReading] = field(default_factory=list)
+    parts: dict[str, list[Column]] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+    decided: set[str] = field(default_factory=set)
+    absent: set[int] = field(default_factory=set)
+
+    @property
+    def used(self) -> set[int]:
+        """The identities of the columns that became a channel, or a part of one."""
+        combined = [part for parts in self.parts.values() for part in parts]
+        return {id(column) for column in (*self.taken.values(), *combined)}
+
+    def wants(self, channel: str) -> bool:
+        """Return whether a channel is still to be looked for."""
+        return channel not in self.channels and channel not in self.excluded
+
+    def add(
+        self,
+        channel: Channel,
+        column: Column,
+        unit: str | None,
+        source: str,
+        unit_from: UnitSource,
+        *,
+        is_decided: bool = False,
+    ) -> None:
+        """Take a column for a channel and convert it.
+
+        Args:
+            channel: What it becomes.
+            column: The column.
+            unit: Its unit text, None for the canonical unit.
+            source: Who says so, for the note.
+            unit_from: How the unit is known.
+            is_decided: `[columns]` itself gives the unit, whatever the file says.
+
+        Raises:
+            InputError: If the unit is not one of the channel's quantity, or the file leaves
+                open how the column is to be read.
+        """
+        where = f"{self.where}, column '{column.name}' as {channel.name}"
+        if column.question is not None:
+            raise column.question.asked(channel.name, where)
+        if not is_decided and (factor := FACTOR.search(column.label)):
+            raise InputError(
+                f"The name contains the factor '{factor[0].strip()}'; whether the values must be "
+                "multiplied by it is not stated.",
+                where=where,
+                remedy=f"State their unit in the motor file: {line_of(channel, column)}, or "
+                "another; if none fits, export the values without the factor.",
+            )
+        remedy = unit_wanted(channel, column)
+        known = require_unit(unit or channel.unit, channel.quantity, where=where, remedy=remedy)
+        values = to_canonical(column.values, known)
+        said = f"in {known.symbol}" if unit else f"no unit given, taken as {known.symbol}"
+        read = f", {column.note}" if column.note else ""
+        self.notes.append(f"{channel.name} from column '{column.name}' ({source}; {said}{read}).")
+        self.readings.append(
+            ColumnReading(channel.name, column.name, known.symbol, unit_from, source, self.where)
+        )
+        if is_decided:
+            self.decided.add(channel.name)
+        self.taken[channel.name] = column
+        self.channels[channel.name] = values
+        is_kind_known = source == "[columns]" and bool(KIND.search(unit or ""))
+        doubt = None if is_kind_known else doubt_of_kind(channel, column, known.symbol, where)
+        self.findings += [doubt] if doubt else []
+        if unit_from == "stated" and not is_decided:
+            letter = _other_letter(channel, column, known, where)
+            self.findings += [letter] if letter else []
+
+    def add_combined(
+        self, name: str, text: str, how: str, columns: Sequence[Column], each: Sequence[Assignment]
+    ) -> None:
+        """Take several columns for a channel.
+
+        Args:
+            name: What they become.
+            text: What `[columns]` says.
+            how: As `heatrun.record.channels.combine`.
+            columns: The columns.
+            each: Each of them, taken for the channel alone.
+        """
+        readings = [reading for one in each for reading in one.readings]
+        values = [one.channels[name] for one in each]
+        whole = replace(columns[0], name=text, label=text, values=combine(name, how, values))
+        self.taken[name], self.parts[name] = whole, list(columns)
+        self.channels[name] = whole.values
+        symbols = dict.fromkeys(reading.unit for reading in readings)
+        unit_from = known_by([reading.unit_from for reading in readings])
+        if all(name in one.decided for one in each):
+            self.decided.add(name)
+        unit = ", ".join(symbols)
+        self.readings.append(ColumnReading(name, text, unit, unit_from, "[columns]", self.where))
+        self.notes += [note for one in each for note in one.notes]
+        self.findings += [finding for one in each for finding in one.findings]
+        parts = {column.name: part for column, part in zip(columns, values, strict=True)}
+        apart = sensors_differ(name, parts, self.where)
+        self.findings += [apart] if apart else []
+
+    def used_twice(self) -> list[Finding]:
+        """Return a finding for each column that stands for more than one channel.
+
+        An error where it is the winding too, whose rise above the other would be nil, or is read in
+        several quantities; else a warning: one sensor may be coolant and ambient.
+        """
+        users: dict[int, list[str]] = {}
+        for name, column in self.taken.items():
+            users.setdefault(id(column), []).append(name)
+        return [
+            Finding(
+                id="column_used_twice",
+                severity="error" if _excludes(names) else "warning",
+                message=f"One column is read as {' and as '.join(names)}.",
+                where=f"{self.where}, column '{self.taken[names[0]].name}'",
+                remedy="Give each its own column in [columns], or remove the line of the one that "
+                "the file does not have.",
+            )
+            for names in users.values()
+            if len(names) > 1
+        ]
+
+
+def _excludes(channels: Sequence[str]) -> bool:
+    """Return whether one column cannot be all of these channels."""
+    return "winding_degC" in channels or len({CHANNEL[one].quantity for one in channels}) > 1
+
+
+def doubt_of_kind(channel: Channel, column: Column, symbol: str, where: str) -> Finding | None:
+    """Return the finding about a current that is read as rms and called an amplitude, or the other
+    way round; None where nothing speaks against the reading.
+
+    Args:
+        channel: What the column becomes.
+        column: The column.
+        symbol: Its unit; of a d or q current the plain one is an amplitude.
+        where: File and column.
+    """
+    prefix = symbol.partition("_")[0]
+    said = next((one for one in column.beside if one.scope == "kind"), None)
+    if channel.quantity == "phase current" and not symbol.endswith("_peak"):
+        if said is None and not AMPLITUDE.search(column.label):
+            return None
+        source = said.source if said else "the name"
+        message = f"{source[:1].upper()}{source[1:]} mentions an amplitude, the unit is read as "
+        remedy = (
+            f"Write '{column.label} [{prefix}_peak]' in [columns] if it is an amplitude, "
+            f"'{column.label} [{prefix}_rms]' if not."
+        )
+    elif channel.quantity == "dq current" and not symbol.endswith("_rms"):
+        if not EFFECTIVE.search(column.label):
+            return None
+        message = "The name mentions rms values (amplitude / √2), the unit is read as amplitude, "
+        remedy = (
+            f"Write '{column.label} [{prefix}_rms]' in [columns] if it is rms, "
+            f"'{column.label} [{prefix}_peak]' if not."
+        )
+    else:
+        return None
+    return Finding(
+        id="current_maybe_amplitude"
+        if channel.quantity == "phase current"
+        else "current_maybe_rms",
+        severity="warning",
+        message=f"{message}{symbol}.",
+        where=where,
+        remedy=remedy,
+    )
+
+
+def _other_letter(channel: Channel, column: Column, known: Unit, where: str) -> Finding | None:
+    """Return a finding if a name ends in a letter that is another unit than the stated one.
+
+    A letter may be anything, the W of a winding or the A of a phase; so it is no conflict.
+    """
+    letter = LETTER.search(column.label)
+    named = find_unit(letter["unit"], channel.quantity) if letter else None
+    if named is None or letter is None or letter["unit"] != named.symbol or named == known:
+        return None
+    if channel.quantity != "power":  # "I_A" is the current of a phase, "T_K" that of the coolant
+        return None
+    return Finding(
+        id="unit_beside_name",
+        severity="warning",
+        message=f"The name ends in {letter['unit']}, the unit that is stated is {known.symbol}, "
+        "which is used.",
+        where=where,
+        remedy=f"Confirm it in the motor file: {line_of(channel, column, known.symbol)}.",
+    )
+
+
+KNOWN_BY = {
+    "stated": "stated",
+    "name": "the name",
+    "assumed": "ASSUMED",
+    "derived": "derived",
+}
+"""How a unit is known, in words."""
+
+HEAD = ("channel", "column", "unit", "unit known by", "column known by")
+LONGEST = 36
+KEPT = 17
+"""Letters of a name that a line of the terminal or the sheet has room for, and from its start."""
+
+
+class Read(Protocol):
+    """A test of which it is known how its columns were read."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def mapping(self) -> Sequence[ColumnReading]:
+        """From `describe_mapping`; may be empty."""
+        ...
+
+
+@dataclass(frozen=True)
+class ReadColumns:
+    """How the columns of a test were read.
+
+    Attributes:
+        name: The test.
+        mapping: From `describe_mapping`.
+    """
+
+    name: str
+    mapping: list[ColumnReading]
+
+
+def describe_mapping(record: Record) -> list[ColumnReading]:
+    """Return how each channel of a record came about, derived ones too.
+
+    Args:
+        record: Any record; one that was made in memory has no columns.
+
+    Returns:
+        By channel; `found_by` says who says that it is this channel, or holds the formula.
+    """
+    if not record.mapping:
+        return []
+    read = {one.channel for one in record.mapping}
+    derived = formulas(record.channels, read | constants_of(record.notes))
+    if by_resistance(record):
+        derived = {"winding_degC": "R(T), see the notes", **derived}
+    if "time_s" not in read:
+        derived = {"time_s": "sampling rate", **derived}
+    more = [
+        ColumnReading(name, "", CHANNEL[name].unit, "derived", formula, "")
+        for name, formula in derived.items()
+    ]
+    return sorted([*record.mapping, *more], key=lambda row: _position(row.channel))
+
+
+def describe_columns(record: Record) -> ReadColumns:
+    """Return how the columns of a record were read, as `mapping_text` takes it."""
+    return ReadColumns(record.name, describe_mapping(record))
+
+
+def mapping_rows(mapping: Sequence[ColumnReading]) -> list[list[str]]:
+    """Return the rows of a table under `HEAD`; names too long for it are cut.
+
+    Args:
+        mapping: From `describe_mapping`.
+    """
+    return [
+        [
+            row.channel,
+            _cut(row.column) or "–",
+            row.unit,
+            KNOWN_BY[row.unit_from],
+            _cut(row.found_by) if row.column else row.found_by,
+        ]
+        for row in mapping
+    ]
+
+
+def mapping_text(tests: Sequence[Read]) -> str:
+    """Return aligned tables of columns and channels; tests that were read alike share one.
+
+    Args:
+        tests: Such as the tests of `fit.json`.
+    """
+    blocks = []
+    for names, rows in grouped(tests):
+        widths = [max(len(line[i]) for line in (HEAD, *rows)) for i in range(len(HEAD) - 1)]
+        lines = [f"Columns of {names}"]
+        for line in (HEAD, *rows):
+            cells = [cell.ljust(width) for cell, width in zip(line, (*widths, 0), strict=True)]
+            lines.append("  " + "  ".join(cells).rstrip())
+        assumed = [row[0] for row in rows if row[3] == KNOWN_BY["assumed"]]
+        if assumed:
+            lines.append(f"  {assumption(assumed)}")
+        blocks.append("\n".join(lines))
+    return "\n".join(blocks)
+
+
+def grouped(tests: Sequence[Read]) -> list[tuple[str, list[list[str]]]]:
+    """Return names of tests that were read alike, with the rows of their table.
+
+    Args:
+        tests: As `mapping_text`; those without a mapping are left out.
+    """
+    alike: dict[str, tuple[list[str], list[list[str]]]] = {}
+    for test in tests:
+        rows = mapping_rows(test.mapping)
+        if rows:
+            alike.setdefault(repr(rows), ([], rows))[0].append(test.name)
+    return [(", ".join(names), rows) for names, rows in alike.values()]
+
+
+def assumption(channels: Sequence[str]) -> str:
+    """Return the sentence on units that nothing said."""
+    return (
+        f"Unit assumed for {', '.join(channels)}: no file and no name gives it. State it in "
+        "[columns] if you know it."
+    )
+
+
+def _position(channel: str) -> int:
+    return list(CHANNEL).index(channel) if channel in CHANNEL else len(CHANNEL)
+
+
+def _cut(text: str) -> str:
+    clean = "".join(c if c.isprintable() else "?" for c in text)
+    # Names of one system begin alike and often end alike: the middle goes.
+    return clean if len(clean) <= LONGEST else f"{clean[:KEPT]}…{clean[KEPT + 1 - LONGEST :]}"

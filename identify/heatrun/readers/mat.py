@@ -1,0 +1,390 @@
+"""Reader of MATLAB files: versions 5 to 7, and 7.3, which is HDF5.
+
+Variables within structs, groups, cells and matrices, brought to one name each.
+
+A struct that holds one signal, as Simulink ("structure with time": `signals(k).values`, `.label`)
+and dSPACE (`Y(k).Data`, `.Name`, `.Unit`) write them, gives the signal its name and its unit.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..io.open_file import LARGEST_NUMBERS
+from ..record.record import Finding
+from ..record.table import Table
+from .mat5 import DEEPEST, DamagedFileError, Text, Value, read_variables
+from .stored import Stored, as_stated, wanted
+
+Nested = Stored | str | Sequence["Nested"] | Mapping[str, "Nested"]
+"""Numbers, `Text`, the kind of what is neither, elements, or fields."""
+
+VALUES = frozenset(("values", "value", "data", "signal"))
+NAMES = ("label", "name", "signalname", "title")
+UNITS = ("unit", "units", "unitstring")
+"""Fields of a struct of one signal, in lower case."""
+
+TIME = "time"
+"""What dSPACE calls X beside Y, whatever name it gives it."""
+
+MOST_COLUMNS = 200
+"""A matrix with more columns holds no channels."""
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """One variable.
+
+    Attributes:
+        name: How MATLAB calls it, such as `log.signals(2).values`.
+        heading: What it is called in words, such as its label; mostly its own field.
+        value: Its numbers, or what it is instead.
+    """
+
+    name: str
+    heading: str
+    value: Stored | str
+
+
+def leaves(variables: Mapping[str, Nested], joint: str = ".") -> list[Leaf]:
+    """Return every variable; a struct without any number is one itself.
+
+    Args:
+        variables: By name, as a reader found them.
+        joint: What stands between the names of a struct and of its field.
+    """
+    return [leaf for name, value in variables.items() for leaf in _leaves(name, name, value, joint)]
+
+
+def _leaves(name: str, heading: str, value: Nested, joint: str) -> list[Leaf]:
+    if isinstance(value, Stored | str):
+        return [Leaf(name, heading, value)]
+    if isinstance(value, Mapping):
+        found = list(_of_struct(name, heading, value, joint))
+        kind = f"struct with the fields {', '.join(value)}"
+    else:
+        found = []
+        for number, one in enumerate(value, 1):
+            called = f"{heading} {number}" if len(value) > 1 else heading
+            found += _leaves(f"{name}({number})", called, one, joint)
+        kind = "cell"
+    return found if any(isinstance(one.value, Stored) for one in found) else [Leaf(name, "", kind)]
+
+
+def _of_struct(name: str, heading: str, fields: Mapping[str, Nested], joint: str) -> Iterator[Leaf]:
+    texts = {key.casefold(): one.strip() for key, one in fields.items() if isinstance(one, Text)}
+    is_signal = any(key.casefold() in VALUES and _is_course(one) for key, one in fields.items())
+    named = None if heading == TIME else next(filter(None, map(texts.get, NAMES)), None)
+    unit = next(filter(None, (texts.get(key) for key in UNITS)), None) if is_signal else None
+    for key, one in fields.items():
+        path = f"{name}{joint}{key}"
+        if key.casefold() in VALUES and isinstance(one, Stored) and is_signal:
+            yield Leaf(path, named or heading, replace(one, unit=one.unit or unit))
+        elif isinstance(one, Text) or (is_signal and _is_said(one)):
+            continue  # what is said of the signal beside its values
+        else:
+            word = TIME if key == "X" and "Y" in fields else key
+            yield from _leaves(path, word, one, joint)
+
+
+def _is_course(value: Nested) -> bool:
+    return isinstance(value, Stored) and value.values.size > 1
+
+
+def _is_said(value: Nested) -> bool:
+    return isinstance(value, Stored | str) and not _is_course(value)
+
+
+def courses(leaf: Leaf, length: int) -> list[tuple[str, str, np.ndarray]] | None:
+    """Return name, heading and values of each column of a variable, None if it has no such.
+
+    Args:
+        leaf: The variable.
+        length: Number of samples.
+    """
+    if isinstance(leaf.value, str):
+        return None
+    values = leaf.value.values
+    if is_vector(values):
+        return [(leaf.name, leaf.heading, values.ravel())] if values.size == length else None
+    values = values.squeeze()
+    if (
+        values.ndim != 2
+        or sorted(values.shape)[0] > MOST_COLUMNS
+        or values.shape[0] == values.shape[1]
+    ):
+        return None
+    if values.shape[0] == length:
+        return [
+            (f"{leaf.name}(:,{k})", f"{leaf.heading} {k}", values[:, k - 1])
+            for k in range(1, values.shape[1] + 1)
+        ]
+    if values.shape[1] == length:
+        return [
+            (f"{leaf.name}({k},:)", f"{leaf.heading} {k}", values[k - 1])
+            for k in range(1, values.shape[0] + 1)
+        ]
+    return None
+
+
+def is_vector(values: np.ndarray) -> bool:
+    """Return whether an array has one dimension that counts, and several numbers."""
+    return values.size > 1 and values.size == max(values.shape)
+
+
+DIMENSION_ALONE = "This is a netCDF dimension but not a netCDF variable"
+"""What netCDF 4 writes beside the zeros that stand for a dimension in HDF5."""
+
+REMEDY = "Save the signals as numeric vectors of one length: save('test.mat', 't', 'Is', …)."
+
+
+def read_mat(data: bytes, where: str) -> Table:
+    """Read a MAT file of versions 5 to 7.
+
+    Args:
+        data: The bytes of the file.
+        where: The file, for messages.
+
+    Returns:
+        Numeric vectors of one common length as columns, also those in structs
+        (`log.winding_degC`) and cells, and the columns of matrices (`T(:,2)`); scalars as
+        constants. What is neither (timeseries and other objects) is left out with a finding.
+
+    Raises:
+        InputError: If the file is damaged, of another version or holds no numeric vector.
+    """
+    if not data.startswith(b"MATLAB 5.0"):
+        raise InputError(
+            "Expected a MAT file of version 5, 7 or 7.3, got something else.",
+            where=where,
+            remedy="In MATLAB: save('test.mat', …, '-v7'). If it is text, name it .csv.",
+        )
+    try:
+        variables = read_variables(data)
+    except DamagedFileError as error:
+        raise _damaged(where, str(error)) from error
+    return table_of({name: _plain(value) for name, value in variables.items()}, "MAT 5", where)
+
+
+def _plain(value: Value) -> Nested:
+    """Return a variable of MATLAB 5, beside whose numbers nothing stands."""
+    if isinstance(value, np.ndarray):
+        return Stored(value)
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    return [_plain(one) for one in value] if isinstance(value, list) else value
+
+
+def read_hdf5(data: bytes, where: str) -> Table:
+    """Read a MAT file of version 7.3, or another HDF5 file with vectors in it or in its groups.
+
+    Args:
+        data: As `read_mat`.
+        where: As `read_mat`.
+
+    Returns:
+        As `read_mat`; units, scaling and marks of missing values that stand as attributes beside
+        the numbers are followed, also those of netCDF 4.
+
+    Raises:
+        InputError: As `read_mat`.
+    """
+    import h5py
+
+    try:
+        with h5py.File(io.BytesIO(data), "r") as file:
+            room = _Room(LARGEST_NUMBERS)
+            # names that begin so are MATLAB's own tables of references
+            names = [name for name in map(str, file) if not name.startswith("#")]
+            items = {name: _own(file, name) for name in names}
+            variables = {name: _value(file, item, room) for name, item in items.items()}
+            is_matlab = any("MATLAB_class" in one.attrs for one in items.values() if one)
+    except Exception as error:  # a damaged file raises nearly anything in there
+        raise _damaged(where, f"{type(error).__name__}: {error}") from error
+    return table_of(variables, "MAT 7.3 (HDF5)", where, joint="." if is_matlab else "/")
+
+
+def _own(group: Any, name: str) -> Any:
+    """Return the item of a name if all of it lies in this file, else None.
+
+    Links, virtual and external data sets name other files, which whoever wrote this one may not
+    have a right to.
+    """
+    import h5py
+
+    if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+        return None
+    item = group[name]
+    return None if _is_elsewhere(item) else item
+
+
+def _is_elsewhere(item: Any) -> bool:
+    import h5py
+
+    return isinstance(item, h5py.Dataset) and bool(item.is_virtual or item.external)
+
+
+@dataclass
+class _Room:
+    """How many numbers may still be read; data sets may be larger unpacked than memory."""
+
+    numbers: int
+
+    def take(self, item: Any) -> None:
+        """Take the room of a data set, or refuse it."""
+        size = math.prod(item.shape or (0,))
+        self.numbers -= size + 1
+        if self.numbers < 0:
+            raise ValueError(f"{size} numbers, with which it is more than {LARGEST_NUMBERS} in all")
+
+
+def _value(file: Any, item: Any, room: _Room, depth: int = 0) -> Nested:
+    """Return the numbers of an HDF5 item, what it holds, or what it is instead."""
+    import h5py
+
+    if item is None:
+        return "link to another file"
+    if isinstance(item, h5py.Group):
+        return _fields(file, item, room, depth) if depth < DEEPEST else "struct or object"
+    if not isinstance(item, h5py.Dataset):
+        return "struct or object"
+    kind = _text(item.attrs.get("MATLAB_class", b"double"))
+    if "MATLAB_empty" in item.attrs:
+        return {"char": "text"}.get(kind, kind)
+    if "MATLAB_object_decode" in item.attrs:  # numbers that point into a table of objects
+        return f"{kind} object"
+    if str(_text(item.attrs.get("NAME", ""))).startswith(DIMENSION_ALONE):
+        return "dimension without values"
+    room.take(item)
+    if h5py.check_ref_dtype(item.dtype) is h5py.Reference and depth < DEEPEST:
+        found = [file[one] for one in item[()].ravel(order="F") if one]
+        return [_value(file, None if _is_elsewhere(one) else one, room, depth + 1) for one in found]
+    if kind == "char":
+        return Text("".join(map(chr, item[()].ravel())))
+    if item.dtype.names:
+        rows = item[()]
+        columns = {name: rows[name] for name in item.dtype.names}
+        return {
+            name: Stored(values.astype(float)) if values.dtype.kind in "fiub" else "text"
+            for name, values in columns.items()
+        }
+    if kind in ("cell", "struct"):
+        return kind
+    if item.dtype.kind not in "fiub":
+        return "complex or other"
+    raw = item[()]
+    stated = {key: item.attrs[key] for key in wanted(list(item.attrs))}
+    # MATLAB stores its columns one behind the other
+    return as_stated(raw.T if "MATLAB_class" in item.attrs else raw, stated)
+
+
+def _fields(file: Any, group: Any, room: _Room, depth: int) -> Nested:
+    """Return the fields of a group; of MATLAB's array of structs the elements."""
+    room.numbers -= len(group)
+    fields = {str(name): _value(file, _own(group, name), room, depth + 1) for name in group}
+    lists = {name: one for name, one in fields.items() if isinstance(one, list)}
+    is_array = _text(group.attrs.get("MATLAB_class", "")) == "struct" and len(lists) == len(fields)
+    if not is_array or len({len(one) for one in lists.values()}) != 1:
+        return fields
+    rows = zip(*lists.values(), strict=True)
+    return [dict(zip(lists, row, strict=True)) for row in rows]
+
+
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def table_of(
+    variables: Mapping[str, Nested], reader: str, where: str, *, joint: str = "."
+) -> Table:
+    """Return the courses of one common length as columns, and scalars as constants.
+
+    Args:
+        variables: By name the numbers, the fields of a struct or a group, or what a variable is
+            instead.
+        reader: Format, for the record.
+        where: The file, for messages.
+        joint: What stands between the names of a struct and of its field.
+
+    Raises:
+        InputError: If there is no numeric vector.
+    """
+    found = leaves(variables, joint)
+    arrays = [one.value.values for one in found if isinstance(one.value, Stored)]
+    lengths = Counter(max(one.shape) for one in arrays if one.size > 1)
+    if not lengths:
+        kinds = {one.name: one.value for one in found if isinstance(one.value, str)}
+        held = ", ".join(
+            f"{name} ({_kind(kinds[name])})" if name in kinds else name for name in variables
+        )
+        raise InputError(
+            f"Expected numeric vectors, found none; the file holds {held or 'nothing'}.",
+            where=where,
+            remedy=_remedy(found),
+        )
+    # The length that most variables have; settings are short, so that a long one weighs more.
+    length = max(lengths, key=lambda size: (lengths[size] * math.log(size), size))
+    columns, constants, left_out = [], {}, []
+    for leaf in found:
+        value = leaf.value
+        parts = courses(leaf, length)
+        if parts is not None and isinstance(value, Stored):
+            columns += [value.column(name, part, heading=head) for name, head, part in parts]
+        elif isinstance(value, Stored) and value.values.size == 1:
+            number = float(value.values.ravel()[0])
+            if value.is_plain:
+                constants[leaf.name] = number
+            else:  # a constant has no unit of its own
+                columns.append(value.column(leaf.name, np.full(length, number)))
+        else:
+            left_out.append(leaf)
+    findings = _left_out(left_out, length, where)
+    return Table(tuple(columns), {}, constants, (), findings, reader)
+
+
+def _kind(value: Stored | str) -> str:
+    if isinstance(value, str):
+        return "text" if isinstance(value, Text) else value
+    return f"{'x'.join(str(size) for size in value.values.shape)} numbers"
+
+
+def _remedy(found: Sequence[Leaf]) -> str:
+    is_object = any(isinstance(one.value, str) and "object" in one.value for one in found)
+    return (
+        "Save times and values of an object as vectors: t = run.Time; T = run.Data; "
+        "save('test.mat', 't', 'T', …)."
+        if is_object
+        else REMEDY
+    )
+
+
+def _left_out(found: Sequence[Leaf], length: int, where: str) -> tuple[Finding, ...]:
+    if not found:
+        return ()
+    names = [f"{one.name} ({_kind(one.value)})" for one in found]
+    return (
+        Finding(
+            id="variables_left_out",
+            severity="warning",
+            message=f"Not vectors of {length} numbers and left out: {', '.join(names)}.",
+            where=where,
+            remedy=_remedy(found),
+            values={"count": len(names), "length": length},
+        ),
+    )
+
+
+def _damaged(where: str, problem: str) -> InputError:
+    return InputError(
+        f"Expected a MAT file, it could not be read ({problem}).",
+        where=where,
+        remedy="Copy the file again from the bench; it may have been cut.",
+    )

@@ -1,0 +1,288 @@
+"""Variables of HDF5, netCDF and Parquet with what the file itself states about them.
+
+Units, scaling and marks of missing values stand beside the numbers there, by the conventions of
+netCDF (NUG, appendix A, "Attribute conventions") and CF 1.11, sections 3.1, 4.4, 8.1 and 2.5.1.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..record.header import split_name
+from ..record.table import Column, Question, Stated
+from ..record.units import find_unit, is_unit, quantities_of
+
+UNIT_KEYS = ("units", "unit", "unit_string", "ni_unitdescription", "unit_description")
+MISSING_KEYS = ("_fillvalue", "missing_value")
+SCALE_KEYS = ("scale_factor", "add_offset")
+RANGE_KEYS = ("valid_range", "valid_min", "valid_max")
+TEXT_KEYS = ("long_name", "description", "comment", "label", "title")
+"""Attributes in prose, which may name the unit: "losses in kW"."""
+
+KNOWN_KEYS = frozenset(
+    (*UNIT_KEYS, *TEXT_KEYS, *MISSING_KEYS, *SCALE_KEYS, *RANGE_KEYS, "_unsigned")
+)
+
+OTHER_SCALING = re.compile(
+    r"(?:.*_)?(?:scale|scaling|gain|offset|factor|slope|intercept|multiplier|coefficients?|"
+    r"calibration)(?:_.*)?"
+)
+"""Names of attributes by which other writers scale; what they mean differs among them."""
+
+NOT_WRITTEN = 9.969209968386869e36
+"""What netCDF stores where nothing was written, in files that name no mark of their own."""
+
+LONGEST_UNIT = 100
+LONGEST_TEXT = 300
+
+SINCE = re.compile(r"(?P<unit>[A-Za-zµ]+)\s+since\s+\S.*", re.IGNORECASE | re.DOTALL)
+SECONDS = {
+    "days day d": 86400.0,
+    "hours hour hrs hr h": 3600.0,
+    "minutes minute mins min": 60.0,
+    "seconds second secs sec s": 1.0,
+    "milliseconds millisecond millisecs millisec msecs msec ms": 1e-3,
+    "microseconds microsecond microsecs microsec µs us": 1e-6,
+    "nanoseconds nanosecond ns": 1e-9,
+}
+SECONDS_OF = {word: seconds for words, seconds in SECONDS.items() for word in words.split()}
+"""Units of CF times that have a fixed length; a month and a year have none."""
+
+SPELLINGS = {
+    "degree_celsius": "degC",
+    "degrees_celsius": "degC",
+    "degreesc": "degC",
+    "degreec": "degC",
+    "degree_c": "degC",
+    "degrees_c": "degC",
+    "degree_kelvin": "K",
+    "degrees_kelvin": "K",
+    "degree_fahrenheit": "degF",
+    "degrees_fahrenheit": "degF",
+    "dimensionless": "1",
+}
+"""Units as UDUNITS spells them, where benches do not."""
+
+NO_UNIT = ("", "none", "null", "n/a", "unknown", "undefined", "nan")
+
+
+@dataclass(frozen=True)
+class Stored:
+    """The numbers of a variable as they are meant.
+
+    Attributes:
+        values: Float64, in the shape of the file; NaN where the file marks a missing value.
+        unit: Unit text that stands beside them, or None.
+        note: What was done to them, or empty.
+        question: What the file leaves open, or None.
+    """
+
+    values: np.ndarray
+    unit: str | None = None
+    note: str = ""
+    question: Question | None = None
+
+    @property
+    def is_plain(self) -> bool:
+        """Return whether the file states nothing beside the numbers."""
+        return self.unit is None and not self.note and self.question is None
+
+    def column(
+        self,
+        name: str,
+        values: np.ndarray,
+        source: str = "the attribute beside it",
+        *,
+        heading: str = "",
+    ) -> Column:
+        """Return the variable as a column, with the unit that stands beside it.
+
+        Args:
+            name: Name of the variable.
+            values: Its values, shape (time,).
+            source: Where the unit stands, for messages.
+            heading: What it is called, where `name` says more than that.
+        """
+        heading = "" if heading == name else heading
+        label, by_name = split_name(heading or name)
+        beside = () if self.unit is None else (Stated(self.unit, source),)
+        return Column(
+            name, label, self.unit or by_name, values, self.note, beside, heading,
+            question=self.question,
+        )  # fmt: skip
+
+
+@dataclass
+class _Reading:
+    """Values on their way, and what was met.
+
+    Attributes:
+        values: As far as they are read.
+        stored_as: Type of the numbers in the file.
+        notes: What was done.
+        problems: What was not understood.
+    """
+
+    values: np.ndarray
+    stored_as: np.dtype
+    notes: list[str] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+
+def wanted(names: Sequence[str]) -> list[str]:
+    """Return those of the names of attributes that say how to read the numbers."""
+    keys = [(name, name.casefold()) for name in names]
+    return [name for name, key in keys if key in KNOWN_KEYS or OTHER_SCALING.fullmatch(key)]
+
+
+def as_stated(raw: np.ndarray, attributes: Mapping[str, Any]) -> Stored:
+    """Return numbers as the attributes beside them say.
+
+    Args:
+        raw: Numbers as they are stored.
+        attributes: Name to text or number, as the file has them.
+    """
+    said = {name.casefold(): _plain(value) for name, value in attributes.items()}
+    is_unsigned = str(said.get("_unsigned", "")).casefold() == "true" and raw.dtype.kind == "i"
+    if is_unsigned:
+        raw = raw.view(raw.dtype.str.replace("i", "u"))
+    found = _Reading(raw.astype(np.float64), raw.dtype)
+    _mark_missing(found, said)
+    _scale(found, said)
+    unit = _unit(found, said)
+    if unit is not None and (since := SINCE.fullmatch(unit)):
+        factor = SECONDS_OF.get(since["unit"].casefold())
+        if factor is None:
+            found.problems.append(f"times in '{unit}', which have no fixed length")
+            unit = None
+        else:
+            found.values = found.values * factor
+            found.notes.append(unit)
+            unit = "s"
+    problem = (
+        Question(
+            f"The file says {'; '.join(found.problems)}: this is not understood.",
+            remedy="Export the variable in plain numbers with the attribute 'units', or as CSV.",
+        )
+        if found.problems
+        else None
+    )
+    return Stored(found.values, unit, ", ".join(found.notes), problem)
+
+
+def _mark_missing(found: _Reading, said: Mapping[str, Any]) -> None:
+    """Replace what the file marks as missing by NaN."""
+    before = np.isnan(found.values)
+    missing = np.abs(found.values / NOT_WRITTEN - 1.0) < 1e-6
+    for key in MISSING_KEYS:
+        if key in said and (marks := _numbers(found, key, said[key])) is not None:
+            missing |= np.isin(found.values, _as_stored(marks, found.stored_as))
+    low, high = -np.inf, np.inf
+    limits = _numbers(found, "valid_range", said.get("valid_range", ()))
+    if limits is not None and limits.size == 2:
+        low, high = float(limits[0]), float(limits[1])
+    for key in RANGE_KEYS[1:]:
+        limit = _numbers(found, key, said[key]) if key in said else None
+        if limit is not None and limit.size == 1:
+            low, high = (float(limit[0]), high) if key == "valid_min" else (low, float(limit[0]))
+    missing |= (found.values < low) | (found.values > high)
+    count = int(np.sum(missing & ~before))
+    if count:
+        found.values = np.where(missing, np.nan, found.values)
+        found.notes.append(f"{count} values that the file marks as missing")
+
+
+def _scale(found: _Reading, said: Mapping[str, Any]) -> None:
+    """Apply the scale and the offset that the file states."""
+    factors = {"scale_factor": 1.0, "add_offset": 0.0}
+    for key in SCALE_KEYS:
+        if key not in said:
+            continue
+        stated = _numbers(found, key, said[key])
+        if stated is not None and (stated.size != 1 or not np.isfinite(stated[0])):
+            found.problems.append(f"{key} = {_shown(said[key])}")
+        elif stated is not None:
+            factors[key] = float(stated[0])
+    scale, offset = factors.values()
+    if (scale, offset) != (1.0, 0.0):
+        found.values = found.values * scale + offset
+        found.notes.append(f"stored value times {scale:g} plus {offset:g}")
+    for key, value in said.items():
+        if key in KNOWN_KEYS or not OTHER_SCALING.fullmatch(key):
+            continue
+        try:
+            stated = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            continue  # a date of calibration, the name of a scale
+        neutral = 0.0 if "offset" in key or "intercept" in key else 1.0
+        if np.any(stated != neutral):
+            found.problems.append(f"{key} = {stated!s:.40}")
+
+
+def _unit(found: _Reading, said: Mapping[str, Any]) -> str | None:
+    """Return the unit text that stands beside the numbers."""
+    units = []
+    for key in UNIT_KEYS:
+        text = said.get(key)
+        if text is None:
+            continue
+        if not isinstance(text, str) or len(text) > LONGEST_UNIT:
+            found.problems.append(f"{key} = {_shown(text)}")
+            continue
+        text = text.strip().strip("\0")
+        if text.casefold() not in NO_UNIT:
+            units.append(SPELLINGS.get(text.casefold(), text))
+    for key in TEXT_KEYS:
+        text = said.get(key)
+        if isinstance(text, str) and len(text) <= LONGEST_TEXT:
+            named = split_name(text.strip("\0"))[1]
+            if named is not None and is_unit(named):
+                units += [] if any(_is_same(named, unit) for unit in units) else [named]
+    if len(set(units)) > 1:
+        found.problems.append(f"two units, {' and '.join(units)}")
+    return units[0] if units else None
+
+
+def _is_same(one: str, other: str) -> bool:
+    """Return whether two texts are the same unit of some quantity, or one of them since a date."""
+    one, other = (since["unit"] if (since := SINCE.fullmatch(u)) else u for u in (one, other))
+    shared = [q for q in quantities_of(one) if find_unit(other, q) is not None]
+    return any(find_unit(one, q) == find_unit(other, q) for q in shared) or one == other
+
+
+def _as_stored(marks: np.ndarray, stored_as: np.dtype) -> np.ndarray:
+    """Return marks of missing values as the type of the numbers holds them."""
+    if stored_as.kind == "f":
+        with np.errstate(over="ignore"):
+            return marks.astype(stored_as).astype(np.float64)
+    if stored_as.kind == "u":  # a mark of numbers that are declared unsigned may be signed itself
+        return np.where(marks < 0, marks + 2.0 ** (8 * stored_as.itemsize), marks)
+    return marks
+
+
+def _numbers(found: _Reading, key: str, value: Any) -> np.ndarray | None:
+    try:
+        return np.atleast_1d(np.asarray(value, dtype=np.float64)).ravel()
+    except (TypeError, ValueError):
+        found.problems.append(f"{key} = {_shown(value)}")
+        return None
+
+
+def _plain(value: Any) -> Any:
+    """Return text for bytes and the only element of an array."""
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.ravel()[0]
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    if isinstance(value, np.generic):
+        return value.item()
+    return value
+
+
+def _shown(value: Any) -> str:
+    return f"{value!r:.40}" if isinstance(value, str) else f"{value!s:.40}"

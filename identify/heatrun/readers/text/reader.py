@@ -1,0 +1,518 @@
+"""Reader of CSV and other text tables, whatever delimiter, decimal sign and encoding they have.
+
+Lines of a table that hold no sample: where time is counted by lines, they count.
+
+Further rows of a text table whose layout is known: those that a bench has written since.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...errors import InputError
+from ...io.quantities import printable
+from ...record.header import split_name
+from ...record.record import Finding
+from ...record.table import PREAMBLE, Column, Question, Stated, Table, kind_of_frames, no_signals
+from ...record.units import find_unit, is_unit
+from ..clock import TimeFormat, parse_time_format, stated_format
+from ..hints import NO_HINTS, Hints
+from .encoding import CODECS, decode
+from .layout import DELIMITERS, Layout, find_layout
+from .lines import (
+    DataLines,
+    count_by_pieces,
+    data_lines,
+    header_again,
+    is_whole,
+    joined,
+    ragged_lines,
+    restarted,
+)
+from .remarks import X_NAME, stated_raster, units_of_remarks
+from .values import MISSING, doubtful, read_values, signs_joined, unreadable_cells, unsettled_cells
+
+NUM_NAMED = 5  # so many spans stand in a message
+
+
+def with_missing_rows(
+    channels: Mapping[str, np.ndarray], sample_numbers: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return channels with NaN where lines without a sample stand in the file.
+
+    Args:
+        channels: Canonical name to values, shape (time,) of the lines with a sample.
+        sample_numbers: Which sample each of these lines is, from 0, shape (time,).
+    """
+    filled = {}
+    for name, values in channels.items():
+        filled[name] = np.full(int(sample_numbers[-1]) + 1, np.nan)
+        filled[name][sample_numbers] = values
+    return filled
+
+
+def missing_rows(
+    sample_numbers: np.ndarray, rate_Hz: float | None, time_s: np.ndarray, where: str
+) -> Finding:
+    """Return the finding about lines without a sample: how many, and where in time.
+
+    Args:
+        sample_numbers: As `with_missing_rows`; at least one number is left out.
+        rate_Hz: Sampling rate that time is made from [Hz], or None if the file has its own time.
+        time_s: Times of the lines with a sample [s], shape (time,), if the file has its own.
+        where: The file.
+    """
+    steps = np.diff(sample_numbers)
+    before = np.flatnonzero(steps > 1)
+    count = int(np.sum(steps[before] - 1))
+    more = " and more" if before.size > NUM_NAMED else ""
+    if rate_Hz is None:
+        places = ", ".join(f"{time_s[row]:.6g} s" for row in before[:NUM_NAMED])
+        return Finding(
+            id="rows_missing",
+            severity="note",
+            message=f"{count} lines between the samples are empty or have another number of cells,"
+            f" behind {places}{more}. The file's own times are not moved by them.",
+            where=where,
+            remedy="Export again if these samples matter.",
+            values={"count": count, "from_s": float(time_s[before[0]])},
+        )
+    first, last = sample_numbers[before] + 1, sample_numbers[before + 1] - 1
+    spans = ", ".join(
+        f"{low / rate_Hz:.6g} s"
+        if low == high
+        else f"{low / rate_Hz:.6g} s to {high / rate_Hz:.6g} s"
+        for low, high in zip(first[:NUM_NAMED], last[:NUM_NAMED], strict=True)
+    )
+    return Finding(
+        id="rows_missing",
+        severity="warning",
+        message=f"{count} of {int(sample_numbers[-1]) + 1} samples are missing, at {spans}{more}: "
+        "their lines are empty or have another number of cells. The time, made from a rate, goes "
+        "on over them.",
+        where=where,
+        remedy="Export again if these samples matter, and with a time column.",
+        values={"count": count, "from_s": float(first[0] / rate_Hz)},
+    )
+
+
+HOTTEST = 5000.0
+"""Above it no bench works in any unit of temperature: tungsten melts at 3422 degC."""
+
+HEAD_BYTES = 2**16  # in which a log of bus frames shows itself
+
+PARSED_AS_MISSING = sorted({mark for word in MISSING for mark in (word, word.upper(), "NaN")})
+
+# The last bit counts: what a bench wrote is what is read. From 3.1 on that is pandas' only way.
+EXACT: dict[str, Any] = (
+    {}
+    if tuple(int(part) for part in pd.__version__.split(".")[:2]) >= (3, 1)
+    else {"float_precision": "round_trip"}
+)
+
+
+def read_text(
+    data: bytes,
+    where: str,
+    hints: Hints = NO_HINTS,
+    *,
+    delimiters: Sequence[str] = DELIMITERS,
+) -> Table:
+    """Read a text table.
+
+    Args:
+        data: The bytes of the file.
+        where: The file, for messages.
+        hints: What the motor file says about reading.
+        delimiters: What may stand between the cells.
+
+    Returns:
+        The columns under their names in the file. Cells that are no numbers are NaN and lines
+        with another number of cells are left out, both with a finding. Clock times and dates are
+        seconds; where the file leaves open which, the column carries the question.
+
+    Raises:
+        InputError: If the file holds no table with a header and at least one line of numbers.
+    """
+    text, encoding = decode(data, where)
+    if kind := kind_of_frames(text[:HEAD_BYTES]):
+        raise no_signals(kind, where)
+    text = signs_joined(text)
+    layout = find_layout(text, where, hints.decimal, delimiters)
+    body = data_lines(text, layout, where)
+    del text  # a gigabyte of it would be held while the cells are read
+    frame = parsed_cells(body.text, layout, where)
+    columns: list[Column] = []
+    texts: dict[str, str] = {}
+    notes = [f"{PREAMBLE}{line}" for line in layout.preamble]
+    if body.is_double_spaced:
+        notes.append("A blank line follows each line; blank lines are no samples.")
+    findings = [*ragged_lines(body, layout, where), *restarted(body, where)]
+    findings += _settings(layout, where)
+    _refuse_units_between(body, layout, where)
+    heads = column_heads(layout, hints, where)
+    unreadable: list[np.ndarray] = []
+    unsettled: dict[int, Question | None] = {}
+    for index, head in enumerate(heads):
+        named, name, label, unit, stated = head.named, head.name, head.label, head.unit, head.stated
+        cells = frame.iloc[:, index]
+        values = read_values(
+            cells, layout.decimal, name=name, stated=stated, has_thousands=hints.decimal is not None
+        )
+        if isinstance(values, str):
+            if values or named:
+                texts[name] = values
+            continue
+        if values.unreadable is None and not np.isfinite(values.numbers).any():
+            raster = stated_raster(layout.preamble) if name.casefold() == X_NAME else None
+            if raster is not None:
+                times = raster[0] + raster[1] * _samples(body)
+                columns.append(Column(name, label, "s", times, f"every {raster[1]:g} s, as stated"))
+            elif named:
+                texts[name] = ""
+            continue
+        if index >= len(layout.names):
+            raise InputError(
+                f"The header names {len(layout.names)} columns, the lines of data have "
+                f"{index + 1} or more.",
+                where=where,
+                remedy="Give each column one name, in the order of the data.",
+            )
+        if values.unreadable is not None:
+            unreadable.append(values.unreadable)
+        else:
+            unreadable.append(np.zeros(values.numbers.size, dtype=bool))
+        if layout.is_unsettled and values.question is None and not values.is_time:
+            unsettled[len(columns)] = unsettled_cells(cells, layout.decimal)
+        # a word that is no unit, such as "time" in the row of units, says nothing against a clock
+        if values.is_time and (stated is not None or unit is None or not _is_foreign(unit)):
+            unit = "s"
+        columns.append(
+            Column(
+                name,
+                label,
+                unit,
+                values.numbers,
+                values.note,
+                head.beside,
+                question=values.question,
+                start=values.start,
+            )
+        )
+        found = (unreadable_cells(values, name, body.numbers, where), doubtful(values, name, where))
+        findings += [finding for finding in found if finding is not None]
+    _refuse_second_header(unreadable, body.numbers, where)
+    columns = _with_milliseconds(columns)
+    settled = next(
+        (columns[i] for i, asks in unsettled.items() if asks and _is_hot(columns[i])), None
+    )
+    for index, question in unsettled.items():
+        if question is None or settled is not None:
+            continue
+        if (layout.delimiter, layout.decimal) == (",", "."):
+            # Who separates thousands by a point has a decimal comma, and then no comma between
+            # cells; so it is a doubt and no question.
+            findings.append(_taken_as_decimal(question, columns[index].name, where))
+        else:
+            columns[index] = replace(columns[index], question=question)
+    if settled is not None:
+        notes.append(
+            f"'{layout.decimal}' is the decimal sign: '{settled.name}' would be above "
+            f"{HOTTEST:g} {settled.unit} otherwise."
+        )
+    if not columns or not any(np.isfinite(column.values).any() for column in columns):
+        raise InputError(
+            "Expected at least one line of numbers, found none.",
+            where=where,
+            remedy="Check that the export contains the samples.",
+        )
+    reader = f"text, {layout.description}, {encoding}"
+    return Table(
+        tuple(columns), texts, {}, tuple(notes), tuple(findings), reader, body.sample_numbers
+    )
+
+
+@dataclass(frozen=True)
+class ColumnHead:
+    """What stands over a column.
+
+    Attributes:
+        named: Its name in the file, or empty.
+        name: The same, or its place where there is none.
+        label: The name without its unit.
+        unit: Unit text, or None.
+        stated: The format of times that is stated, or None.
+        beside: Units that the file gives outside of the name.
+    """
+
+    named: str
+    name: str
+    label: str
+    unit: str | None
+    stated: TimeFormat | None
+    beside: tuple[Stated, ...]
+
+
+def column_heads(layout: Layout, hints: Hints, where: str) -> list[ColumnHead]:
+    """Return what stands over each column of a text table.
+
+    Args:
+        layout: Its layout.
+        hints: What the motor file says about reading.
+        where: The file, for messages.
+    """
+    remarks = units_of_remarks(layout.preamble, layout.names)
+    heads = []
+    for index in range(layout.width):
+        named = layout.names[index] if index < len(layout.names) else ""
+        name = named or f"column {index + 1}"
+        beside = (
+            *(Stated(cell, "the row of units") for row in layout.units if (cell := row[index])),
+            *(remarks[index] if index < len(remarks) else ()),
+        )
+        told = _label_and_unit(name, beside, hints, f"{where}, column {index + 1}")
+        heads.append(ColumnHead(named, name, *told, beside))
+    return heads
+
+
+def _label_and_unit(
+    name: str, beside: Sequence[Stated], hints: Hints, where: str
+) -> tuple[str, str | None, TimeFormat | None]:
+    """Return label, unit text and stated format of times of a column."""
+    label, unit = split_name(name, where)
+    own = [one.text for one in beside if one.scope == "column"]
+    unit = unit or (own[0] if own else None)
+    label, stated = stated_format(name, label, unit)
+    if stated is not None and unit is None:
+        unit = stated.text
+    claimed = parse_time_format(hints.unit_of(name, label) or "")
+    return label, unit, claimed or stated
+
+
+def _samples(body: DataLines) -> np.ndarray:
+    """Return which sample each line is, from 0, shape (time,)."""
+    return np.arange(body.numbers.size) if body.sample_numbers is None else body.sample_numbers
+
+
+def _with_milliseconds(columns: list[Column]) -> list[Column]:
+    """Add a column of milliseconds to the clock beside it that counts whole seconds."""
+    clocks = [i for i, one in enumerate(columns) if one.note and one.is_seconds]
+    parts = [one for one in columns if find_unit(one.name, "time") == find_unit("ms", "time")]
+    if len(clocks) != 1 or len(parts) != 1 or not np.nan_to_num(parts[0].values).any():
+        return columns
+    clock, part = columns[clocks[0]], parts[0]
+    whole = clock.values + 1e-3 * part.values
+    known = np.isfinite(whole)
+    is_part = np.all((part.values[known] >= 0.0) & (part.values[known] < 1e3))
+    is_whole = np.all(clock.values[known] % 1.0 == 0.0) and np.all(np.diff(whole[known]) >= 0.0)
+    if not (is_part and is_whole):
+        return columns
+    note = f"{clock.note}, with the milliseconds of '{part.name}'"
+    columns[clocks[0]] = replace(clock, values=whole, note=note)
+    return columns
+
+
+def _is_foreign(unit: str) -> bool:
+    """Return whether a text is a unit, and of another quantity than time."""
+    return is_unit(unit) and find_unit(unit, "time") is None
+
+
+def _is_hot(column: Column) -> bool:
+    """Return whether a temperature would be none of this world with its sign left out."""
+    stated = find_unit(column.unit, "temperature") if column.unit else None
+    if stated is None or not np.isfinite(column.values).any():
+        return False
+    return bool(np.nanmin(np.abs(column.values)) * 1000.0 > HOTTEST)
+
+
+def _refuse_units_between(body: DataLines, layout: Layout, where: str) -> None:
+    """Refuse a line among the data that speaks of units: from there on they may be others."""
+    for number, text in zip(body.ragged, body.ragged_texts, strict=False):
+        if any(units_of_remarks((text.lstrip("; "),), layout.names)):
+            raise InputError(
+                f"Line {number} among the data mentions units: '{printable(text[:80])}'.",
+                where=where,
+                remedy="Split the file there, or delete the line if the units stay the same.",
+            )
+
+
+def _refuse_second_header(unreadable: Sequence[np.ndarray], lines: np.ndarray, where: str) -> None:
+    """Refuse a line among the data in which no column holds a number: names or units again."""
+    if len(unreadable) < 2:
+        return
+    texts = np.flatnonzero(np.logical_and.reduce(unreadable))
+    if texts.size == 0:
+        return
+    raise InputError(
+        f"Line {lines[texts[0]]} holds text in every column of numbers ({texts.size} such lines): "
+        "a second table, or a repeated header, whose units may differ.",
+        where=where,
+        remedy="Split the file there, or delete the line if the units stay the same.",
+    )
+
+
+def _settings(layout: Layout, where: str) -> list[Finding]:
+    count = layout.num_settings
+    if count == 0:
+        return []
+    return [
+        Finding(
+            id="rows_above",
+            severity="note",
+            message=f"{count} lines of numbers stand above the names, under other names: they are "
+            "no samples of this table.",
+            where=where,
+            remedy="If they are a test, save them as a file of their own.",
+            values={"count": count},
+        )
+    ]
+
+
+def _taken_as_decimal(question: Question, name: str, where: str) -> Finding:
+    return Finding(
+        id="decimal_assumed",
+        severity="warning",
+        message=f"{question.problem} It is taken as decimal, since commas separate the cells.",
+        where=f"{where}, column {name}",
+        remedy=question.remedy,
+    )
+
+
+def parsed_cells(body: bytes, layout: Layout, where: str) -> pd.DataFrame:
+    """Return the cells of lines of data; columns that are not all numbers stay texts.
+
+    Args:
+        body: Lines that all have the layout's number of cells, in UTF-8.
+        layout: How they are to be read.
+        where: The file, for messages.
+
+    Raises:
+        InputError: If they cannot be split.
+    """
+    try:
+        return pd.read_csv(
+            io.BytesIO(body),
+            sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+            decimal=layout.decimal,
+            header=None,
+            names=list(range(layout.width)),
+            index_col=False,
+            keep_default_na=False,
+            na_values=PARSED_AS_MISSING,
+            skipinitialspace=True,
+            low_memory=False,  # one type for a column, not one for each piece of it
+            dtype=str if layout.is_unsettled else None,  # the question needs the cells themselves
+            **EXACT,
+        )
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"The lines of data could not be split into cells ({error}).",
+            where=where,
+            remedy="Look for a quotation mark that is not closed.",
+        ) from error
+
+
+@dataclass(frozen=True)
+class TextForm:
+    """How the rows of a text table are read, as its beginning has shown.
+
+    Attributes:
+        layout: Delimiter, decimal sign, number of cells.
+        heads: What stands over each column.
+        codec: Python's name of the encoding.
+        has_thousands: As `heatrun.readers.text.values.read_values`.
+    """
+
+    layout: Layout
+    heads: tuple[ColumnHead, ...]
+    codec: str
+    has_thousands: bool
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of a text table.
+
+    Attributes:
+        values: By the name of the column, in the unit of the file, shape (time,); a column without
+            a number in these rows is not there.
+        num_rows: How many they are.
+        num_lost: Lines with another number of cells, which hold no sample.
+        odd: Columns with a cell that is neither a number nor the mark of none.
+        last: The last of the lines, with its line end.
+    """
+
+    values: Mapping[str, np.ndarray]
+    num_rows: int
+    num_lost: int
+    odd: frozenset[str]
+    last: bytes
+
+
+def form_of(data: bytes, where: str, hints: Hints) -> TextForm | None:
+    """Return how a text table is laid out, or None if its encoding does not let it be cut.
+
+    Args:
+        data: The file from its start.
+        where: The file, for messages.
+        hints: What the motor file says about reading.
+
+    Raises:
+        InputError: If there is no table with a header and a line of numbers.
+    """
+    text, encoding = decode(data, where)
+    codec = CODECS.get(encoding.partition(" ")[0])
+    if codec is None:
+        return None
+    layout = find_layout(text, where, hints.decimal)
+    heads = tuple(column_heads(layout, hints, where))
+    return TextForm(replace(layout, first_line=0), heads, codec, hints.decimal is not None)
+
+
+def further_rows(data: bytes, form: TextForm, where: str) -> Rows:
+    """Return the rows of some lines.
+
+    Args:
+        data: Whole lines of data, each with its line end.
+        form: What `form_of` returned for the beginning of the file.
+        where: The file, for messages.
+
+    Raises:
+        InputError: If the lines cannot be split into cells.
+    """
+    text = data.decode(form.codec, "replace").replace("\r\n", "\n").replace("\r", "\n")
+    body = text.encode()
+    ends, num_cells, is_empty, is_blank = count_by_pieces(body, form.layout.delimiter)
+    is_data = ~is_empty & ~header_again(body, ends, is_blank, form.layout)
+    good = is_whole(num_cells, form.layout) & is_data
+    num_lost = int(np.count_nonzero(~good & is_data))
+    if not good.any():
+        return Rows({}, 0, num_lost, frozenset(), b"")
+    lines = joined(body, ends, good)
+    cells = parsed_cells(lines, form.layout, where)
+    values, odd = _values(cells, form)
+    last = lines[lines.rfind(b"\n", 0, -1) + 1 :]
+    return Rows(values, int(good.sum()), num_lost, odd, last)
+
+
+def _values(cells: pd.DataFrame, form: TextForm) -> tuple[dict[str, np.ndarray], frozenset[str]]:
+    found: dict[str, np.ndarray] = {}
+    odd = set()
+    for index, head in enumerate(form.heads):
+        read = read_values(
+            cells.iloc[:, index], form.layout.decimal, name=head.name, stated=head.stated,
+            has_thousands=form.has_thousands,
+        )  # fmt: skip
+        if isinstance(read, str):
+            odd |= {head.name} if read else set()
+            continue
+        if read.unreadable is not None and read.unreadable.any():
+            odd.add(head.name)
+        found.setdefault(head.name, read.numbers)
+    return found, frozenset(odd)

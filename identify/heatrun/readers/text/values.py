@@ -1,0 +1,539 @@
+"""From the cells of one text column to float64, and a finding for each cell that is no number.
+
+Numbers of a text table by their decimal sign, and whether the file settles which it is.
+
+The cells of a line of a text table: what is a number, a time, a text or nothing.
+
+The end of a text file that is being written: its new whole lines, each of them read once.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import BinaryIO, Literal
+
+import numpy as np
+import pandas as pd
+
+from ...io.quantities import printable
+from ...record.header import plain
+from ...record.record import Finding
+from ...record.table import Question
+from ..clock import (
+    CLOCK,
+    CLOCK_CELL,
+    DAYS,
+    DAYS_CELL,
+    ClockColumn,
+    TimeFormat,
+    read_clock,
+    read_days,
+    read_stated,
+)
+from ..dates import DATE_TIME, DATE_TIME_CELL, read_dates
+from ..header_date import SHORT_FRACTION, is_worded_date, numbered_dates, plain_clock, plain_clocks
+
+NUMBER = {
+    "." : r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?",
+    "," : r"[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]+)?",
+}  # fmt: skip
+"""What a number looks like, by decimal sign."""
+
+SIGN_APART = r"^([+-])\s+(?=[0-9.,])"
+"""A sign and the blanks behind it, as loggers write that fill a number up to a fixed width."""
+
+PLUS_APART = re.compile(r"(?<![^\s\"])\+ +(?=[0-9.])")
+BETWEEN_BLANKS = re.compile(r"(?<![^\s\"])([+-]) +(?=[0-9.])")
+
+
+def signs_joined(text: str) -> str:
+    """Return a table of blanks with the signs next to their digits.
+
+    A minus alone may also be the mark of no value; where a plus stands apart, it is a sign, too.
+
+    Args:
+        text: The whole text.
+    """
+    is_apart = "+ " in text and PLUS_APART.search(text) is not None
+    return BETWEEN_BLANKS.sub(r"\1", text) if is_apart else text
+
+
+GROUPED = {
+    ".": r"[+-]?[0-9]{1,3}(?:,[0-9]{3})+(?:\.[0-9]+)?",
+    ",": r"[+-]?[0-9]{1,3}(?:\.[0-9]{3})+(?:,[0-9]+)?",
+}
+"""Numbers with separators of thousands, by decimal sign: read as values only where the motor file
+states the decimal sign, but they show the layout."""
+
+SURELY_GROUPED = {
+    ".": r"[+-]?[0-9]{1,3}(?:(?:,[0-9]{3})+\.[0-9]+|(?:,[0-9]{3}){2,})",
+    ",": r"[+-]?[0-9]{1,3}(?:(?:\.[0-9]{3})+,[0-9]+|(?:\.[0-9]{3}){2,})",
+}
+"""Those of them in which the sign can do nothing else: beside the decimal sign, or twice."""
+
+SPACED = {
+    sign: rf"[+-]?[0-9]{{1,3}}(?:[ \u00a0\u2009\u202f'’_][0-9]{{3}})+(?:{sign_pattern}[0-9]+)?"
+    for sign, sign_pattern in ((".", r"\."), (",", ","))
+}
+"""Numbers with separators of thousands that can be nothing else."""
+
+SPACES = "[ \u00a0\u2009\u202f'’_]"
+
+THOUSANDS_OR_DECIMALS = {
+    ".": r"[+-]?[1-9][0-9]{0,2}\.[0-9]{3}",
+    ",": r"[+-]?[1-9][0-9]{0,2},[0-9]{3}",
+}
+"""Numbers that are whole where the sign separates thousands, and are not where it is decimal."""
+
+SURELY_DECIMAL = (
+    r"[+-]?(?:0+{0}[0-9]*|[0-9]+{0}(?:[0-9]{{0,2}}|[0-9]{{4,}})|[0-9]{{4,}}{0}[0-9]+|{0}[0-9]+)"
+    r"|[+-]?[0-9]*{0}[0-9]+[eE][+-]?[0-9]+"
+)
+"""Numbers in which the sign {0} separates no thousands."""
+
+
+def start_of_line(text: str, index: int) -> int:
+    r"""Return where a line begins.
+
+    Args:
+        text: With `\n` line ends.
+        index: Of the line, from 0; the text has it.
+    """
+    offset = 0
+    for _ in range(index):
+        offset = text.find("\n", offset) + 1
+    return offset
+
+
+def is_unsettled(text: str, first_line: int, delimiter: str, decimal: str) -> bool:
+    r"""Return whether the decimal sign shows itself only where it may separate thousands.
+
+    Args:
+        text: The whole text, with `\n` line ends.
+        first_line: Index of the first line of data, from 0.
+        delimiter: What stands between the cells.
+        decimal: The sign that is taken as decimal.
+    """
+    edge = rf'\s"{re.escape(delimiter)}'
+    cell = rf"(?:^|(?<=[{edge}]))(?:{{}})(?=[{edge}]|$)"
+    if delimiter == decimal:  # within quotes alone
+        cell = '(?<=")(?:{})(?=")'
+    start = start_of_line(text, first_line)
+    surely = re.compile(cell.format(SURELY_DECIMAL.format(re.escape(decimal))), re.MULTILINE)
+    maybe = re.compile(cell.format(THOUSANDS_OR_DECIMALS[decimal]), re.MULTILINE)
+    return surely.search(text, start) is None and maybe.search(text, start) is not None
+
+
+MISSING = frozenset(
+    ("", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "nil", "-", "--", "---", "?")
+)
+"""Cells, in lower case, that say: no value here."""
+
+STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
+"""Switches, in lower case, as fans and relays are logged; they say nothing about the layout."""
+
+NUMBER_CELL = {sign: re.compile(pattern) for sign, pattern in NUMBER.items()}
+QUOTED_OR_SOLID = re.compile(r'"[^"]*"|\S+')
+
+
+def split_line(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line without quotes and outer blanks.
+
+    Args:
+        line: Without its line end.
+        delimiter: One of `DELIMITERS`.
+    """
+    if delimiter == " ":
+        if '"' not in line:
+            return line.split()
+        return [cell.strip('"').strip() for cell in QUOTED_OR_SOLID.findall(line)]
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:
+        cells = line.split(delimiter)
+    return [cell.strip() for cell in cells]
+
+
+def is_time(cell: str) -> bool:
+    """Return whether a cell is a clock time or a date with a time."""
+    cell = plain_clock(cell)
+    return bool(
+        CLOCK_CELL.fullmatch(cell)
+        or DATE_TIME_CELL.fullmatch(cell)
+        or DAYS_CELL.fullmatch(cell)
+        or SHORT_FRACTION.fullmatch(cell)
+        or is_worded_date(cell)
+    )
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Return whether a cell is a number under a decimal sign."""
+    return NUMBER_CELL[decimal].fullmatch(bare(cell)) is not None
+
+
+def bare(cell: str) -> str:
+    """Return a cell with plain signs and digits, the sign of a number next to its digits."""
+    if cell[:1] in "+-" or not cell.isascii():
+        return re.sub(SIGN_APART, r"\1", plain(cell))
+    return cell
+
+
+def is_value(cell: str, decimal: str) -> bool:
+    """Return whether a cell holds a value: a number, a time or the mark of none."""
+    return cell.lower() in MISSING or is_number(cell, decimal) or is_time(cell)
+
+
+def filled(row: Sequence[str]) -> list[str]:
+    """Return the cells that say something of the layout."""
+    return [cell for cell in row if cell.lower() not in MISSING and cell.lower() not in STATES]
+
+
+def num_values(cells: Sequence[str], decimal: str) -> int:
+    """Return how many cells are numbers or times."""
+    return sum(is_number(cell, decimal) or is_time(cell) for cell in cells)
+
+
+def is_text(row: Sequence[str], decimal: str) -> bool:
+    """Return whether no cell of a row is a number or a time."""
+    return not num_values(filled(row), decimal)
+
+
+def is_rule(row: Sequence[str]) -> bool:
+    """Return whether a row below the header is a rule or empty."""
+    return all(set(cell) <= set("-=_") for cell in filled(row))
+
+
+def trimmed(row: list[str]) -> list[str]:
+    """Return a row without the empty cells at its end."""
+    end = len(row)
+    while end and not row[end - 1]:
+        end -= 1
+    return row[:end]
+
+
+STAMPS = 19900101000000, 21000101000000
+"""Numbers that may be a date with a time in 14 digits, from the first up to the second."""
+
+STAMP = r"(\d{4})(\d{2})(\d{2})([01]\d|2[0-3])([0-5]\d)([0-5]\d)"
+
+
+@dataclass(frozen=True)
+class Values:
+    """The values of one column.
+
+    Attributes:
+        numbers: Float64, shape (time,).
+        is_time: The cells were clock times or dates; the numbers are seconds.
+        note: How they were read if not as plain numbers, or empty.
+        unreadable: Which cells hold something that could not be read, shape (time,).
+        first_text: What stands in the first of these, or empty.
+        question: What the cells leave open, or None.
+        doubt: What speaks against the reading, as a sentence, or empty.
+        start: Day of the first time, ISO 8601; empty where it is not known.
+    """
+
+    numbers: np.ndarray
+    is_time: bool = False
+    note: str = ""
+    unreadable: np.ndarray | None = None
+    first_text: str = ""
+    question: Question | None = None
+    doubt: str = ""
+    start: str = ""
+
+
+def read_values(
+    cells: pd.Series,
+    decimal: str,
+    *,
+    name: str = "time",
+    stated: TimeFormat | None = None,
+    has_thousands: bool = False,
+) -> Values | str:
+    """Return the values of a column, or its first text if it holds no value at all.
+
+    Args:
+        cells: One column as the table parser left it: numbers, truth values or texts.
+        decimal: Decimal sign of the file.
+        name: Name of the column, for the answers to a question.
+        stated: The format of times that the header or `[columns]` states; cells that are not of
+            it are not read in another.
+        has_thousands: The decimal sign is stated, so that the other sign can only separate
+            thousands.
+    """
+    if pd.api.types.is_bool_dtype(cells.dtype):
+        return Values(cells.to_numpy(dtype=float), note="true and false read as 1 and 0")
+    if pd.api.types.is_numeric_dtype(cells.dtype):
+        numbers = cells.to_numpy(dtype=float, na_value=np.nan)
+        return _read_stamps(numbers, name) or _finite(numbers)
+    texts = cells.astype(object).where(cells.notna(), "").astype(str).str.strip().map(bare)
+    lower = texts.str.lower()
+    missing = lower.isin(list(MISSING)).to_numpy()
+    if stated is not None and not missing.all():
+        best = _read_stated(texts, missing, stated, name)
+    else:
+        clocks = plain_clocks(texts)
+        candidates = (
+            _read_numbers(texts, decimal, has_thousands),
+            _read_clock(clocks, name),
+            _read_dates(clocks, name),
+            _read_states(texts),
+        )
+        found = [one for one in candidates if one is not None]
+        if not found and _thousands(texts, decimal):
+            found = [Values(np.full(len(texts), np.nan))]
+        if not found:
+            return str(texts[~missing].iloc[0]) if not missing.all() else ""
+        best = max(found, key=lambda one: np.isfinite(one.numbers).sum())
+    unreadable = ~missing & ~np.isfinite(best.numbers)
+    first = str(texts[unreadable].iloc[0]) if unreadable.any() else ""
+    question = best.question or _thousands(texts[unreadable], decimal)
+    return replace(best, unreadable=unreadable, first_text=first, question=question)
+
+
+def unsettled_cells(cells: pd.Series, decimal: str) -> Question | None:
+    """Return the question of a column of texts whose sign may separate thousands, or None.
+
+    Args:
+        cells: One column, all texts.
+        decimal: The sign that may be decimal.
+    """
+    texts = cells.dropna().astype(str).str.strip()
+    open_cells = texts[texts.str.fullmatch(THOUSANDS_OR_DECIMALS[decimal])]
+    if open_cells.empty:
+        return None
+    shown = open_cells.iloc[0]
+    as_decimal, as_thousands = shown.replace(decimal, "."), shown.replace(decimal, "")
+    other = "," if decimal == "." else "."
+    return Question(
+        f"'{shown}' may be {float(as_decimal):g} or {as_thousands}: no number in the file shows "
+        "whether the sign is decimal or separates thousands.",
+        remedy=f"Say which in the motor file: [motor] decimal = '{decimal}' for "
+        f"{float(as_decimal):g}, decimal = '{other}' for {as_thousands}.",
+    )
+
+
+def unreadable_cells(values: Values, column: str, lines: np.ndarray, where: str) -> Finding | None:
+    """Return the finding about the cells of a column that became NaN, or None.
+
+    Args:
+        values: What was read.
+        column: Its name in the file.
+        lines: Line number in the file of each sample, from 1, shape (time,).
+        where: The file.
+    """
+    if values.unreadable is None or not values.unreadable.any():
+        return None
+    count = int(values.unreadable.sum())
+    line = int(lines[values.unreadable][0])
+    return Finding(
+        id="unreadable_cells",
+        severity="warning",
+        message=f"{count} of {values.numbers.size} cells hold no number; the first is "
+        f"'{printable(values.first_text[:40])}' in line {line}. They count as missing.",
+        where=f"{where}, column {column}",
+        remedy="Export numbers alone, without separators of thousands.",
+        values={"count": count, "first_line": line},
+    )
+
+
+def doubtful(values: Values, column: str, where: str) -> Finding | None:
+    """Return the finding about times that were read in one of two ways, or None.
+
+    Args:
+        values: What was read.
+        column: Its name in the file.
+        where: The file.
+    """
+    if not values.doubt:
+        return None
+    return Finding(
+        id="time_assumed",
+        severity="warning",
+        message=values.doubt,
+        where=f"{where}, column {column}",
+        remedy=f'State the format: [columns] time_s = "{column} [mm:ss]" or "{column} [hh:mm]".',
+    )
+
+
+def _thousands(texts: pd.Series, decimal: str) -> Question | None:
+    """Return the question of texts that are numbers if a sign separates thousands, or None."""
+    grouped = texts[texts.str.fullmatch(GROUPED[decimal])]
+    if grouped.empty:
+        return None
+    sign = "," if decimal == "." else "."
+    return Question(
+        f"'{grouped.iloc[0]}' is a number only if '{sign}' separates thousands, since "
+        f"'{decimal}' is taken as the decimal sign; that is not guessed.",
+        remedy=f"If it does, say in the motor file: [motor] decimal = '{decimal}'. If not, export "
+        "with one decimal sign.",
+    )
+
+
+def _finite(numbers: np.ndarray) -> Values:
+    infinite = np.isinf(numbers)
+    if not infinite.any():
+        return Values(numbers)
+    return Values(np.where(infinite, np.nan, numbers), unreadable=infinite, first_text="inf")
+
+
+def _read_numbers(texts: pd.Series, decimal: str, has_thousands: bool) -> Values | None:
+    spaced = texts.str.fullmatch(SPACED[decimal])
+    texts = texts.where(~spaced, texts.str.replace(SPACES, "", regex=True))
+    if has_thousands or texts.str.fullmatch(SURELY_GROUPED[decimal]).any():
+        grouped = texts.str.fullmatch(GROUPED[decimal])
+        plain = texts.str.replace("," if decimal == "." else ".", "", regex=False)
+        texts = texts.where(~grouped, plain)
+    matches = texts.str.fullmatch(NUMBER[decimal]).to_numpy(dtype=bool)
+    if not matches.any():
+        return None
+    numbers = np.full(len(texts), np.nan)
+    numbers[matches] = texts[matches].str.replace(decimal, ".").astype(float)
+    return Values(np.where(np.isinf(numbers), np.nan, numbers))
+
+
+def _read_clock(texts: pd.Series, name: str) -> Values | None:
+    if texts.str.fullmatch(DAYS).any():
+        return _times(read_days(texts))
+    if not texts.str.fullmatch(CLOCK).any():
+        return None
+    return _times(read_clock(texts, name))
+
+
+def _read_dates(texts: pd.Series, name: str) -> Values | None:
+    numbered, known_by = numbered_dates(texts)
+    if not known_by and not texts.str.fullmatch(DATE_TIME).any():
+        return None
+    column = read_dates(numbered, name, known_by=known_by)
+    return _times(column) if column.note else None
+
+
+def _read_stamps(numbers: np.ndarray, name: str) -> Values | None:
+    """Return dates with a time that are written in 14 digits, None if not all numbers are such."""
+    if not numbers.size or not np.all((numbers >= STAMPS[0]) & (numbers < STAMPS[1])):
+        return None
+    digits = pd.Series([f"{number:.0f}" for number in numbers])
+    if not digits.str.fullmatch(STAMP).all():
+        return None
+    found = _read_dates(digits.str.replace(STAMP, r"\1-\2-\3 \4:\5:\6", regex=True), name)
+    return found if found is not None and np.all(np.isfinite(found.numbers)) else None
+
+
+def _times(column: ClockColumn) -> Values:
+    return Values(
+        column.seconds,
+        True,
+        column.note,
+        question=column.question,
+        doubt=column.doubt,
+        start=column.start,
+    )
+
+
+def _read_stated(texts: pd.Series, missing: np.ndarray, stated: TimeFormat, name: str) -> Values:
+    """Return times in the format that is stated; where most are not of it, that is a question."""
+    if stated.order:
+        numbered, known_by = numbered_dates(plain_clocks(texts))
+        order = "year-month-day" if known_by else stated.order
+        column = read_dates(numbered, name, order, known_by=known_by)
+    else:
+        column = read_stated(texts, stated)
+    unreadable = ~missing & ~np.isfinite(column.seconds)
+    if 2 * unreadable.sum() <= (~missing).sum():
+        return _times(column)
+    return replace(
+        _times(column),
+        note="not read",
+        question=Question(
+            f"The format is stated as {stated.text}; {int(unreadable.sum())} of "
+            f"{int((~missing).sum())} cells are not written so, the first is "
+            f"'{printable(str(texts[unreadable].iloc[0])[:40])}'.",
+            remedy=f"State the format of the cells in the motor file, as in "
+            f'[columns] time_s = "{name} [hh:mm:ss]", or export the time in seconds.',
+        ),
+    )
+
+
+def _read_states(texts: pd.Series) -> Values | None:
+    numbers = texts.str.lower().map(STATES).to_numpy(dtype=float)
+    if not np.isfinite(numbers).any():
+        return None
+    return Values(numbers, note="true/on and false/off read as 1 and 0")
+
+
+MARK_BYTES = 4096
+"""Bytes at both ends of what was read that must still be there for a file to be the same."""
+
+MOST_BYTES = 32 << 20
+"""Most that one look reads [byte]; what is more waits for the next one."""
+
+
+@dataclass(frozen=True)
+class Grown:
+    """What a look at a file has brought.
+
+    Attributes:
+        kind: `"start"` for the first lines of a file, `"more"` for those behind the ones that were
+            read, `"replaced"` if those are not there any more and the file must be read anew.
+        data: Whole lines, the last with its line end; empty if there are none.
+    """
+
+    kind: Literal["start", "more", "replaced"]
+    data: bytes
+
+
+class Growth:
+    """Follows a file that a bench appends lines to.
+
+    A line counts once its line end is there, so a torn one waits for the next look. A file counts
+    as the same one while what was read of it still stands at its place: the first and the last
+    `MARK_BYTES` of it are compared, at each look, so that the cost of a look depends on what is new
+    and not on the length of the file.
+    """
+
+    def __init__(self) -> None:
+        self._head = b""
+        self._tail = b""
+        self._num_read = 0
+
+    @property
+    def num_read(self) -> int:
+        """Bytes of the file that were read."""
+        return self._num_read
+
+    def look(self, file: BinaryIO) -> Grown:
+        """Return what is new in the file.
+
+        After `"replaced"` the next look begins at the start.
+
+        Args:
+            file: Open for reading and seekable; the writer may go on meanwhile.
+        """
+        if self._num_read == 0:
+            return self._read(file, "start")
+        if not self._is_same(file):
+            self._head, self._tail, self._num_read = b"", b"", 0
+            return Grown("replaced", b"")
+        return self._read(file, "more")
+
+    def _is_same(self, file: BinaryIO) -> bool:
+        file.seek(0)
+        if file.read(len(self._head)) != self._head:
+            return False
+        file.seek(self._num_read - len(self._tail))
+        return file.read(len(self._tail)) == self._tail
+
+    def _read(self, file: BinaryIO, kind: Literal["start", "more"]) -> Grown:
+        file.seek(self._num_read)
+        data = file.read(MOST_BYTES)
+        data = data[: data.rfind(b"\n") + 1]
+        if data:
+            self._num_read += len(data)
+            self._head = (self._head + data[: MARK_BYTES - len(self._head)])[:MARK_BYTES]
+            self._tail = (self._tail + data)[-MARK_BYTES:]
+        return Grown(kind, data)

@@ -1,0 +1,285 @@
+"""Errors of a balance of powers that the inputs of a test show without any temperature.
+
+Losses from a balance are a small difference of two large powers. Where one of them reads too much,
+the error is a share of the mechanical power and changes its sign with it: the machine seems to lose
+more as a motor than at the same current and speed as a generator, or the reverse. What a wrong zero
+of the torque adds changes its sign with the direction of rotation, and can be read off while the
+machine stands without current; so can an offset of the powers.
+
+What contradicts the prior of such an error is the test's own: fit, posterior and prediction take it
+in place of that prior, in this test alone (`inference.instruments`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from .derive import RAD_PER_S_PER_RPM, recorded_shaft_power
+from .motor import Motor, ParameterOverride
+from .record import Finding, Record
+from .samples import block_means, place, runs, samples, sink_channel
+
+BLOCK_S = 10.0
+"""A balance is the small difference of two large powers: its noise is judged as means over 10 s."""
+
+STANDSTILL_RPM = 1.0
+"""At standstill all losses are copper losses, so that a share of one is right."""
+
+SHAFT_GAIN_SD = 0.01
+"""Prior of `shaft_power_gain` [1], where the motor file gives no other."""
+
+SHAFT_OFFSET_SHARE = 1e-3
+"""Prior of an offset of mechanical power or torque, in parts of the largest one [1]."""
+
+BEYOND = 2.0
+"""Standard deviations that a prior allows for [1]."""
+
+SIGMAS = 3.0
+"""Standard deviations from which an error is no matter of scatter [1]."""
+
+LEAST_SHARE = 0.05
+"""Share of the blocks that each direction of power or rotation needs [1]."""
+
+LEAST_POWER = 0.2
+"""In parts of the largest mechanical power [1]: blocks below say nothing of its scale."""
+
+EXPLAINED = 0.5
+"""Part of the scatter that the error must explain [1]: losses that current and speed do not tell,
+such as those in field weakening, may go with it by chance."""
+
+NUM_PARTS = 10
+"""Parts of a record that are left out in turn: what current and speed leave of the losses is no
+noise, and neighbouring blocks have it in common."""
+
+ALIKE = 0.02
+"""Losses of both directions at one current and speed, for all that is known [1]: the winding is 5 K
+warmer in one of them, or the flux another."""
+
+WARM_K, RESISTANCE_SHARE = 50.0, 0.25
+"""A winding of which nothing is known, above its sink [K], and how far its resistance may be off
+[1]."""
+
+STICTION_SHARE = 0.001
+"""Torque that friction and cogging may hold at a stop, in parts of the largest one [1]."""
+
+UNITS = {"shaft_power_gain": "", "shaft_power_offset": " W", "torque_offset": " N m"}
+
+
+class Told(NamedTuple):
+    """An error of the balance, as the inputs of one test tell it.
+
+    Attributes:
+        name: The parameter that stands for it.
+        mean: Its estimate [unit of the parameter].
+        sd: Standard deviation of the estimate [likewise].
+        seen: What shows it, a sentence.
+    """
+
+    name: str
+    mean: float
+    sd: float
+    seen: str
+
+
+class Prior(NamedTuple):
+    """Centre and standard deviation of an error before a test is looked at, in its unit."""
+
+    centre: float
+    sd: float
+    is_fixed: bool = False
+
+
+def prior_of(motor: Motor, name: str, sd: float) -> Prior:
+    """Return the prior of an error.
+
+    Args:
+        motor: The machine.
+        name: The parameter.
+        sd: Standard deviation where the motor file says none.
+    """
+    said = motor.parameters.get(name, ParameterOverride())
+    if said.fixed is not None:
+        return Prior(said.fixed, 0.0, is_fixed=True)
+    return Prior(said.value or 0.0, sd if said.sd is None else said.sd)
+
+
+def own_errors(record: Record, motor: Motor) -> tuple[Told, ...]:
+    """Return the errors that are a test's own: told by its inputs and not held by the motor file.
+
+    Args:
+        record: Any record.
+        motor: The machine.
+    """
+    told = told_by_inputs(record, motor)
+    return tuple(each for each in told if not prior_of(motor, each.name, 0.0).is_fixed)
+
+
+def told_by_inputs(record: Record, motor: Motor) -> tuple[Told, ...]:
+    """Return the errors of the balance that contradict their priors; no winding reading is used.
+
+    Args:
+        record: Any record; needs current, speed, losses from a balance, torque or mechanical power.
+        motor: The machine.
+    """
+    shaft = recorded_shaft_power(record.channels) if motor.losses == "balance" else None
+    if shaft is None:
+        return ()
+    channels = {**record.channels, "mechanical_power_W": np.asarray(shaft, dtype=float)}
+    record = replace(record, channels=channels)
+    names = ("phase_current_A", "speed_rpm", "losses_W", "mechanical_power_W")
+    time_s, current, speed, losses, power = samples(record, *names)
+    if time_s.size < 2:
+        return ()
+    speed = speed * RAD_PER_S_PER_RPM
+    _, *means = block_means(time_s, BLOCK_S, current**2, np.abs(speed), losses, power, speed)
+    largest_W = float(np.max(np.abs(means[3])))
+    fastest = max(float(np.max(means[1])), STANDSTILL_RPM * RAD_PER_S_PER_RPM)
+    usual = {
+        "shaft_power_gain": SHAFT_GAIN_SD,
+        "shaft_power_offset": SHAFT_OFFSET_SHARE * largest_W,
+        "torque_offset": SHAFT_OFFSET_SHARE * largest_W / fastest,
+    }
+    found: dict[str, Told] = {}
+    for told in (*_by_direction(*means), *_at_rest(record, motor)):
+        prior = prior_of(motor, told.name, usual[told.name])
+        allowed = BEYOND * (usual[told.name] if prior.is_fixed else prior.sd)
+        if abs(told.mean - prior.centre) > max(allowed, SIGMAS * told.sd):
+            found.setdefault(told.name, told)
+    return tuple(found.values())
+
+
+def shaft_power_disagrees(record: Record, motor: Motor) -> tuple[Finding, ...]:
+    """Report errors of torque and powers that contradict their priors, and what is done about them.
+
+    Needs losses from a balance, current, speed, torque or mechanical power, and a load in both
+    directions, rotation in both directions, or a standstill without current.
+    """
+    return tuple(_finding(record, motor, told) for told in told_by_inputs(record, motor))
+
+
+def _finding(record: Record, motor: Motor, told: Told) -> Finding:
+    prior = prior_of(motor, told.name, 0.0)
+    key, unit = f"[parameters.{told.name}]", UNITS[told.name]
+    if prior.is_fixed:
+        taken = f" The motor file holds {told.name} at {prior.centre:.3g}{unit} all the same."
+        remedy = f"Without fixed in {key}, this test would take it from its inputs."
+    else:
+        taken = (
+            f" This test takes {told.name} = {told.mean:.3g} ± {told.sd:.1g}{unit} from its inputs,"
+            " for itself alone; no temperature is used."
+        )
+        remedy = (
+            f"To take the signals as they are, write fixed = 0 into {key}; for one value of all "
+            f"tests, from their temperatures, sd = {abs(told.mean):.1g}."
+        )
+    return Finding(
+        "shaft_power_disagrees",
+        "warning",
+        told.seen + taken,
+        place(record, "losses_W", *map(float, record.time_s[[0, -1]])),
+        f"Check gain and zero of the torque transducer and of the power meter. {remedy}",
+        values={told.name: told.mean, "sd": told.sd},
+    )
+
+
+def _by_direction(
+    squared: Float[np.ndarray, " block"],
+    magnitude: Float[np.ndarray, " block"],
+    losses: Float[np.ndarray, " block"],
+    power: Float[np.ndarray, " block"],
+    speed: Float[np.ndarray, " block"],
+) -> Iterator[Told]:
+    """Yield what goes with the sign of power or speed in the losses.
+
+    They are laid out over current squared, speed, speed squared, their product, and what has both
+    signs.
+    """
+    signed = {"shaft_power_gain": power, "torque_offset": speed}
+    ways = {
+        name: [float(np.mean(s * v > LEAST_POWER * np.max(np.abs(v)))) for s in (1.0, -1.0)]
+        for name, v in signed.items()
+    }
+    names = [name for name, shares in ways.items() if min(shares) >= LEAST_SHARE]
+    if not names or speed.size < 2 * NUM_PARTS:
+        return
+    known = [np.ones(speed.size), squared, magnitude, magnitude**2, squared * magnitude]
+    columns = np.stack([*known, *(signed[name] for name in names)], axis=1)
+    scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+    columns = columns / scale
+    every = np.arange(speed.size)
+    all_but = [np.setdiff1d(every, part) for part in np.array_split(every, NUM_PARTS)]
+    weights, *without = (_weights(columns[r], losses[r]) / scale for r in (every, *all_but))
+    unlike = ALIKE * np.sqrt(np.mean(losses**2)) / scale
+    spread = np.hypot(np.sqrt(NUM_PARTS - 1.0) * np.std(without, axis=0), unlike)
+    left = _square(columns, losses)
+    for at, name in enumerate(names, len(known)):
+        others = np.delete(columns, at, axis=1)
+        is_apart = _square(others, columns[:, at]) > 1e-3 * speed.size
+        # else current and speed tell the sign
+        if is_apart and left < (1.0 - EXPLAINED) * _square(others, losses):
+            error = float(weights[at])
+            yield Told(name, error, float(spread[at]), _words(name, error))
+
+
+def _words(name: str, error: float) -> str:
+    if name == "torque_offset":
+        return (
+            "Expected about the same losses in both directions of rotation; they differ as if the "
+            f"torque read {abs(error):.2g} N m too {'little' if error > 0.0 else 'much'} in both."
+        )
+    return (
+        "Expected about the same losses as a motor and as a generator at the same current and "
+        f"speed; they differ by {100.0 * abs(error):.2g} % of the mechanical power to each side, "
+        f"more as a {'motor' if error > 0.0 else 'generator'}: torque and electrical power do not "
+        "have one scale."
+    )
+
+
+def _weights(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.linalg.lstsq(columns, values, rcond=None)[0]
+
+
+def _square(columns: np.ndarray, values: np.ndarray) -> float:
+    """Return the sum of squares that columns leave of values."""
+    return float(np.sum((values - columns @ _weights(columns, values)) ** 2))
+
+
+def _at_rest(record: Record, motor: Motor) -> Iterator[Told]:
+    """Yield what losses and torque read while the machine stands without current."""
+    names = ["phase_current_A", "speed_rpm", "losses_W", "mechanical_power_W", sink_channel(motor)]
+    names += ["torque_Nm"] * ("torque_Nm" in record)
+    time_s, current, speed, losses, power, sink_degC, *torque = samples(record, *names)
+    if time_s.size < 2 or motor.phase_resistance_ohm is None:
+        return
+    copper = motor.copper_loss_W(current, sink_degC + WARM_K)
+    _, magnitude, copper, losses, power, *torque = block_means(
+        time_s, BLOCK_S, np.abs(speed), copper, losses, power, *torque
+    )
+    unknown_W = RESISTANCE_SHARE * copper
+    is_idle = unknown_W < SHAFT_OFFSET_SHARE * np.max(np.abs(power))
+    # the blocks at either end of a stop may hold a part of what came before or after
+    stops = [
+        np.arange(first + 1, past - 1)
+        for first, past in zip(*runs((magnitude < STANDSTILL_RPM) & is_idle), strict=True)
+        if past - first > 3
+    ]
+    if not stops:
+        return
+
+    def read(values: np.ndarray, unknown: float) -> tuple[float, float]:
+        means = [float(np.mean(values[stop])) for stop in stops]
+        scatter = float(np.std(values[np.concatenate(stops)]))
+        return float(np.mean(means)), float(np.hypot(scatter, unknown) / np.sqrt(len(stops)))
+
+    mean, sd = read(losses - copper, float(np.max(unknown_W[np.concatenate(stops)])))
+    seen = f"Expected no losses at standstill without current; they read {mean:.3g} W."
+    yield Told("shaft_power_offset", mean, sd, seen)
+    for values in torque:
+        mean, sd = read(values, STICTION_SHARE * float(np.max(np.abs(values))))
+        seen = f"Expected no torque at standstill without current; it reads {mean:.2g} N m."
+        yield Told("torque_offset", -mean, sd, seen)

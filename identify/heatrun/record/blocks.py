@@ -1,0 +1,276 @@
+"""A reduced record: mean inputs on an even grid, block means to compare.
+
+Two grids are nested. The *steps* (about 2 s) carry the simulation: over each, current squared,
+losses and sink enter as means, so energy is conserved. The *blocks* (about 20 s) carry the
+comparison: over each, the mean of the measured samples is set against the mean of the model at
+the same sample times. Half a sample of misalignment between the two would look like a delay of
+the sensor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from lptn import Inputs
+
+if TYPE_CHECKING:
+    from .balance_errors import Told
+
+
+class Logger(NamedTuple):
+    """What a test's readings were recorded with: tests that agree in it share their noise.
+
+    Attributes:
+        sample_s: Sampling period to two digits [s].
+        resolution_K: Resolution of the readings to two digits [K]; 0 if none is seen.
+        sensor: Column of the file that holds the readings; empty where it is not known.
+    """
+
+    sample_s: float
+    resolution_K: float
+    sensor: str
+
+
+@dataclass(frozen=True)
+class Body:
+    """Readings of a body beside the winding, reduced to the same blocks.
+
+    Attributes:
+        channel: Its channel, such as `"stator_degC"`.
+        measured: As `Blocks.measured`.
+        weight: As `Blocks.weight`.
+        position: As `Blocks.position`.
+        count: As `Blocks.count`.
+        time: As `Blocks.time`.
+        rounding_K: As `Blocks.rounding_K`.
+        start_degC: Mean of its first readings [degC].
+        sensor: As `Blocks.sensor`.
+    """
+
+    channel: str
+    measured: Float[np.ndarray, " block"]
+    weight: Float[np.ndarray, "block step"]
+    position: Float[np.ndarray, "block step"]
+    count: Float[np.ndarray, " block"]
+    time: Float[np.ndarray, " block"]
+    rounding_K: float
+    start_degC: float
+    sensor: str
+
+    @property
+    def is_observed(self) -> np.ndarray:
+        """Which blocks hold a reading, shape (block,)."""
+        return self.count > 0
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """A record, reduced.
+
+    With `with_bodies`, the rows of further sensors follow those of the winding: then `row` below
+    stands for the blocks of the winding, and then of each body in turn.
+
+    Attributes:
+        name: Name of the test.
+        inputs: Means over the steps, all of one length; shape (step,).
+        measured: Mean of the readings of each block [degC], shape (row,); NaN without any.
+        weight: Share of each step in the mean of its block [1], shape (row, step per block).
+        position: Mean position of the samples within each step, 0 its start and 1 its end [1],
+            shape (row, step per block).
+        count: Readings per block, shape (row,).
+        time: Mean time of the readings of each block [s], shape (row,).
+        block_s: Length of a block [s].
+        rounding_K: Resolution of the readings [K]; 0 if none is seen.
+        start_degC: Mean reading over the first block's first few seconds [degC].
+        sample_s: Median sampling period [s].
+        bodies: Readings of other bodies than the winding.
+        fitted: Channels of those whose rows follow the winding's.
+        sensor: Column of the file that holds the readings; empty where it is not known.
+        first_s: Time on the record's own axis at which the grid begins [s].
+        has_current: Whether the phase current was recorded or stated; if not, it enters as 0.
+        sensor_sd: Standard uncertainty of a winding temperature that no sensor reads: offset [K],
+            and relative error of the rise [1]; None for a sensor.
+        load_variance: Variance of each block's mean of the winding, from load steps at unknown
+            moments between two samples [K^2], shape (block,); None for none. What `load_columns`
+            holds is not in it.
+        load_columns: What the largest of those steps do to the means of the winding [K], as columns
+            whose outer product is its covariance, shape (block, column); None for none.
+        notes: Sentences on what was interpolated or held.
+        told: Errors of its balance of powers that the inputs tell by themselves.
+    """
+
+    name: str
+    inputs: Inputs
+    measured: Float[np.ndarray, " row"]
+    weight: Float[np.ndarray, "row step"]
+    position: Float[np.ndarray, "row step"]
+    count: Float[np.ndarray, " row"]
+    time: Float[np.ndarray, " row"]
+    block_s: float
+    rounding_K: float
+    start_degC: float
+    sample_s: float
+    bodies: tuple[Body, ...] = ()
+    fitted: tuple[str, ...] = ()
+    sensor: str = ""
+    first_s: float = 0.0
+    has_current: bool = True
+    sensor_sd: tuple[float, float] | None = None
+    load_variance: Float[np.ndarray, " block"] | None = None
+    load_columns: Float[np.ndarray, "block column"] | None = None
+    notes: tuple[str, ...] = ()
+    told: tuple[Told, ...] = ()
+    _winding: Blocks | None = None
+
+    def with_bodies(self, channels: Sequence[str]) -> Blocks:
+        """Return the record with the rows of some of its bodies behind those of the winding."""
+        alone = self.winding
+        parts = [alone, *(alone.body(channel) for channel in channels)]
+        if len(parts) == 1:
+            return alone
+
+        def joined(name: str) -> np.ndarray:
+            return np.concatenate([getattr(part, name) for part in parts])
+
+        names = ("measured", "weight", "position", "count", "time")
+        rows = {name: joined(name) for name in names}
+        return replace(alone, **rows, fitted=tuple(channels), _winding=alone)
+
+    @property
+    def winding(self) -> Blocks:
+        """The record with the rows of the winding alone."""
+        return self._winding or self
+
+    def body(self, channel: str) -> Body:
+        """Return the readings of a body.
+
+        Raises:
+            KeyError: If the record has none of that channel.
+        """
+        for body in self.bodies:
+            if body.channel == channel:
+                return body
+        raise KeyError(channel)
+
+    @property
+    def num_blocks(self) -> int:
+        """Number of blocks of one sensor."""
+        return self.weight.shape[0] // (1 + len(self.fitted))
+
+    @property
+    def is_observed(self) -> np.ndarray:
+        """Which rows hold a reading, shape (row,)."""
+        return self.count > 0
+
+    def by_sensor(self, rows: Float[np.ndarray, "row ..."]) -> list[np.ndarray]:
+        """Split rows into those of the winding and of each fitted body."""
+        return np.split(rows, 1 + len(self.fitted))
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the grid [s]."""
+        return float(self.inputs.step) * self.inputs.num_time
+
+    @property
+    def loggers(self) -> tuple[Logger, ...]:
+        """What the readings of the winding, and of each fitted body, were recorded with."""
+        parts = [self.winding, *(self.body(channel) for channel in self.fitted)]
+        return tuple(
+            Logger(float(f"{self.sample_s:.2g}"), float(f"{p.rounding_K:.2g}"), p.sensor)
+            for p in parts
+        )
+
+    @property
+    def known_variance(self) -> Float[np.ndarray, " row"]:
+        """Variance of each row's mean that is known beforehand [K^2].
+
+        A reading rounded to a step q errs by q^2/12; what does not average out of a block, because
+        the temperature moves slowly, is left to the slow part of the noise. A load step between two
+        samples shows in the winding (`load_variance`), too late and too little in other bodies.
+        """
+        steps = [self.rounding_K, *(self.body(channel).rounding_K for channel in self.fitted)]
+        rounding_K = np.repeat(steps, self.num_blocks)
+        variance = rounding_K**2 / 12.0 / np.maximum(self.count, 1.0)
+        if self.load_variance is not None:
+            variance[: self.num_blocks] += self.load_variance
+        return variance
+
+    @property
+    def moments(self) -> Float[np.ndarray, "row column"]:
+        """`load_columns` of all rows [K]: no column for none, 0 for other bodies."""
+        columns = np.zeros((0, 0)) if self.load_columns is None else self.load_columns
+        return np.pad(columns, ((0, self.measured.size - columns.shape[0]), (0, 0)))
+
+    def observation(
+        self,
+        heat: Float[np.ndarray, "row column"] | None = None,
+        noise_scale: Sequence[float] | None = None,
+    ) -> Observation:
+        """Return the arrays that the numerics need.
+
+        Args:
+            heat: As `Observation.heat`; no columns by default.
+            noise_scale: As `Observation.noise_scale`; 1 by default.
+        """
+        heat = np.zeros((self.measured.size, 0)) if heat is None else heat
+        scale = np.ones(1 + len(self.fitted)) if noise_scale is None else np.array(noise_scale)
+        return Observation(
+            inputs=self.inputs,
+            measured=jnp.asarray(np.nan_to_num(self.measured)),
+            is_observed=jnp.asarray(self.is_observed),
+            weight=jnp.asarray(self.weight),
+            position=jnp.asarray(self.position),
+            count=jnp.asarray(self.count, dtype=float),
+            known_variance=jnp.asarray(self.known_variance),
+            block_s=jnp.asarray(self.block_s, dtype=float),
+            heat=jnp.asarray(heat),
+            moments=jnp.asarray(self.moments),
+            noise_scale=jnp.asarray(scale, dtype=float),
+            fitted=self.fitted,
+        )
+
+
+class Observation(eqx.Module):
+    """The arrays of a reduced record that the numerics need; a pytree.
+
+    Attributes:
+        inputs: Means over the steps.
+        measured: Mean reading of each block [degC], shape (row,); 0 where there is none.
+        is_observed: Which blocks hold a reading, shape (row,).
+        weight: As `Blocks.weight`.
+        position: As `Blocks.position`.
+        count: As `Blocks.count`.
+        known_variance: As `Blocks.known_variance`.
+        block_s: Length of a block [s].
+        heat: What unmodelled heat with the standard deviation of the mean loss does to the block
+            means [K], as columns whose outer product is its covariance, shape (row, column).
+        moments: As `Blocks.moments`.
+        noise_scale: Noise of the logger of each sensor over that of the first one [1], shape
+            (sensor,).
+        fitted: As `Blocks.fitted`.
+    """
+
+    inputs: Inputs
+    measured: Float[Array, " row"]
+    is_observed: Bool[Array, " row"]
+    weight: Float[Array, "row step"]
+    position: Float[Array, "row step"]
+    count: Float[Array, " row"]
+    known_variance: Float[Array, " row"]
+    block_s: Float[Array, ""]
+    heat: Float[Array, "row column"]
+    moments: Float[Array, "row moment"]
+    noise_scale: Float[Array, " sensor"]
+    fitted: tuple[str, ...] = eqx.field(static=True, default=())
+
+    @property
+    def num_sensors(self) -> int:
+        """Number of sensors, the winding's included."""
+        return 1 + len(self.fitted)

@@ -1,0 +1,609 @@
+"""The `[columns]` of a motor file: which column of a bench file is which channel.
+
+The canonical channels: one name, one quantity, one unit and one meaning each.
+
+The name of a channel carries its unit; `heatrun.record.units` converts a column to it when
+a file is read, and nothing converts afterwards.
+
+The column names of known benches and programs, as data.
+
+What the scalars of a file mean, and whether they agree with the motor file.
+
+Several sensors of one channel: `mean(T_U, T_V, T_W)` and `hottest(T_U, T_V, T_W)`.
+
+The thermometers of the three phases read one winding. Their mean is what a network of one winding
+node stands for; the hottest is what an insulation limit is about.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..errors import InputError, did_you_mean
+from .header import split_name
+from .motor import Motor
+from .record import Finding, UnitSource
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One quantity that a bench may record.
+
+    Attributes:
+        name: Canonical name, with the unit at its end.
+        quantity: Key of `heatrun.record.units.QUANTITIES`.
+        unit: Canonical unit, as it is printed.
+        meaning: One sentence for lists and reports.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    meaning: str
+
+
+CHANNELS: tuple[Channel, ...] = (
+    Channel("time_s", "time", "s", "Time from the first sample of the test"),
+    Channel("phase_current_A", "phase current", "A", "Phase current, rms"),
+    Channel("losses_W", "power", "W", "Losses that heat the machine (Pd, or Pol from a map)"),
+    Channel("ambient_degC", "temperature", "degC", "Air around the machine"),
+    Channel("winding_degC", "temperature", "degC", "Winding, as its sensor reads"),
+    Channel("speed_rpm", "speed", "rpm", "Mechanical speed of the shaft"),
+    Channel("torque_Nm", "torque", "Nm", "Torque at the shaft, positive as a motor"),
+    Channel("stator_degC", "temperature", "degC", "Stator iron or stator body"),
+    Channel("yoke_degC", "temperature", "degC", "Stator yoke"),
+    Channel("tooth_degC", "temperature", "degC", "Stator tooth"),
+    Channel("end_winding_degC", "temperature", "degC", "Winding overhang"),
+    Channel("housing_degC", "temperature", "degC", "Housing"),
+    Channel("rotor_degC", "temperature", "degC", "Rotor"),
+    Channel("magnet_degC", "temperature", "degC", "Permanent magnets"),
+    Channel("bearing_degC", "temperature", "degC", "Bearing"),
+    Channel("controller_degC", "temperature", "degC", "Inverter or speed controller"),
+    Channel("coolant_degC", "temperature", "degC", "Coolant at the inlet"),
+    Channel("coolant_out_degC", "temperature", "degC", "Coolant at the outlet"),
+    Channel("coolant_flow_L_per_min", "flow", "L/min", "Coolant flow"),
+    Channel("fan", "fraction", "1", "Fan: 0 off, 1 full"),
+    Channel("dc_voltage_V", "voltage", "V", "Voltage of the DC link"),
+    Channel("dc_current_A", "direct current", "A", "Current of the DC link, mean"),
+    Channel("dc_power_W", "power", "W", "Power from the DC link"),
+    Channel("electrical_power_W", "power", "W", "Power into the motor's terminals"),
+    Channel("mechanical_power_W", "power", "W", "Power at the shaft, positive as a motor"),
+    Channel("u_d_V", "voltage", "V", "d-axis voltage, amplitude-invariant"),
+    Channel("u_q_V", "voltage", "V", "q-axis voltage, amplitude-invariant"),
+    Channel("i_d_A", "dq current", "A", "d-axis current, amplitude-invariant"),
+    Channel("i_q_A", "dq current", "A", "q-axis current, amplitude-invariant"),
+    Channel(
+        "winding_resistance_ohm",
+        "resistance",
+        "ohm",
+        "Resistance of the winding, from which winding_degC follows",
+    ),
+    Channel(
+        "winding_voltage_V",
+        "voltage",
+        "V",
+        "Direct voltage over the winding, which with the current gives its resistance",
+    ),
+    Channel("vehicle_speed_km_per_h", "velocity", "km/h", "Speed of the vehicle"),
+)
+"""Every channel that heatrun knows, those that a fit needs first."""
+
+BODIES: tuple[str, ...] = (
+    "stator_degC",
+    "tooth_degC",
+    "yoke_degC",
+    "end_winding_degC",
+    "housing_degC",
+    "rotor_degC",
+    "magnet_degC",
+    "bearing_degC",
+    "coolant_out_degC",
+)
+"""Temperatures of bodies beside the winding."""
+
+
+def body_name(channel: str) -> str:
+    """Return the name of a measured body, such as `"stator"` for its channel."""
+    return channel.removesuffix("_degC")
+
+
+CHANNEL: dict[str, Channel] = {channel.name: channel for channel in CHANNELS}
+"""The same by name."""
+
+REQUIRED: tuple[str, ...] = (
+    "time_s",
+    "phase_current_A",
+    "losses_W",
+    "ambient_degC",
+    "winding_degC",
+)
+"""The channels that a fit of the two-node network needs."""
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """How one kind of bench names its columns.
+
+    Labels are compared without their unit, first as written, then without regard to case.
+
+    Attributes:
+        name: What the map is called in notes.
+        entries: Label of the column (without unit) to canonical channel.
+        units: Unit of a label where the file gives none; without an entry, the canonical unit.
+        num_needed: So many labels of `entries` and `refused` must be present for the map to hold.
+        zero_means_absent: Labels that hold zeros alone when the bench did not record them.
+        refused: Labels that look like a channel and are none, with the reason.
+    """
+
+    name: str
+    entries: Mapping[str, str]
+    units: Mapping[str, str] = field(default_factory=dict)
+    num_needed: int = 1
+    zero_means_absent: frozenset[str] = frozenset()
+    refused: Mapping[str, str] = field(default_factory=dict)
+
+
+THESIS = ColumnMap(
+    "thesis (t, Is, Pd, Te, Tw_m)",
+    {
+        "t": "time_s",
+        "Is": "phase_current_A",
+        "Pd": "losses_W",
+        "Te": "ambient_degC",
+        "Tw_m": "winding_degC",
+    },
+    num_needed=3,
+)
+
+COMPUTED = "the worksheet computes it from the measured columns"
+
+WORKSHEET = ColumnMap(
+    "thesis worksheet (t, Tw, P, Is)",
+    {
+        "t": "time_s",
+        "Is": "phase_current_A",
+        "P": "losses_W",
+        "Tw": "winding_degC",
+    },
+    num_needed=7,
+    refused={
+        "Tw mod": "it holds the mean of the ambient in its first row alone",
+        **dict.fromkeys(("Req DC", "Rs", "Pjs", "Pol"), COMPUTED),
+    },
+)
+
+PADERBORN = ColumnMap(
+    "Paderborn electric motor temperature",
+    {
+        "u_d": "u_d_V",
+        "u_q": "u_q_V",
+        "i_d": "i_d_A",
+        "i_q": "i_q_A",
+        "motor_speed": "speed_rpm",
+        "torque": "torque_Nm",
+        "coolant": "coolant_degC",
+        "ambient": "ambient_degC",
+        "stator_winding": "winding_degC",
+        "stator_tooth": "tooth_degC",
+        "stator_yoke": "yoke_degC",
+        "pm": "magnet_degC",
+    },
+    num_needed=4,
+)
+
+THERMOCOUPLES = ColumnMap(
+    "thermocouple logger",
+    {
+        "Time": "time_s",
+        "Winding Temp": "winding_degC",
+        "Stator Body": "stator_degC",
+        "Housing": "housing_degC",
+        "Ambient": "ambient_degC",
+    },
+    num_needed=3,
+)
+
+SPEED_CONTROLLER = ColumnMap(
+    "speed controller",
+    {
+        "Voltage": "dc_voltage_V",
+        "Current": "dc_current_A",
+        "Power": "dc_power_W",
+        "Temperature": "controller_degC",
+        "Phase Current": "phase_current_A",
+    },
+    num_needed=5,
+    zero_means_absent=frozenset({"Phase Current"}),
+    refused={
+        "eRPM": "it is the electrical speed, the shaft's times the pole pairs",
+        "Motor Duty": "it is the modulation of the inverter, no speed and no torque",
+    },
+)
+
+CANONICAL_STEMS = ColumnMap(
+    "canonical name with another unit",
+    {channel.name.removesuffix(f"_{channel.unit}"): channel.name for channel in CHANNELS}
+    | {"coolant_flow": "coolant_flow_L_per_min", "vehicle_speed": "vehicle_speed_km_per_h"},
+)
+
+TIME_NAMES = ColumnMap(
+    "names of the time",
+    dict.fromkeys(
+        (
+            *("t", "timestamp", "time stamp", "elapsed time", "date time", "datetime", "date/time"),
+            "x_value",  # of LabVIEW
+            *("时间", "时刻", "時間", "時刻", "経過時間", "시간", "время"),
+            *("zeit", "uhrzeit", "tempo", "temps", "tiempo"),
+        ),
+        "time_s",
+    ),
+)
+
+COLUMN_MAPS: tuple[ColumnMap, ...] = (
+    THESIS,
+    WORKSHEET,
+    PADERBORN,
+    THERMOCOUPLES,
+    SPEED_CONTROLLER,
+    CANONICAL_STEMS,
+    TIME_NAMES,
+)
+"""In order of precedence; a channel found by one is not looked for by the next."""
+
+
+MEANINGS: Mapping[str, str] = {
+    "B": "B of the R(T) law [degC]",
+    "Rrif": "3 times the phase resistance at Trif [ohm]",
+    "Trif": "temperature that Rrif holds for [degC]",
+    "Ceqw": "Ceq_w [J/K]",
+    "Ceqsr": "Ceq_sr [J/K]",
+    "Reqw": "Req_w [K/W]",
+    "Reqsr": "Req_sr [K/W]",
+    "Two": "winding temperature at the start [degC]",
+    "Tso": "stator temperature at the start [degC]",
+}
+"""The scalars of the thesis' `prova.mat`."""
+
+TOLERANCE = 0.01
+"""Two statements of one resistance may differ by this share: more is no rounding any longer."""
+
+
+def constant_notes(constants: Mapping[str, float]) -> tuple[str, ...]:
+    """Return a sentence for each scalar of a file.
+
+    Args:
+        constants: Name to value, in the file's unit.
+    """
+    return tuple(
+        f"Constant of the file: {name} = {value:g}"
+        + (f", {MEANINGS[name]}." if name in MEANINGS else ".")
+        for name, value in constants.items()
+    )
+
+
+def resistance_conflict(
+    constants: Mapping[str, float], motor: Motor | None, where: str
+) -> tuple[Finding, ...]:
+    """Return a finding if a file and the motor file give another phase resistance.
+
+    Args:
+        constants: Name to value; compared if `Rrif` and `Trif` are there.
+        motor: The machine; its resistance is brought to the temperature `Trif`.
+        where: The file.
+    """
+    if motor is None or motor.phase_resistance_ohm is None:
+        return ()
+    if "Rrif" not in constants or "Trif" not in constants:
+        return ()
+    in_file = constants["Rrif"] / 3.0
+    ratio = float(motor.resistance_ratio(np.asarray(constants["Trif"])))
+    expected = motor.phase_resistance_ohm * ratio
+    if abs(in_file - expected) <= TOLERANCE * expected:
+        return ()
+    return (
+        Finding(
+            id="resistance_conflict",
+            severity="warning",
+            message=f"Rrif/3 is {in_file:.4g} ohm at {constants['Trif']:g} degC; the motor file "
+            f"gives {expected:.4g} ohm there, which is used.",
+            where=where,
+            remedy="Check phase_resistance_ohm in [winding].",
+            values={"file_ohm": in_file, "motor_ohm": expected},
+        ),
+    )
+
+
+COMBINED = re.compile(
+    r"(?P<how>mean|hottest)\s*\((?P<parts>[^()]*(?:\([^()]*\)[^()]*)*)\)(?:\s*\[(?P<unit>[^\[\]]+)\])?",
+    re.DOTALL,
+)
+"""Right-hand side of `[columns]`; a unit behind it holds for all of its columns."""
+
+MOST_PARTS = 64
+
+APART_K, APART_SHARE = 5.0, 0.2
+"""A sensor this far from the median of the others, and by this share of their rise [1], is loose or
+elsewhere: phases of one winding differ by a few kelvin."""
+
+
+FLOWS = 0.2
+"""In parts of the largest current [1]: below, offsets of the clamps decide."""
+
+UNBALANCE, PHASE_OFF, NOTHING = 0.1, 0.2, 0.02
+"""Phases of a balanced machine agree to this share [1]; one that differs by the second is its
+clamp's, its range's or its winding's; one below the third is dead."""
+
+
+def split_parts(text: str) -> list[str]:
+    """Return the columns between the brackets; a comma inside brackets separates none."""
+    return [part.strip() for part in re.split(r",(?![^\[(]*[\])])", text)]
+
+
+def columns_named(text: str) -> list[str]:
+    """Return the columns that a right-hand side of `[columns]` names, with their units."""
+    several = COMBINED.fullmatch(text.strip())
+    return [text] if several is None else [text, *split_parts(several["parts"])]
+
+
+def refuse_combination(channel: str, how: str, num_parts: int, where: str) -> None:
+    """Refuse what cannot be combined.
+
+    Args:
+        channel: Canonical name.
+        how: `"mean"` or `"hottest"`.
+        num_parts: Columns that are named.
+        where: The line of the motor file, for the message.
+
+    Raises:
+        InputError: If the channel is none of temperature or phase current, only temperatures have
+            a hottest, or fewer than two columns are named.
+    """
+    quantity = CHANNEL[channel].quantity
+    if quantity not in ("temperature", "phase current") or (
+        how == "hottest" and quantity != "temperature"
+    ):
+        raise InputError(
+            f"Expected one column for {channel}, got {how}(…).",
+            where=where,
+            remedy="mean(…) is for temperatures and phase currents, hottest(…) for temperatures.",
+        )
+    if not 2 <= num_parts <= MOST_PARTS:
+        raise InputError(
+            f"Expected 2 to {MOST_PARTS} columns in {how}(…), got {num_parts}.",
+            where=where,
+            remedy="Write the names with commas between them, as in mean(T_U, T_V, T_W).",
+        )
+
+
+def combine(channel: str, how: str, parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Return one course for several sensors, NaN wherever one of them has no reading.
+
+    A sensor that drops out would make the mean jump: what is left is not the same mean.
+
+    Args:
+        channel: Canonical name.
+        how: `"mean"` or `"hottest"`; of currents the mean is that of the squares, as heat is.
+        parts: In the channel's unit, shape (time,) each.
+    """
+    stacked = np.stack(parts)
+    if how == "hottest":
+        return np.max(stacked, axis=0)
+    if CHANNEL[channel].quantity == "phase current":
+        return np.sqrt(np.mean(stacked**2, axis=0))
+    return np.mean(stacked, axis=0)
+
+
+def known_by(sources: Sequence[UnitSource]) -> UnitSource:
+    """Return how the unit of the whole is known: as badly as that of its worst part."""
+    return next((one for one in ("assumed", "name") if one in sources), sources[0])  # type: ignore
+
+
+def sensors_differ(channel: str, parts: Mapping[str, np.ndarray], where: str) -> Finding | None:
+    """Return the finding about a sensor that departs from the others, None if none does.
+
+    Args:
+        channel: A temperature or the phase current.
+        parts: Column to readings [degC or A], shape (time,) each.
+        where: The file.
+    """
+    if len(parts) < 2:
+        return None
+    if CHANNEL[channel].quantity == "phase current":
+        return _phase_differs(channel, parts, where)
+    names, stacked = list(parts), np.stack(list(parts.values()))
+    stacked = stacked[:, np.all(np.isfinite(stacked), axis=0)]
+    if stacked.shape[1] == 0:
+        return None
+    middle = np.median(stacked, axis=0)
+    rise = float(np.max(middle) - np.min(middle))
+    # the 95 % quantile over time: a passing difference after a load step is none of the sensor's
+    apart = np.quantile(np.abs(stacked - middle), 0.95, axis=1)
+    worst = int(np.argmax(apart))
+    if apart[worst] <= max(APART_K, APART_SHARE * rise):
+        return None
+    pair = "the two columns are" if len(names) == 2 else f"column '{names[worst]}' is"
+    distance = float(2.0 * apart[worst] if len(names) == 2 else apart[worst])
+    return Finding(
+        "sensors_differ",
+        "warning",
+        f"Expected sensors of one winding or body to agree within {APART_K:g} K or "
+        f"{100 * APART_SHARE:.0f} % of the rise; {pair} {distance:.1f} K apart"
+        f"{'' if len(names) == 2 else ' from the others'}, with a rise of {rise:.0f} K.",
+        f"{where}, {channel}",
+        "Check where it sits and whether it is loose; leave it out of [columns] if so.",
+        values={"apart_K": distance, "rise_K": rise},
+    )
+
+
+def _phase_differs(channel: str, parts: Mapping[str, np.ndarray], where: str) -> Finding | None:
+    """Return the finding about a phase that reads less or more than the others agree on."""
+    names, stacked = list(parts), np.stack(list(parts.values()))
+    stacked = stacked[:, np.all(np.isfinite(stacked), axis=0)]
+    level = (
+        np.median(np.abs(stacked), axis=0) if len(names) > 2 else np.max(np.abs(stacked), axis=0)
+    )
+    flows = level > FLOWS * np.quantile(level, 0.99) if level.size else np.zeros(0, dtype=bool)
+    if not flows.any():
+        return None
+    # of a few hours at most, so that a passing unbalance of a start is none of the clamp's
+    share = np.median(stacked[:, flows] / level[flows], axis=1)
+    off = np.abs(share - 1.0)
+    worst = int(np.argmax(off))
+    others = np.delete(share, worst)
+    agree = len(names) == 2 or np.ptp(others) < UNBALANCE
+    if off[worst] < PHASE_OFF or not agree:
+        return None
+    got = f"{share[worst]:.3g} of it"
+    got = "nothing" if abs(share[worst]) < NOTHING else got
+    is_sign = abs(share[worst] + 1.0) < UNBALANCE
+    got = "the other sign" if is_sign else got
+    whole = float(np.sqrt(np.mean(share**2)))
+    factor = 1.0 if is_sign else float(np.sqrt(np.mean(others**2))) / whole
+    rest = [name for name in names if name != names[worst]]
+    line = f"mean({', '.join(rest)})" if len(rest) > 1 else rest[0]
+    harm = (
+        "Squares have no sign, so that the mean is right; the clamp sits the wrong way round."
+        if is_sign
+        else f"The mean reads {100.0 / factor**2:.0f} % of the copper loss."
+    )
+    return Finding(
+        "sensors_differ",
+        "warning" if is_sign else "error",
+        f"Expected phases of one winding to carry one current; column '{names[worst]}' reads {got} "
+        f"where {' and '.join(rest)} {'agree' if len(rest) > 1 else 'carries current'}. {harm}",
+        f"{where}, {channel}",
+        f'Check its clamp and its setting. To do without it: {channel} = "{line}" under [columns].',
+        values={"share": float(share[worst]), "factor": factor},
+    )
+
+
+NOT_RECORDED = "none"
+"""Right-hand side of `[columns]` by which no column becomes the channel."""
+
+BRACKET_AT_END = re.compile(r"(?P<base>.*\S)\s*\[(?P<unit>[^\[\]]+)\]", re.DOTALL)
+RATE = re.compile(r"^rate\s+(?P<rate>[0-9.eE+-]+)\s*Hz$", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What one line of `[columns]` says.
+
+    Attributes:
+        channel: Canonical name.
+        text: The right-hand side as written.
+        label: Its column name without the unit.
+        unit: Its unit text, or None.
+        base: What stands before square brackets at its end, whatever it is; empty without them.
+        bracket: What stands in them.
+        rate_Hz: Sampling rate that stands for a time column [Hz], or None.
+        how: `"mean"` or `"hottest"` of several columns; empty for one.
+        parts: What it says of each of them.
+        is_choice: It is one of several that hold in the files that have them.
+    """
+
+    channel: str
+    text: str
+    label: str
+    unit: str | None
+    base: str = ""
+    bracket: str = ""
+    rate_Hz: float | None = None
+    how: str = ""
+    parts: tuple[Claim, ...] = ()
+    is_choice: bool = False
+
+
+Columns = Mapping[str, str | tuple[str, ...]]
+"""`[columns]`: canonical channel to a right-hand side, or to several of which the first counts
+whose column a file has."""
+
+
+def lines_of(columns: Columns | None) -> Iterator[tuple[str, str]]:
+    """Yield each channel with each of its right-hand sides."""
+    for channel, said in (columns or {}).items():
+        for text in (said,) if isinstance(said, str) else said:
+            yield channel, text
+
+
+def parse_claims(columns: Columns, where: str) -> tuple[Claim, ...]:
+    """Return what `[columns]` says, in its order; one claim for each of several right-hand sides.
+
+    Args:
+        columns: Canonical channel to `"column in the file [unit]"`; `"none"` leaves the channel
+            out, and `time_s` may also be `"rate 10 Hz"`.
+        where: The motor file, for messages.
+
+    Raises:
+        InputError: If a channel is not known or a rate is not positive. Units are checked where
+            a column is converted, since brackets may be part of its name.
+    """
+    claims = []
+    for channel, text in lines_of(columns):
+        if channel not in CHANNEL:
+            raise InputError(
+                f"[columns] names the channel '{channel}', which is not known. "
+                f"{did_you_mean(channel, CHANNEL)}".strip(),
+                where=where,
+                remedy=f"Channels are: {', '.join(CHANNEL)}.",
+            )
+        rate = RATE.match(text.strip())
+        if rate and channel == "time_s":
+            claim = Claim(channel, text, text, None, rate_Hz=_rate(rate["rate"], where))
+        else:
+            claim = _claim(channel, text, f"{where}, [columns] {channel}")
+        claims.append(replace(claim, is_choice=not isinstance(columns[channel], str)))
+    return tuple(claims)
+
+
+def _claim(channel: str, text: str, where: str) -> Claim:
+    several = COMBINED.fullmatch(text.strip())
+    if several is not None:
+        named = split_parts(several["parts"])
+        refuse_combination(channel, several["how"], len(named), where)
+        unit = f" [{several['unit']}]" if several["unit"] else ""
+        parts = tuple(
+            _claim(channel, part if BRACKET_AT_END.fullmatch(part) else f"{part}{unit}", where)
+            for part in named
+        )
+        name = text.strip()
+        return Claim(channel, name, name, None, how=several["how"], parts=parts)
+    label, unit = split_name(text, where)
+    base = BRACKET_AT_END.fullmatch(text.strip())
+    pair = (base["base"], base["unit"].strip()) if base else ("", "")
+    return Claim(channel, text.strip(), label, unit, *pair)
+
+
+def _rate(text: str, where: str) -> float:
+    try:
+        return positive_rate(float(text), f"{where}, [columns] time_s")
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            f"Expected a rate such as 'rate 10 Hz', got 'rate {text} Hz'.",
+            where=f"{where}, [columns] time_s",
+        ) from error
+
+
+def positive_rate(rate_Hz: float, where: str) -> float:
+    """Return a sampling rate [Hz] if it is one.
+
+    Args:
+        rate_Hz: Sampling rate [Hz].
+        where: Where it was given, for the message.
+
+    Raises:
+        InputError: If the rate is not a positive number.
+    """
+    if not (math.isfinite(rate_Hz) and rate_Hz > 0):
+        raise InputError(
+            f"Expected a sampling rate above 0 Hz, got {rate_Hz:g} Hz.",
+            where=where,
+            remedy="Give the samples per second, such as 10.",
+        )
+    return rate_Hz

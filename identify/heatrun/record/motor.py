@@ -1,0 +1,282 @@
+"""What the motor file says of the machine under test.
+
+What a certificate says beside the results: who, what, when, with which instruments.
+
+It stands in `[certificate]` of the motor file or in a file of its own (`--meta`). All of it may be
+left out; what is not given is a blank line on the certificate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+if TYPE_CHECKING:
+    from .channels import Columns
+    from .stretch import Stretch
+
+PLACES = ("laboratory", "customer", "laboratoryBranch", "customerBranch", "other")
+"""Where a test can have been made, by the words of the Digital Calibration Certificate."""
+
+INSTRUMENT_KEYS = ("quantity", "instrument", "class", "calibration", "valid_until")
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """A measuring instrument.
+
+    Attributes:
+        quantity: What it measured.
+        instrument: Its name, with type and number.
+        accuracy_class: Its class or uncertainty.
+        calibration: Reference of its own calibration.
+        valid_until: Day until which that is valid, ISO 8601.
+    """
+
+    quantity: str = ""
+    instrument: str = ""
+    accuracy_class: str = ""
+    calibration: str = ""
+    valid_until: str = ""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What `[certificate]` says; what is not given is empty. Days are ISO 8601.
+
+    Attributes:
+        number: Number of the certificate.
+        laboratory: Who made the test.
+        laboratory_address: Where the laboratory is.
+        customer: For whom.
+        customer_address: Where the customer is.
+        machine_type: Type of the machine.
+        manufacturer: Of the machine.
+        serial_number: Of the machine.
+        condition: State in which the machine was tested.
+        operator: Who ran the test.
+        approved_by: Who answers for the certificate.
+        bench: The test bench.
+        remarks: Whatever else is to stand there.
+        received: Day on which the machine came.
+        test_from: First day of the test.
+        test_until: Last day of the test.
+        issue_date: Day on which the certificate was issued.
+        performed_at: One of `PLACES`.
+        country: Of the laboratory, two letters of ISO 3166-1.
+        language: Of the sheet, by `heatrun.io.texts.LANGUAGES`; empty for English.
+        instruments: What was measured with.
+    """
+
+    number: str = ""
+    laboratory: str = ""
+    laboratory_address: str = ""
+    customer: str = ""
+    customer_address: str = ""
+    machine_type: str = ""
+    manufacturer: str = ""
+    serial_number: str = ""
+    condition: str = ""
+    operator: str = ""
+    approved_by: str = ""
+    bench: str = ""
+    remarks: str = ""
+    received: str = ""
+    test_from: str = ""
+    test_until: str = ""
+    issue_date: str = ""
+    performed_at: str = ""
+    country: str = ""
+    language: str = ""
+    instruments: tuple[Instrument, ...] = ()
+
+    def beneath(self, other: Certificate) -> Certificate:
+        """Return this one with whatever another one says in the place of its own."""
+        names = [field.name for field in fields(self)]
+        given = {name: value for name in names if (value := getattr(other, name))}
+        return replace(self, **given)
+
+    def lost_to(self, other: Certificate) -> dict[str, tuple[Any, Any]]:
+        """Return what this one says and another one does not: by key, here and there."""
+        names = [field.name for field in fields(self) if field.name != "language"]
+        pairs = {name: (getattr(self, name), getattr(other, name)) for name in names}
+        return {name: pair for name, pair in pairs.items() if pair[0] and pair[0] != pair[1]}
+
+    def as_section(self) -> dict[str, Any]:
+        """Return what the section would hold; it reads back to the same."""
+        content = {key: value for key, value in asdict(self).items() if value}
+        if self.instruments:
+            content["instruments"] = [_as_table(one) for one in self.instruments]
+        return content
+
+
+def _as_table(instrument: Instrument) -> dict[str, str]:
+    values = dict(zip(INSTRUMENT_KEYS, asdict(instrument).values(), strict=True))
+    return {key: value for key, value in values.items() if value}
+
+
+@dataclass(frozen=True)
+class ParameterOverride:
+    """What `[parameters.NAME]` in the motor file says; unset fields keep the default.
+
+    Attributes:
+        fixed: The parameter is not estimated but held at this value (in its unit).
+        value: Centre of the prior (in its unit).
+        relative_sd: Standard deviation of the prior relative to the value [1].
+        sd: Standard deviation of the prior (in the parameter's unit).
+        per_test: Estimated for each test apart instead of shared.
+    """
+
+    fixed: float | None = None
+    value: float | None = None
+    relative_sd: float | None = None
+    sd: float | None = None
+    per_test: bool | None = None
+
+
+COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
+"""B of R(T) = R (B + T)/(B + Tref): copper by IEEE 112 and NEMA MG 1 (IEC 60034-1 uses 235 for
+copper), aluminium by IEC 60034-1."""
+
+HEAT_LIMITS = (1e-5, 0.05)
+"""Smallest and largest share of the mean loss that heat outside the network may have [1]."""
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """How far a network of a few nodes is trusted: the prior of the heat that it misses.
+
+    Attributes:
+        unmodelled_heat: Median of the prior of its standard deviation, over the mean loss [1].
+        heat_time_s: Its correlation time [s]: between the time constants of a winding and of a
+            machine.
+    """
+
+    unmodelled_heat: float = 0.0015
+    heat_time_s: float = 1200.0
+
+
+GapLoad = Literal["held", "zero", "unknown"]
+
+
+@dataclass(frozen=True)
+class PartsOfTest:
+    """What `[tests.NAME]` says: which parts of a record count.
+
+    Attributes:
+        use: Stretches that are used, each as a test of its own; none for the whole record.
+        mask: Windows whose readings are not compared, first and last time [s].
+        bridge: Windows whose loads are interpolated, likewise.
+        gap_load: The load in gaps of the logger; None where the record is to tell.
+        columns: Its own `[columns]`, before those of the motor file.
+    """
+
+    use: tuple[Stretch, ...] = ()
+    mask: tuple[tuple[float, float], ...] = ()
+    bridge: tuple[tuple[float, float], ...] = ()
+    gap_load: GapLoad | None = None
+    columns: Columns = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Motor:
+    """The machine under test and how its bench measures it.
+
+    Attributes:
+        name: As it stands on the sheet.
+        phases: Number of phases [1].
+        losses: `"balance"`: the channel `losses_W` is the measured total Pd, electrical in minus
+            mechanical out. `"map"`: it is the other losses Pol alone, from a map or a model.
+        sink: Which channel is the temperature T0 that the stator loses its heat to.
+        insulation_class: IEC 60085 class letter, or None.
+        rated_speed_rpm: Speed that effects are scaled with [rpm], or None for the largest seen.
+        rated_current_A: Rms current that the steady rise is stated at [A], or None for that of the
+            loaded part of the tests.
+        mass_kg: Mass of the machine without gear and carriage [kg], or None if not known.
+        conductor_mass_kg: Mass of the bare conductor of the winding [kg], or None.
+        resistance_coefficient_degC: B of R(T) = R (B + T)/(B + Tref) [degC].
+        phase_resistance_ohm: Rs0 at the reference temperature [ohm], or None if not known.
+        reference_temperature_degC: Temperature that Rs0 holds for [degC].
+        measured_resistance_ohm: Of the circuit whose resistance tells the winding temperature, with
+            leads, at the reference temperature [ohm], or None.
+        lead_resistance_ohm: Of the leads in it [ohm].
+        gear_ratio: Motor speed over wheel speed [1], or None.
+        wheel_radius_m: Rolling radius [m], or None.
+        columns: Canonical channel to `"column in the file [unit]"`, or to several of which the
+            first counts whose column a file has.
+        constants: Value of a channel that holds for a whole test, in the channel's unit, for
+            records that do not have it.
+        parameters: Overrides of prior or value by parameter name.
+        sensors: Node that a measured body is fitted as, by its channel; `"none"`: it is held
+            against the model and not fitted. Where nothing is said, the network decides.
+        tests: Which parts of a test count, by its name.
+        effects: Ids of known effects that every model of this machine has.
+        adequacy: How far its networks are trusted.
+        certificate: What a certificate of its tests says beside the results.
+        raster_s: Step that MDF and TDMS channels are averaged to [s], or None for the samples of
+            the winding.
+        decimal: Decimal sign of the bench's text tables, `"."` or `","`; the other one then
+            separates thousands. None finds it out of each file, and asks where it cannot.
+        sha256: Digest of the motor file, empty if made in memory.
+        path: The motor file, empty if made in memory.
+    """
+
+    name: str
+    phases: int = 3
+    losses: Literal["balance", "map"] = "balance"
+    sink: Literal["ambient", "coolant"] = "ambient"
+    insulation_class: str | None = None
+    rated_speed_rpm: float | None = None
+    rated_current_A: float | None = None
+    mass_kg: float | None = None
+    conductor_mass_kg: float | None = None
+    resistance_coefficient_degC: float = 234.5
+    phase_resistance_ohm: float | None = None
+    reference_temperature_degC: float = 25.0
+    measured_resistance_ohm: float | None = None
+    lead_resistance_ohm: float = 0.0
+    gear_ratio: float | None = None
+    wheel_radius_m: float | None = None
+    columns: Columns = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, ParameterOverride] = field(default_factory=dict)
+    sensors: Mapping[str, str] = field(default_factory=dict)
+    tests: Mapping[str, PartsOfTest] = field(default_factory=dict)
+    effects: tuple[str, ...] = ()
+    adequacy: Adequacy = field(default_factory=Adequacy)
+    certificate: Certificate = field(default_factory=Certificate)
+    raster_s: float | None = None
+    decimal: Literal[".", ","] | None = None
+    sha256: str = ""
+    path: str = ""
+
+    def columns_of(self, test: str) -> Columns:
+        """Return the `[columns]` of a test by its name: its own before those of the machine."""
+        parts = self.tests.get(test)
+        return self.columns if parts is None else {**self.columns, **parts.columns}
+
+    def resistance_ratio(self, winding_degC: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        """Return R(T)/Rs0 = (B + T)/(B + Tref) at winding temperatures [1]."""
+        B = self.resistance_coefficient_degC
+        return (B + winding_degC) / (B + self.reference_temperature_degC)
+
+    def copper_loss_W(
+        self, current_A: Float[np.ndarray, "..."], winding_degC: Float[np.ndarray, "..."]
+    ) -> Float[np.ndarray, "..."]:
+        """Return the copper loss of all phases [W].
+
+        Args:
+            current_A: Phase current, rms [A].
+            winding_degC: Temperature of the winding [degC].
+
+        Raises:
+            ValueError: If the phase resistance is not known.
+        """
+        if self.phase_resistance_ohm is None:
+            raise ValueError("copper_loss_W needs phase_resistance_ohm")
+        ohm = self.phase_resistance_ohm * self.resistance_ratio(winding_degC)
+        return self.phases * ohm * current_A**2

@@ -1,0 +1,277 @@
+"""Reduction of a record to what a fit needs: means over steps, and over blocks to compare."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import jax.numpy as jnp
+import numpy as np
+
+from lptn import Inputs
+
+from ..errors import InputError
+from .balance_errors import own_errors
+from .blocks import Blocks, Body
+from .by_resistance import sensor_sd
+from .channels import BODIES
+from .derive import recorded_shaft_power
+from .motor import Motor
+from .record import Record
+from .rounding import rounding_step
+from .samples import BLOCK_S, needed_channels
+
+STEP_S = 2.0
+"""Length of a step [s]: on a winding of 90 s a jump of load inside a step then costs a few
+thousandths of a kelvin for a while, everything else far less."""
+
+LONGEST_STEP_S = 5.0
+"""Slower records are stepped through at most this far at once [s]."""
+
+MOST_STEPS, LONGEST_OF_DAYS_S = 8_000, 60.0
+"""Records of days, sampled every few minutes, have longer steps: as many as these at most [1], of
+at most a minute [s]. A machine that is logged so slowly takes hours, its winding minutes; a network
+with a faster node is refused (`inference.steps`)."""
+
+FEWEST_BLOCKS = 90
+"""A short test gets shorter blocks, so that at least this many remain for the noise model."""
+
+OTHER_SINK = {"ambient": "coolant_degC", "coolant": "ambient_degC"}
+"""Channel of the sink that the motor file does not name as its own, for networks of both."""
+
+FEWEST_SAMPLES = 20
+"""With fewer readings than this not even the noise can be told from the parameters."""
+
+
+def reduce(
+    record: Record,
+    motor: Motor,
+    *,
+    step_s: float | None = None,
+    block_s: float | None = None,
+) -> Blocks:
+    """Reduce a record to steps and blocks; power is conserved, nothing is smoothed.
+
+    Args:
+        record: A record with the channels that a fit needs.
+        motor: Says which channel is the sink.
+        step_s: Length of a step [s]; by default about 2 s, or the sampling period if longer.
+        block_s: Length of a block [s]; by default about 20 s, shorter for a short test.
+
+    Raises:
+        InputError: If a channel is missing, time does not increase, or too few samples remain.
+    """
+    time = record.time_s
+    _require(record, motor)
+    if np.any(~np.isfinite(time)) or np.any(np.diff(time) <= 0):
+        raise InputError(
+            "time must increase from sample to sample and does not",
+            where=record.name,
+            remedy="Run `heatrun check` on the file: it names the lines.",
+        )
+    is_read = np.isfinite(record["winding_degC"])
+    if np.sum(is_read) < FEWEST_SAMPLES:
+        raise InputError(
+            f"{int(np.sum(is_read))} samples with a winding temperature, expected at least "
+            f"{FEWEST_SAMPLES}",
+            where=record.name,
+            remedy="Record the whole heat run, at 1 Hz or faster.",
+        )
+    sample_s = float(np.median(np.diff(time)))
+    step = step_s or _step_length(sample_s, record.duration_s)
+    steps_per_block = _steps_per_block(step, sample_s, record.duration_s, block_s)
+    num_blocks = max(1, math.ceil(record.duration_s / (step * steps_per_block) - 1e-9))
+    num_steps = num_blocks * steps_per_block
+    edges = time[0] + step * np.arange(num_steps + 1)
+
+    inputs, notes = _inputs(record, motor, edges, step)
+    shape = (num_blocks, steps_per_block)
+    weight, position, count, measured, middle = _observation(
+        time[is_read], record["winding_degC"][is_read], edges, shape
+    )
+    start = _start(time[is_read], record["winding_degC"][is_read], step * steps_per_block)
+    return Blocks(
+        name=record.name,
+        inputs=inputs,
+        measured=measured,
+        weight=weight,
+        position=position,
+        count=count,
+        time=middle - time[0],
+        block_s=step * steps_per_block,
+        rounding_K=rounding_step(record["winding_degC"][is_read]) or 0.0,
+        start_degC=start,
+        sample_s=sample_s,
+        bodies=tuple(_bodies(record, edges, shape)),
+        sensor=_column(record, "winding_degC"),
+        first_s=float(time[0]),
+        has_current="phase_current_A" in record,
+        sensor_sd=sensor_sd(record, motor),
+        notes=notes,
+        told=own_errors(record, motor),
+    )
+
+
+def _require(record: Record, motor: Motor) -> None:
+    missing = [channel for channel in needed_channels(record, motor) if channel not in record]
+    if missing:
+        raise InputError(
+            f"channel {', '.join(missing)} is missing; the record has "
+            f"{', '.join(sorted(record.channels))}",
+            where=record.name,
+            remedy="Map it in the motor file, such as [columns] "
+            f'{missing[0]} = "name in the file [unit]".',
+        )
+
+
+def _step_length(sample_s: float, duration_s: float) -> float:
+    target = min(STEP_S, duration_s / (10 * FEWEST_BLOCKS))
+    if sample_s <= target:
+        return sample_s * max(1, round(target / sample_s))
+    longest = min(max(LONGEST_STEP_S, duration_s / MOST_STEPS), LONGEST_OF_DAYS_S)
+    return sample_s / math.ceil(sample_s / longest - 1e-9)
+
+
+def _steps_per_block(step: float, sample_s: float, duration_s: float, block_s: float | None) -> int:
+    wanted = block_s or min(BLOCK_S, duration_s / FEWEST_BLOCKS)
+    return max(1, round(max(wanted, sample_s) / step))
+
+
+def _inputs(
+    record: Record, motor: Motor, edges: np.ndarray, step: float
+) -> tuple[Inputs, tuple[str, ...]]:
+    notes: list[str] = []
+
+    def mean(channel: str, power: int = 1) -> np.ndarray:
+        values = record[channel] ** power
+        finite = np.isfinite(values)
+        if not np.any(finite):
+            raise InputError(f"channel {channel} holds no number", where=record.name,
+                             remedy="Check the column that it is mapped to.")  # fmt: skip
+        if not np.all(finite):
+            notes.append(
+                f"{record.name}: {np.sum(~finite)} missing samples of {channel} were "
+                "interpolated linearly"
+            )
+        return _interval_means(record.time_s[finite], values[finite], edges)
+
+    speed = None
+    if "speed_rpm" in record and np.any(np.isfinite(record["speed_rpm"])):
+        speed = mean("speed_rpm") * (2 * math.pi / 60)
+    coolant = None
+    if "coolant_degC" in record and np.any(np.isfinite(record["coolant_degC"])):
+        coolant = mean("coolant_degC")
+    second = OTHER_SINK[motor.sink]
+    second_sink = coolant if second == "coolant_degC" else None
+    if second_sink is None and second in record and np.any(np.isfinite(record[second])):
+        second_sink = mean(second)
+    fan = None
+    for channel in ("fan", "coolant_flow_L_per_min"):
+        if fan is None and channel in record and np.nanmax(np.abs(record[channel])) > 0:
+            largest = 1.0 if channel == "fan" else float(np.nanmax(record[channel]))
+            fan = mean(channel) / largest
+    shaft = recorded_shaft_power(record.channels)
+    if shaft is not None:
+        finite = np.isfinite(shaft)
+        shaft = _interval_means(record.time_s[finite], shaft[finite], edges)
+    fastest = 1.0 if speed is None else max(float(np.max(np.abs(speed))), 1e-9)
+    rated = motor.rated_speed_rpm
+    current_squared = np.zeros(edges.size - 1)
+    if "phase_current_A" in record:
+        current_squared = mean("phase_current_A", power=2)
+    inputs = Inputs(
+        step=jnp.asarray(step, dtype=float),
+        current_squared=jnp.asarray(current_squared),
+        losses=jnp.asarray(mean("losses_W")),
+        ambient=jnp.asarray(mean(f"{motor.sink}_degC")),
+        speed=None if speed is None else jnp.asarray(speed),
+        coolant=None if coolant is None else jnp.asarray(coolant),
+        fan=None if fan is None else jnp.asarray(fan),
+        shaft_power=None if shaft is None else jnp.asarray(shaft),
+        second_sink=None if second_sink is None else jnp.asarray(second_sink),
+        rated_speed=jnp.asarray(
+            fastest if rated is None else rated * 2 * math.pi / 60, dtype=float
+        ),
+        rated_current=jnp.asarray(np.sqrt(max(np.max(current_squared), 1e-12))),
+    )
+    return inputs, tuple(notes)
+
+
+def _interval_means(time: np.ndarray, values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Return the means of the straight-line course between samples over each interval.
+
+    Beyond the first and the last sample the value is held.
+    """
+    if time.size == 1:
+        return np.full(edges.size - 1, values[0])
+    inside = edges[(edges > time[0]) & (edges < time[-1])]
+    knots = np.union1d(time, inside)
+    course = np.interp(knots, time, values)
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(knots) * (course[1:] + course[:-1]))])
+    at_edges = np.interp(edges, knots, integral)
+    at_edges += np.minimum(edges - time[0], 0.0) * values[0]
+    at_edges += np.maximum(edges - time[-1], 0.0) * values[-1]
+    return np.diff(at_edges) / np.diff(edges)
+
+
+def _observation(
+    time: np.ndarray, reading: np.ndarray, edges: np.ndarray, shape: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return weight, position, count, mean reading and mean time of the blocks.
+
+    A sample belongs to the step that it ends; the very first one belongs to the first step.
+    """
+    num_steps = edges.size - 1
+    step = edges[1] - edges[0]
+    index = np.ceil((time - edges[0]) / step - 1e-9).astype(int) - 1
+    index = np.clip(index, 0, num_steps - 1)
+    per_step = np.bincount(index, minlength=num_steps).astype(float)
+    offset = (time - edges[index]) / step
+    filled = np.maximum(per_step, 1.0)
+    position = np.bincount(index, weights=offset, minlength=num_steps) / filled
+
+    block = index // shape[1]
+    count = np.bincount(block, minlength=shape[0]).astype(float)
+    with np.errstate(invalid="ignore"):
+        measured = np.bincount(block, weights=reading, minlength=shape[0]) / count
+        middle = np.bincount(block, weights=time, minlength=shape[0]) / count
+        weight = per_step.reshape(shape) / count[:, None]
+    empty = count == 0
+    middle[empty] = (edges[:-1].reshape(shape)[:, 0] + 0.5 * step * shape[1])[empty]
+    weight[empty] = 0.0
+    return weight, position.reshape(shape), count, measured, middle
+
+
+def _bodies(record: Record, edges: np.ndarray, shape: tuple[int, int]) -> Iterator[Body]:
+    """Yield what was read of bodies beside the winding."""
+    for channel in BODIES:
+        if channel not in record:
+            continue
+        is_read = np.isfinite(record[channel])
+        if not is_read.any():
+            continue
+        time, reading = record.time_s[is_read], record[channel][is_read]
+        weight, position, count, measured, middle = _observation(time, reading, edges, shape)
+        yield Body(
+            channel=channel,
+            measured=measured,
+            weight=weight,
+            position=position,
+            count=count,
+            time=middle - record.time_s[0],
+            rounding_K=rounding_step(reading) or 0.0,
+            start_degC=float(np.mean(reading[:5])),
+            sensor=_column(record, channel),
+        )
+
+
+def _column(record: Record, channel: str) -> str:
+    """Return the column of the file that became a channel, empty if that is not known."""
+    return next((row.column for row in record.mapping if row.channel == channel), "")
+
+
+def _start(time: np.ndarray, reading: np.ndarray, block_s: float) -> float:
+    """Return the first temperature [degC], from the trend of the first block."""
+    first = time <= max(time[0] + block_s, time[min(4, time.size - 1)])
+    offset = time[first] - time[0]
+    return float(np.polyfit(offset, reading[first], 1)[1])

@@ -1,0 +1,137 @@
+"""The samples of a record that a check can reason on, and how a place in it is named.
+
+Every check must stand any record: full of NaN, empty, with a clock that runs backwards. They all
+read the record through `samples`, which leaves out what carries no measurement; that something is
+left out is itself reported, by `nan_block` and by the checks of the time axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .motor import Motor
+from .record import Record
+from .stretch import runs as runs
+
+BEYOND_MEASURE = 1e12
+"""No channel of a motor bench reaches this in its unit; what does is an overflow, not a value."""
+
+LOADED_SHARE = 0.05
+"""Heat flows where the losses exceed this share of their peak [1]: above what a power meter shows
+at rest, below the no-load losses of any machine."""
+
+
+BLOCK_S = 20.0
+"""Length of a block [s]: long enough that rounding and sampling are averaged out, short against
+the fast time constant of a traction motor (60...150 s)."""
+
+SLOW_LOGGER_S = 1.0
+"""From this sampling period on the moment of a load step counts as unknown [s]: half of it is half
+a per cent of a winding's time constant, half of what Ceq_w of a good test is known to."""
+
+
+def sink_channel(motor: Motor) -> str:
+    """Return the channel that is the temperature T0 [degC] which the stator loses its heat to."""
+    return "coolant_degC" if motor.sink == "coolant" else "ambient_degC"
+
+
+def needed_channels(record: Record, motor: Motor) -> tuple[str, ...]:
+    """Return the channels of a record that a fit needs, `time_s` first.
+
+    Under a measured balance a network of one node needs no current: one that is not there is asked
+    for by the network.
+    """
+    needed = ("time_s", "phase_current_A", "losses_W", sink_channel(motor), "winding_degC")
+    is_asked = motor.losses == "map" or "phase_current_A" in record
+    return needed if is_asked else tuple(name for name in needed if name != "phase_current_A")
+
+
+def is_measured(values: np.ndarray) -> np.ndarray:
+    """Return which samples hold a number that can be a measurement, shape (time,)."""
+    return np.abs(values) < BEYOND_MEASURE
+
+
+def samples(record: Record, *channels: str) -> tuple[np.ndarray, ...]:
+    """Return time and channels where all of them are measured and time increases.
+
+    Args:
+        record: Any record whose channels have one length.
+        channels: Canonical names.
+
+    Returns:
+        Time [s] and each channel in its unit, each of shape (usable,); all of them empty if a
+        channel is missing.
+    """
+    if not all(channel in record for channel in channels):
+        return (np.empty(0),) * (len(channels) + 1)
+    columns = [np.asarray(record[channel], dtype=float) for channel in ("time_s", *channels)]
+    kept = np.logical_and.reduce([is_measured(column) for column in columns])
+    columns = _only(columns, kept)
+    latest = np.maximum.accumulate(columns[0])
+    increasing = np.ones(latest.size, dtype=bool)
+    increasing[1:] = columns[0][1:] > latest[:-1]
+    return tuple(_only(columns, increasing))
+
+
+def _only(columns: list[np.ndarray], kept: np.ndarray) -> list[np.ndarray]:
+    """Return the rows of columns that are kept, without a copy where these are all."""
+    return columns if kept.all() else [column[kept] for column in columns]
+
+
+def median_step(time_s: np.ndarray) -> float:
+    """Return the usual distance between two samples [s]; NaN with fewer than two."""
+    return float(np.median(np.diff(time_s))) if time_s.size > 1 else float("nan")
+
+
+def block_means(
+    time_s: np.ndarray, width_s: float, *channels: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """Return mean time and mean of each channel over blocks of equal width that hold samples.
+
+    Args:
+        time_s: Increasing times [s], shape (usable,).
+        width_s: Width of a block [s].
+        channels: Values in any unit, each of shape (usable,).
+
+    Returns:
+        Mean time [s] and the means of the channels, each of shape (blocks,).
+    """
+    if time_s.size == 0:
+        return (np.empty(0),) * (len(channels) + 1)
+    block = np.floor((time_s - time_s[0]) / width_s)
+    first = np.concatenate(([0], np.flatnonzero(np.diff(block)) + 1))
+    counts = np.diff(np.append(first, time_s.size))
+    return tuple(np.add.reduceat(values, first) / counts for values in (time_s, *channels))
+
+
+def with_all_heat(record: Record, motor: Motor) -> Record:
+    """Return the record with the copper loss in its losses, where they leave it out.
+
+    At a constant resistance, or in proportion to the squared current where none is given: enough
+    to tell load from rest.
+    """
+    if motor.losses != "map" or not all(c in record for c in ("losses_W", "phase_current_A")):
+        return record
+    losses, current = (np.asarray(record[c], dtype=float) for c in ("losses_W", "phase_current_A"))
+    if losses.shape != current.shape:
+        return record
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = losses + motor.phases * (motor.phase_resistance_ohm or 1.0) * current**2
+    return replace(record, channels={**record.channels, "losses_W": total})
+
+
+def is_loaded(losses_W: np.ndarray) -> np.ndarray:
+    """Return where heat flows: losses above `LOADED_SHARE` of their peak, shape (time,)."""
+    if losses_W.size == 0:
+        return np.empty(0, dtype=bool)
+    # The 99 % quantile: a single spike must not declare the whole test idle.
+    peak = float(np.quantile(losses_W, 0.99))
+    return (losses_W > LOADED_SHARE * peak) & (losses_W > 0.0)
+
+
+def place(record: Record, channel: str, from_s: float, to_s: float | None = None) -> str:
+    """Return test, channel and time or time span in words."""
+    moment = f"t = {from_s:.1f} s" if to_s is None else f"{from_s:.1f} s to {to_s:.1f} s"
+    return ", ".join(part for part in (record.name, channel, moment) if part)

@@ -1,0 +1,264 @@
+"""What a reader returns: the columns of one file under the names that stand in it.
+
+Columns of one name told apart: they are called `NAME #1`, `NAME #2` and so on.
+
+Logs of raw bus frames (CAN, LIN, FlexRay): bytes, of which a DBC makes signals.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from ..errors import InputError
+from .record import Finding, UnitSource
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a file leaves open about a column; a column that is used must have none.
+
+    Attributes:
+        problem: What the values may be, with figures for each reading.
+        answers: Right-hand sides of `[columns]` of which each settles it.
+        remedy: What to do where `[columns]` cannot settle it.
+    """
+
+    problem: str
+    answers: tuple[str, ...] = ()
+    remedy: str = ""
+
+    def asked(self, channel: str, where: str) -> InputError:
+        """Return the question as the error that ends the reading.
+
+        Args:
+            channel: What the column is to become.
+            where: File and column.
+        """
+        lines = " or ".join(f'{channel} = "{answer}"' for answer in self.answers)
+        remedy = f"Say which in the motor file: [columns] {lines}." if lines else self.remedy
+        return InputError(self.problem, where=where, remedy=remedy)
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A unit that a file gives somewhere else than in the name of a column.
+
+    Attributes:
+        text: Unit text; of scope "kind" the word for an amplitude.
+        source: Where it stands, such as `"the row of units"`, for messages.
+        scope: What it is about: this column, every column of its quantity, something that is not
+            clear, or the kind of a current alone: that it is an amplitude.
+    """
+
+    text: str
+    source: str
+    scope: Literal["column", "quantity", "unclear", "kind"] = "column"
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a bench file, not yet a channel.
+
+    Attributes:
+        name: As it stands in the file, with any unit.
+        label: The name without its unit.
+        unit: Unit text that the file gives, or None.
+        values: Float64, shape (time,), in that unit; NaN where the file has no number.
+        note: How values that were no plain numbers were read (clock times, dates), or empty.
+        beside: Units that the file gives outside of the name.
+        heading: What stands over the column where `name` is made of more than that, or empty.
+        is_clock: The reader made seconds of what the file holds, whatever unit it gives.
+        unit_from: How the reader knew that unit, for a clock alone.
+        question: What must be answered before the column is used, or None.
+        start: Of times, when they begin as the file says it, ISO 8601; empty where it does not.
+    """
+
+    name: str
+    label: str
+    unit: str | None
+    values: np.ndarray
+    note: str = ""
+    beside: tuple[Stated, ...] = ()
+    heading: str = ""
+    is_clock: bool = False
+    unit_from: UnitSource = "stated"
+    question: Question | None = None
+    start: str = ""
+
+    @property
+    def is_seconds(self) -> bool:
+        """Whether the values are seconds already: clock times, dates, times of a recording."""
+        return self.is_clock or bool(self.note and self.unit == "s")
+
+
+@dataclass(frozen=True)
+class Table:
+    """The columns of one bench file.
+
+    Attributes:
+        columns: In the order of the file; all of one length.
+        text_columns: Columns without a single number, with the first thing that stands in them.
+        constants: Scalars of the file by name, in the file's unit.
+        notes: Preamble lines and what the reader did, in order.
+        findings: What the reader could not use, with line numbers.
+        reader: Format and what was sniffed: "CSV, ';', decimal comma, UTF-8".
+        sample_numbers: Which sample each row is, from 0, shape (time,), where lines without a
+            sample stand between the rows; None where every line is a row.
+    """
+
+    columns: tuple[Column, ...]
+    text_columns: Mapping[str, str] = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    reader: str = ""
+    sample_numbers: np.ndarray | None = None
+
+    @property
+    def num_rows(self) -> int:
+        """Number of samples; 0 if there is no column."""
+        return self.columns[0].values.size if self.columns else 0
+
+
+PREAMBLE = "Preamble: "
+"""How a note begins that holds a line above the table."""
+
+
+def preamble_of(notes: Sequence[str]) -> tuple[str, ...]:
+    """Return the lines above the table that stand among the notes of a reader."""
+    return tuple(note.removeprefix(PREAMBLE) for note in notes if note.startswith(PREAMBLE))
+
+
+def told_apart(table: Table) -> Table:
+    """Return a table in which no two columns have one name, with a note on the new names.
+
+    A line of `[columns]` can then name each of them; the name that they share stays a question,
+    also to a line of `[columns]`. What stands over a column, and with it its unit, stays as it is.
+
+    Args:
+        table: What a reader returned.
+    """
+    table = _without_repeats(table)
+    counts = Counter(column.name for column in table.columns)
+    shared = {name: number for name, number in counts.items() if number > 1}
+    if not shared:
+        return table
+    taken = set(counts)
+    named: dict[str, list[str]] = {name: [] for name in shared}
+    columns = []
+    for column in table.columns:
+        if column.name not in shared:
+            columns.append(column)
+            continue
+        number = len(named[column.name]) + 1
+        while (name := f"{column.name} #{number}") in taken:
+            number += 1
+        taken.add(name)
+        named[column.name].append(name)
+        columns.append(replace(column, name=name, heading=column.heading or column.name))
+    notes = tuple(
+        f"{shared[name]} columns are called '{name}'; in [columns] they are "
+        f"{', '.join(repr(one) for one in names)}."
+        for name, names in named.items()
+    )
+    return replace(table, columns=tuple(columns), notes=(*table.notes, *notes))
+
+
+def _without_repeats(table: Table) -> Table:
+    """Leave out columns that repeat another one, name and numbers, such as a time by channel."""
+    kept: list[Column] = []
+    for column in table.columns:
+        same = (one for one in kept if one.name == column.name)
+        if not any(np.array_equal(one.values, column.values, equal_nan=True) for one in same):
+            kept.append(column)
+    if len(kept) == len(table.columns):
+        return table
+    count = len(table.columns) - len(kept)
+    note = f"{count} columns repeat another one of the same name and are left out."
+    return replace(table, columns=tuple(kept), notes=(*table.notes, note))
+
+
+BLF = b"LOGG"
+"""First bytes of a log of Vector's binary format."""
+
+FRAME_CHANNEL = re.compile(
+    r"(?:CAN|LIN|FLX|ETH|MOST|K_LINE|USB)_\w*(?:Frame|Error|Message|Pdu|WakeUp|Spike)\w*(?:\..*)?"
+)
+"""Names that ASAM MDF, bus logging, gives to channels of frames."""
+
+NUM_LINES = 200
+BETWEEN = re.compile(r"[\s,;|]+")
+LENGTH = re.compile(r"[\[(]?([0-9]{1,2})[\])]?")
+BYTE = re.compile(r"(?:0x)?[0-9A-Fa-f]{2}")
+BYTE_ALONE = re.compile(r"0[0-9A-Fa-f]|[0-9A-Fa-f]?[A-Fa-f][0-9A-Fa-f]?|0x..")
+"""A byte that no number of a table is written as."""
+
+FIRST_LINES = re.compile(r"base (?:hex|dec)\s+timestamps|;\$FILEVERSION=|\*+BUSMASTER")
+"""Of ASC, TRC and BUSMASTER."""
+
+CANDUMP = re.compile(r"^\(?[0-9.]+\)?\s+\w+\s+[0-9A-Fa-f]{3,8}##?[0-9A-Fa-fR]")
+NAMES_OF_FRAMES = (
+    frozenset(("id", "canid", "arbitrationid", "identifier", "messageid", "msgid", "frameid")),
+    frozenset(("dlc", "len", "datalength", "databytes", "data", "data0", "d1", "byte0")),
+)
+"""A header of frames names one of each, in lower case and letters alone."""
+
+REMEDY = (
+    "Decode it with the DBC of the bus first. With asammdf, for an MDF: "
+    "MDF('log.mf4').extract_bus_logging({'CAN': [('bus.dbc', 0)]}).save('signals.mf4'); any "
+    "other log becomes one by python-can: can_logconvert LOG log.mf4. Then read signals.mf4."
+)
+
+
+def no_signals(kind: str, where: str) -> InputError:
+    """Return the error for a log of frames.
+
+    Args:
+        kind: What the file is.
+        where: The file.
+    """
+    return InputError(
+        f"The file holds raw bus frames ({kind}), no signals.", where=where, remedy=REMEDY
+    )
+
+
+def kind_of_frames(text: str) -> str:
+    """Return of what kind a log of frames is, empty for any other text.
+
+    Args:
+        text: With line ends as in Python.
+    """
+    filled = (line.strip() for line in text.splitlines()[: 5 * NUM_LINES])
+    lines = list(itertools.islice((line for line in filled if line), NUM_LINES))
+    if any(_names_frames(line) for line in lines[:10]):
+        return "a table of frames"
+    if any(FIRST_LINES.match(line) for line in lines[:10]):
+        return "a log of a bus analyser"
+    frames = sum(CANDUMP.match(line) is not None for line in lines)
+    if 2 * frames > len(lines):
+        return "candump"
+    held = [data for line in lines if (data := _bytes_of(BETWEEN.split(line)))]
+    is_hexadecimal = any(BYTE_ALONE.fullmatch(byte) for data in held for byte in data)
+    return "bytes by line" if 2 * len(held) > len(lines) and is_hexadecimal else ""
+
+
+def _bytes_of(cells: Sequence[str]) -> Sequence[str]:
+    """Return the bytes of a line behind their number, as in "123 Rx d 3 00 1A FF"; or nothing."""
+    for place, cell in enumerate(cells[1:], 1):
+        length = LENGTH.fullmatch(cell)
+        data = list(itertools.takewhile(BYTE.fullmatch, cells[place + 1 :]))
+        if length and len(data) >= int(length[1]) > 1:
+            return data[: int(length[1])]
+    return ()
+
+
+def _names_frames(line: str) -> bool:
+    names = {re.sub(r"[^a-z0-9]", "", name.casefold()) for name in re.split(r"[,;\t|]", line)}
+    return len(names) > 2 and all(names & wanted for wanted in NAMES_OF_FRAMES)

@@ -1,0 +1,208 @@
+"""What the sheet says, as text in tables: the same words go to PDF, XLSX and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ..io.quantities import clean, quantity
+from ..io.texts import LANGUAGES, Texts
+from ..io.whole_files import command_without_folders, without_folders
+from ..readers.mapping import KNOWN_BY, assumption, grouped
+from ..record.motor import Certificate
+from ..record.record import Finding
+from ..results import FitResult
+from ..results.model import AT_REST, LOADED, DerivedFigure, DescribedTest, FittedModel
+from ..results.values import Interval, known
+from ..runs.verdict import concerns, favoured
+from .certificate import ON_PAGE_1, certificate_content, places_of_current
+from .printed import format_interval, format_value, num_stated, signed
+
+GRAVITY = {"error": 0, "warning": 1, "note": 2}
+
+
+def sheet_content(
+    result: FitResult, certificate: Certificate | None = None, say: Texts | None = None
+) -> dict[str, Any]:
+    """Return titles, tables and sentences of the sheet as plain text.
+
+    What is on the pages is about the network that is certified alone; `verdict`, `comparison`,
+    `columns` and `findings` are for the files beside them.
+
+    Args:
+        result: What stands in `fit.json`.
+        certificate: What the laboratory states; None for nothing.
+        say: The texts in the language of the sheet; None for that which the certificate states.
+    """
+    motor = result.motor
+    certificate = certificate or Certificate()
+    say = say or Texts(certificate.language or LANGUAGES[0])
+    model = result.models[favoured(result)]
+    own = [each for each in result.findings if concerns(each, result, model)]
+    own.sort(key=lambda each: GRAVITY[each.severity])
+    graver = [each for each in own if each.severity != "note"]
+    columns = [(clean(names), rows, _assumed(rows)) for names, rows in grouped(result.tests)]
+    return {
+        "title": clean(motor.name),
+        "certificate": certificate_content(result, certificate, say),
+        "verdict": clean(result.verdict.sentence),
+        "meta": [
+            ["heatrun", result.heatrun_version],
+            ["command", clean(command_without_folders(result.command))],
+            ["seed", str(result.seed)],
+        ],
+        "definitions": _definitions(result, model, say),
+        "tests": [_test(test, say) for test in result.tests],
+        "columns": [
+            {"tests": names, "rows": rows, "assumed": assumption(channels) if channels else ""}
+            for names, rows, channels in columns
+        ],
+        "residuals": _residuals(model, say),
+        "bodies": _bodies(model, say),
+        "replica": _replica(model, say),
+        "derived": [
+            [name, *(_derived(entry, say))]
+            for name, entry in model.derived.items()
+            if name not in ON_PAGE_1 and not name.endswith((LOADED, AT_REST))
+        ],
+        "graver": [[say(each.severity), _sentence(each, result)] for each in graver],
+        "after_findings": _after_findings(len(graver), len(own) - len(graver), say),
+        "comparison": [clean(w) for w in (result.comparison.words if result.comparison else ())],
+        "findings": [[each.severity, _sentence(each, result)] for each in own],
+        "limits": [
+            say("scale_of_losses"),
+            *filter(None, [say.again(model.about_missing())]),
+            *(
+                say("assumed_units", channels=", ".join(channels))
+                for channels in dict.fromkeys(tuple(each) for *_, each in columns if each)
+            ),
+            say("elsewhere"),
+        ],
+        "files": [
+            [clean(test.name), known(test.start) or "–", test.sha256 or say("in_memory")]
+            for test in result.tests
+        ],
+        "labels": {key: say(key) for key in LABELS},
+    }
+
+
+LABELS = (
+    "annex", "findings", "tests", "test", "role", "length", "current_A",
+    "speed_rpm", "winding_degC", "sink_degC", "date", "sha256", "residuals", "derived", "figure",
+    "value", "interval", "condition_or_refusal", "measured_body", "node", "rmse_K", "max_K",
+    "mean_K", "in_band", "definitions", "remarks", "instruments", "instruments_listed",
+    "instrument_quantity", "instrument", "instrument_class", "instrument_calibration",
+    "instrument_valid", "signature", "page", "of", "more_reasons", "more_parameters",
+    "value_or_interval",
+)  # fmt: skip
+"""Texts that the template of the pages sets by itself."""
+
+
+def _assumed(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the channels whose unit nothing said."""
+    return [row[0] for row in rows if row[3] == KNOWN_BY["assumed"]]
+
+
+def _sentence(finding: Finding, result: FitResult) -> str:
+    paths = [result.motor.path, *(test.path for test in result.tests)]
+    text = f"{finding.where}: {finding.message} {finding.remedy}".strip(": ")
+    return clean(without_folders(text, paths))
+
+
+def _after_findings(num_graver: int, num_notes: int, say: Texts) -> str:
+    """Return what stands below the findings."""
+    parts = ["" if num_graver or num_notes else say("none")]
+    parts.append(say("notes_elsewhere", num=num_notes) if num_notes else "")
+    parts.append(say("findings_in_english") if num_graver or num_notes else "")
+    return " ".join(part for part in parts if part)
+
+
+def _definitions(result: FitResult, model: FittedModel, say: Texts) -> list[list[str]]:
+    """Return the symbols and what they stand for."""
+    sink = f"{result.motor.sink}_degC"
+    is_stated = num_stated(result.tests, sink) == len(result.tests)
+    rows = [["Tw", say("Tw")]]
+    if "stator" in model.nodes:
+        rows.append(["Tsr", say("Tsr")])
+    rows += [
+        ["Pjs", say("Pjs")],
+        ["Pol", say(f"Pol_{result.motor.losses}")],
+        ["T0", say("T0_stated" if is_stated else "T0", sink=result.motor.sink)],
+    ]
+    second = known(model.sinks)
+    return rows + ([[f"T {second[1]}", say("second_sink", name=second[1])]] if second else [])
+
+
+def _test(test: DescribedTest, say: Texts) -> list[str]:
+    def span(values: Interval | None, digits: int = 0) -> str:
+        if values is None:
+            return "–"
+        return say.number(f"{values[0]:.{digits}f} … {values[1]:.{digits}f}")
+
+    return [
+        clean(test.name),
+        say(test.role),
+        say.number(f"{test.duration_s / 60:.1f}"),
+        span(test.current_A, places_of_current(test.current_A)),
+        span(test.speed_rpm),
+        span(test.winding_degC, 1),
+        span(test.sink_degC, 1),
+        known(test.start) or "–",
+        test.sha256[:16] if test.sha256 else say("in_memory"),
+    ]
+
+
+def _residuals(model: FittedModel, say: Texts) -> dict[str, Any]:
+    """Return head and rows of the table of residuals, with those of the replica where it is."""
+    replica = known(model.replica)
+    keys = ["test", "role", "rmse_K", "mae_K", "max_K", "end_K", "in_band"]
+    rows = []
+    for row in model.residuals:
+        numbers = [f"{row.rmse_K:.2f}", f"{row.mae_K:.2f}", f"{row.max_K:.2f}",
+                   signed(row.end_K, 2), f"{100 * row.coverage_95:.0f} %"]  # fmt: skip
+        if replica:
+            error = replica.rmse_K.get(row.test)
+            numbers.append("–" if error is None else f"{error:.2f}")
+        rows.append([clean(row.test), say(row.role), *map(say.number, numbers)])
+    return {"head": [say(key) for key in keys + ["replica_K"] * bool(replica)], "rows": rows}
+
+
+def _bodies(model: FittedModel, say: Texts) -> list[list[str]]:
+    return [
+        [
+            say.again(clean(row.body.removesuffix("_degC").replace("_", " "))),
+            clean(row.test),
+            say("fitted_as" if row.fitted else "against", node=row.node.replace("_", " ")),
+            *map(
+                say.number,
+                (
+                    f"{row.rmse_K:.2f}",
+                    signed(row.mean_K, 2),
+                    f"{row.max_K:.2f}",
+                    f"{100 * row.coverage_95:.0f} %",
+                ),
+            ),
+        ]
+        for row in known(model.bodies) or ()
+    ]
+
+
+def _replica(model: FittedModel, say: Texts) -> str:
+    """Return the sentence on the plain network that is nearest; empty where there is none."""
+    replica = known(model.replica)
+    if replica is None:
+        return ""
+    return say("replica", numbers=replica.numbers(), K=f"{replica.from_model_K:.2f}")
+
+
+def _derived(entry: DerivedFigure, say: Texts) -> list[str]:
+    if refusal := known(entry.refused):
+        return [say("refused"), say.again(refusal), ""]
+    sd = known(entry.sd)
+    value, _ = format_value(known(entry.value), sd)
+    ends = format_interval(known(entry.interval_95), sd)
+    return [
+        quantity(say.again(value), known(entry.unit) or ""),
+        say.again(known(entry.condition) or ""),
+        " … ".join(say.again(end) for end in ends.split(" … ")),
+    ]

@@ -1,1 +1,0 @@
-"""The report of a discovery and its figures."""

@@ -1,0 +1,308 @@
+"""Figures of a run, drawn from its tables; nothing is computed here but differences.
+
+The figure of page 1: measured winding, model with its 95 % band, limit of the insulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
+
+from ..attempts import Attempts
+from ..io.quantities import printed_unit
+from ..io.texts import Texts
+from ..io.whole_files import whole
+
+COLOURS = {"first": "#D55E00", "second": "#0072B2", "measured": "#222222"}
+NODES = ("#009E73", "#E69F00", "#56B4E9", "#CC79A7")
+"""Colours of the nodes that are simulated and not measured."""
+"""Okabe and Ito's palette, which colour-blind readers can tell apart."""
+
+MARKS = ("^", "s", "v", "D", "<", ">", "p")
+"""Marks of measured bodies beside the winding."""
+
+MEASURED = "measured_degC"
+"""Column of the winding's readings."""
+
+LIMITS_K = (1.0, 2.0, 5.0)
+
+
+def draw(
+    tables: Sequence[tuple[str, str, pd.DataFrame]],
+    draws: Mapping[str, np.ndarray],
+    units: Mapping[str, str],
+    titles: Mapping[str, str],
+    certified: str,
+    say: Texts,
+    folder: Path,
+    attempts: Attempts,
+) -> list[Path]:
+    """Draw all figures of a run as PNG, but for those that fail.
+
+    Args:
+        tables: Name, role and courses (`band_table`) of each test.
+        draws: Posterior draws of the network's parameters by name, each of shape (draw,).
+        units: Unit of each parameter.
+        titles: Titles of the networks by name, the one with most nodes last.
+        certified: Name of the network that the sheet states.
+        say: The texts in the language of the sheet.
+        folder: Where the files go.
+        attempts: Told which figure failed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    wanted: dict[str, Callable[[], Figure]] = {
+        f"course_{number}.png": partial(course, *table, certified, say)
+        for number, table in enumerate(tables, start=1)
+    }
+    if len(titles) == 2:
+        wanted[f"{'_against_'.join(titles)}.png"] = partial(errors, tables, titles)
+    if draws:
+        wanted["posterior.png"] = partial(pairs, draws, units)
+    written = [drawn(figure, folder / name, attempts) for name, figure in wanted.items()]
+    return [path for path in written if path is not None]
+
+
+def drawn(figure: Callable[[], Figure], path: Path, attempts: Attempts) -> Path | None:
+    """Draw and save a figure; None if that failed."""
+    return attempts.of("the figure", lambda: save(figure(), path), None, where=path.name)
+
+
+def course(name: str, role: str, table: pd.DataFrame, network: str, say: Texts) -> Figure:
+    """Return the course of one test: winding with bands, residuals, load.
+
+    Args:
+        name: The test.
+        role: Its role.
+        table: Its courses.
+        network: The network that is drawn.
+        say: The texts in the language of the sheet.
+    """
+    figure = Figure(figsize=(7.2, 6.4), layout="constrained")
+    top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[3.2, 1.2, 1.2])
+    minutes = table["time_s"] / 60.0
+    colour = COLOURS["second"]
+    for kind, label, alpha in (("total", "band_noise", 0.15),
+                               ("parameters", "band_parameters", 0.3)):  # fmt: skip
+        ends = [table[f"{network}_{kind}_95_{side}_degC"] for side in ("low", "high")]
+        top.fill_between(minutes, *ends, color=colour, alpha=alpha, lw=0, label=say(label))
+    top.plot(minutes, table[f"{network}_winding_degC"], color=colour, lw=1.2, label=say("model"))
+    middle.plot(minutes, table[f"{network}_residual_K"], color=colour, lw=0.9)
+    top.plot(minutes, table["measured_degC"], ".", color=COLOURS["measured"], ms=2.2,
+             label=say("measured_winding"))  # fmt: skip
+    for number, node in enumerate(_nodes(table, network)):
+        colour = NODES[number % len(NODES)]
+        limits = [table[f"{network}_{node}_95_{side}_degC"] for side in ("low", "high")]
+        label = say("simulated_node", node=node.replace("_", " "))
+        top.fill_between(minutes, *limits, color=colour, alpha=0.2, lw=0)
+        top.plot(minutes, table[f"{network}_{node}_degC"], color=colour, lw=1.1, label=label)
+    for number, channel in enumerate(_bodies(table)):
+        top.plot(minutes, table[channel], MARKS[number % len(MARKS)], color="0.35", ms=2.4, mew=0.5,
+                 mfc="none", markevery=max(1, len(table) // 120),
+                 label=say("measured_node", body=_body_words(channel)))  # fmt: skip
+    top.plot(minutes, table["sink_degC"], color="0.55", lw=0.8, label=say("sink"))
+    top.set_ylabel(say("temperature_degC"))
+    top.set_title(f"{plain(name)} ({say(role)})", loc="left", fontsize=10)
+    figure.legend(
+        *top.get_legend_handles_labels(),
+        fontsize=7,
+        frameon=False,
+        ncols=4,
+        loc="outside lower center",
+    )
+    middle.axhline(0.0, color="0.6", lw=0.6)
+    middle.set_ylabel(say("residual_K"))
+    _load(bottom, minutes, table, say)
+    bottom.set_xlabel(say("time_min"))
+    finish(figure.axes, say)
+    return figure
+
+
+def errors(tables: Sequence[tuple[str, str, pd.DataFrame]], titles: Mapping[str, str]) -> Figure:
+    """Return the absolute error of two networks over time, with lines at 1, 2 and 5 K."""
+    figure = Figure(figsize=(7.2, 1.0 + 1.9 * len(tables)), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(len(tables), 1))
+    for axis, (name, role, table) in zip(axes, tables, strict=True):
+        for colour, (order, title) in zip(("first", "second"), titles.items(), strict=True):
+            axis.semilogy(table["time_s"] / 60.0,
+                          np.maximum(np.abs(table[f"{order}_residual_K"]), 1e-2),
+                          color=COLOURS[colour], lw=0.9, label=title)  # fmt: skip
+        for limit in LIMITS_K:
+            axis.axhline(limit, color="0.6", lw=0.6, ls=":")
+            axis.annotate(f"{limit:g} K", (1.005, limit), xycoords=("axes fraction", "data"),
+                          fontsize=7, va="center")  # fmt: skip
+        axis.set_ylabel("|error| [K]")
+        axis.set_title(f"{plain(name)} ({role})", loc="left", fontsize=9)
+    axes[0].legend(fontsize=7, frameon=False, ncols=2, loc="lower right",
+                   bbox_to_anchor=(1.0, 1.0))  # fmt: skip
+    axes[-1].set_xlabel("time [min]")
+    finish(list(axes))
+    return figure
+
+
+def _bodies(table: pd.DataFrame) -> list[str]:
+    """Return the columns of measured bodies beside the winding."""
+    return [c for c in map(str, table.columns) if c.startswith("measured_") and c != MEASURED]
+
+
+def _body_words(column: str) -> str:
+    """Return a body as printed, such as `"end winding"`."""
+    return column.removeprefix("measured_").removesuffix("_degC").replace("_", " ")
+
+
+def _nodes(table: pd.DataFrame, network: str) -> list[str]:
+    """Return the unmeasured nodes of a network that a table holds."""
+    head, tail = f"{network}_", "_95_low_degC"
+    columns = map(str, table.columns)
+    found = [c[len(head) : -len(tail)] for c in columns if c.startswith(head) and c.endswith(tail)]
+    return [node for node in found if node not in ("total", "parameters")]
+
+
+def pairs(draws: Mapping[str, np.ndarray], units: Mapping[str, str]) -> Figure:
+    """Return marginal and pairwise densities of the parameters."""
+    names = list(draws)
+    size = len(names)
+    side = max(5.6, 1.0 * size)
+    figure = Figure(figsize=(side, side), layout="constrained")
+    grid = figure.subplots(size, size, squeeze=False)
+    for row, lower in enumerate(names):
+        for column, left in enumerate(names):
+            axis = grid[row][column]
+            if column > row:
+                axis.set_axis_off()
+            elif column == row:
+                axis.hist(draws[left], bins=25, color=COLOURS["second"], alpha=0.7)
+                axis.set_yticks([])
+            else:
+                axis.hist2d(draws[left], draws[lower], bins=25, cmap="Blues", rasterized=True)
+                axis.yaxis.set_major_locator(MaxNLocator(3))
+            axis.xaxis.set_major_locator(MaxNLocator(3))
+            # a row and a column share their scale: it is written once
+            axis.tick_params(labelsize=6, labelbottom=row == size - 1, labelleft=column == 0)
+            axis.tick_params(axis="x", labelrotation=45)
+            if row == size - 1:
+                axis.set_xlabel(_label(left, units), fontsize=6)
+            if column == 0 and row > 0:
+                axis.set_ylabel(_label(lower, units), fontsize=6)
+    return figure
+
+
+def _label(name: str, units: Mapping[str, str]) -> str:
+    unit = printed_unit(units[name])
+    return f"{name}\n[{unit}]" if unit else name
+
+
+def _load(axis: Axes, minutes: pd.Series, table: pd.DataFrame, say: Texts) -> None:
+    second = axis
+    if table["phase_current_A"].notna().any():
+        axis.plot(minutes, table["phase_current_A"], color="#CC79A7", lw=0.9)
+        axis.set_ylabel(say("current_A"), color="#CC79A7")
+        second = axis.twinx()
+    second.plot(minutes, table["losses_W"], color="#555555", lw=0.8)
+    second.set_ylabel(say("losses_W"), color="#555555")
+
+
+class Decimal(ScalarFormatter):
+    """Numbers at an axis with the decimal sign of a language."""
+
+    def __init__(self, say: Texts) -> None:
+        super().__init__()
+        self._say = say
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """As `ScalarFormatter`."""
+        return self._say.number(super().__call__(x, pos))
+
+
+def finish(axes: Sequence[Axes], say: Texts | None = None) -> None:
+    """Give axes the look of all figures of a sheet, and numbers the decimal sign of a language."""
+    for axis in axes:
+        if say is not None:
+            axis.set_xlabel(axis.get_xlabel(), fontsize=8.5)
+            axis.set_ylabel(axis.get_ylabel(), fontsize=8.5)
+            axis.xaxis.set_major_formatter(Decimal(say))
+            axis.yaxis.set_major_formatter(Decimal(say))
+        axis.tick_params(labelsize=8)
+        axis.spines["top"].set_visible(False)
+
+
+def plain(name: str) -> str:
+    """Return a name in which matplotlib sees no mathematics and no control characters."""
+    clean = "".join(c if c.isprintable() else "?" for c in name)
+    return clean.replace("$", r"\$")[:90]
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure as PNG, whole or not at all."""
+    FigureCanvasAgg(figure)
+    with whole(path) as partial:
+        figure.savefig(partial, format="png", dpi=160, metadata={"Software": None})
+    return path
+
+
+LIMIT_COLOUR = "#B00020"
+
+MOST_MARKS = 150
+"""Marks of readings; more hide the line behind them."""
+
+
+def certificate_figure(
+    name: str,
+    table: pd.DataFrame,
+    network: tuple[str, str],
+    limit: tuple[str, float] | None,
+    say: Texts,
+    aspect: float,
+) -> Figure:
+    """Return the course of one test as a customer reads it, with the residuals below.
+
+    Args:
+        name: The test.
+        table: Its courses (`heatrun.runs.courses.band_table`).
+        network: Whose prediction is drawn, and its title.
+        limit: Insulation class and its temperature [degC]; None if it is not known.
+        say: The texts in the language of the sheet.
+        aspect: Height over width [1].
+    """
+    order, title = network
+    figure = Figure(figsize=(7.2, 7.2 * aspect), layout="constrained")
+    axis, below = figure.subplots(2, 1, sharex=True, height_ratios=[3.4, 1.0])
+    minutes = table["time_s"] / 60.0
+    low, high = (table[f"{order}_total_95_{side}_degC"] for side in ("low", "high"))
+    band = axis.fill_between(minutes, low, high, color=COLOURS["second"], alpha=0.25, lw=0)
+    marks = {"color": COLOURS["measured"], "mfc": "none", "mew": 0.6, "ms": 3.0}
+    every = max(1, len(table) // MOST_MARKS)
+    (measured,) = axis.plot(minutes, table["measured_degC"], "o", **marks, markevery=every)
+    predicted = table[f"{order}_winding_degC"]
+    (model,) = axis.plot(minutes, predicted, color=COLOURS["second"], lw=1.2)
+    (sink,) = axis.plot(minutes, table["sink_degC"], color="0.55", lw=0.8)
+    handles = [measured, model, band, sink]
+    words = [say("measured_winding"), say("model_named", network=title), say("band"), say("sink")]
+    if limit is not None:
+        letter, degC = limit
+        handles.append(axis.axhline(degC, color=LIMIT_COLOUR, lw=1.0, ls="--"))
+        words.append(say("limit_of_class", letter=letter, T=f"{degC:.0f}"))
+    below.fill_between(
+        minutes, low - predicted, high - predicted, color=COLOURS["second"], alpha=0.25, lw=0
+    )
+    below.axhline(0.0, color=COLOURS["second"], lw=1.2)
+    below.plot(minutes, table[f"{order}_residual_K"], color=COLOURS["measured"], lw=0.7)
+    below.set_ylabel(say("residual_K"))
+    below.set_xlabel(say("time_min"))
+    axis.set_ylabel(say("temperature_degC"))
+    axis.margins(x=0.01)
+    axis.set_title(plain(name), loc="left", fontsize=9)
+    figure.legend(
+        handles, words, fontsize=7.5, frameon=False, ncols=5, loc="outside lower center",
+        columnspacing=1.2, handlelength=1.6,
+    )  # fmt: skip
+    figure.align_ylabels()
+    finish([axis, below], say)
+    return figure

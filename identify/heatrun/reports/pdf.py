@@ -1,0 +1,207 @@
+"""The parameter sheet as PDF.
+
+Letters that no font here can draw stand on paper as their numbers, not as empty boxes.
+
+Documents set by Typst from a template and plain data; data never become markup.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any
+
+import typst
+
+from ..io.quantities import with_breaks
+from ..io.whole_files import PARTIAL, write_whole
+
+ALWAYS_THERE = 0x250
+"""Letters below this number, Latin ones with their accents, are in the font that typst brings."""
+
+PROBE = b"""#let letters = json(bytes(sys.inputs.letters))
+#set document(title: "probe")
+#set text(font: "Libertinus Serif")
+#text(letters)"""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What can be set.
+
+    Attributes:
+        content: With each letter that no font has as `[U+674E]`.
+        needs_system_fonts: Some letters are not in the fonts that typst brings. Only then are those
+            of the machine asked, so that a document is the same on all machines where it can be.
+    """
+
+    content: dict[str, Any]
+    needs_system_fonts: bool
+
+
+def shown(content: Mapping[str, Any]) -> Shown:
+    """Return the content of a document as the fonts of this machine can show it.
+
+    Args:
+        content: Strings, numbers, lists and objects.
+    """
+    letters = {c for c in json.dumps(content, ensure_ascii=False) if ord(c) >= ALWAYS_THERE}
+    foreign = _lost(frozenset(letters), brought_alone=True)
+    lost = _lost(foreign, brought_alone=False)
+    if not lost:
+        return Shown(dict(content), bool(foreign))
+    table = str.maketrans({c: f"[U+{ord(c):04X}]" for c in lost})
+    return Shown({key: _translated(each, table) for key, each in content.items()}, bool(foreign))
+
+
+@cache
+def _lost(letters: frozenset[str], *, brought_alone: bool) -> frozenset[str]:
+    """Return those of some letters that no font has."""
+    if not letters or _can_draw("".join(sorted(letters)), brought_alone):
+        return frozenset()
+    if len(letters) == 1:
+        return letters
+    ordered = sorted(letters)
+    middle = len(ordered) // 2
+    halves = (frozenset(ordered[:middle]), frozenset(ordered[middle:]))
+    return frozenset().union(*(_lost(half, brought_alone=brought_alone) for half in halves))
+
+
+def _can_draw(letters: str, brought_alone: bool) -> bool:
+    """Return whether there is a picture for each letter: PDF/A allows no document without."""
+    try:
+        typst.compile(
+            PROBE,
+            format="pdf",
+            sys_inputs={"letters": json.dumps(letters)},
+            pdf_standards=["a-2b"],
+            ignore_system_fonts=brought_alone,
+        )
+    except RuntimeError:
+        return False
+    return True
+
+
+def _translated(value: Any, table: Mapping[int, str]) -> Any:
+    if isinstance(value, str):
+        return value.translate(table)
+    if isinstance(value, Mapping):
+        return {key: _translated(item, table) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_translated(item, table) for item in value]
+    return value
+
+
+TEMPLATES = resources.files("heatrun.reports") / "templates"
+"""Of sheets and of discoveries; other documents have theirs beside their modules."""
+
+SCALE = TEMPLATES / "scale.typ"
+"""Sizes and tables that all documents share."""
+
+
+def typeset(
+    template: Traversable, content: Mapping[str, Any], figures: Sequence[Path], path: Path
+) -> Path:
+    """Set a document as PDF.
+
+    Args:
+        template: The file; it reads `content.json`.
+        content: Strings, numbers, lists and objects; `figures` is added, the file names.
+        figures: PNG files, in the order in which they are to appear.
+        path: Where it goes; written whole or not at all.
+    """
+    # beside the document, so that the next start in the folder clears it away after a kill
+    beside = {"dir": path.parent, "prefix": f".{path.name}.", "suffix": PARTIAL}
+    with tempfile.TemporaryDirectory(**beside) as name:
+        folder = Path(name)
+        found = shown(content)
+        lay_out(folder, template, found.content, figures)
+        document = typst.compile(
+            folder / template.name, root=folder, ignore_system_fonts=not found.needs_system_fonts
+        )
+    assert isinstance(document, bytes)
+    write_whole(path, document)
+    return path
+
+
+def lay_out(
+    folder: Path, template: Traversable, content: Mapping[str, Any], figures: Sequence[Path]
+) -> None:
+    """Put what a document is set from into a folder: templates, `content.json`, figures.
+
+    Args:
+        folder: Where it goes.
+        template: The file.
+        content: As `typeset` takes it, every character one that the fonts have.
+        figures: Files of images, in their order.
+    """
+    for each in (template, SCALE):
+        (folder / each.name).write_text(each.read_text(encoding="utf-8"), encoding="utf-8")
+    names = [f"figure_{number}{figure.suffix}" for number, figure in enumerate(figures)]
+    for figure, name in zip(figures, names, strict=True):
+        shutil.copyfile(figure, folder / name)
+    # strings read from JSON are values in Typst: nothing in a name can act as markup
+    text = json.dumps({**content, "figures": names})
+    (folder / "content.json").write_text(text, encoding="utf-8")
+
+
+BREAKS_EVERY = 15
+"""Letters of a long word after which it may break in the narrow cells of page 1."""
+
+TEMPLATE = TEMPLATES / "sheet.typ"
+
+MOST_COURSES = 4
+"""Courses of tests in the annex; those of further tests lie among the files alone."""
+
+FLATTEST, HIGHEST = 0.3, 1.2
+"""Height over width of the figure of page 1 [1], whatever room is left."""
+
+
+def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
+    """Write the sheet as PDF.
+
+    Args:
+        content: From `sheet_content`.
+        figures: PNG files: that of page 1, then the courses of the tests.
+        path: Where it goes; written whole or not at all.
+    """
+    return typeset(TEMPLATE, _texts(content), figures[: 1 + MOST_COURSES], path)
+
+
+def aspect_on_page_1(content: Mapping[str, Any]) -> float:
+    """Return height over width of the room that page 1 has for its figure [1].
+
+    Args:
+        content: From `sheet_content`.
+    """
+    found = shown(_texts(content))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        lay_out(folder, TEMPLATE, found.content, [])
+        (room,) = json.loads(
+            typst.query(
+                folder / TEMPLATE.name, "<room>", field="value", root=folder,
+                ignore_system_fonts=not found.needs_system_fonts,
+            )
+        )  # fmt: skip
+    return min(HIGHEST, max(FLATTEST, room["height"] / room["width"]))
+
+
+def _texts(content: Mapping[str, Any]) -> dict[str, Any]:
+    return {**content, "certificate": _breakable(content["certificate"])}
+
+
+def _breakable(value: Any) -> Any:
+    """Return texts whose long words may break, at any depth of lists and objects."""
+    if isinstance(value, str):
+        return with_breaks(value, BREAKS_EVERY)
+    if isinstance(value, Mapping):
+        return {key: _breakable(item) for key, item in value.items()}
+    return [_breakable(item) for item in value] if isinstance(value, list) else value

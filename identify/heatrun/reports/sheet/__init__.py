@@ -1,1 +1,0 @@
-"""Parameter sheet, reports and the published worksheet: results as people hand them on."""

@@ -1,0 +1,352 @@
+"""The machine of each draw under the load of the tests: what ratings are read from.
+
+The other losses P_ol are held at what they were in the loaded part of the tests, because a
+balance says nothing about loads that were not run; the copper loss follows current and
+temperature. All physics is that of `lptn`, for any network with any effects.
+
+What the tests have seen: the range that figures hold in, and the load they are told for.
+
+One figure from its draws: value, interval and the condition it holds under, or a refusal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from lptn import CopperLosses, Drive, Network, heat_input, steady_current, steady_state, time_to
+from lptn.effects import AbstractEffect
+
+from ..model.bodies import corrected_losses
+from ..model.draws import PlausibleEffects, of_network
+from ..model.model import Model
+from ..record.blocks import Blocks
+from ..results.model import DerivedFigure
+
+REACH = 1.2
+"""A current may lie this much above the largest one tested [1] before a figure is refused."""
+
+REACH_K = 15.0
+"""A temperature may lie this far above the highest one measured [K]."""
+
+
+@dataclass(frozen=True)
+class Tested:
+    """What the tests have seen.
+
+    Attributes:
+        current_A: Largest rms current of a block [A].
+        winding_degC: Highest reading of a block [degC].
+        loaded_winding_degC: Mean reading of the loaded part [degC].
+        loaded: Means over the loaded part: current, loss channel, speed, coolant and fan; the
+            sinks are those of all tests. Speed, coolant, fan and second sink only if every test
+            has them. Effects that follow the time stand as at the start of the first test.
+    """
+
+    current_A: float
+    winding_degC: float
+    loaded_winding_degC: float
+    loaded: Drive
+
+    @property
+    def sink_degC(self) -> float:
+        """Mean temperature of the sink [degC]."""
+        return float(self.loaded.ambient)
+
+    @property
+    def amperes(self) -> float:
+        """Root of the mean squared current of the loaded part [A]."""
+        return float(np.sqrt(self.loaded.current_squared))
+
+    def beyond_limit(self, limit: float) -> str | None:
+        """Return why a limit [degC] is outside the tested range, or None."""
+        if limit <= self.winding_degC + REACH_K:
+            return None
+        return (
+            f"the limit of {limit:.0f} °C is outside the tested range: the highest "
+            f"temperature measured is {self.winding_degC:.0f} °C"
+        )
+
+    def surroundings(
+        self,
+        effects: Sequence[type[AbstractEffect]],
+        *,
+        follows_time: bool,
+        second_sink: str = "",
+        likely: Sequence[type[AbstractEffect]] = (),
+    ) -> str:
+        """Return what the figures of a model with effects hold under, to follow a condition.
+
+        Args:
+            effects: Effects in the model.
+            follows_time: Whether one of them depends on the time since the start of a test.
+            second_sink: Name of the network's second sink; empty where it has none.
+            likely: Effects that the network is likely to miss, which the figures count.
+        """
+        needs = {need for kind in (*effects, *likely) for need in kind.card.needs}
+        parts = []
+        if second_sink and self.loaded.second_sink is not None:
+            parts.append(f"{second_sink} {float(self.loaded.second_sink):.0f} °C")
+        if "speed" in needs and self.loaded.speed_rad is not None:
+            parts.append(f"{float(self.loaded.speed_rad) * 30.0 / np.pi:.0f} rpm")
+        if "coolant" in needs and self.loaded.coolant is not None:
+            parts.append(f"coolant {float(self.loaded.coolant):.0f} °C")
+        if "fan" in needs and self.loaded.fan is not None:
+            parts.append(f"fan or flow {100.0 * float(self.loaded.fan):.0f} % of rated")
+        if follows_time:
+            parts.append("as at the start of the first test")
+        parts += [f"with {kind.card.id}" for kind in likely]
+        return "".join(f", {part}" for part in parts)
+
+
+def tested(tests: Sequence[Blocks]) -> Tested:
+    """Return the range of the tests; loaded means above half of the largest squared current."""
+
+    def means(name: str) -> np.ndarray | None:
+        rows = []
+        for test in tests:
+            values = corrected_losses(test) if name == "losses" else getattr(test.inputs, name)
+            if values is None:
+                return None
+            rows.append(np.asarray(values).reshape(test.weight.shape).mean(axis=1))
+        return np.concatenate(rows)
+
+    I2, losses, T0 = (np.asarray(means(n)) for n in ("current_squared", "losses", "ambient"))
+    second = means("second_sink")
+    Tw = np.concatenate([test.measured for test in tests])
+    loaded = (0.5 * np.max(I2) <= I2) & np.isfinite(Tw)
+
+    def of_load(name: str) -> float | None:
+        values = means(name)
+        return None if values is None else float(np.mean(values[loaded]))
+
+    first = tests[0].inputs
+    return Tested(
+        current_A=float(np.sqrt(np.max(I2))),
+        winding_degC=float(np.nanmax(Tw)),
+        loaded_winding_degC=float(np.mean(Tw[loaded])),
+        loaded=Drive.constant(
+            current_squared=float(np.mean(I2[loaded])),
+            losses=float(np.mean(losses[loaded])),
+            ambient=float(np.mean(T0)),
+            speed=of_load("speed"),
+            coolant=of_load("coolant"),
+            fan=of_load("fan"),
+            second_sink=None if second is None else float(np.mean(second)),
+            rated_speed=float(first.rated_speed),
+            rated_current=float(first.rated_current),
+        ),
+    )
+
+
+WARM = 0.75
+"""Share of the steady rise that a warm start has [1]."""
+
+
+class Machine(NamedTuple):
+    """What one draw says; arrays over draws where many are evaluated.
+
+    Attributes:
+        other: Other losses of the loaded part [W].
+        copper_slope: Copper loss per squared ampere and kelvin [W/(A^2 K)].
+        rise: Steady rise of the copper [K], at the rated current where that was given, else at the
+            loaded part's; inf where it runs away.
+        limit_squared: Squared current that holds the copper at the limit [A^2].
+        cold_s: Time to the limit at the loaded part's current, from the sink [s].
+        warm_s: The same from `WARM` of the steady rise [s].
+    """
+
+    other: Float[Array, "*draw"]
+    copper_slope: Float[Array, "*draw"]
+    rise: Float[Array, "*draw"]
+    limit_squared: Float[Array, "*draw"]
+    cold_s: Float[Array, "*draw"]
+    warm_s: Float[Array, "*draw"]
+
+
+@partial(jax.jit, static_argnames="model")
+def machines(
+    model: Model,
+    values: dict[str, Float[Array, " draw"]],
+    loaded: Drive,
+    winding: Float[Array, ""],
+    limit: Float[Array, ""],
+    rated: Float[Array, ""] | float = 1.0,
+) -> Machine:
+    """Return the machine of each draw; compiled once per model.
+
+    Args:
+        model: Network with effects.
+        values: Parameters of the machine in general by name [their units].
+        loaded: The loaded part of the tests.
+        winding: Mean reading of the loaded part [degC].
+        limit: Limit of the insulation [degC]; NaN for none, and nothing is said of it.
+        rated: Squared rated current over that of the loaded part [1]; 1 where none is given.
+    """
+
+    def one(values: dict[str, Float[Array, ""]]) -> Machine:
+        at = under_load(model, values, loaded, winding)
+        network, drive, effects = at.network, at.drive, at.effects
+        rest = steady_state(network, at.losses, drive, effects=effects)
+        top = steady_current(network, at.losses, drive, limit, effects=effects)
+        sink, copper = drive.ambient, network.copper_node
+        under_rated = drive.scale_current(rated)
+        top_rise = steady_state(network, at.losses, under_rated, effects=effects)[copper] - sink
+
+        def time_from(share: Float[Array, ""]) -> Float[Array, ""]:
+            start = {
+                # where the copper runs away, the warm start is on the way to the limit
+                node: sink + share * (jnp.where(jnp.isfinite(T), T, top.temperature[node]) - sink)
+                for node, T in rest.items()
+            }
+            return time_to(
+                network, at.losses, drive, start, node=copper, limit=limit, effects=effects
+            )
+
+        cold_s, warm_s = jax.vmap(time_from)(jnp.asarray([0.0, WARM]))
+        return Machine(
+            other=drive.losses,
+            copper_slope=at.losses.slope(jnp.asarray(1.0)),
+            rise=jnp.where(jnp.isfinite(top_rise), top_rise, jnp.inf),
+            limit_squared=top.squared,
+            cold_s=cold_s,
+            warm_s=warm_s,
+        )
+
+    return jax.vmap(one)(values)
+
+
+class UnderLoad(NamedTuple):
+    """A machine at the load of the tests.
+
+    Attributes:
+        network: The network.
+        losses: Its losses, the other ones given.
+        drive: The loaded part, with the other losses.
+        effects: The effects.
+    """
+
+    network: Network
+    losses: CopperLosses
+    drive: Drive
+    effects: tuple[AbstractEffect, ...]
+
+
+def under_load(
+    model: Model,
+    values: dict[str, Float[Array, ""]],
+    loaded: Drive,
+    winding: Float[Array, ""],
+) -> UnderLoad:
+    """Return the machine of one draw, with the other losses held at what they were in the tests.
+
+    Args:
+        model: Network with effects.
+        values: Parameters by name [their units].
+        loaded: The loaded part of the tests.
+        winding: Mean reading of the loaded part [degC].
+    """
+    network, losses = model.network(values), model.losses(values)
+    effects = model.built_effects(values)
+    other = other_losses(network, losses, loaded, winding, effects)
+    return UnderLoad(network, fixed_losses(losses), replace(loaded, losses=other), effects)
+
+
+def fixed_losses(losses: CopperLosses) -> CopperLosses:
+    """Return the losses of a machine whose other losses are given, and its true sink.
+
+    The current stays as the bench reads it, with its error.
+    """
+    return replace(
+        losses,
+        kind="map",
+        power_gain=0.0,
+        torque_offset=0.0,
+        ambient_offset=0.0,
+        shaft_power_gain=0.0,
+        shaft_power_offset=0.0,
+        second_sink_offset=0.0,
+    )
+
+
+def other_losses(
+    network: Network,
+    losses: CopperLosses,
+    loaded: Drive,
+    winding: Float[Array, ""],
+    effects: Sequence[AbstractEffect],
+) -> Float[Array, ""]:
+    """Return the other losses [W] with which the machine is heated as it was in the tests.
+
+    The heat is proportional to them apart from a constant, so one step of Newton's method is the
+    solution. Effects on the copper loss are counted: under a balance their heat is part of Pd.
+    """
+    at = dict.fromkeys(network.nodes, winding)
+
+    def total(losses: CopperLosses, watts: Float[Array, ""]) -> Float[Array, ""]:
+        drive = replace(loaded, losses=watts)
+        heat = heat_input(network, losses, drive, at, effects=effects)
+        return jnp.sum(jnp.stack(list(heat.values())))
+
+    def excess(watts: Float[Array, ""]) -> Float[Array, ""]:
+        return total(fixed_losses(losses), watts) - total(losses, loaded.losses)
+
+    guess = loaded.losses
+    value, slope = jax.jvp(excess, (guess,), (jnp.ones_like(guess),))
+    return guess - value / slope
+
+
+def figure(
+    draws: np.ndarray, unit: str, condition: str, plausible: PlausibleEffects | None = None
+) -> DerivedFigure:
+    """Return median, standard deviation and 95 % interval of draws, some of which may be inf.
+
+    Args:
+        draws: Shape (draw,) [unit].
+        unit: Their unit.
+        condition: What they hold under.
+        plausible: Effects behind them, where the median is to be of the network alone.
+    """
+    stated = of_network(plausible, draws)
+    finite = np.where(np.isfinite(draws), draws, np.nan)
+    if np.mean(np.isfinite(draws)) < 0.975:
+        low = np.nanquantile(finite, 0.025) if np.any(np.isfinite(draws)) else np.nan
+        return DerivedFigure(
+            value=float(np.median(stated)),
+            unit=unit,
+            sd=float("nan"),
+            interval_95=(float(low), float("inf")),
+            condition=condition,
+        )
+    low, high = np.nanquantile(finite, [0.025, 0.975])
+    return DerivedFigure(
+        value=float(np.nanmedian(np.where(np.isfinite(stated), stated, np.nan))),
+        unit=unit,
+        sd=float(np.nanstd(finite)),
+        interval_95=(float(low), float(high)),
+        condition=condition,
+    )
+
+
+def refused(reason: str) -> DerivedFigure:
+    """Return what stands where a figure is refused."""
+    return DerivedFigure(refused=reason)
+
+
+def bounded_rise(draws: np.ndarray, condition: str, seen: Tested) -> DerivedFigure:
+    """Return a rise [K], refused where the tests came nowhere near it."""
+    entry = figure(draws, "K", condition)
+    reached = seen.winding_degC - seen.sink_degC
+    if not entry.median <= reached + 3 * REACH_K:
+        return refused(
+            f"{entry.median:.0f} K is outside the tested range: the highest rise "
+            f"measured is {reached:.0f} K"
+        )
+    return entry

@@ -1,0 +1,270 @@
+"""Figures that follow from the parameters: time constants, rises, continuous current, times.
+
+Each comes with an interval and the condition it holds under, or is refused with a reason.
+
+How fast the network of each draw is: state matrices, and the times of its nodes.
+
+Resistances that depend on speed, flow or temperature, at stated conditions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from lptn import (
+    Drive,
+    Network,
+    linearise,
+    link_resistances,
+    steady_current,
+    steady_state,
+    time_constants,
+)
+
+from ..io.quantities import rounded
+from ..model.model import Model
+from ..posterior.posterior import Posterior
+from ..results.model import AT_REST, LOADED, DerivedFigure
+from .duties import LIMIT_DEGC, Limit, Rated, alone, at_limit, duty_current, with_effects
+from .machine import Tested, bounded_rise, figure, machines, tested, under_load
+
+
+class Rates(NamedTuple):
+    """What one draw says; arrays over draws where many are evaluated.
+
+    Attributes:
+        node_times: Capacity times resistance of each node and its only way to the sink [s];
+            empty where a node has several.
+        A: State matrix without current [1/s], shape (node, node).
+        A_fed: State matrix at the loaded part's current, with R(T) and the other losses held as
+            for the steady rise [1/s], shape (node, node).
+        follows_time: Whether an effect depends on the time since the start of a test.
+    """
+
+    node_times: dict[str, Float[Array, "*draw"]]
+    A: Float[Array, "*draw node node"]
+    A_fed: Float[Array, "*draw node node"]
+    follows_time: Array
+
+
+@partial(jax.jit, static_argnames="model")
+def rates(
+    model: Model,
+    values: dict[str, Float[Array, " draw"]],
+    loaded: Drive,
+    winding: Float[Array, ""],
+) -> Rates:
+    """Return the rates of each draw; compiled once per model.
+
+    Args:
+        model: Network with effects.
+        values: Parameters of the machine in general by name [their units].
+        loaded: The loaded part of the tests.
+        winding: Mean reading of the loaded part [degC]; where laws bend with the temperature, the
+            rates are those with the winding there.
+    """
+
+    def one(values: dict[str, Float[Array, ""]]) -> Rates:
+        network, rated, drive, effects = under_load(model, values, loaded, winding)
+        losses = model.losses(values)
+        held = steady_current(network, rated, drive, winding, effects=effects).temperature
+        at = {node: jnp.where(jnp.isfinite(T), T, winding) for node, T in held.items()}
+        timeless = replace(loaded, time=jnp.asarray(jnp.nan))
+        return Rates(
+            node_times=node_times(network),
+            A=linearise(network, losses, loaded.scale_current(0.0), at, effects=effects).A,
+            A_fed=linearise(network, rated, drive, at, effects=effects).A,
+            # no time at all is seen by whoever looks at it
+            follows_time=jnp.any(
+                jnp.isnan(linearise(network, losses, timeless, at, effects=effects).offset)
+            ),
+        )
+
+    return jax.vmap(one)(values)
+
+
+def node_times(network: Network) -> dict[str, Float[Array, ""]]:
+    """Return capacity times resistance of each node and its link towards the sink [s].
+
+    Empty if there is one node, which has no other time, or if a node has several ways.
+    """
+    if len(network.nodes) == 1 or len(network.links) != len(network.nodes):
+        return {}
+    way: dict[str, Float[Array, ""]] = {}
+    reached = {network.boundary}
+    while True:
+        new = {
+            near: network.resistance[link]
+            for link in network.links
+            for near, far in (link, link[::-1])
+            if far in reached and near not in reached
+        }
+        if not new:
+            break
+        way |= new
+        reached |= set(new)
+    if set(way) != set(network.nodes):
+        return {}
+    return {node: network.capacitance[node] * way[node] for node in network.nodes}
+
+
+SAME = 1e-3
+"""Relative difference up to which a resistance at conditions is the parameter itself [1]."""
+
+
+def at_conditions(posterior: Posterior) -> dict[str, DerivedFigure]:
+    """Return the resistances that effects change, at the mean load of the tests and at rest.
+
+    At rest they stand for the same temperatures. What an effect that the network may miss would
+    change is in the interval, not in the value.
+
+    Args:
+        posterior: Draws, of any network with any effects.
+    """
+    problem = posterior.fit.problem
+    if not problem.model.effects:
+        return {}
+    seen = tested([test.winding for test in problem.tests])
+    base = alone(posterior)
+    behind = with_effects(posterior, base)
+    winding = jnp.asarray(seen.loaded_winding_degC)
+    speed = seen.loaded.speed
+    nodes, loaded = _at(behind.model, behind.values, seen.loaded, seen.loaded, winding)
+    rest = loaded
+    if speed is not None:
+        still = replace(seen.loaded, speed=0.0 * speed, speed_rad=0.0 * speed)
+        rest = _at(behind.model, behind.values, seen.loaded, still, winding)[1]
+    result = {}
+    for link, parameter in problem.model.form.resistance:
+        name = parameter.name
+        draws = np.asarray(behind.values[name])
+        if np.allclose(np.asarray(loaded[link]), draws, rtol=SAME, equal_nan=True):
+            continue
+        for ending, at in ((LOADED, loaded), (AT_REST, rest)):
+            if ending == LOADED or not np.allclose(
+                at[link], loaded[link], rtol=SAME, equal_nan=True
+            ):
+                words = _condition(seen, nodes, link, is_at_rest=ending == AT_REST)
+                result[f"{name}{ending}"] = figure(
+                    np.asarray(at[link]), "K/W", words, posterior.plausible
+                )
+    return result
+
+
+@partial(jax.jit, static_argnames="model")
+def _at(
+    model: Model,
+    values: dict[str, Float[Array, " draw"]],
+    loaded: Drive,
+    drive: Drive,
+    winding: Float[Array, ""],
+):
+    """Return temperatures at the load [degC], and resistances under another drive [K/W]."""
+
+    def one(values: dict[str, Float[Array, ""]]):
+        at = under_load(model, values, loaded, winding)
+        T = steady_state(at.network, at.losses, at.drive, effects=at.effects)
+        own = replace(drive, losses=at.drive.losses)
+        return T, link_resistances(at.network, at.losses, own, T, effects=at.effects)
+
+    return jax.vmap(one)(values)
+
+
+def _condition(
+    seen: Tested, nodes: dict[str, Array], link: tuple[str, str], *, is_at_rest: bool
+) -> str:
+    """Return what a resistance holds under, in words."""
+    parts = []
+    rpm = seen.loaded.speed_rad
+    if rpm is not None:
+        parts.append("0 rpm" if is_at_rest else f"{float(rpm) * 30.0 / np.pi:.0f} rpm")
+    parts += [f"{end} {float(np.nanmedian(nodes[end])):.0f} °C" for end in link if end in nodes]
+    return ", ".join([*parts, f"sink {seen.sink_degC:.0f} °C"])
+
+
+def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, DerivedFigure]:
+    """Return the derived figures by name, as they stand in `fit.json`.
+
+    Args:
+        posterior: Draws, of any network with any effects.
+        duties: Ratings asked for, such as `"S2-30"` and `"S3-40"`.
+
+    Raises:
+        UsageError: If a rating is none of these.
+    """
+    problem = posterior.fit.problem
+    seen = tested([test.winding for test in problem.tests])
+    insulation = problem.motor.insulation_class
+    limit = None if insulation is None else Limit(insulation, LIMIT_DEGC[insulation])
+    is_within = limit is not None and seen.beyond_limit(limit.degC) is None
+    base = alone(posterior)
+    behind = with_effects(posterior, base)
+    winding = jnp.asarray(seen.loaded_winding_degC)
+    degC = jnp.asarray(limit.degC if limit is not None and is_within else np.nan)
+    network = rates(base.model, base.values, seen.loaded, winding)
+    rated = problem.motor.rated_current_A if seen.amperes > 0.0 else None
+    scale = 1.0 if rated is None else (rated / seen.amperes) ** 2
+    drawn = machines(behind.model, behind.values, seen.loaded, winding, degC, jnp.asarray(scale))
+    times = time_constants(network.A)
+    around = partial(
+        seen.surroundings,
+        base.model.effects,
+        follows_time=bool(np.any(network.follows_time)),
+        second_sink=base.model.form.second_sink,
+    )
+    is_fed = bool(np.any(drawn.copper_slope))
+    figures = at_conditions(posterior)
+    figures |= _time_constants(network, is_fed, times, seen.amperes, around())
+    surroundings = around(likely=behind.likely)
+    heated = (
+        f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C{surroundings}"
+    )
+    at = f"{rounded(seen.amperes)} A rms" if rated is None else f"rated current {rounded(rated)} A"
+    figures["steady_rise_K"] = bounded_rise(np.asarray(drawn.rise), f"{at}, {heated}", seen)
+    figures |= at_limit(drawn, seen, limit, heated)
+    if not duties:
+        return figures
+    if behind is not base:  # the body of an effect may be faster
+        times = time_constants(rates(behind.model, behind.values, seen.loaded, winding).A)
+    machine = Rated(behind, drawn, times, seen, limit, surroundings)
+    for duty in duties:
+        figures[f"{duty}_current_A"] = duty_current(machine, duty)
+    return figures
+
+
+def _time_constants(
+    network: Rates, is_fed: bool, times: np.ndarray, amperes: float, surroundings: str
+) -> dict[str, DerivedFigure]:
+    """Return all time constants, of the nodes and of the network."""
+    figures = {
+        f"tau_{node}_s": figure(
+            np.asarray(draws), "s", f"capacity of the {node} times its resistance towards the sink"
+        )
+        for node, draws in sorted(network.node_times.items(), reverse=True)
+    }
+    num = times.shape[-1]
+    text = "eigenvalue of the network, constant copper loss"
+    for name, draws in zip(_names(num, ""), times.T, strict=True):
+        figures[name] = figure(draws, "s", text + surroundings)
+    if is_fed:
+        fed = time_constants(network.A_fed)
+        text = f"eigenvalue with R(T) at {rounded(amperes)} A"
+        for name, draws in zip(_names(num, "_feedback"), fed.T, strict=True):
+            figures[name] = figure(draws, "s", text + surroundings)
+    return figures
+
+
+def _names(num: int, suffix: str) -> list[str]:
+    """Return the names of a network's time constants, shortest first."""
+    if num == 1:
+        return [f"tau{suffix}_s"]
+    middle = [str(number) for number in range(2, num)]
+    return [f"tau_{word}{suffix}_s" for word in ("fast", *middle, "slow")]

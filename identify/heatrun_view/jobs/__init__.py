@@ -1,1 +1,0 @@
-"""Commands that the page starts, in processes of their own."""

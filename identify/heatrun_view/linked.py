@@ -1,0 +1,385 @@
+"""Linked plots of signals: one plot per unit, one time axis, cursors and a choice of a window.
+
+A predicted course with its 95 % band.
+
+Two times that are marked in all plots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+from bokeh.events import MouseLeave, MouseMove, SelectionGeometry, Tap
+from bokeh.layouts import gridplot
+from bokeh.models import (
+    BoxSelectTool,
+    ColumnDataSource,
+    CrosshairTool,
+    CustomJS,
+    Div,
+    Label,
+    Range1d,
+    Span,
+)
+from bokeh.plotting import figure
+
+from heatrun.io.quantities import printed_unit
+from heatrun.record.channels import CHANNELS
+
+from .look import Look
+from .trace import (
+    HELP,
+    HOVER,
+    Trace,
+    add_legends,
+    colours,
+    dashes,
+    label_of,
+    paint,
+    sample,
+    show_time,
+)
+
+NUM_POINTS = 2000
+"""Points of a line over the width of the window: more than a laptop's screen has columns."""
+
+AXIS_PX = 48
+LEAST_PX, TALLEST_PX = 74, 420
+"""Least height of a plot that can be read, and greatest that is of use."""
+
+NARROWEST_PX = 240
+"""Width below which a plot is cut; it takes all the room there is [px]."""
+
+AT_END = 0.002
+"""Share of the window within which its end is at the last sample, and goes with it."""
+
+ROOM = 0.02
+"""Share of the record that can be seen before its first and behind its last sample."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """Whom the plots tell of what the user does.
+
+    Attributes:
+        schedule: Gets a function when the window has changed; calls it soon, and once for many
+            changes in a row.
+        tapped: Gets the time [s] of a click, and whether shift was held.
+        selected: Gets begin and end [s] of a selected window.
+        help: What the user can do, as HTML.
+    """
+
+    schedule: Callable[[Callable[[], None]], None]
+    tapped: Callable[[float, bool], None]
+    selected: Callable[[float, float], None]
+    help: str = HELP
+
+
+class Plots:
+    """Plots in a column.
+
+    Attributes:
+        layout: The column.
+        readout: The table of values at the mouse.
+        x_range: The time window that all share [s].
+        cursors: Two times that are marked in all plots.
+        traces: The lines.
+    """
+
+    def __init__(
+        self, traces: Sequence[Trace], bands: Sequence[Band], look: Look, height: int, told: Told
+    ) -> None:
+        """Draw traces.
+
+        Args:
+            traces: At least one, each with a reading; of several tests if they are laid over each
+                other.
+            bands: Predicted courses.
+            look: Colours.
+            height: Of all plots together [px].
+            told: Whom to tell of clicks and selections.
+        """
+        self.traces = list(traces)
+        self._bands, self._help = bands, told.help
+        self._colours = colours(traces, len(look.palette))
+        self._dashes = dashes(traces)
+        self._sources = [ColumnDataSource({"t": [], "v": []}, name="signal") for _ in traces]
+        self._samples = [Div(text="") for _ in traces]
+        start, end = _span(traces)
+        self.x_range = Range1d(start=start, end=end, bounds=_bounds(start, end))
+        self.x_range.reset_start, self.x_range.reset_end = start, end
+        self.cursors = Cursors()
+        self.readout = Div(text="", sizing_mode="stretch_width", name="readout")
+        self._figures: dict[str, Any] = {}
+        self._lines: list[Any] = []
+        for unit in sorted({trace.unit for trace in traces}, key=_place):
+            self._figures[unit] = self._figure(unit)
+        self._draw(look, told)
+        self.layout = gridplot(
+            [[plot] for plot in self._figures.values()], merge_tools=True,
+            sizing_mode="stretch_width", toolbar_location="right", toolbar_options={"logo": None},
+        )  # fmt: skip
+        self.resize(height)
+        self.paint(look)
+        self.update()
+
+        def changed(attr: str, old: float, new: float) -> None:
+            told.schedule(self.update)
+
+        self.x_range.on_change("start", changed)
+        self.x_range.on_change("end", changed)
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """Begin and end of the time window [s]."""
+        return _number(self.x_range.start), _number(self.x_range.end)
+
+    def update(self) -> None:
+        """Send what the current window shows."""
+        for trace, source in zip(self.traces, self._sources, strict=True):
+            t, v = trace.window(*self.window, NUM_POINTS)
+            source.data = {"t": t, "v": v}
+
+    def grow(self, traces: Sequence[Trace]) -> None:
+        """Show the same signals with more readings; a window at their end goes with it.
+
+        Args:
+            traces: Of the same tests and channels, in the same order.
+        """
+        first, last = _span(self.traces)
+        start, end = self.window
+        self.traces = list(traces)
+        new_first, new_last = _span(traces)
+        is_whole = start <= first + AT_END * (last - first)
+        is_at_end = end >= last - AT_END * (end - start)
+        self.x_range.bounds = _bounds(new_first, new_last)
+        self.x_range.reset_start, self.x_range.reset_end = new_first, new_last
+        if is_at_end:
+            start = new_first if is_whole else start + new_last - end
+            self.x_range.update(start=start, end=new_last)
+        self.update()
+
+    def move_to(self, start: float, end: float) -> None:
+        """Show another window.
+
+        Args:
+            start: Its begin [s].
+            end: Its end [s].
+        """
+        self.x_range.update(start=start, end=end)
+        self.update()
+
+    def resize(self, height: int) -> None:
+        """Share a height among the plots; that of temperatures gets twice as much.
+
+        Args:
+            height: Of all plots together [px].
+        """
+        shares = {unit: 2.0 if unit == "degC" else 1.0 for unit in self._figures}
+        each = (height - AXIS_PX) / sum(shares.values())
+        for unit, plot in self._figures.items():
+            wanted = min(max(shares[unit] * each, LEAST_PX), TALLEST_PX)
+            plot.height = round(wanted) + (AXIS_PX if plot.xaxis.visible else 0)
+
+    def paint(self, look: Look) -> None:
+        """Show everything in other colours.
+
+        Args:
+            look: The colours.
+        """
+        for line, colour in zip(self._lines, self._colours, strict=True):
+            for glyph in (line.glyph, line.nonselection_glyph, line.selection_glyph):
+                if glyph not in (None, "auto"):
+                    glyph.line_color = look.palette[colour]
+        for plot in self._figures.values():
+            paint(plot, look)
+        self.cursors.paint(look)
+        rows = ""
+        for trace, colour, dash, piece in zip(
+            self.traces, self._colours, self._dashes, self._samples, strict=True
+        ):
+            piece.text = sample(look.palette[colour], dash)
+            rows += f"<tr><td>{piece.text} {escape(label_of(trace, self.traces))}</td></tr>"
+        rows += "".join(
+            f"<tr><td>{sample(look.ink, 'solid')} {escape(band.label)}</td></tr>"
+            for band in self._bands
+        )
+        self.readout.text = f"<table>{rows}</table>{self._help}"
+        self.readout.tags = [self.readout.text]
+
+    def _figure(self, unit: str) -> Any:
+        plot = figure(
+            width=NARROWEST_PX, height=LEAST_PX, sizing_mode="stretch_width", x_range=self.x_range,
+            y_axis_label=f"[{printed_unit(unit)}]" if unit else None,
+            tools="xpan,xwheel_zoom,xbox_zoom,box_zoom,reset,save", active_scroll="xwheel_zoom",
+            active_drag="xbox_zoom", output_backend="canvas", min_border_left=70,
+            min_border_top=2, min_border_bottom=2, name=f"plot {unit}",
+        )  # fmt: skip
+        # of no lines: it names a window, and selects no readings
+        plot.add_tools(BoxSelectTool(dimensions="width", renderers=[], description="Select"))
+        plot.xaxis.visible = False
+        return plot
+
+    def _draw(self, look: Look, told: Told) -> None:
+        """Fill the plots and connect them."""
+        last = list(self._figures.values())[-1]
+        last.xaxis.visible = True
+        for band in self._bands if "degC" in self._figures else ():
+            draw_band(self._figures["degC"], band)
+        for trace, dash, source in zip(self.traces, self._dashes, self._sources, strict=True):
+            plot = self._figures[trace.unit]
+            self._lines.append(plot.line("t", "v", source=source, line_dash=dash, line_width=1.5))
+        add_legends(self._figures, self.traces, self._lines, self._dashes)
+        hover = CustomJS(
+            args={
+                "lines": [
+                    [
+                        escape(label_of(trace, self.traces)),
+                        escape(trace.printed_unit),
+                        piece,
+                        source,
+                    ]
+                    for trace, piece, source in zip(
+                        self.traces, self._samples, self._sources, strict=True
+                    )
+                ],
+                "readout": self.readout,
+                "x_range": self.x_range,
+            },
+            code=HOVER,
+        )
+        leave = CustomJS(args={"readout": self.readout}, code="readout.text = readout.tags[0];")
+        for plot in self._figures.values():
+            show_time(plot.xaxis[0], self.x_range)
+            self.cursors.mark(plot)
+            plot.js_on_event(MouseMove, hover)
+            plot.js_on_event(MouseLeave, leave)
+            plot.on_event(Tap, lambda event: told.tapped(event.x, _has_shift(event)))
+            plot.on_event(SelectionGeometry, lambda event: _selected(event, told))
+
+
+def _selected(event: Any, told: Told) -> None:
+    geometry = event.geometry
+    if event.final and geometry.get("type") == "rect":
+        told.selected(float(geometry["x0"]), float(geometry["x1"]))
+
+
+def _has_shift(event: Any) -> bool:
+    modifiers = getattr(event, "modifiers", None)
+    if isinstance(modifiers, dict):
+        return bool(modifiers.get("shift"))
+    return bool(getattr(modifiers, "shift", False))
+
+
+def _number(value: Any) -> float:
+    return float(value)
+
+
+def _span(traces: Sequence[Trace]) -> tuple[float, float]:
+    start = min(float(trace.time_s[0]) for trace in traces)
+    end = max(float(trace.time_s[-1]) for trace in traces)
+    return start, end if end > start else start + 1.0
+
+
+def _bounds(start: float, end: float) -> tuple[float, float]:
+    return start - ROOM * (end - start), end + ROOM * (end - start)
+
+
+def _place(unit: str) -> tuple[int, str]:
+    """Return where a unit's plot stands: temperatures first, then as in the schema."""
+    units = [channel.unit for channel in CHANNELS]
+    if unit == "degC":
+        return -1, unit
+    return (units.index(unit) if unit in units else len(units)), unit
+
+
+@dataclass(frozen=True)
+class Band:
+    """A predicted course with its 95 % band, in a plot of temperatures.
+
+    Attributes:
+        label: For the legend.
+        time_s: Times [s], shape (block,).
+        median: Predicted reading [degC], shape (block,).
+        low: Lower limit [degC], shape (block,).
+        high: Upper limit [degC], shape (block,).
+        test: The test that it belongs to.
+        measured: Measured means of the blocks [degC], NaN where there is none, shape (block,).
+    """
+
+    label: str
+    time_s: np.ndarray
+    median: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    test: str
+    measured: np.ndarray
+
+
+def draw_band(plot: Any, band: Band) -> None:
+    """Draw a band into the plot of temperatures.
+
+    Args:
+        plot: A figure.
+        band: The band.
+    """
+    source = ColumnDataSource(
+        {"t": band.time_s, "v": band.median, "low": band.low, "high": band.high}, name="band"
+    )
+    plot.varea("t", "low", "high", source=source, fill_alpha=0.18, tags=["ink"])
+    plot.line("t", "v", source=source, line_width=1.2, tags=["ink"])
+
+
+NAMES = ("A", "B")
+
+
+class Cursors:
+    """Two cursors and the line that goes with the mouse.
+
+    Attributes:
+        times_s: Where A and B stand [s], None for one that is not set.
+    """
+
+    def __init__(self) -> None:
+        self.times_s: list[float | None] = [None, None]
+        self._mouse = Span(dimension="height", line_alpha=0.4, line_dash="dashed")
+        self._marks: tuple[list[Span], list[Span]] = ([], [])
+        self._labels: tuple[list[Label], list[Label]] = ([], [])
+
+    def mark(self, plot: Any) -> None:
+        """Let a plot show the cursors."""
+        plot.add_tools(CrosshairTool(overlay=self._mouse))
+        for name, marks, labels in zip(NAMES, self._marks, self._labels, strict=True):
+            marks.append(Span(dimension="height", line_width=1.5, visible=False))
+            labels.append(
+                Label(
+                    x=0, y=2, y_units="screen", text=name, x_offset=3, visible=False,
+                    text_font_size="12px", text_font_style="bold",
+                )
+            )  # fmt: skip
+            plot.add_layout(marks[-1])
+            plot.add_layout(labels[-1])
+
+    def set(self, number: int, time_s: float | None) -> None:
+        """Put a cursor somewhere, or take it away.
+
+        Args:
+            number: 0 for A, 1 for B.
+            time_s: Where [s]; None for nowhere.
+        """
+        self.times_s[number] = time_s
+        for mark, label in zip(self._marks[number], self._labels[number], strict=True):
+            if time_s is not None:
+                mark.location, label.x = time_s, time_s
+            mark.visible = label.visible = time_s is not None
+
+    def paint(self, look: Look) -> None:
+        """Show them in other colours."""
+        self._mouse.line_color = look.ink
+        for marks, labels, colour in zip(self._marks, self._labels, look.cursors, strict=True):
+            for mark, label in zip(marks, labels, strict=True):
+                mark.line_color = label.text_color = colour
