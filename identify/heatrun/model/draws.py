@@ -27,8 +27,7 @@ from .model import Model
 from .model_parameters import parameters
 from .noise import Noise
 from .parameters import ParameterSet
-
-NUM_NOISE = len(noise_module.NOISE)
+from .problem import NUM_NOISE
 
 
 @dataclass(frozen=True, eq=False)

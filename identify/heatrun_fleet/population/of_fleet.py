@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from heatrun.errors import InputError, did_you_mean
-from heatrun.model.draws import NUM_NOISE
 from heatrun.model.noise import noise_parameters
 from heatrun.model.parameters import Parameter
+from heatrun.model.problem import NUM_NOISE
 from heatrun.runs.run import Run
 
 from ..arrow_schema import arrow
