@@ -172,7 +172,6 @@ def _opened(path: Path, root: Path, stamp: Stamp) -> OpenedRun | None:
         return None
 
 
-@lru_cache(maxsize=256)
 def _discovery(path: Path, root: Path, stamp: Stamp) -> DiscoveryResult | None:
     opened = _opened(path, root, stamp)
     try:

@@ -27,6 +27,7 @@ from heatrun.model.catalogue import all_effects
 from heatrun.model.draws import PlausibleEffect
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
+from heatrun.record.reduction import reduce
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta, binom
+from discovery_gates import limits_95
+from scipy.stats import binom
 
 Row = dict[str, Any]
 
@@ -46,15 +47,8 @@ def coverage(ranks: np.ndarray, level: float) -> float:
 
 
 def binomial_limits(share: float, num: int) -> tuple[float, float]:
-    """Return the 95 % limits of a probability of which `share` was seen in `num` trials.
-
-    Reference: C. J. Clopper, E. S. Pearson, The use of confidence or fiducial limits illustrated in
-        the case of the binomial, Biometrika 26 (1934) 404-413.
-    """
-    seen = round(share * num)
-    low = 0.0 if seen == 0 else float(beta.ppf(0.025, seen, num - seen + 1))
-    high = 1.0 if seen == num else float(beta.ppf(0.975, seen + 1, num - seen))
-    return low, high
+    """Return the 95 % limits of a probability of which `share` was seen in `num` trials."""
+    return limits_95(round(share * num), num)
 
 
 def histogram(ranks: np.ndarray) -> np.ndarray:

@@ -112,7 +112,11 @@ def _is_worse(row: dict[str, Any]) -> bool:
 
 
 def limits_95(count: int, num: int) -> tuple[float, float]:
-    """Return the 95 % limits of a share after Clopper and Pearson [1]."""
+    """Return the 95 % limits of a share [1].
+
+    Reference: C. J. Clopper, E. S. Pearson, The use of confidence or fiducial limits illustrated in
+        the case of the binomial, Biometrika 26 (1934) 404-413.
+    """
     low = float(beta.ppf(0.025, count, num - count + 1)) if count else 0.0
     high = float(beta.ppf(0.975, count + 1, num - count)) if count < num else 1.0
     return low, high

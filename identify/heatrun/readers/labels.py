@@ -195,7 +195,6 @@ def without_sure_unit(label: str) -> str:
     return text
 
 
-@lru_cache(maxsize=4096)
 def is_sure(text: str) -> bool:
     """Return whether a text can be nothing else than a unit, wherever it stands in a name."""
     return "".join(text.split()) in _sure()

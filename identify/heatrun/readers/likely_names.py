@@ -281,7 +281,6 @@ def _quantities(said: Set[str], stated: set[str]) -> set[str] | None:
     return allowed & stated if stated else allowed
 
 
-@lru_cache(maxsize=16384)
 def read_name(name: str) -> Spoken:
     """Return what the words of a name mean.
 
@@ -328,7 +327,6 @@ def _words(name: str) -> list[str]:
     return [part for word in WORD.findall(text) for part in _parts(word)]
 
 
-@lru_cache(maxsize=16384)
 def _parts(word: str) -> tuple[str, ...]:
     key = word.casefold()
     if word in ("Id", "id", "Pm"):  # ID is a number, PM the magnets
