@@ -27,8 +27,8 @@ import numpy as np
 from ....io.quantities import rounded
 from ....motor import Motor
 from ...record import Record
-from ..crude_fit import crude_fit
 from ..losses import FIRM_TOLERANCE, copper_shares, shaft_explains, share_in_words
+from ..quick_fit import quick_fit
 from ..samples import samples, sink_channel
 from .power_relations import Conflict, power_conflicts, speed_conflicts
 
@@ -216,6 +216,10 @@ LONGEST_S = 360e3
 LONGEST_TEST_S = 3e7
 """A year: no heat run lasts as long, nor does any network of a machine need it."""
 
+USUAL_TEST_S = 2.2e5
+"""Two and a half days: what a reading that is to repair a clock stays below [s]. Seconds of a test
+of more than an hour are then no minutes."""
+
 LARGEST_W_PER_K = {"ambient": 2e3, "coolant": 1e4}
 """Conductance [W/K] above which no machine is on a bench: fan-cooled 1 MW has 700, the largest that
 air draws through some thousands, water jackets of such ten times as much as those of a car."""
@@ -245,7 +249,7 @@ def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple
             repair another.
     """
     return (
-        *_length(record),
+        *_length(record, is_strict),
         *_time_scale(record, motor, is_strict),
         *_copper(record, motor, is_strict),
         *power_conflicts(record, motor, is_strict),
@@ -253,11 +257,11 @@ def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple
     )
 
 
-def _length(record: Record) -> list[Conflict]:
-    """The length of the test against a year."""
+def _length(record: Record, is_strict: bool) -> list[Conflict]:
+    """The length of the test against a year, or what is usual."""
     time_s = samples(record)[0]
     length_s = float(time_s[-1] - time_s[0]) if time_s.size else 0.0
-    if length_s <= LONGEST_TEST_S:
+    if length_s <= (USUAL_TEST_S if is_strict else LONGEST_TEST_S):
         return []
     sentence = f"Expected a test of days at most; it lasts {rounded(length_s / 31557600.0)} years."
     return [Conflict("too_long", sentence, ("time_s",), False, {"duration_s": length_s})]
@@ -352,7 +356,7 @@ def _shortest(conductance_W_per_K: float, sink: str) -> float:
 
 def _stays_short(record: Record, motor: Motor, shortest_s: float) -> bool:
     """Whether two masses say the same: one mass takes a short test's winding for the machine."""
-    fit = crude_fit(record, motor)
+    fit = quick_fit(record, motor)
     return fit is None or fit.tau_s < shortest_s
 
 
