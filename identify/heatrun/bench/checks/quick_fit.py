@@ -97,6 +97,11 @@ class Course:
     body_sd_K: float
     is_counted: np.ndarray
 
+    @property
+    def duration_s(self) -> float:
+        """Length of the test [s]."""
+        return self.step_s * self.winding_degC.size
+
     def lagged(self, taus_s: Float[np.ndarray, " lag"]) -> Float[np.ndarray, "row block"]:
         """Return what any pair of lags is mixed of.
 
@@ -329,10 +334,9 @@ def fit_course(course: Course, *, from_s: float = 0.0) -> QuickFit | None:
     rows = (course.winding_degC, course.sink_degC, course.copper_W, course.all_W)
     if not all(np.all(np.isfinite(r)) for r in rows):
         return None
-    length_s = course.step_s * course.winding_degC.size
     axes = [
-        np.geomspace(0.25 * course.step_s, 0.5 * length_s, GRID),
-        np.geomspace(2.0 * course.step_s, LONGEST * length_s, GRID),
+        np.geomspace(0.25 * course.step_s, 0.5 * course.duration_s, GRID),
+        np.geomspace(2.0 * course.step_s, LONGEST * course.duration_s, GRID),
     ]
     look = _look(course, *axes)
     for _ in range(MOST_LOOKS):
@@ -382,11 +386,10 @@ def _look(course: Course, fast_s: np.ndarray, slow_s: np.ndarray) -> _Look:
     rise = max(float(np.ptp(course.winding_degC[course.is_counted])), 1.0)
     copper = max(float(np.mean(course.copper_W)), 1e-300)
     sd = np.array([np.inf, np.inf, rise / copper, course.body_sd_K, START_SD_K])
-    length_s = course.step_s * course.winding_degC.size
-    dilution = max(min(NOISE_TIME_S, length_s / LEAST_FREE) / course.step_s, 1.0)
+    dilution = max(min(NOISE_TIME_S, course.duration_s / LEAST_FREE) / course.step_s, 1.0)
     found = solved(gram, moment, total, penalty=dilution * (NOISE_K / sd) ** 2, num_positive=2)
     freedom = max(counted.shape[1] / dilution - sd.size, 1.0)
-    away = np.log(pairs_s / length_s / np.array([[FAST_SHARE], [1.0]])) / LOG_SD
+    away = np.log(pairs_s / course.duration_s / np.array([[FAST_SHARE], [1.0]])) / LOG_SD
     floor = FLOOR * float(np.max(total))
     log_weight = -0.5 * (freedom * np.log(found.squares + floor) + np.sum(away**2, axis=0))
     return _Look(lagged, pairs, pairs_s, found, weighed(log_weight), freedom)

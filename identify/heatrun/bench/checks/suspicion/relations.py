@@ -28,13 +28,12 @@ from ....io.quantities import rounded
 from ....motor import Motor
 from ...record import Record
 from ..losses import FIRM_TOLERANCE, copper_shares, shaft_explains, share_in_words
-from ..quick_fit import quick_fit
-from ..samples import samples, sink_channel
+from ..quick_fit import Course, course_of, quick_fit
+from ..samples import samples
 from .power_relations import Conflict, power_conflicts, speed_conflicts
 
 BLOCKS = 300
-MIN_SAMPLES = 30
-"""Two unknowns and a start; with fewer samples a shape is no evidence."""
+"""Of a record, at most: the fit is made once for each unit that a column may have."""
 
 MIN_EXPLAINED = 0.4
 """Share of the temperature's variance [1]: short pulses on a winding leave half to one mass."""
@@ -80,22 +79,22 @@ def one_node(record: Record, motor: Motor) -> OneNode | None:
     Returns:
         The fit, or None where the record is too short, does not move, or is no such course.
     """
-    courses = _courses(record, motor)
-    if courses is None:
+    course = _course(record, motor)
+    if course is None:
         return None
-    winding, sink, heat, step_s, duration_s = courses
+    winding, heat, step_s = course.winding_degC, course.all_W, course.step_s
     is_heated = bool(np.any(heat > 0.0))
-    terms = [-_integral(winding - sink, step_s), np.ones(winding.size)]
+    terms = [-_integral(winding - course.sink_degC, step_s), np.ones(winding.size)]
     if is_heated:
         terms.append(_integral(heat, step_s))
     found = _solved(terms, winding, winding, MIN_EXPLAINED)
     if found is None or not found[0] > 0.0:
         return None
     tau_s = 1.0 / float(found[0])
-    if tau_s > MAX_CONSTANTS * duration_s:
+    if tau_s > MAX_CONSTANTS * course.duration_s:
         return None
     C = 1.0 / float(found[2]) if is_heated and found[2] > 0.0 else float("nan")
-    return OneNode(tau_s, C, C / tau_s, duration_s)
+    return OneNode(tau_s, C, C / tau_s, course.duration_s)
 
 
 def unsettled(record: Record, motor: Motor) -> OneNode | None:
@@ -109,23 +108,22 @@ def unsettled(record: Record, motor: Motor) -> OneNode | None:
         The capacity with the shortest time constant that is possible and the largest conductance,
         or None where `one_node` finds them, or no heat is seen to warm the winding.
     """
-    courses = _courses(record, motor)
-    if courses is None or one_node(record, motor) is not None:
+    course = _course(record, motor)
+    if course is None or one_node(record, motor) is not None:
         return None
-    winding, sink, heat, step_s, duration_s = courses
-    excess = winding - sink
+    excess, heat = course.winding_degC - course.sink_degC, course.all_W
     # A winding that follows its sink through the days warms by no heat of its own.
     rise = float(np.ptp(excess))
     if rise < MIN_RISE_K or abs(excess[0]) > COLD * rise or not np.any(heat > 0.0):
         return None
-    tau_s = MAX_CONSTANTS * duration_s
-    lost = _integral(excess, step_s) / tau_s
-    terms = [_integral(heat, step_s), np.ones(excess.size)]
+    tau_s = MAX_CONSTANTS * course.duration_s
+    lost = _integral(excess, course.step_s) / tau_s
+    terms = [_integral(heat, course.step_s), np.ones(excess.size)]
     found = _solved(terms, excess + lost, excess, LINEAR)
     if found is None or not found[0] > 0.0:
         return None
     C = 1.0 / float(found[0])
-    return OneNode(tau_s, C, C / tau_s, duration_s)
+    return OneNode(tau_s, C, C / tau_s, course.duration_s)
 
 
 def _solved(
@@ -141,31 +139,9 @@ def _solved(
     return found if explained > least else None
 
 
-def _courses(
-    record: Record, motor: Motor
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, float] | None:
-    """Winding, sink and heat as block means, the blocks' width [s] and the duration [s]."""
-    channels = ["winding_degC", sink_channel(motor), "losses_W"]
-    is_map = motor.losses == "map"
-    if is_map:
-        if motor.phase_resistance_ohm is None:
-            return None
-        channels.append("phase_current_A")
-    time_s, *columns = samples(record, *channels)
-    if time_s.size < MIN_SAMPLES or np.ptp(columns[0]) < MIN_RISE_K:
-        return None
-    winding, sink, heat = columns[:3]
-    if is_map:
-        heat = heat + motor.copper_loss_W(columns[3], winding)
-    edges = np.linspace(time_s[0], time_s[-1], min(BLOCKS, time_s.size // 2) + 1)
-    step_s = edges[1] - edges[0]
-    winding, sink, heat = (_means(time_s, edges, values) for values in (winding, sink, heat))
-    return winding, sink, heat, float(step_s), float(time_s[-1] - time_s[0])
-
-
-def _means(time_s: np.ndarray, edges: np.ndarray, values: np.ndarray) -> np.ndarray:
-    area = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))))
-    return np.diff(np.interp(edges, time_s, area)) / np.diff(edges)
+def _course(record: Record, motor: Motor) -> Course | None:
+    course = course_of(record, motor, most_blocks=BLOCKS)
+    return course if course is not None and np.ptp(course.winding_degC) >= MIN_RISE_K else None
 
 
 def _integral(values: np.ndarray, step_s: float) -> np.ndarray:
