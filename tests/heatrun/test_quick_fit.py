@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from heat_runs import MOTOR, changed, heat_run
+from scipy.signal import lfilter
 
 from heatrun.bench.checks.quick_fit import quick_fit
 
@@ -32,6 +33,16 @@ def test_a_short_test_leaves_the_slow_time_constant_open():
     sds = [quick_fit(heat_run(1, minutes, step_s=1.0), MOTOR) for minutes in (12.0, 30.0, 60.0)]
     first, second, last = (found.log_sd for found in sds if found is not None)
     assert first > 0.4 > 0.1 > second > last
+
+
+def test_a_sensor_that_lags_does_not_move_the_slow_time_constant():
+    record = heat_run(2, step_s=1.0, rounding=0.1)
+    lag = np.exp(-1.0 / 25.0)
+    rise = lfilter([1.0 - lag], [1.0, -lag], record["winding_degC"] - record["winding_degC"][0])
+    late = changed(record, winding_degC=record["winding_degC"][0] + np.asarray(rise))
+    found = quick_fit(late, MOTOR)
+    assert found is not None
+    assert found.tau_s == pytest.approx(SLOW, rel=0.05)
 
 
 def test_what_is_left_out_is_predicted_within_its_doubt():

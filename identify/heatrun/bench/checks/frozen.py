@@ -39,7 +39,7 @@ MAX_TOPS = 200
 """More stretches at the highest reading than this are a rounded plateau that flickers."""
 
 MOVED_STEPS = 3.0
-"""Rounding hides one step of movement and the network is crude: three must be missing."""
+"""Rounding hides one step of movement and the network is simple: three must be missing."""
 
 DOUBT = 3.0
 """Where the network describes the rest badly, a movement counts from three times its rms residual

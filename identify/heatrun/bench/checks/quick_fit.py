@@ -8,15 +8,15 @@ $$ T = W\,T_0 + \frac{\tau_1}{C_w} L_{\tau_1} P_w + R\,W (P_w + P_s) + R'\,W P_w
 
 which is linear in all but the two time constants. So a grid of them is solved at once, drawn closer
 to where the likelihood is, and what the grid keeps is the posterior: a record that leaves the slow
-time constant open says so. One node is the limit of a fast lag that answers at once; a sensor's lag
-takes the place of the winding's, with 1/C_w at 0. The noise is that of residuals whose neighbours
+time constant open says so. One node is the limit of a fast lag that answers at once. A sensor that
+lags, behind both, is tried in a few sizes. The noise is that of residuals whose neighbours
 within a minute tell the same.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -60,6 +60,11 @@ LONGEST = 20.0
 
 APART = 1.3
 """Ratio of the two time constants [1] below which they are one."""
+
+SENSOR_S, LAG_SHOWN, LAG_REACH = (6.0, 10.0, 16.0, 25.0, 40.0), 3.0, 4.0
+"""Lags of a sensor that are tried [s], the gain of the log likelihood [1] that shows one, and the
+factor [1] by which it may have made time constants longer; it may have taken the place of the fast
+one, which is then its square longer."""
 
 GRID, MOST_LOOKS, ENOUGH, SMALLEST = 18, 8, 0.3, 1e-3
 """Time constants on each axis; the grid is drawn closer until this share of it [1] has more than
@@ -113,14 +118,17 @@ class Course:
         drives = np.stack([self.copper_W, self.all_W, above])
         found = np.empty((4, taus_s.size, above.size))
         for place, ratio in enumerate(self.step_s / taus_s):
-            decay, mean = np.exp(-ratio), -np.expm1(-ratio) / ratio
-            ends = np.asarray(lfilter([1.0 - decay], [1.0, -decay], drives))
-            begins = np.zeros_like(ends)
-            begins[:, 1:] = ends[:, :-1]
-            found[:3, place] = drives + (begins - drives) * mean
-            found[3, place] = mean * np.exp(-ratio * np.arange(above.size))
+            found[:3, place] = _lagged(drives, ratio)
+            found[3, place] = -np.expm1(-ratio) / ratio * np.exp(-ratio * np.arange(above.size))
         winding = self.winding_degC - self.sink_degC[0]
         return np.concatenate([found.reshape(-1, above.size), winding[None]])
+
+    def behind(self, sensor_s: float) -> Course:
+        """Return the course whose heat comes as late as a sensor shows it."""
+        if sensor_s == 0.0:
+            return self
+        copper, heat = _lagged(np.stack([self.copper_W, self.all_W]), self.step_s / sensor_s)
+        return replace(self, copper_W=copper, all_W=heat)
 
     def mixed(self, pairs_s: Float[np.ndarray, "2 pair"]) -> Float[np.ndarray, "pair 6 9"]:
         """Return how pairs mix lagged rows.
@@ -144,6 +152,15 @@ class Course:
         found[:, 5] -= (self.start_degC - self.sink_degC[0]) * found[:, 4]
         found[:, 5, 8] = 1.0
         return found
+
+
+def _lagged(drives: np.ndarray, ratio: float) -> np.ndarray:
+    """Block means after a lag of 1/ratio blocks, from 0 on, of drives held over each block."""
+    decay, mean = np.exp(-ratio), -np.expm1(-ratio) / ratio
+    ends = np.asarray(lfilter([1.0 - decay], [1.0, -decay], drives))
+    begins = np.zeros_like(ends)
+    begins[:, 1:] = ends[:, :-1]
+    return drives + (begins - drives) * mean
 
 
 @dataclass(frozen=True)
@@ -334,10 +351,21 @@ def fit_course(course: Course, *, from_s: float = 0.0) -> QuickFit | None:
     rows = (course.winding_degC, course.sink_degC, course.copper_W, course.all_W)
     if not all(np.all(np.isfinite(r)) for r in rows):
         return None
-    axes = [
-        np.geomspace(0.25 * course.step_s, 0.5 * course.duration_s, GRID),
-        np.geomspace(2.0 * course.step_s, LONGEST * course.duration_s, GRID),
-    ]
+    look = _searched(course, (0.25 * course.step_s, 0.5 * course.duration_s),
+                     (2.0 * course.step_s, LONGEST * course.duration_s))  # fmt: skip
+    fast, slow = look.pairs_s[:, int(np.argmax(look.weight))]
+    ranges = (fast / LAG_REACH, LAG_REACH**2 * fast), (slow / LAG_REACH, 2.0 * slow)
+    late = [course.behind(sensor_s) for sensor_s in SENSOR_S]
+    tried = [_look(each, *(np.geomspace(*ends, GRID) for ends in ranges)) for each in late]
+    best = int(np.argmax([each.log_density for each in tried]))
+    if tried[best].log_density > look.log_density + LAG_SHOWN:
+        course, look = late[best], _searched(late[best], *ranges)
+    return _told(course, look, from_s)
+
+
+def _searched(course: Course, *ranges: tuple[float, float]) -> _Look:
+    """The grid of fast and slow time constants [s], drawn closer to the likely ones."""
+    axes = [np.geomspace(*ends, GRID) for ends in ranges]
     look = _look(course, *axes)
     for _ in range(MOST_LOOKS):
         likely = look.weight > SMALLEST * np.max(look.weight)
@@ -345,7 +373,7 @@ def fit_course(course: Course, *, from_s: float = 0.0) -> QuickFit | None:
             break
         axes = [closer(axis, at[likely]) for axis, at in zip(axes, look.pairs, strict=True)]
         look = _look(course, *axes)
-    return _told(course, look, from_s)
+    return look
 
 
 class _Look(NamedTuple):
@@ -357,6 +385,7 @@ class _Look(NamedTuple):
         pairs_s: Time constants [s], shape (2, pair).
         found: Solution of each pair, by the columns of `Course.mixed`.
         weight: Posterior probability of each pair, shape (pair,).
+        log_density: Its largest logarithm, before it is scaled to probabilities.
         freedom: Independent blocks [1].
     """
 
@@ -365,6 +394,7 @@ class _Look(NamedTuple):
     pairs_s: np.ndarray
     found: Solved
     weight: np.ndarray
+    log_density: float
     freedom: float
 
 
@@ -392,7 +422,8 @@ def _look(course: Course, fast_s: np.ndarray, slow_s: np.ndarray) -> _Look:
     away = np.log(pairs_s / course.duration_s / np.array([[FAST_SHARE], [1.0]])) / LOG_SD
     floor = FLOOR * float(np.max(total))
     log_weight = -0.5 * (freedom * np.log(found.squares + floor) + np.sum(away**2, axis=0))
-    return _Look(lagged, pairs, pairs_s, found, weighed(log_weight), freedom)
+    largest = float(np.max(log_weight))
+    return _Look(lagged, pairs, pairs_s, found, weighed(log_weight), largest, freedom)
 
 
 def _told(course: Course, look: _Look, from_s: float) -> QuickFit | None:
