@@ -2,10 +2,9 @@
 
 Time constants without any network: of the longest stretch of steady load, and of a cool-down.
 
-A motor of many nodes under one load settles as a sum of exponentials whose last one is the slow
-one. Three consecutive means late in the stretch approach the end in a geometric row, and its ratio
-is the answer. It stands beside the two-node fit, which books a slow rotor or a wandering coolant as
-a slow stator.
+A motor of many nodes under one load settles as a sum of exponentials, late in the stretch by the
+last and slow one. It stands beside the two-node fit, which books a slow rotor or a wandering
+coolant as a slow stator.
 
 How finely was the winding temperature written down, and was it rounded or cut off?
 """
@@ -48,6 +47,10 @@ SKIPPED_SHARE = 0.25
 SETTLED_SHARE = 0.02
 """Means that differ by less than this share of the excess over the sink are equal [1]: the losses
 themselves hold no better."""
+
+SHORTEST_TAU, LONGEST_TAU, NUM_TAU = 0.1, 20.0, 60
+"""Time constants that a stretch is asked for, in its lengths [1]; a course without an end has the
+longest."""
 
 
 GRID, LOOKS = 24, 6
@@ -110,7 +113,7 @@ def settling_constants(record: Record, motor: Motor) -> float:
 
     Returns:
         Length of the stretch over the time constant in it [1]; inf where it has settled, 0 where
-        there is no such stretch or it does not approach an end.
+        there is no such stretch.
     """
     channels = ["winding_degC", sink_channel(motor), "losses_W"]
     channels += ["phase_current_A"] * ("phase_current_A" in record)
@@ -127,14 +130,12 @@ def settling_constants(record: Record, motor: Motor) -> float:
     if stretch.size < MIN_BLOCKS:
         return 0.0
     late = stretch[int(SKIPPED_SHARE * stretch.size) :]
-    first, middle, last = (float(np.mean(third)) for third in np.array_split(late, 3))
-    tolerance = SETTLED_SHARE * float(np.max(np.abs(stretch)))
-    if abs(last - middle) < tolerance and abs(middle - first) < tolerance:
+    _, middle, last = (float(np.mean(third)) for third in np.array_split(late, 3))
+    if abs(last - middle) < SETTLED_SHARE * float(np.max(np.abs(stretch))):
         return float("inf")
-    ratio = (last - middle) / (middle - first) if middle != first else 1.0
-    if ratio <= 0.0 or abs(last - middle) < tolerance:
-        return float("inf")
-    return -3.0 * np.log(ratio) / (1.0 - SKIPPED_SHARE) if ratio < 1.0 else 0.0
+    taus = late.size * np.geomspace(SHORTEST_TAU, LONGEST_TAU, NUM_TAU)
+    left = solved_decays(np.arange(late.size), late, taus[:, None], has_rest=True).squares
+    return stretch.size / float(taus[np.argmin(left)])
 
 
 HEATED_STEPS = 5.0
