@@ -169,8 +169,7 @@ class QuickFit:
 
     Attributes:
         time_s: Middle of each block [s], shape (block,).
-        measured_degC: Block means of the winding temperature, shape (block,).
-        fitted_degC: What the network makes of them, shape (block,).
+        fitted_degC: Winding temperature as the network makes it, shape (block,).
         sd_K: Standard deviation of that, noise left out, shape (block,).
         rms_K: Root mean square residual over the blocks that count.
         taus_s: Fast and slow time constant.
@@ -180,7 +179,6 @@ class QuickFit:
     """
 
     time_s: Float[np.ndarray, " block"]
-    measured_degC: Float[np.ndarray, " block"]
     fitted_degC: Float[np.ndarray, " block"]
     sd_K: Float[np.ndarray, " block"]
     rms_K: float
@@ -216,7 +214,19 @@ def quick_fit(
     course = course_of(record, motor, left_out_s=left_out_s, most_blocks=most_blocks)
     if course is None or not np.max(course.all_W) > 0.0:
         return None
-    return fit_course(course, from_s=float(samples(record)[0][0]))
+    rows = (course.winding_degC, course.sink_degC, course.copper_W, course.all_W)
+    if not all(np.all(np.isfinite(each)) for each in rows):
+        return None
+    look = _searched(course, (0.25 * course.step_s, 0.5 * course.duration_s),
+                     (2.0 * course.step_s, LONGEST * course.duration_s))  # fmt: skip
+    fast, slow = look.pairs_s[:, int(np.argmax(look.weight))]
+    ranges = (fast / LAG_REACH, LAG_REACH**2 * fast), (slow / LAG_REACH, 2.0 * slow)
+    late = [course.behind(sensor_s) for sensor_s in SENSOR_S]
+    tried = [_look(each, *(np.geomspace(*ends, GRID) for ends in ranges)) for each in late]
+    best = int(np.argmax([each.log_density for each in tried]))
+    if tried[best].log_density > look.log_density + LAG_SHOWN:
+        course, look = late[best], _searched(late[best], *ranges)
+    return _told(course, look, float(samples(record)[0][0]))
 
 
 def course_of(
@@ -338,31 +348,6 @@ def weighed(log_weight: Float[np.ndarray, " point"]) -> Float[np.ndarray, " poin
     return weight / np.sum(weight)
 
 
-def fit_course(course: Course, *, from_s: float = 0.0) -> QuickFit | None:
-    """Fit two nodes to block means.
-
-    Args:
-        course: The block means.
-        from_s: When they begin [s].
-
-    Returns:
-        The fit, or None where there is too little, or the network does not describe it.
-    """
-    rows = (course.winding_degC, course.sink_degC, course.copper_W, course.all_W)
-    if not all(np.all(np.isfinite(r)) for r in rows):
-        return None
-    look = _searched(course, (0.25 * course.step_s, 0.5 * course.duration_s),
-                     (2.0 * course.step_s, LONGEST * course.duration_s))  # fmt: skip
-    fast, slow = look.pairs_s[:, int(np.argmax(look.weight))]
-    ranges = (fast / LAG_REACH, LAG_REACH**2 * fast), (slow / LAG_REACH, 2.0 * slow)
-    late = [course.behind(sensor_s) for sensor_s in SENSOR_S]
-    tried = [_look(each, *(np.geomspace(*ends, GRID) for ends in ranges)) for each in late]
-    best = int(np.argmax([each.log_density for each in tried]))
-    if tried[best].log_density > look.log_density + LAG_SHOWN:
-        course, look = late[best], _searched(late[best], *ranges)
-    return _told(course, look, from_s)
-
-
 def _searched(course: Course, *ranges: tuple[float, float]) -> _Look:
     """The grid of fast and slow time constants [s], drawn closer to the likely ones."""
     axes = [np.geomspace(*ends, GRID) for ends in ranges]
@@ -451,7 +436,6 @@ def _told(course: Course, look: _Look, from_s: float) -> QuickFit | None:
     log_slow = np.log(look.pairs_s[1, likely])
     return QuickFit(
         time_s=from_s + course.step_s * (0.5 + np.arange(course.winding_degC.size)),
-        measured_degC=course.winding_degC,
         fitted_degC=course.winding_degC - errors[best],
         sd_K=np.sqrt(within + weight @ (errors - errors[best]) ** 2),
         rms_K=rms,
