@@ -7,7 +7,7 @@ from dataclasses import replace
 from heat_runs import CLEAN, LINK, MOTOR, changed, heat_run, named, without
 
 from heatrun.checks import check_record, excitation
-from heatrun.checks.crude_fit import crude_fit
+from heatrun.checks.quick_fit import quick_fit
 from heatrun.checks.suspicion.which_unit import read_as
 from heatrun.readers.joined import parts_of
 from heatrun.record.motor import PartsOfTest
@@ -18,10 +18,10 @@ from heatrun.record.stretch import Stretch, cut
 def test_a_long_test_is_not_called_too_short_for_its_length(monkeypatch):
     """Sixty minutes, a constant of some 900 s known to a factor of 1.6: four of them, not two."""
     record = heat_run(4, 60.0, step_s=1.0)
-    crude = crude_fit(record, MOTOR)
-    assert crude is not None
-    unsure = replace(crude, tau_s=900.0, log_sd=0.5)
-    monkeypatch.setattr(excitation, "crude_fit", lambda *_: unsure)
+    quick = quick_fit(record, MOTOR)
+    assert quick is not None
+    unsure = replace(quick, taus_s=(60.0, 900.0), log_sd=0.5)
+    monkeypatch.setattr(excitation, "quick_fit", lambda *_: unsure)
     monkeypatch.setattr(excitation, "settling_constants", lambda *_: 0.0)
     (finding,) = named(check_record(record, MOTOR), "too_short")
     assert finding.severity == "warning"

@@ -10,8 +10,8 @@ from heated_bodies import BLOCK, COIL, LEADS_SHARE, coil, heater
 
 import heatrun
 from heatrun.checks import check_record
-from heatrun.checks.crude_fit import crude_fit
 from heatrun.checks.excitation import single_step
+from heatrun.checks.quick_fit import quick_fit
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
 from heatrun.model.model import Model
@@ -52,7 +52,7 @@ def test_a_block_with_a_heater_needs_no_current_and_no_resistance(tmp_path):
     found = fit(problem(files, "first"), num_starts=4)
     holds(found, BLOCK)
     assert "current_gain" not in found.problem.parameters.names
-    assert crude_fit(read_test(files[1], load_motor(files[0])), load_motor(files[0])) is not None
+    assert quick_fit(read_test(files[1], load_motor(files[0])), load_motor(files[0])) is not None
     with pytest.raises(InputError, match="phase_current_A is missing"):
         problem(files, "second")
     files = heater(tmp_path, "phase_current_A = 0")

@@ -83,7 +83,7 @@ def test_the_variance_is_that_of_steps_at_any_moment_between_their_samples():
     spread = np.var([blocks.measured for blocks in at_samples], axis=0)
     behind = spread > 0.1 * spread.max()
     assert behind.sum() == 4  # the first block behind each step
-    # 60 draws know a variance to a fifth; the crude fit knows the winding to a tenth
+    # 60 draws know a variance to a fifth; the quick fit knows the winding to a tenth
     np.testing.assert_allclose(stated[behind], spread[behind], rtol=0.6)
     assert np.sum(stated) == pytest.approx(np.sum(spread), rel=0.3)
     assert np.all(stated[~behind] < 0.1 * spread.max())

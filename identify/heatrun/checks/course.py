@@ -2,10 +2,9 @@
 
 Time constants without any network: of the longest stretch of steady load, and of a cool-down.
 
-A motor of many nodes under one load settles as a sum of exponentials whose last one is the slow
-one. Three consecutive means late in the stretch approach the end in a geometric row, and its ratio
-is the answer. It stands beside the two-node fit, which books a slow rotor or a wandering coolant as
-a slow stator.
+A motor of many nodes under one load settles as a sum of exponentials, late in the stretch by the
+last and slow one. It stands beside the two-node fit, which books a slow rotor or a wandering
+coolant as a slow stator.
 
 How finely was the winding temperature written down, and was it rounded or cut off?
 """
@@ -15,13 +14,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import least_squares, nnls
 
 from ..io.quantities import rounded
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.rounding import rounding_step
-from ..record.samples import block_means, is_loaded, place, samples, sink_channel, with_all_heat
+from ..record.samples import (
+    EQUILIBRIUM_K,
+    START_S,
+    block_means,
+    is_loaded,
+    lead_in,
+    place,
+    samples,
+    sink_channel,
+    with_all_heat,
+)
+from .quick_fit import closer, solved_decays
 
 BLOCK_S = 30.0
 """A third of a winding's time constant."""
@@ -39,9 +48,13 @@ SETTLED_SHARE = 0.02
 """Means that differ by less than this share of the excess over the sink are equal [1]: the losses
 themselves hold no better."""
 
+SHORTEST_TAU, LONGEST_TAU, NUM_TAU = 0.1, 20.0, 60
+"""Time constants that a stretch is asked for, in its lengths [1]; a course without an end has the
+longest."""
 
-GRID = 24
-"""Time constants that a cool-down is first looked for with."""
+
+GRID, LOOKS = 24, 6
+"""Time constants that a cool-down is looked for with, and how often they are drawn closer."""
 
 APART = 2.0
 """Factor between two time constants [1] below which a record shows one."""
@@ -65,22 +78,30 @@ def cooling_constants(record: Record, motor: Motor) -> tuple[float, ...]:
     time_s = time_s - time_s[0]
     if time_s.size < MIN_BLOCKS:
         return ()
-    usual_s = float(np.median(np.diff(time_s)))
-
-    def rest(log_tau: np.ndarray) -> np.ndarray:
-        terms = np.exp(-time_s[:, None] / np.exp(log_tau))
-        return terms @ nnls(terms, excess)[0] - excess
-
-    grid = np.log(np.geomspace(0.5 * usual_s, 2.0 * time_s[-1], GRID))
-    tried = [np.array([a, b]) for i, a in enumerate(grid) for b in grid[i + 1 :]]
-    found = []
-    for starts in (grid[:, None], tried):
-        best = min(starts, key=lambda at: float(np.sum(rest(at) ** 2)))
-        solved = least_squares(rest, best, x_scale=0.1, bounds=(grid[0], grid[-1] + 1e-9)).x
-        found.append((np.sort(np.exp(solved)), float(np.sqrt(np.mean(rest(solved) ** 2)))))
+    shortest_s, longest_s = 0.5 * float(np.median(np.diff(time_s))), 2.0 * float(time_s[-1])
+    grid = np.geomspace(shortest_s, longest_s, GRID)
+    found = [_decays(time_s, excess, [grid] * num) for num in (1, 2)]
     (one, alone), (two, both) = found
-    is_two = both < BETTER * alone and two[1] > APART * two[0] and two[1] < 2.0 * time_s[-1]
+    is_two = both < BETTER * alone and two[1] > APART * two[0] and two[1] < longest_s
     return tuple(float(tau) for tau in (two if is_two else one))
+
+
+def _decays(
+    time_s: np.ndarray, values: np.ndarray, axes: list[np.ndarray]
+) -> tuple[np.ndarray, float]:
+    """Time constants of so many decays as there are axes [s], and the rms they leave."""
+    taus, left = np.empty(len(axes)), 0.0
+    for _ in range(LOOKS):
+        tried = np.stack(np.meshgrid(*axes, indexing="ij"))
+        places = np.argwhere(np.all(np.diff(tried, axis=0) > 0.0, axis=0))
+        points = np.stack([axis[at] for axis, at in zip(axes, places.T, strict=True)], axis=1)
+        squares = solved_decays(time_s, values, points).squares
+        best = int(np.argmin(squares))
+        taus, left = points[best], float(np.sqrt(squares[best] / time_s.size))
+        # the valley of two is narrow and bent
+        near = places[best][:, None] + np.array([-3, 3])
+        axes = [closer(axis, at) for axis, at in zip(axes, near, strict=True)]
+    return taus, left
 
 
 def settling_constants(record: Record, motor: Motor) -> float:
@@ -92,7 +113,7 @@ def settling_constants(record: Record, motor: Motor) -> float:
 
     Returns:
         Length of the stretch over the time constant in it [1]; inf where it has settled, 0 where
-        there is no such stretch or it does not approach an end.
+        there is no such stretch.
     """
     channels = ["winding_degC", sink_channel(motor), "losses_W"]
     channels += ["phase_current_A"] * ("phase_current_A" in record)
@@ -109,20 +130,13 @@ def settling_constants(record: Record, motor: Motor) -> float:
     if stretch.size < MIN_BLOCKS:
         return 0.0
     late = stretch[int(SKIPPED_SHARE * stretch.size) :]
-    first, middle, last = (float(np.mean(third)) for third in np.array_split(late, 3))
-    tolerance = SETTLED_SHARE * float(np.max(np.abs(stretch)))
-    if abs(last - middle) < tolerance and abs(middle - first) < tolerance:
+    _, middle, last = (float(np.mean(third)) for third in np.array_split(late, 3))
+    if abs(last - middle) < SETTLED_SHARE * float(np.max(np.abs(stretch))):
         return float("inf")
-    ratio = (last - middle) / (middle - first) if middle != first else 1.0
-    if ratio <= 0.0 or abs(last - middle) < tolerance:
-        return float("inf")
-    return -3.0 * np.log(ratio) / (1.0 - SKIPPED_SHARE) if ratio < 1.0 else 0.0
+    taus = late.size * np.geomspace(SHORTEST_TAU, LONGEST_TAU, NUM_TAU)
+    left = solved_decays(np.arange(late.size), late, taus[:, None], has_rest=True).squares
+    return stretch.size / float(taus[np.argmin(left)])
 
-
-START_S = 2.0
-"""A winding under full load moves about 2 K in its first second at most, and less than 0.5 K as a
-rule; the first 2 s therefore still show the start where a record begins with the load already
-on."""
 
 HEATED_STEPS = 5.0
 HEATED_K = 2.0
@@ -131,10 +145,6 @@ carries no information on four parameters."""
 
 STEADY_K = 10.0
 """Rise of a steady load that tells a resistance: sensors of 1 K make 10 % of it."""
-
-EQUILIBRIUM_K = 2.0
-"""Two sensors of a bench agree to about 1 K each; a larger difference is heat left in the
-machine."""
 
 MASKED_FROM_S = 60.0
 """The first readings of a test say where it starts; 40 s of them are used."""
@@ -151,23 +161,6 @@ MIN_DRIFT_K = 0.5
 """A sink that moves by 2 K, or by 1 K/h, moves the end temperature by as much, some per cent of a
 heat run's rise. A rate is only counted from 0.5 K on: below, a short test has no rate to speak
 of."""
-
-
-def lead_in(time_s: np.ndarray, losses_W: np.ndarray) -> int:
-    """Return how many samples at the start show the temperatures before heat has changed them.
-
-    Args:
-        time_s: Increasing times [s], shape (usable,).
-        losses_W: Losses [W], shape (usable,).
-
-    Returns:
-        The samples before heat flows; where it flows from the first sample on, those of the first
-        two seconds.
-    """
-    if time_s.size == 0:
-        return 0
-    idle = int(np.argmax(is_loaded(losses_W))) if is_loaded(losses_W).any() else time_s.size
-    return max(idle, int(np.searchsorted(time_s, time_s[0] + START_S)))
 
 
 def no_heating(record: Record, motor: Motor) -> tuple[Finding, ...]:

@@ -6,9 +6,9 @@ import numpy as np
 
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.samples import block_means, is_loaded, place, samples, with_all_heat
-from .course import lead_in, settling_constants
-from .crude_fit import crude_fit
+from ..record.samples import block_means, is_loaded, lead_in, place, samples, with_all_heat
+from .course import settling_constants
+from .quick_fit import quick_fit
 
 BLOCK_S = 30.0
 """Levels are means over 30 s, a third of a winding's time constant: faster changes average out."""
@@ -23,7 +23,7 @@ not copper growing with temperature (0.4 %/K, some ten kelvin in 30 s at most)."
 
 FEW_CONSTANTS = 0.75
 """Below this many slow time constants the warning comes. At one, the reference motor's Ceq_sr and
-Req_sr come out to 9 and 10 %; the crude constant itself is good to a quarter."""
+Req_sr come out to 9 and 10 %; the quick fit's constant itself is good to a quarter."""
 
 UNKNOWN_LOG_SD = 0.4
 """A slow constant known to a factor of 1.5 only has not been seen."""
@@ -88,7 +88,7 @@ def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
     factor of one and a half; a note below two. A record that settles shows a constant that is short
     against it, so nothing is said.
     """
-    fit = crude_fit(record, motor)
+    fit = quick_fit(record, motor)
     if fit is None:
         return ()
     time_s, losses = samples(with_all_heat(record, motor), "losses_W")

@@ -1,7 +1,7 @@
 """Stretches in which the reading of the winding stands still although its heat balance does not.
 
 A reading rounded to 1 degC stands still for minutes on any plateau, so the length of a constant
-stretch says nothing by itself. What the record says elsewhere does: a crude two-node network is
+stretch says nothing by itself. What the record says elsewhere does: a two-node network is
 fitted outside of the stretch and tells how far the temperature must have moved inside.
 
 Does a reading stand still: a stuck sensor, or a channel at the end of its range?
@@ -18,7 +18,7 @@ from ..record.record import Finding, Record
 from ..record.rounding import rounding_step
 from ..record.samples import is_loaded, place, runs, samples, with_all_heat
 from .advice import mask_line
-from .crude_fit import crude_fit
+from .quick_fit import QuickFit, quick_fit
 from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
 
 LIVE_STEP_K = 0.05
@@ -39,11 +39,11 @@ MAX_TOPS = 200
 """More stretches at the highest reading than this are a rounded plateau that flickers."""
 
 MOVED_STEPS = 3.0
-"""Rounding hides one step of movement and the network is crude: three must be missing."""
+"""Rounding hides one step of movement and the network is simple: three must be missing."""
 
-DOUBT_RMS = 3.0
-"""Where the network describes the rest badly, a movement counts from three times its rms
-residual."""
+DOUBT = 3.0
+"""Where the network describes the rest badly, a movement counts from three times its rms residual
+and its own standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -107,13 +107,17 @@ def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
 
 def _expected_move(record: Record, motor: Motor, from_s: float, to_s: float) -> tuple[float, float]:
     """How far a network fitted without a stretch moves inside it [K], and its own doubt [K]."""
-    fit = crude_fit(record, motor, left_out_s=[(from_s, to_s)])
+    fit = quick_fit(record, motor, left_out_s=[(from_s, to_s)])
     if fit is None:
         return 0.0, 0.0
     inside = (fit.time_s > from_s) & (fit.time_s < to_s)
     if not inside.any():
         return 0.0, 0.0
-    return float(np.ptp(fit.fitted_degC[inside])), DOUBT_RMS * fit.rms_K
+    return float(np.ptp(fit.fitted_degC[inside])), _doubt(fit, inside)
+
+
+def _doubt(fit: QuickFit, inside: np.ndarray) -> float:
+    return DOUBT * float(np.hypot(fit.rms_K, np.max(fit.sd_K[inside])))
 
 
 def hidden_above_top(record: Record, motor: Motor) -> float:
@@ -139,7 +143,7 @@ def hidden_above_top(record: Record, motor: Motor) -> float:
     if not 0 < first.size <= MAX_TOPS:
         return 0.0
     spans = [(float(time_s[a]), float(time_s[b - 1])) for a, b in zip(first, past, strict=True)]
-    fit = crude_fit(record, motor, left_out_s=spans)
+    fit = quick_fit(record, motor, left_out_s=spans)
     if fit is None:
         return 0.0
     inside = np.zeros(fit.time_s.size, dtype=bool)
@@ -148,7 +152,7 @@ def hidden_above_top(record: Record, motor: Motor) -> float:
     if not inside.any():
         return 0.0
     hidden = float(np.max(fit.fitted_degC[inside])) - top
-    return hidden if hidden > MOVED_STEPS * step + DOUBT_RMS * fit.rms_K else 0.0
+    return hidden if hidden > MOVED_STEPS * step + _doubt(fit, inside) else 0.0
 
 
 FLAT_RUN = 5

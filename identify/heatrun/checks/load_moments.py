@@ -7,7 +7,7 @@ hundred seconds hardly shows it; a small coil of ten is off by a kelvin behind e
 its noise. What such an energy does to the blocks behind its step is one column of their covariance:
 taken for independent errors of the blocks, forty of them behind one step would seem to know it six
 times better than they do. The strongest directions are kept, eight at most; of what is left the
-blocks know the variance. The energy's response is taken from the fast mode of a crude two-node fit
+blocks know the variance. The energy's response is taken from the fast mode of a quick two-node fit
 of the same record. The slow mode remembers all steps: what they add up to there is left to the
 unmodelled heat and to the finding `between_samples`. The moment that all steps have in common is a
 parameter besides (`load_timing`).
@@ -25,7 +25,7 @@ from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.record import Record
 from ..record.samples import SLOW_LOGGER_S, samples
-from .crude_fit import crude_fit
+from .quick_fit import quick_fit
 
 NUM_COLUMNS = (2, 4, 8)
 """Columns that are kept [1], one of these, as what is compiled depends on it. A staircase of so
@@ -39,7 +39,7 @@ NEGLIGIBLE_K = 0.1
 is lost in their noise."""
 
 FINE_BLOCKS = 1800
-"""Blocks of the crude fit [1]: 4 s in a test of two hours, well below a winding of ten seconds."""
+"""Blocks of the quick fit [1]: 4 s in a test of two hours, well below a winding of ten seconds."""
 
 
 def with_load_moments(blocks: Blocks, record: Record, motor: Motor) -> Blocks:
@@ -54,7 +54,7 @@ def with_load_moments(blocks: Blocks, record: Record, motor: Motor) -> Blocks:
 
     Returns:
         `blocks` as they are where the load is sampled at less than `SLOW_LOGGER_S`, where copper
-        and other losses cannot be told apart, or where no crude fit describes the record.
+        and other losses cannot be told apart, or where no quick fit describes the record.
     """
     time_s, current, losses, winding = samples(
         record, "phase_current_A", "losses_W", "winding_degC"
@@ -67,15 +67,14 @@ def with_load_moments(blocks: Blocks, record: Record, motor: Motor) -> Blocks:
             return blocks
         copper = motor.copper_loss_W(current, winding)
     rest = losses - copper if motor.losses == "balance" else losses
-    fit = crude_fit(record, motor, most_blocks=FINE_BLOCKS)
+    fit = quick_fit(record, motor, most_blocks=FINE_BLOCKS)
     if fit is None:
         return blocks
     between_s = np.diff(time_s)
-    fast = int(np.argmin(fit.rates_per_s))
     steps_W = np.diff(np.stack([copper, rest]), axis=1)
-    sd_K = np.abs(fit.response_K_per_J[:, fast] @ steps_W) * between_s / np.sqrt(12.0)
+    sd_K = np.abs(fit.response_K_per_J[:, 0] @ steps_W) * between_s / np.sqrt(12.0)
     middle_s = time_s[:-1] + 0.5 * between_s - blocks.first_s
-    return _known(blocks, float(fit.rates_per_s[fast]), middle_s, sd_K)
+    return _known(blocks, -1.0 / fit.taus_s[0], middle_s, sd_K)
 
 
 def _known(

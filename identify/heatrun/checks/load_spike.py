@@ -19,7 +19,7 @@ from ..record.samples import is_measured, place, runs, samples
 from ..record.stretch import bridge, windows
 from ..record.units import find_unit
 from .advice import section_of, windows_text
-from .crude_fit import crude_fit
+from .quick_fit import quick_fit
 
 QUANTITIES = ("phase current", "dq current", "direct current", "power", "torque", "speed",
               "voltage")  # fmt: skip
@@ -191,14 +191,14 @@ def _contradiction(
 def _unshown(record: Record, motor: Motor, spans: list[tuple[float, float]]) -> str:
     """Return what heat of bursts the winding does not show, empty where it may."""
     mended = bridge(record, spans, "")
-    fit = crude_fit(mended, motor)
+    fit = quick_fit(mended, motor)
     time_s, heat_W = samples(record, "losses_W")
     straight_W = samples(mended, "losses_W")[1]
     reading_s, reading = samples(record, "winding_degC")
     if fit is None or heat_W.size != straight_W.size or reading.size < 2:
         return ""
     energy_J = float(np.trapezoid(np.abs(heat_W - straight_W), time_s))
-    lasting = np.exp(fit.rates_per_s * SHOWS_S)
+    lasting = np.exp(-SHOWS_S / np.array(fit.taus_s))
     expected_K = energy_J / len(spans) * float(np.min(fit.response_K_per_J @ lasting))
     shown_K = []
     for low, high in spans:

@@ -6,8 +6,7 @@ import numpy as np
 
 from ..record.motor import Motor
 from ..record.record import Finding, Record, Severity
-from ..record.samples import is_loaded, place, samples, sink_channel, with_all_heat
-from .course import lead_in
+from ..record.samples import is_loaded, lead_in, place, samples, sink_channel, with_all_heat
 
 AMBIENT_AS_KELVIN = (253.0, 333.0)
 """A hall or chamber between -20 and 60 degC, in kelvin; as degrees Celsius no sink at all."""

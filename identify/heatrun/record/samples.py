@@ -31,6 +31,15 @@ SLOW_LOGGER_S = 1.0
 """From this sampling period on the moment of a load step counts as unknown [s]: half of it is half
 a per cent of a winding's time constant, half of what Ceq_w of a good test is known to."""
 
+START_S = 2.0
+"""A winding under full load moves about 2 K in its first second at most, and less than 0.5 K as a
+rule; the first 2 s therefore still show the start where a record begins with the load already
+on."""
+
+EQUILIBRIUM_K = 2.0
+"""Two sensors of a bench agree to about 1 K each; a larger difference is heat left in the
+machine."""
+
 
 def sink_channel(motor: Motor) -> str:
     """Return the channel that is the temperature T0 [degC] which the stator loses its heat to."""
@@ -129,6 +138,23 @@ def is_loaded(losses_W: np.ndarray) -> np.ndarray:
     # The 99 % quantile: a single spike must not declare the whole test idle.
     peak = float(np.quantile(losses_W, 0.99))
     return (losses_W > LOADED_SHARE * peak) & (losses_W > 0.0)
+
+
+def lead_in(time_s: np.ndarray, losses_W: np.ndarray) -> int:
+    """Return how many samples at the start show the temperatures before heat has changed them.
+
+    Args:
+        time_s: Increasing times [s], shape (usable,).
+        losses_W: Losses [W], shape (usable,).
+
+    Returns:
+        The samples before heat flows; where it flows from the first sample on, those of the first
+        two seconds.
+    """
+    if time_s.size == 0:
+        return 0
+    idle = int(np.argmax(is_loaded(losses_W))) if is_loaded(losses_W).any() else time_s.size
+    return max(idle, int(np.searchsorted(time_s, time_s[0] + START_S)))
 
 
 def place(record: Record, channel: str, from_s: float, to_s: float | None = None) -> str:

@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from heatrun.checks import check_record
+from heatrun.checks.quick_fit import Solved, closer, solved_decays, weighed
 from heatrun.errors import InputError
 from heatrun.readers.clock_offset import correlation
 from heatrun.record.motor import Motor
@@ -113,7 +114,7 @@ def steady_rise(
     span_s = float(np.ptp(middle_s))
     end_s = float(middle_s[-1])
     grid = span_s * np.geomspace(SHORTEST_TAU, LONGEST_TAU, NUM_TAU)
-    fits, weight, freedom = _weighed(middle_s - end_s, means, grid)
+    fits, weight, freedom = _on_grid(middle_s, means, grid)
     if np.sum(weight[-NUM_TAU // 5 :]) > STRAIGHT:
         return "the readings show no bend: any steady state would do"
     taus = grid
@@ -121,19 +122,15 @@ def steady_rise(
         likely = np.flatnonzero(weight > SMALLEST * np.max(weight))
         if likely.size > ENOUGH * NUM_TAU:
             break
-        first, last = max(int(likely[0]) - 1, 0), min(int(likely[-1]) + 1, NUM_TAU - 1)
-        taus = np.geomspace(taus[first], taus[last], NUM_TAU)
-        fits, weight, freedom = _weighed(middle_s - end_s, means, taus)
+        taus = closer(taus, likely)
+        fits, weight, freedom = _on_grid(middle_s, means, taus)
     rng = np.random.default_rng(0)
     picked = rng.choice(taus.size, NUM_DRAWS, p=weight)
-    variance = (min(fit.left for fit in fits) + _floor(means)) / freedom
-    draws = np.stack(
-        [
-            fits[k].solution + np.sqrt(variance) * fits[k].root @ rng.standard_t(freedom, 2)
-            for k in picked
-        ],
-        axis=1,
-    )
+    variance = (np.min(fits.squares) + _floor(means)) / freedom
+    root = np.sqrt(variance) * np.linalg.cholesky(fits.inverse)[picked]
+    apart = np.einsum("dij,dj->di", root, rng.standard_t(freedom, (NUM_DRAWS, 2)))
+    first, rest = (fits.solution[picked] + apart).T
+    draws = np.stack([rest, first * np.exp(-span_s / taus[picked])])
     low, middle, high = np.quantile(draws[0], (0.025, 0.5, 0.975))
     return SteadyRise(
         float(middle), (float(low), float(high)), float(np.median(taus[picked])), end_s,
@@ -141,45 +138,22 @@ def steady_rise(
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Fit:
-    """Steady rise and amplitude for one time constant; `root` is of their covariance."""
-
-    solution: np.ndarray
-    root: np.ndarray
-    residual: np.ndarray
-    left: float
-
-
-def _weighed(
-    before_s: np.ndarray, means: np.ndarray, taus: np.ndarray
-) -> tuple[list[_Fit], np.ndarray, float]:
-    """The fit of each time constant, its probability, and the degrees of freedom behind it."""
-    fits = [_fit(before_s, means, tau) for tau in taus]
-    left = np.array([fit.left for fit in fits])
-    best = fits[int(np.argmin(left))]
-    freedom = max(means.size / correlation(best.residual) - 3.0, 1.0)
-    log_weight = -0.5 * (freedom + 1.0) * np.log(left + _floor(means))
-    weight = np.exp(log_weight - np.max(log_weight))
-    return fits, weight / np.sum(weight), freedom
+def _on_grid(
+    middle_s: np.ndarray, means: np.ndarray, taus: np.ndarray
+) -> tuple[Solved, np.ndarray, float]:
+    """Decay and rest of each time constant, its probability, and the degrees of freedom."""
+    fits = solved_decays(middle_s, means, taus[:, None], has_rest=True)
+    best = int(np.argmin(fits.squares))
+    first, rest = fits.solution[best]
+    residual = means - rest - first * np.exp((middle_s[0] - middle_s) / taus[best])
+    freedom = max(means.size / correlation(residual) - 3.0, 1.0)
+    weight = weighed(-0.5 * (freedom + 1.0) * np.log(fits.squares + _floor(means)))
+    return fits, weight, freedom
 
 
 def _floor(means: np.ndarray) -> float:
     """A perfect fit would weigh infinitely; no reading is that good."""
     return 1e-12 * float(np.sum(means**2)) + 1e-300
-
-
-def _fit(before_s: np.ndarray, means: np.ndarray, tau_s: float) -> _Fit:
-    # scaled to 1 at the beginning, so that a short time constant gives no huge numbers
-    decay = np.exp(-(before_s - before_s[0]) / tau_s)
-    matrix = np.stack([np.ones_like(decay), decay], axis=1)
-    solution, *_ = np.linalg.lstsq(matrix, means, rcond=None)
-    residual = means - matrix @ solution
-    inverse = np.linalg.pinv(matrix.T @ matrix)
-    at_end = np.diag([1.0, float(decay[-1])])
-    values, axes = np.linalg.eigh(inverse)
-    root = at_end @ axes @ np.diag(np.sqrt(np.maximum(values, 0.0)))
-    return _Fit(at_end @ solution, root, residual, float(residual @ residual))
 
 
 INTERVALS_S = (1800.0, 1200.0, 900.0)

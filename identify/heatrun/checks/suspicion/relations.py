@@ -27,14 +27,13 @@ import numpy as np
 from ...io.quantities import rounded
 from ...record.motor import Motor
 from ...record.record import Record
-from ...record.samples import samples, sink_channel
-from ..crude_fit import crude_fit
+from ...record.samples import samples
 from ..losses import FIRM_TOLERANCE, copper_shares, shaft_explains, share_in_words
+from ..quick_fit import Course, course_of, quick_fit
 from .power_relations import Conflict, power_conflicts, speed_conflicts
 
 BLOCKS = 300
-MIN_SAMPLES = 30
-"""Two unknowns and a start; with fewer samples a shape is no evidence."""
+"""Of a record, at most: the fit is made once for each unit that a column may have."""
 
 MIN_EXPLAINED = 0.4
 """Share of the temperature's variance [1]: short pulses on a winding leave half to one mass."""
@@ -80,22 +79,22 @@ def one_node(record: Record, motor: Motor) -> OneNode | None:
     Returns:
         The fit, or None where the record is too short, does not move, or is no such course.
     """
-    courses = _courses(record, motor)
-    if courses is None:
+    course = _course(record, motor)
+    if course is None:
         return None
-    winding, sink, heat, step_s, duration_s = courses
+    winding, heat, step_s = course.winding_degC, course.all_W, course.step_s
     is_heated = bool(np.any(heat > 0.0))
-    terms = [-_integral(winding - sink, step_s), np.ones(winding.size)]
+    terms = [-_integral(winding - course.sink_degC, step_s), np.ones(winding.size)]
     if is_heated:
         terms.append(_integral(heat, step_s))
     found = _solved(terms, winding, winding, MIN_EXPLAINED)
     if found is None or not found[0] > 0.0:
         return None
     tau_s = 1.0 / float(found[0])
-    if tau_s > MAX_CONSTANTS * duration_s:
+    if tau_s > MAX_CONSTANTS * course.duration_s:
         return None
     C = 1.0 / float(found[2]) if is_heated and found[2] > 0.0 else float("nan")
-    return OneNode(tau_s, C, C / tau_s, duration_s)
+    return OneNode(tau_s, C, C / tau_s, course.duration_s)
 
 
 def unsettled(record: Record, motor: Motor) -> OneNode | None:
@@ -109,23 +108,22 @@ def unsettled(record: Record, motor: Motor) -> OneNode | None:
         The capacity with the shortest time constant that is possible and the largest conductance,
         or None where `one_node` finds them, or no heat is seen to warm the winding.
     """
-    courses = _courses(record, motor)
-    if courses is None or one_node(record, motor) is not None:
+    course = _course(record, motor)
+    if course is None or one_node(record, motor) is not None:
         return None
-    winding, sink, heat, step_s, duration_s = courses
-    excess = winding - sink
+    excess, heat = course.winding_degC - course.sink_degC, course.all_W
     # A winding that follows its sink through the days warms by no heat of its own.
     rise = float(np.ptp(excess))
     if rise < MIN_RISE_K or abs(excess[0]) > COLD * rise or not np.any(heat > 0.0):
         return None
-    tau_s = MAX_CONSTANTS * duration_s
-    lost = _integral(excess, step_s) / tau_s
-    terms = [_integral(heat, step_s), np.ones(excess.size)]
+    tau_s = MAX_CONSTANTS * course.duration_s
+    lost = _integral(excess, course.step_s) / tau_s
+    terms = [_integral(heat, course.step_s), np.ones(excess.size)]
     found = _solved(terms, excess + lost, excess, LINEAR)
     if found is None or not found[0] > 0.0:
         return None
     C = 1.0 / float(found[0])
-    return OneNode(tau_s, C, C / tau_s, duration_s)
+    return OneNode(tau_s, C, C / tau_s, course.duration_s)
 
 
 def _solved(
@@ -141,31 +139,9 @@ def _solved(
     return found if explained > least else None
 
 
-def _courses(
-    record: Record, motor: Motor
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, float] | None:
-    """Winding, sink and heat as block means, the blocks' width [s] and the duration [s]."""
-    channels = ["winding_degC", sink_channel(motor), "losses_W"]
-    is_map = motor.losses == "map"
-    if is_map:
-        if motor.phase_resistance_ohm is None:
-            return None
-        channels.append("phase_current_A")
-    time_s, *columns = samples(record, *channels)
-    if time_s.size < MIN_SAMPLES or np.ptp(columns[0]) < MIN_RISE_K:
-        return None
-    winding, sink, heat = columns[:3]
-    if is_map:
-        heat = heat + motor.copper_loss_W(columns[3], winding)
-    edges = np.linspace(time_s[0], time_s[-1], min(BLOCKS, time_s.size // 2) + 1)
-    step_s = edges[1] - edges[0]
-    winding, sink, heat = (_means(time_s, edges, values) for values in (winding, sink, heat))
-    return winding, sink, heat, float(step_s), float(time_s[-1] - time_s[0])
-
-
-def _means(time_s: np.ndarray, edges: np.ndarray, values: np.ndarray) -> np.ndarray:
-    area = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))))
-    return np.diff(np.interp(edges, time_s, area)) / np.diff(edges)
+def _course(record: Record, motor: Motor) -> Course | None:
+    course = course_of(record, motor, most_blocks=BLOCKS)
+    return course if course is not None and np.ptp(course.winding_degC) >= MIN_RISE_K else None
 
 
 def _integral(values: np.ndarray, step_s: float) -> np.ndarray:
@@ -216,6 +192,10 @@ LONGEST_S = 360e3
 LONGEST_TEST_S = 3e7
 """A year: no heat run lasts as long, nor does any network of a machine need it."""
 
+USUAL_TEST_S = 2.2e5
+"""Two and a half days: what a reading that is to repair a clock stays below [s]. Seconds of a test
+of more than an hour are then no minutes."""
+
 LARGEST_W_PER_K = {"ambient": 2e3, "coolant": 1e4}
 """Conductance [W/K] above which no machine is on a bench: fan-cooled 1 MW has 700, the largest that
 air draws through some thousands, water jackets of such ten times as much as those of a car."""
@@ -245,7 +225,7 @@ def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple
             repair another.
     """
     return (
-        *_length(record),
+        *_length(record, is_strict),
         *_time_scale(record, motor, is_strict),
         *_copper(record, motor, is_strict),
         *power_conflicts(record, motor, is_strict),
@@ -253,11 +233,11 @@ def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple
     )
 
 
-def _length(record: Record) -> list[Conflict]:
-    """The length of the test against a year."""
+def _length(record: Record, is_strict: bool) -> list[Conflict]:
+    """The length of the test against a year, or what is usual."""
     time_s = samples(record)[0]
     length_s = float(time_s[-1] - time_s[0]) if time_s.size else 0.0
-    if length_s <= LONGEST_TEST_S:
+    if length_s <= (USUAL_TEST_S if is_strict else LONGEST_TEST_S):
         return []
     sentence = f"Expected a test of days at most; it lasts {rounded(length_s / 31557600.0)} years."
     return [Conflict("too_long", sentence, ("time_s",), False, {"duration_s": length_s})]
@@ -352,7 +332,7 @@ def _shortest(conductance_W_per_K: float, sink: str) -> float:
 
 def _stays_short(record: Record, motor: Motor, shortest_s: float) -> bool:
     """Whether two masses say the same: one mass takes a short test's winding for the machine."""
-    fit = crude_fit(record, motor)
+    fit = quick_fit(record, motor)
     return fit is None or fit.tau_s < shortest_s
 
 

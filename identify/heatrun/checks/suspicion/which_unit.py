@@ -271,7 +271,9 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
     mending = _ranked(mending)
     is_odd = all(conflict.is_odd for conflict in broken)
     if not mending:
-        broken = tuple(c for c in broken if not c.is_odd and c.id != "losses_below_copper")
+        # what another kind of cooling explains, and no unit, is the cooling
+        told = (c for c in broken if not (c.is_odd or c.is_mild or c.id == "losses_below_copper"))
+        broken = tuple(told)
         return (_unexplained(record, broken),) if broken and not symptoms else ()
     # two that one unit explains are no matter of cooling, nor of a machine without load
     is_alone = len({_family(id) for id in ids}) < 2
