@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
+from scipy.linalg import solve_banded
 
 from ..record.motor import Motor
 from ..record.record import Record
@@ -154,10 +154,25 @@ class Course:
         return found
 
 
+def first_order(
+    values: Float[np.ndarray, "... time"], decay: float
+) -> Float[np.ndarray, "... time"]:
+    """Return finite values behind a first-order lag of unit gain, from 0 on.
+
+    Args:
+        values: On an even grid, in any unit.
+        decay: What is left of the lag after a step, 0 to 1 [1].
+    """
+    # `scipy.signal` has a filter for it, and takes a second to import
+    band = np.ones((2, values.shape[-1]))
+    band[1] = -decay
+    return solve_banded((1, 0), band, (1.0 - decay) * values.T, check_finite=False).T
+
+
 def _lagged(drives: np.ndarray, ratio: float) -> np.ndarray:
     """Block means after a lag of 1/ratio blocks, from 0 on, of drives held over each block."""
     decay, mean = np.exp(-ratio), -np.expm1(-ratio) / ratio
-    ends = np.asarray(lfilter([1.0 - decay], [1.0, -decay], drives))
+    ends = first_order(drives, decay)
     begins = np.zeros_like(ends)
     begins[:, 1:] = ends[:, :-1]
     return drives + (begins - drives) * mean

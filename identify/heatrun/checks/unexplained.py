@@ -17,12 +17,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ..record.motor import Motor
 from ..record.record import Record
 from ..record.rounding import rounding_step
 from ..record.samples import is_loaded, median_step, samples, sink_channel, with_all_heat
+from .quick_fit import first_order
 
 MAX_CELLS, MAX_ROWS = 20_000, 3_000
 """Samples of the course, and changes that the weights are found from."""
@@ -286,7 +286,7 @@ def _course(record: Record, motor: Motor) -> _Course | None:
         # a burst of the load is no matter of the reading: `load_spike` tells it
         held = np.clip(drive / scale, -2.0, 2.0)
         mean = 0.5 * (held + np.concatenate([held[:1], held[:-1]]))
-        terms += [lfilter([1.0 - d], [1.0, -d], mean) for d in decays]
+        terms += [first_order(mean, d) for d in decays]
     terms += [np.exp(-(grid - grid[0]) / lag) for lag in lags_s]
     if not np.all(np.isfinite(reading)):
         return None

@@ -22,7 +22,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
+
+from ..checks.quick_fit import first_order
 
 MAX_BLOCKS = 1500
 """Blocks of the temperature: 3.6 s for 90 minutes, well under a winding's time constant."""
@@ -265,9 +266,9 @@ def prepare_response(
 def _lagged_areas(values: np.ndarray, step_s: float, lags_s: np.ndarray) -> np.ndarray:
     """Integrals of the lagged heats, lag by lag."""
     areas = []
+    means = 0.5 * (values + np.pad(values[:, :-1], ((0, 0), (1, 0))))
     for lag in lags_s:
-        decay = float(np.exp(-step_s / lag))
-        lagged = np.asarray(lfilter([0.5 * (1.0 - decay)] * 2, [1.0, -decay], values, axis=1))
+        lagged = first_order(means, float(np.exp(-step_s / lag)))
         middle = 0.5 * step_s * (lagged[:, 1:] + lagged[:, :-1])
         areas.append(np.pad(np.cumsum(middle, axis=1), ((0, 0), (1, 0))))
     return np.concatenate(areas)
