@@ -17,8 +17,7 @@ from ...certificate_file import load_meta
 from ...errors import InputError
 from ...io.file_set import together
 from ...io.whole_files import is_other, refuse_replacing, writable, write_whole
-from ...motor import Certificate, Instrument
-from ...ratings.duties import LIMIT_DEGC
+from ...motor import LIMIT_DEGC, Certificate, Instrument
 from ...results import FitResult, to_json
 from ...runs.run import CERTIFICATE, Run, certificate_of, open_run
 from ...runs.run_folder import MANIFEST, RunFolder, listed_anew
