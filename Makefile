@@ -7,7 +7,7 @@ LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import s
 
 .PHONY: demo demo-results test quick test-slow profile test-latest lint types check bench bench-fleet bench-before study-coverage study-crosschecks \
   study-accidents study-bodies study-discovery study-exam study-faults study-first-hour study-fleet study-fleet-discovery study-fleet-kills study-fuzz study-misfit study-ordinary study-paderborn \
-  study-readings study-real study-view audit house docs notebooks notebooks-rendered schemas lock clean
+  study-readings study-real study-shutdown study-view audit house docs notebooks notebooks-rendered schemas lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -99,6 +99,10 @@ study-real: $(VENV)/ready
 FILE ?= measures_v2.csv
 study-exam: $(VENV)/ready
 	$(BIN)/python tests/studies/exam.py "$(FILE)" $(if $(TRAIN),--train "$(TRAIN)")
+
+# The winding at switch-off of simulated machines, and methods by hand on the same readings.
+study-shutdown: $(VENV)/ready
+	$(BIN)/python tests/studies/shutdown.py
 
 study-view: $(VENV)/ready
 	$(BIN)/python tests/studies/view_speed.py

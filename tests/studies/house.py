@@ -33,7 +33,8 @@ ROAD = (
     "heatrun.results", "heatrun.inference", "heatrun.ratings", "heatrun.effects", "heatrun.runs",
     "heatrun.calibration", "heatrun.discovery", "heatrun.reports", "heatrun.simulation",
     "heatrun.shutdown", "heatrun.export", "heatrun.jobs", "heatrun.api", "heatrun.commands",
-    "heatrun.cli", "heatrun.fleet", "heatrun_fleet", "heatrun_reports", "heatrun.app", "heatrun_view",
+    "heatrun.cli", "heatrun.fleet", "heatrun_fleet", "heatrun_reports", "heatrun.app",
+    "heatrun_view",
 )  # fmt: skip
 """Rooms and modules from the physics to the live view; some have the names of earlier commits."""
 

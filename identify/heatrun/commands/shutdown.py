@@ -64,7 +64,9 @@ def run(options: argparse.Namespace) -> int:
     if options.run is not None:
         from ..shutdown.of_run import modes_of_run
 
-        modes = modes_of_run(options.run, options.model)
+        said = motor.shutdown
+        is_turning = said.run_down_s == 0.0 and said.losses_after > 0.0
+        modes = modes_of_run(options.run, readings, options.model, is_turning=is_turning)
     result = winding_at_shutdown(
         motor,
         readings,

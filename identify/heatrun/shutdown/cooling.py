@@ -89,10 +89,13 @@ class AbstractModes(ABC):
 SHARE, SHARE_SD = np.array([0.06, 0.2, 0.3, 0.5]), np.array([0.06, 0.2, 0.25, 0.4])
 """Of the modes of winding, winding, rotor and teeth, and housing in the rise [1]."""
 
-RATES_K_PER_S = (0.07, 0.1)
-"""How fast the two modes of the winding begin to cool, mean and standard deviation [K/s]: by what
-it was heated, J² rho / c. Copper at 120 °C takes 0.17 K/s at 5 A/mm² and 0.7 K/s at 10 A/mm²: so no
-fast mode can hide a large drop."""
+HEATED_K_PER_S, HEATED_LOG_SD = 0.15, 0.8
+"""How fast the copper began to cool, which is how fast it was heated before: J² rho / c. Copper at
+120 °C takes 0.17 K/s at 5 A/mm² and 0.7 K/s at 10 A/mm²; insulation takes a fifth of it. So no fast
+mode can hide a large drop."""
+
+RATE, RATE_SD = np.array([0.35, 0.55]), 0.3
+"""Share of the modes of winding in that rate [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,6 +121,7 @@ class UsualModes(AbstractModes):
         "time constant within the winding",
         "time constant of rotor and teeth",
         "time constant of the housing",
+        "heating of the copper before switch-off",
     )
     of_amplitudes: tuple[str, ...] = (
         "drop within the winding",
@@ -142,11 +146,11 @@ class UsualModes(AbstractModes):
         tau, rise = self.times(z), max(self.rise_K, 5.0)
         mean = np.tile(rise * SHARE, (len(z), 1))
         sd = np.tile(rise * SHARE_SD, (len(z), 1))
-        for mode, rate in enumerate(RATES_K_PER_S):
-            by_rate, by_share = (rate * tau[:, mode]) ** -2.0, sd[:, mode] ** -2.0
-            both = by_rate + by_share
-            mean[:, mode] = (rate * tau[:, mode] * by_rate + mean[:, mode] * by_share) / both
-            sd[:, mode] = both**-0.5
+        heated_K = HEATED_K_PER_S * np.exp(HEATED_LOG_SD * z[:, 4:5]) * tau[:, :2]
+        by_rate, by_share = (RATE_SD * heated_K) ** -2.0, sd[:, :2] ** -2.0
+        both = by_rate + by_share
+        mean[:, :2] = (RATE * heated_K * by_rate + mean[:, :2] * by_share) / both
+        sd[:, :2] = both**-0.5
         return mean, sd[:, :, None] * np.eye(len(SHARE))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..io.whole_files import is_other, refuse_replacing, writable, write_whole
 from ..results import to_json
 from .cooling import NUM_DRAWS
-from .result import ShutdownResult, as_content
+from .result import Limit, ShutdownResult, as_content
 
 COLOURS = ("#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette, which colour-blind readers can tell apart."""
@@ -32,13 +32,7 @@ def text(result: ShutdownResult, *, verbose: bool = False) -> str:
             f"Rise over the sink of {result.sink_degC:.1f} °C: {result.rise_K:.1f} K "
             f"(95 % {result.rise_95_K[0]:.1f} … {result.rise_95_K[1]:.1f} K)",
         ]
-        lines += [
-            f"{one.name[0].upper()}{one.name[1:]} {one.value:g} {_unit(one.unit)}: "
-            f"{abs(one.margin_K):.1f} K {'left' if one.margin_K >= 0 else 'too hot'} "
-            f"(95 % {one.margin_95_K[0]:.1f} … {one.margin_95_K[1]:.1f} K); "
-            f"within it with {100 * one.probability:.0f} %"
-            for one in result.limits
-        ]
+        lines += [_limit(one) for one in result.limits]
     else:
         lines += [
             f"NOT DETERMINABLE: {result.reason}",
@@ -54,6 +48,15 @@ def text(result: ShutdownResult, *, verbose: bool = False) -> str:
         lines += ["", "Uncertainty budget (GUM)", *_budget(result)]
         lines += ["", *result.notes]
     return "\n".join(lines)
+
+
+def _limit(limit: Limit) -> str:
+    ends = limit.margin_95_K
+    left = f"{limit.margin_K:.1f} K left (95 % {ends[0]:.1f} … {ends[1]:.1f} K)"
+    if limit.margin_K < 0.0:
+        left = f"{-limit.margin_K:.1f} K too hot (95 % {-ends[1]:.1f} … {-ends[0]:.1f} K)"
+    name = f"{limit.name[0].upper()}{limit.name[1:]} {limit.value:g} {_unit(limit.unit)}"
+    return f"{name}: {left}; within it with a probability of {100.0 * limit.probability:.0f} %"
 
 
 def _unit(unit: str) -> str:

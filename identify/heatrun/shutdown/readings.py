@@ -23,11 +23,24 @@ FEWEST = 3
 LATEST_S = 7200.0
 """No first reading of a winding comes later [s]: such a time is that of a clock."""
 
-HOTTEST_degC = 350.0
-"""Enamel is destroyed; a higher temperature is an error of the resistance."""
+HOTTEST_degC = 240.0
+"""20 K above the highest insulation class; more is an error of the resistance."""
 
 BELOW_SINK_K = 8.0
 """What errors of the cold resistance may show a winding below its sink [K]: 3 %."""
+
+TERMINALS = (1.0, 2.0, 2.0 / 3.0)
+"""Of `CIRCUITS`, what a bridge at a machine's terminals measures."""
+
+OTHER_CIRCUITS = {
+    2.0: "of a phase, measured at terminals of a star",
+    0.5: "at terminals of a star, measured on a phase",
+    1.0 / 3.0: "connected in star, measured in delta",
+    3.0: "connected in delta, measured in star",
+    2.0 / 3.0: "of a phase, measured at terminals of a delta",
+    1.5: "at terminals of a delta, measured on a phase",
+}
+"""Factors between circuits of one winding that are taken for each other."""
 
 CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d+)?))?")
 
@@ -187,8 +200,8 @@ def _reference(ohm: np.ndarray, motor: Motor, sink_degC: float, where: str) -> t
         return stated, f"Cold resistance {stated:.5g} ohm {at}, leads included."
     assert phase is not None
     fitting = {
-        factor: circuit
-        for factor, circuit in CIRCUITS.items()
+        factor: CIRCUITS[factor]
+        for factor in TERMINALS
         if _is_plausible(temperature(ohm, factor * phase + leads, motor), sink_degC)
     }
     if len(fitting) == 1:
@@ -226,16 +239,15 @@ def _refuse_implausible(
         f"{motor.reference_temperature_degC:g} °C; the {motor.sink} has {sink_degC:.1f} °C."
     )
     guesses = [
-        f"their unit is off by a factor of {factor:g} (mΩ, Ω, kΩ)"
+        f"the unit of the column is wrong: times {factor:g} they would fit (mΩ, Ω, kΩ)"
         for factor in (1e3, 1e-3, 1e6, 1e-6)
         if _is_plausible(temperature(ohm * factor, reference, motor), sink_degC)
     ]
     guesses += [
-        f"the cold resistance is of another circuit, {times:.3g} times smaller or larger "
-        "(phase, or between terminals of star or delta)"
-        for times in (2.0, 0.5, 1.5, 2.0 / 3.0, 3.0, 1.0 / 3.0)
+        f"the cold resistance is of another circuit: {times:.3g} times it would fit ({circuit})"
+        for times, circuit in OTHER_CIRCUITS.items()
         if _is_plausible(temperature(ohm, times * reference, motor), sink_degC)
-    ][:1]
+    ]
     below = np.max(degC) < sink_degC - BELOW_SINK_K
     cause = " Below its coolant no winding cools." if below else ""
     maybe = f" Perhaps {'; or '.join(guesses)}." if guesses else ""
