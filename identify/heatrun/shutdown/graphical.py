@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import curve_fit
+from scipy.optimize import minimize_scalar
 
 DELAYS_S = ((50.0, 30.0), (200.0, 90.0), (5000.0, 120.0))
 """Rated output [kW] up to which a first reading within so many seconds is taken as it is; IEC
@@ -83,14 +83,15 @@ def by_hand(
 
 
 def _single(t: np.ndarray, T: np.ndarray) -> float:
-    """Return T(0) of T = c + a exp(-t/tau)."""
+    """Return T(0) of T = c + a exp(-t/tau), least squares; the end and the drop are linear."""
 
-    def curve(t, end, drop, tau):
-        return end + drop * np.exp(-t / tau)
+    def fitted(log_tau: float) -> tuple[float, float]:
+        design = np.stack([np.ones(t.size), np.exp(-t / np.exp(log_tau))], axis=1)
+        found = np.linalg.lstsq(design, T, rcond=None)[0]
+        return float(np.sum((design @ found - T) ** 2)), float(np.sum(found))
 
-    guess = (T[-1], max(T[0] - T[-1], 0.1), max(0.5 * (t[-1] - t[0]), 1.0))
-    try:
-        found, _ = curve_fit(curve, t, T, p0=guess, bounds=([-300, 0, 1], [1e3, 1e3, 1e5]))
-    except (RuntimeError, ValueError, TypeError):  # no minimum, or fewer readings than unknowns
-        return float("nan")
-    return float(found[0] + found[1])
+    times = np.linspace(np.log(1.0), np.log(1e5), 400)
+    best = int(np.argmin([fitted(each)[0] for each in times]))
+    ends = times[max(best - 1, 0)], times[min(best + 1, times.size - 1)]
+    log_tau = minimize_scalar(lambda each: fitted(each)[0], bounds=ends, method="bounded").x
+    return fitted(float(log_tau))[1]

@@ -175,10 +175,10 @@ def _modal(
     A: Float[np.ndarray, "draw node node"], heat: Float[np.ndarray, "draw 2 node"]
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Return time constants, shares of the modes in the rise by each loss, the winding's mode."""
-    rate, vectors = np.linalg.eig(A)
-    order = np.argsort(rate.real, axis=1)  # the fastest first
-    rate = np.take_along_axis(rate.real, order, axis=1)
-    vectors = np.take_along_axis(vectors.real, order[:, None, :], axis=2)
+    rate, vectors = (np.real(one) for one in np.linalg.eig(A))
+    order = np.argsort(rate, axis=1)  # the fastest first
+    rate = np.take_along_axis(rate, order, axis=1)
+    vectors = np.take_along_axis(vectors, order[:, None, :], axis=2)
     with np.errstate(divide="ignore"):
         tau = np.where(rate < 0.0, -1.0 / rate, np.inf)
     steady = np.linalg.solve(A[:, None], -heat[..., None])

@@ -30,6 +30,12 @@ large and encapsulated machines have other rows."""
 MOST_READINGS = 60
 """Readings that are used one by one; a logger's are averaged to so many blocks."""
 
+NUM_AROUND, NUM_HALVINGS = 25, 10
+"""Draws around which a first reading that was not made is judged, and steps towards its time."""
+
+MOST_OF = 0.8
+"""Share of these that a first reading must do for [1]."""
+
 STEP = 0.05
 """Of the standard normal numbers in the finite differences of the budget."""
 
@@ -178,7 +184,7 @@ def winding_at_shutdown(
     low, high = _interval(winding)
     extrapolation = 0.5 * (high - low) * share**0.5
     is_determinable = extrapolation <= within_K
-    latest = None if is_determinable else _latest(cooling, centre, noise, within_K)
+    latest = None if is_determinable else _latest(cooling, z, noise, within_K)
     grid = np.linspace(0.0, float(time_s[-1]), 121)
     curve = cooling.true(cooling.winding(z, grid), errors)
     return ShutdownResult(
@@ -283,21 +289,25 @@ def _row(
     )
 
 
-def _extrapolation_95(cooling: Cooling, centre: np.ndarray, noise: float, first_s: float) -> float:
-    """Return the half-width that the extrapolation would have had with another first reading."""
-    moved, scatter = _linear(cooling, centre, noise, cooling.time_s - cooling.time_s[0] + first_s)
-    return 1.96 * float(np.sqrt(np.sum(moved**2) + scatter**2))
+def _latest(cooling: Cooling, z: np.ndarray, noise: float, within_K: float) -> float | None:
+    """Return the latest first reading that would have done [s]; None if none would.
 
+    To first order, for most of the machines that the readings allow.
+    """
+    some = z[:: max(1, len(z) // NUM_AROUND)]
+    came_s = cooling.time_s - cooling.time_s[0]
 
-def _latest(cooling: Cooling, centre: np.ndarray, noise: float, within_K: float) -> float | None:
-    """Return the latest first reading that would have done [s]; None if none would."""
+    def half_width(first_s: float) -> float:
+        parts = (_linear(cooling, centre, noise, came_s + first_s) for centre in some)
+        found = [1.96 * np.hypot(np.linalg.norm(moved), scatter) for moved, scatter in parts]
+        return float(np.quantile(found, MOST_OF))
+
     low, high = 0.0, float(cooling.time_s[0])
-    if _extrapolation_95(cooling, centre, noise, low) > within_K:
+    if half_width(low) > within_K:
         return None
-    for _ in range(20):
+    for _ in range(NUM_HALVINGS):
         middle = 0.5 * (low + high)
-        is_enough = _extrapolation_95(cooling, centre, noise, middle) <= within_K
-        low, high = (middle, high) if is_enough else (low, middle)
+        low, high = (middle, high) if half_width(middle) <= within_K else (low, middle)
     return low
 
 
@@ -310,7 +320,7 @@ def _reason(first_s: float, extrapolation: float, within_K: float, latest: float
         return f"{said} Readings with less scatter, or a calibrated run (--run), are needed."
     if latest > 0.95 * first_s:
         return f"{said} More readings, or a calibrated run (--run), would do."
-    return f"{said} It should have come within {latest:.0f} s; a calibrated run (--run) helps too."
+    return f"{said} It should have come within about {latest:.0f} s; a run (--run) helps too."
 
 
 def _limits(motor: Motor, winding: np.ndarray, rise: np.ndarray) -> tuple[Limit, ...]:
