@@ -103,6 +103,7 @@ study-exam: $(VENV)/ready
 # The winding at switch-off of simulated machines, and methods by hand on the same readings.
 study-shutdown: $(VENV)/ready
 	$(BIN)/python tests/studies/shutdown.py
+	$(BIN)/python tests/studies/shutdown_real.py
 
 study-view: $(VENV)/ready
 	$(BIN)/python tests/studies/view_speed.py

@@ -111,7 +111,8 @@ def table(rows: Sequence[dict[str, Any]], seed: int) -> str:
     lines += [
         at_most(f"answers off by more than {LATE_K:.0f} K: should have been refused", 0.02,
                 (np.abs(errors(everywhere)) > LATE_K).tolist()),
-        at_most("command above 3 s of processor time", 0.05, [row["seconds"] > 3.0 for row in answered]),
+        at_most("command above 3 s of processor time", 0.05,
+                [row["seconds"] > 3.0 for row in answered]),
         "",
         "Refused are answers whose extrapolation alone is uncertain by more than 5 K (95 %). Of "
         f"{len(refused)} refused, {np.sum(np.abs(errors(refused)) > 0.5 * LATE_K)} would have been "
@@ -125,7 +126,8 @@ def table(rows: Sequence[dict[str, Any]], seed: int) -> str:
         *_by_hand(answered),
         "",
         "Processor time of a command, figure included, modules loaded: median "
-        f"{np.median([row['seconds'] for row in answered]):.1f} s. First order (GUM) over draws (JCGM 101), standard uncertainty: median "
+        f"{np.median([row['seconds'] for row in answered]):.1f} s. First order (GUM) over "
+        "draws (JCGM 101), standard uncertainty: median "
         f"{_ratio(answered, 90.0, above=False):.2f} up to 90 s, "
         f"{_ratio(answered, 90.0, above=True):.2f} later.",
     ]  # fmt: skip

@@ -73,7 +73,7 @@ def by_hand(
         ),
         ByHand("logarithm of the rise, line to 0 s", standard, sink_degC + float(np.exp(line[1]))),
     ]
-    if delay_s is not None:
+    if delay_s is not None and time_s[0] > delay_s:
         value = sink_degC + float(np.exp(np.polyval(line, delay_s)))
         rows.append(ByHand(f"the same, to the delay of {delay_s:.0f} s", standard, value, delay_s))
     if t.size >= 4:
