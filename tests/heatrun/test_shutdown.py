@@ -173,6 +173,7 @@ def test_true_temperatures_undo_errors_of_the_instruments():
         ([30.0], [90.0], MOTOR, "at least 3 readings after switch-off, got 1"),
         ([30.0, 60.0, 45.0], [90.0, 88.0, 89.0], MOTOR, "Reading 3 is 45 s .* do not ascend"),
         ([30.0, 60.0, 90.0], [12.0, 11.0, 10.0], MOTOR, "Below its coolant no winding cools"),
+        ([30.0, 60.0, 90.0], [80.0, 85.0, 89.0], MOTOR, "The winding does not cool: 80.0 °C"),
         ([9e3, 9.1e3, 9.2e3], [90.0, 88.0, 87.0], MOTOR, "comes 9000 s after switch-off.*--at"),
         ([30.0, 60.0, 90.0], [90.0, 88.0, 87.0], MOTOR.replace("measured", "phase"),
          "it may be .*measured_resistance_ohm"),
@@ -253,5 +254,7 @@ def test_the_command_writes_what_it_says(tmp_path, capsys):
     text = capsys.readouterr().out
     assert "cold resistance" in text
     assert "Winding at switch-off" in text
+    assert cli.main([*command, "--within", "-1"]) == 2
+    assert cli.main([*command, "--model", "second"]) == 2
     assert cli.main([*command, "--seed", "1"]) == 1
     assert "exists and holds another result" in capsys.readouterr().err

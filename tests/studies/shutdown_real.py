@@ -36,8 +36,8 @@ losses_after = 0.4
 losses_after_sd = 0.1
 current_after = 0.46
 """
-"""As the drive records it: 98 of 212 A flow on, to weaken the field, and 1.5 of 3.6 kW stay, friction
-among them, which heats no winding. The lag is what the first load step shows."""
+"""As the drive records it: 98 of 212 A flow on, to weaken the field, and 1.5 of 3.6 kW stay, some
+of it friction, which heats no winding. The lag is what the first load step shows."""
 
 
 def main() -> None:

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..errors import UsageError
 from . import words
 from .console import DONE, NOT_ALLOWED, printable, say
 
@@ -58,6 +59,10 @@ def run(options: argparse.Namespace) -> int:
     from ..shutdown.readings import read_readings
     from ..shutdown.result import WITHIN_K, as_content, winding_at_shutdown
 
+    if options.model is not None and options.run is None:
+        raise UsageError("--model names a network of a run: give --run too")
+    if options.within is not None and not options.within > 0.0:
+        raise UsageError(f"--within is a number of kelvin above 0, got {options.within:g}")
     motor = load_motor(options.motor)
     readings = read_readings(options.readings, motor, options.at)
     modes = None

@@ -29,6 +29,9 @@ HOTTEST_degC = 240.0
 BELOW_SINK_K = 8.0
 """What errors of the cold resistance may show a winding below its sink [K]: 3 %."""
 
+WARMS_K = 1.0
+"""What readings of a winding that cools may end above the first one: their scatter [K]."""
+
 TERMINALS = (1.0, 2.0, 2.0 / 3.0)
 """Of `CIRCUITS`, what a bridge at a machine's terminals measures."""
 
@@ -109,13 +112,20 @@ def read_readings(path: Path, motor: Motor, at: str = "") -> Readings:
             remedy="Give the moment of switch-off in the file's time, as in --at 14:32:05.",
         )
     sink_degC = _sink(record, motor, used, where)
-    if not is_ohm:
-        return Readings(record.name, time_s, values, sink_degC, None, None, tuple(notes),
-                        record.sources[0].sha256)  # fmt: skip
-    reference, note = _reference(values, motor, sink_degC, where)
-    degC = temperature(values, reference, motor)
-    notes.append(note)
-    return Readings(record.name, time_s, degC, sink_degC, values, reference, tuple(notes),
+    degC, ohm, reference = values, None, None
+    if is_ohm:
+        reference, note = _reference(values, motor, sink_degC, where)
+        degC, ohm = temperature(values, reference, motor), values
+        notes.append(note)
+    if degC[-1] > degC[0] + WARMS_K:
+        raise InputError(
+            f"The winding does not cool: {degC[0]:.1f} °C {time_s[0]:.0f} s after switch-off, "
+            f"{degC[-1]:.1f} °C after {time_s[-1]:.0f} s.",
+            where=where,
+            remedy="Give the moment of switch-off by --at where the file begins before it, or the "
+            "readings after it alone.",
+        )
+    return Readings(record.name, time_s, degC, sink_degC, ohm, reference, tuple(notes),
                     record.sources[0].sha256)  # fmt: skip
 
 
