@@ -42,8 +42,8 @@ of it friction, which heats no winding. The lag is what the first load step show
 
 NOTE = """
 With the run all three intervals end 0.2 to 1 K below the truth: a network of two nodes that was
-fitted to one load is surer of its time constants than this machine allows, as its bands on the held-out
-cooling are too (`results/real/table.md`). Without it the intervals are wider, and hold.
+fitted to one load is surer of its time constants than this machine allows, as its bands on the
+held-out cooling are too (`results/real/table.md`). Without it the intervals are wider, and hold.
 """
 """What the table of 2026-11-26 shows; to be read again where it is made anew."""
 
