@@ -234,6 +234,9 @@ def test_a_run_keeps_all_that_the_motor_file_says():
     ambient_degC = 21.5
     [adequacy]
     unmodelled_heat = 0.004
+    [shutdown]
+    moment_sd_s = 0.2
+    utilisation_class = "B"
     [certificate]
     number = "2026-1"
     """

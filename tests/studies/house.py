@@ -32,9 +32,9 @@ ROAD = (
     "lptn", "heatrun.errors", "heatrun.io", "heatrun.record", "heatrun.motor", "heatrun.results",
     "heatrun.checks", "heatrun.readers", "heatrun.init", "heatrun.model", "heatrun.fit",
     "heatrun.posterior", "heatrun.effects", "heatrun.runs", "heatrun.calibration",
-    "heatrun.discovery", "heatrun.reports", "heatrun.simulation", "heatrun.export", "heatrun.jobs",
-    "heatrun.api", "heatrun.commands", "heatrun.cli", "heatrun_fleet", "heatrun_reports",
-    "heatrun_view",
+    "heatrun.discovery", "heatrun.reports", "heatrun.simulation", "heatrun.shutdown",
+    "heatrun.export", "heatrun.jobs", "heatrun.api", "heatrun.commands",
+    "heatrun.cli", "heatrun_fleet", "heatrun_reports", "heatrun_view",
 )  # fmt: skip
 """Rooms and modules from the physics to the live view."""
 

@@ -58,6 +58,8 @@ STUDIES = {
         ("tests/readings/study.py",)),
     "real": Study("real records under ../shared/bench, where they are at hand", "1",
         ("tests/studies/real_records.py",)),
+    "shutdown": Study("the winding at switch-off against the truth, and methods by hand", "0.5",
+        ("tests/studies/shutdown.py", "tests/studies/shutdown_real.py")),
     "view": Study("the live view on long records", "0.2", ("tests/studies/view_speed.py",)),
 }  # fmt: skip
 

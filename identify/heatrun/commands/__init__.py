@@ -11,7 +11,8 @@ from importlib.metadata import entry_points
 from types import ModuleType
 
 COMMANDS = (
-    "init", "check", "calibrate", "compare", "discover", "simulate", "sheet", "export", "demo",
+    "init", "check", "calibrate", "compare", "discover", "simulate", "sheet", "export",
+    "shutdown", "demo",
 )  # fmt: skip
 """Names of the commands that are modules of this package."""
 
@@ -20,7 +21,7 @@ GROUP = "heatrun.commands"
 
 ORDER = (
     "init", "check", "calibrate", "compare", "discover", "simulate", "report", "sheet", "export",
-    "fleet", "population", "view", "demo",
+    "shutdown", "fleet", "population", "view", "demo",
 )  # fmt: skip
 """Of the help, which has any further ones at its end."""
 

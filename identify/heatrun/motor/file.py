@@ -16,7 +16,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
@@ -26,12 +26,14 @@ from ..io.toml_text import LARGEST_BYTES, check_keys, parse_toml, shown, text_of
 from ..record.channels import BODIES, CHANNEL, body_name, parse_claims
 from ..record.motor import (
     HEAT_LIMITS,
+    LIMIT_DEGC,
     Adequacy,
     COEFFICIENTS_degC,
     GapLoad,
     Motor,
     ParameterOverride,
     PartsOfTest,
+    ShutDown,
 )
 from ..record.stretch import Stretch, in_order, parse_time
 from .certificate import parse_certificate
@@ -377,7 +379,7 @@ def _is_sound(prior: ParameterOverride) -> bool:
     return math.isfinite(prior.value) and is_positive and math.isfinite(width) and width > 0.0
 
 
-INSULATION_CLASSES = ("A", "E", "B", "F", "H", "N", "R")
+INSULATION_CLASSES = tuple(LIMIT_DEGC)
 """Letters of IEC 60085, in the order of their temperature."""
 
 KEYS: dict[str, tuple[str, ...]] = {
@@ -405,6 +407,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "vehicle": ("gear_ratio", "wheel_radius_m"),
     "adequacy": ("unmodelled_heat", "heat_time_s"),
     "population": ("run",),
+    "shutdown": tuple(one.name for one in fields(ShutDown)),
 }
 """Sections with a fixed set of keys; `[columns]` and `[parameters.NAME]` have their own."""
 
@@ -426,6 +429,7 @@ HEAT_RANGE: Limits = (
     f"(usual: {Adequacy().unmodelled_heat:g})",
 )
 HEAT_TIME_RANGE: Limits = (60.0, 86400.0, "between 60 and 86400 s (usual: 1200)")
+SHARE_RANGE: Limits = (-1e-12, 1.0, "at least 0 and below 1")
 REFERENCE_RANGE: Limits = (-60.0, 250.0, "between -60 and 250 degC")
 
 
@@ -434,8 +438,8 @@ def load_motor(path: str | Path) -> Motor:
 
     Args:
         path: A TOML file with `[motor]` and optionally `[winding]`, `[vehicle]`, `[columns]`,
-            `[constants]`, `[sensors]`, `[model]`, `[adequacy]`, `[population]`, `[tests.NAME]`,
-            `[certificate]` and `[parameters.NAME]`.
+            `[constants]`, `[sensors]`, `[model]`, `[adequacy]`, `[population]`, `[shutdown]`,
+            `[tests.NAME]`, `[certificate]` and `[parameters.NAME]`.
 
     Raises:
         InputError: If the file cannot be read, has a section or key that is not known (with the
@@ -461,7 +465,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
     sections = {name: _section(content, name, where) for name in KEYS}
     for name, keys in KEYS.items():
         check_keys(sections[name], keys, f"{where}, [{name}]", "key")
-    motor, winding, vehicle, adequacy, population = (sections[name] for name in KEYS)
+    motor, winding, vehicle, adequacy, population, shutdown = (sections[name] for name in KEYS)
     sisters = next_of_population(population, where)
     effects = _effects(_section(content, "model", where), where)
     if "name" not in motor:
@@ -470,7 +474,9 @@ def parse_motor(data: bytes, where: str) -> Motor:
             where=f"{where}, [motor]",
             remedy='Add: name = "…".',
         )
-    at, at_winding, at_vehicle, at_adequacy, _ = (f"{where}, [{name}]" for name in KEYS)
+    at, at_winding, at_vehicle, at_adequacy, _, at_shutdown = (
+        f"{where}, [{name}]" for name in KEYS
+    )
     return Motor(
         name=text_of(motor, "name", at),
         phases=_phases(motor, at),
@@ -506,6 +512,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
         tests=parse_parts(_section(content, "tests", where), where),
         effects=tuple(dict.fromkeys((*effects, *sisters.effects))),
         adequacy=_adequacy(adequacy, sisters.unmodelled_heat, at_adequacy),
+        shutdown=_shutdown(shutdown, at_shutdown),
         certificate=parse_certificate(_section(content, "certificate", where), where),
         raster_s=_number(motor, "raster_s", POSITIVE, at),
         decimal=cast(Literal[".", ","] | None, _choice(motor, "decimal", (".", ","), at)),
@@ -659,6 +666,17 @@ def _adequacy(section: Mapping[str, Any], of_sisters: float | None, where: str) 
             _number(section, "heat_time_s", HEAT_TIME_RANGE, where), usual.heat_time_s
         ),
     )
+
+
+def _shutdown(section: Mapping[str, Any], where: str) -> ShutDown:
+    said: dict[str, Any] = {}
+    for key in section:
+        if key == "utilisation_class":
+            said[key] = _choice(section, key, INSULATION_CLASSES, where)
+        else:
+            is_share = key.endswith("_after") or (key.endswith("_sd"))
+            said[key] = _number(section, key, SHARE_RANGE if is_share else NOT_NEGATIVE, where)
+    return ShutDown(**said)
 
 
 def _parameters(section: Mapping[str, Any], where: str) -> dict[str, ParameterOverride]:

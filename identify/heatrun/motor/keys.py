@@ -208,6 +208,37 @@ POPULATION = Section(
     ),
 )  # fmt: skip
 
+SHUTDOWN = Section(
+    "shutdown",
+    "What is known of the readings that `heatrun shutdown` extrapolates to the instant of "
+    "switch-off. Standard deviations are those of the error itself (k = 1): half of a 95 % "
+    "interval. The cold resistance, its temperature, the leads and B stand in `[winding]`.",
+    (
+        Key("cold_resistance_sd", "Standard deviation of measured_resistance_ohm, relative.",
+            "0.001", "0.002"),
+        Key("cold_temperature_sd_K", "That of the winding's temperature then [K].", "0.3", "1"),
+        Key("coefficient_sd_degC", "That of B [°C].", "0.5", "1"),
+        Key("lead_sd", "That of lead_resistance_ohm, relative.", "0.1", "0.2"),
+        Key("reading_sd_K", "That of one reading after switch-off, as a temperature [K].", "0.1",
+            "told by the readings themselves, about 0.1"),
+        Key("sensor_sd_K", "Where a sensor is read in place of the resistance: its offset [K].",
+            "0.5", "1"),
+        Key("sensor_lag_s", "The sensor's time constant [s], known to a factor of 1.5.", "8", "0"),
+        Key("sink_sd_K", "That of the coolant's temperature [K].", "0.5", "1"),
+        Key("moment_sd_s", "That of the moment of switch-off [s].", "0.2", "0.5"),
+        Key("run_down_s", "Time constant with which the speed runs down [s]; 0 for a rotor that "
+            "stands or is driven on.", "8", "15, known to a factor of 2"),
+        Key("losses_after", "Share of the losses that stays after switch-off: 0 for a machine at "
+            "rest, more where it is driven on.", "0.3", "0"),
+        Key("losses_after_sd", "That of this share.", "0.2", "0"),
+        Key("current_after", "Share of the current that flows on.", "0.05", "0"),
+        Key("rated_output_kW", "Rated output [kW], by which the standard allows a delay of the "
+            "first reading.", "15", "the delay is not judged"),
+        Key("utilisation_class", "Class whose rise is permitted where it is not that of the "
+            "insulation, as in F utilised to B.", '"B"', "insulation_class"),
+    ),
+)  # fmt: skip
+
 PARAMETERS = Section(
     "parameters.NAME",
     "What is known beforehand of a parameter, in its unit: either fixed, or the value of its prior "
@@ -288,7 +319,7 @@ INSTRUMENTS = Section(
 
 SECTIONS: tuple[Section, ...] = (
     MOTOR, WINDING, VEHICLE, COLUMNS, CONSTANTS, SENSORS, TESTS, MODEL, ADEQUACY, POPULATION,
-    PARAMETERS, CERTIFICATE, INSTRUMENTS,
+    SHUTDOWN, PARAMETERS, CERTIFICATE, INSTRUMENTS,
 )  # fmt: skip
 """Every section, in the order of the file."""
 

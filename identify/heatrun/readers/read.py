@@ -203,7 +203,7 @@ def read_record(
                 unused = f"raster_s = {raster_s:g} is for MDF and TDMS; the file keeps its times."
                 mapped = replace(mapped, notes=(*mapped.notes, unused))
     channels = dict(mapped.channels)
-    time_s, time_notes, missing = _time(mapped, table, rate_Hz, where)
+    time_s, origin_s, time_notes, missing = _time(mapped, table, rate_Hz, where)
     if time_s.size > table.num_rows and table.sample_numbers is not None:
         channels = with_missing_rows(channels, table.sample_numbers)
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
@@ -232,6 +232,7 @@ def read_record(
         unused=mapped.unused,
         mapping=mapped.readings,
         decided=mapped.decided,
+        origin_s=origin_s,
         start=start or headed.day,
         start_from=CLOCK if start else HEADER if headed.day else "",
     )
@@ -307,8 +308,8 @@ def is_text_table(data: bytes, where: str) -> bool:
 
 def _time(
     mapped: MappedColumns, table: Table, rate_Hz: float | None, where: str
-) -> tuple[np.ndarray, tuple[str, ...], tuple[Finding, ...]]:
-    """Return the time axis [s], the notes on how it came about, and what is missing on it."""
+) -> tuple[np.ndarray, float, tuple[str, ...], tuple[Finding, ...]]:
+    """Return the time axis and its origin in the file [s], the notes on it, and what is missing."""
     rows = table.sample_numbers
     measured = mapped.channels.get("time_s")
     found_by = next((one.found_by for one in mapped.readings if one.channel == "time_s"), "")
@@ -325,12 +326,13 @@ def _time(
             raise InputError(
                 "The time column holds no times.", where=where, remedy="Check [columns] time_s."
             )
+        origin_s = float(measured[np.isfinite(measured)][0])
         time_s, shifted = from_first_sample(measured)
         time_s, gridded = exact_grid(time_s)
         ignored = "The rate in [columns] is not used: the file has its own time."
         notes = (shifted, gridded, ignored if mapped.rate_Hz is not None else "")
         lost = () if rows is None else (missing_rows(rows, None, time_s, where),)
-        return time_s, tuple(note for note in notes if note), lost
+        return time_s, origin_s, tuple(note for note in notes if note), lost
     rate = rate_Hz if rate_Hz is not None else mapped.rate_Hz
     if rate is None:
         names = ", ".join(column.name for column in table.columns)
@@ -343,9 +345,9 @@ def _time(
         )
     note = f"time_s is made from a rate of {rate:g} Hz."
     if rows is None:
-        return np.arange(table.num_rows) / rate, (note,), ()
+        return np.arange(table.num_rows) / rate, 0.0, (note,), ()
     time_s = np.arange(rows[-1] + 1) / rate
-    return time_s, (note,), (missing_rows(rows, rate, time_s, where),)
+    return time_s, 0.0, (note,), (missing_rows(rows, rate, time_s, where),)
 
 
 def name_of_test(path: Path, sheet: str | None = None) -> str:

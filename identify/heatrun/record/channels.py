@@ -360,17 +360,18 @@ def refuse_combination(channel: str, how: str, num_parts: int, where: str) -> No
         where: The line of the motor file, for the message.
 
     Raises:
-        InputError: If the channel is none of temperature or phase current, only temperatures have
-            a hottest, or fewer than two columns are named.
+        InputError: If the channel is no temperature, resistance or phase current, only temperatures
+            have a hottest, or fewer than two columns are named.
     """
     quantity = CHANNEL[channel].quantity
-    if quantity not in ("temperature", "phase current") or (
+    if quantity not in ("temperature", "phase current", "resistance") or (
         how == "hottest" and quantity != "temperature"
     ):
         raise InputError(
             f"Expected one column for {channel}, got {how}(…).",
             where=where,
-            remedy="mean(…) is for temperatures and phase currents, hottest(…) for temperatures.",
+            remedy="mean(…) is for temperatures, resistances and phase currents, hottest(…) for "
+            "temperatures.",
         )
     if not 2 <= num_parts <= MOST_PARTS:
         raise InputError(

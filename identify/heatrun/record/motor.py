@@ -142,6 +142,9 @@ COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
 """B of R(T) = R (B + T)/(B + Tref): copper by IEEE 112 and NEMA MG 1 (IEC 60034-1 uses 235 for
 copper), aluminium by IEC 60034-1."""
 
+LIMIT_DEGC = {"A": 105.0, "E": 120.0, "B": 130.0, "F": 155.0, "H": 180.0, "N": 200.0, "R": 220.0}
+"""Temperature of the insulation classes [degC]; IEC 60085, table 1."""
+
 HEAT_LIMITS = (1e-5, 0.05)
 """Smallest and largest share of the mean loss that heat outside the network may have [1]."""
 
@@ -158,6 +161,46 @@ class Adequacy:
 
     unmodelled_heat: float = 0.0015
     heat_time_s: float = 1200.0
+
+
+@dataclass(frozen=True)
+class ShutDown:
+    """What `[shutdown]` says of the readings after switch-off; standard deviations are k = 1.
+
+    Attributes:
+        cold_resistance_sd: Of `measured_resistance_ohm`, relative [1].
+        cold_temperature_sd_K: Of the winding when that was measured [K].
+        coefficient_sd_degC: Of B [degC].
+        lead_sd: Of `lead_resistance_ohm`, relative [1].
+        reading_sd_K: Of one reading, as a temperature [K]; None where the readings are to tell.
+        sensor_sd_K: Offset of a sensor [K].
+        sensor_lag_s: Time constant of a sensor [s]; 0 for none.
+        sink_sd_K: Of the sink [K].
+        moment_sd_s: Of the moment of switch-off [s].
+        run_down_s: Time constant of the speed's run-down [s]; 0 where the rotor is stopped at once
+            or does not matter, None where it is not known.
+        losses_after: Share of the losses that stay after switch-off [1].
+        losses_after_sd: Its standard deviation [1].
+        current_after: Share of the current that flows on after switch-off [1].
+        rated_output_kW: Rated output [kW], which sets the delay that the standard allows.
+        utilisation_class: Class whose rise is permitted, where it is another than the insulation's.
+    """
+
+    cold_resistance_sd: float = 0.002
+    cold_temperature_sd_K: float = 1.0
+    coefficient_sd_degC: float = 1.0
+    lead_sd: float = 0.2
+    reading_sd_K: float | None = None
+    sensor_sd_K: float = 1.0
+    sensor_lag_s: float = 0.0
+    sink_sd_K: float = 1.0
+    moment_sd_s: float = 0.5
+    run_down_s: float | None = None
+    losses_after: float = 0.0
+    losses_after_sd: float = 0.0
+    current_after: float = 0.0
+    rated_output_kW: float | None = None
+    utilisation_class: str | None = None
 
 
 GapLoad = Literal["held", "zero", "unknown"]
@@ -216,6 +259,7 @@ class Motor:
         tests: Which parts of a test count, by its name.
         effects: Ids of known effects that every model of this machine has.
         adequacy: How far its networks are trusted.
+        shutdown: What is known of readings after switch-off.
         certificate: What a certificate of its tests says beside the results.
         raster_s: Step that MDF and TDMS channels are averaged to [s], or None for the samples of
             the winding.
@@ -248,6 +292,7 @@ class Motor:
     tests: Mapping[str, PartsOfTest] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
     adequacy: Adequacy = field(default_factory=Adequacy)
+    shutdown: ShutDown = field(default_factory=ShutDown)
     certificate: Certificate = field(default_factory=Certificate)
     raster_s: float | None = None
     decimal: Literal[".", ","] | None = None

@@ -101,6 +101,7 @@ class Record:
         stretch: The part of the files that this is, as it is written behind a file; empty for all.
         decided: Channels whose unit the motor file itself gives; a line that repeats the heading of
             a column, as `heatrun init` writes it, decides nothing.
+        origin_s: The first sample's time in the file, which `time_s` is counted from [s].
         masks: Windows whose readings are left out of the comparison, first and last time [s].
     """
 
@@ -116,6 +117,7 @@ class Record:
     stretch: str = ""
     masks: tuple[tuple[float, float], ...] = ()
     decided: frozenset[str] = frozenset()
+    origin_s: float = 0.0
 
     def __getitem__(self, channel: str) -> np.ndarray:
         return self.channels[channel]

@@ -214,7 +214,7 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         Unit("ohm", ("Ω", "ohms")),
         Unit("mohm", ("mΩ", "mOhm", "mohms", "mOhms", "milliohm", "milliohms"), 1e-3),
         Unit("µohm", ("µΩ", "µOhm", "uohm", "uOhm", "uΩ", "microohm", "microohms"), 1e-6),
-        Unit("kohm", ("kΩ", "kohms", "kiloohm", "kilohm"), 1e3),
+        Unit("kohm", ("kΩ", "kOhm", "kOhms", "kohms", "kiloohm", "kilohm"), 1e3),
         Unit("Mohm", ("MΩ", "MOhm", "megohm", "megaohm"), 1e6),
     ),
     "fraction": (

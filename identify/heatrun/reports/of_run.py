@@ -18,9 +18,8 @@ from ..io.file_set import together
 from ..io.texts import LANGUAGES, Texts
 from ..io.whole_files import is_other, refuse_replacing, writable, write_whole
 from ..motor.certificate import load_meta
-from ..record.motor import Certificate, Instrument
+from ..record.motor import LIMIT_DEGC, Certificate, Instrument
 from ..results import FitResult, to_json
-from ..runs.duties import LIMIT_DEGC
 from ..runs.run import CERTIFICATE, Run, certificate_of, open_run
 from ..runs.run_folder import MANIFEST, RunFolder, listed_anew
 from ..runs.verdict import favoured, judged

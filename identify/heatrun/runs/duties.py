@@ -320,9 +320,6 @@ def _highest(
     return jax.vmap(one)(values, other, factor)
 
 
-LIMIT_DEGC = {"A": 105.0, "E": 120.0, "B": 130.0, "F": 155.0, "H": 180.0, "N": 200.0, "R": 220.0}
-"""Temperature of the insulation classes [degC]; IEC 60085, table 1."""
-
 NO_CLASS = "no insulation class: give [motor] insulation_class in the motor file"
 
 NO_CURRENT = (

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from ..record.motor import Adequacy, Motor, PartsOfTest
+from ..record.motor import Adequacy, Motor, PartsOfTest, ShutDown
 
 MOTOR = ("name", "phases", "losses", "sink", "insulation_class", "rated_speed_rpm",
          "rated_current_A", "mass_kg", "raster_s", "decimal")  # fmt: skip
@@ -28,6 +28,9 @@ def motor_text(motor: Motor) -> bytes:
     content["model"] = {"effects": list(motor.effects)} if motor.effects else {}
     if motor.adequacy != Adequacy():
         content["adequacy"] = asdict(motor.adequacy)
+    if motor.shutdown != ShutDown():
+        said = asdict(motor.shutdown)
+        content["shutdown"] = {key: value for key, value in said.items() if value is not None}
     content["columns"] = dict(motor.columns)
     content["constants"] = dict(motor.constants)
     content["tests"] = {name: kept for name, parts in motor.tests.items() if (kept := _kept(parts))}

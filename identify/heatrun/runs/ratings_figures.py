@@ -32,8 +32,9 @@ from lptn import (
 from ..io.quantities import rounded
 from ..model.model import Model
 from ..posterior.posterior import Posterior
+from ..record.motor import LIMIT_DEGC
 from ..results.model import AT_REST, LOADED, DerivedFigure
-from .duties import LIMIT_DEGC, Limit, Rated, alone, at_limit, duty_current, with_effects
+from .duties import Limit, Rated, alone, at_limit, duty_current, with_effects
 from .machine import Tested, bounded_rise, figure, machines, tested, under_load
 
 

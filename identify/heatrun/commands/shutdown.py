@@ -1,0 +1,89 @@
+"""`heatrun shutdown`: the winding's temperature at the instant of switch-off."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from ..errors import UsageError
+from . import words
+from .console import DONE, NOT_ALLOWED, printable, say
+
+
+def add_parser(commands: Any) -> argparse.ArgumentParser:
+    """Add the command's words to the subparsers `commands`."""
+    parser = commands.add_parser(
+        "shutdown", help="winding temperature at switch-off, from readings that came later"
+    )
+    parser.add_argument("motor", type=Path, metavar="MOTOR.toml", help="the motor file")
+    parser.add_argument(
+        "readings",
+        type=Path,
+        metavar="READINGS",
+        help="file of resistances, or of a sensor in the winding, over the time since switch-off",
+    )
+    parser.add_argument(
+        "--run", type=Path, metavar="RUN", help="run folder of this machine: its time constants"
+    )
+    parser.add_argument(
+        "--model", metavar="NAME", help="network of the run (default: its last one)"
+    )
+    parser.add_argument(
+        "--at",
+        default="",
+        metavar="TIME",
+        help="moment of switch-off in the time of the file, such as 10min or 14:32:05 (default: 0)",
+    )
+    parser.add_argument(
+        "--within",
+        type=float,
+        default=None,
+        metavar="K",
+        help="uncertainty of the extrapolation, 95 %%, beyond which it is not determinable "
+        "(default: 5)",
+    )
+    words.add_seed(parser)
+    words.add_out(parser, "folder for shutdown.json, readings.csv and shutdown.png (default: none)")
+    words.add_force(parser)
+    words.add_verbose(parser, "the uncertainty budget and how the file was read")
+    words.add_json(parser)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the temperature with its interval; write the files if asked."""
+    from ..motor.file import load_motor
+    from ..results import to_json
+    from ..shutdown.printed import text, write
+    from ..shutdown.readings import read_readings
+    from ..shutdown.result import WITHIN_K, as_content, winding_at_shutdown
+
+    if options.model is not None and options.run is None:
+        raise UsageError("--model names a network of a run: give --run too")
+    if options.within is not None and not options.within > 0.0:
+        raise UsageError(f"--within is a number of kelvin above 0, got {options.within:g}")
+    motor = load_motor(options.motor)
+    readings = read_readings(options.readings, motor, options.at)
+    modes = None
+    if options.run is not None:
+        from ..shutdown.of_run import modes_of_run
+
+        said = motor.shutdown
+        is_turning = said.run_down_s == 0.0 and said.losses_after > 0.0
+        modes = modes_of_run(options.run, readings, options.model, is_turning=is_turning)
+    result = winding_at_shutdown(
+        motor,
+        readings,
+        modes,
+        within_K=WITHIN_K if options.within is None else options.within,
+        seed=options.seed,
+    )
+    if options.out is not None:
+        for path in write(result, options.out, is_replacing=options.force):
+            say(str(path))
+    if options.json:
+        print(to_json(as_content(result)))
+    else:
+        print(printable(text(result, verbose=options.verbose)))
+    return DONE if result.is_determinable else NOT_ALLOWED

@@ -1,0 +1,155 @@
+"""The winding at switch-off for people: lines for the terminal, files with a figure."""
+
+from __future__ import annotations
+
+import io
+import math
+from pathlib import Path
+
+import numpy as np
+
+from ..io.whole_files import is_other, refuse_replacing, writable, write_whole
+from ..results import to_json
+from .cooling import NUM_DRAWS
+from .result import Limit, ShutdownResult, as_content
+
+COLOURS = ("#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Okabe and Ito's palette, which colour-blind readers can tell apart."""
+
+
+def text(result: ShutdownResult, *, verbose: bool = False) -> str:
+    """Return a result in a dozen lines.
+
+    Args:
+        result: The result.
+        verbose: Whether the budget and how the file was read follow.
+    """
+    low, high = result.winding_95_degC
+    lines = []
+    if result.is_determinable:
+        lines += [
+            f"Winding at switch-off: {result.winding_degC:.1f} °C (95 % {low:.1f} … {high:.1f} °C)",
+            f"Rise over the sink of {result.sink_degC:.1f} °C: {result.rise_K:.1f} K "
+            f"(95 % {result.rise_95_K[0]:.1f} … {result.rise_95_K[1]:.1f} K)",
+        ]
+        lines += [_limit(one) for one in result.limits]
+    else:
+        lines += [
+            f"NOT DETERMINABLE: {result.reason}",
+            f"The readings allow {low:.1f} … {high:.1f} °C (95 %) at switch-off.",
+        ]
+    lines.append(
+        f"First reading {result.first_reading_s:.0f} s after switch-off: "
+        f"{result.reading_degC[0]:.1f} °C; scatter {result.scatter_K:.2g} K; prior of "
+        f"{result.prior}"
+    )
+    lines += ["", "By hand from the same readings", *_by_hand(result)]
+    if verbose:
+        lines += ["", "Uncertainty budget (GUM)", *_budget(result)]
+        lines += ["", *result.notes]
+    return "\n".join(lines)
+
+
+def _limit(limit: Limit) -> str:
+    ends = limit.margin_95_K
+    left = f"{limit.margin_K:.1f} K left (95 % {ends[0]:.1f} … {ends[1]:.1f} K)"
+    if limit.margin_K < 0.0:
+        left = f"{-limit.margin_K:.1f} K too hot (95 % {-ends[1]:.1f} … {-ends[0]:.1f} K)"
+    name = f"{limit.name[0].upper()}{limit.name[1:]} {limit.value:g} {_unit(limit.unit)}"
+    return f"{name}: {left}; within it with a probability of {100.0 * limit.probability:.0f} %"
+
+
+def _unit(unit: str) -> str:
+    return {"degC": "°C", "ohm": "Ω"}.get(unit, unit)
+
+
+def _by_hand(result: ShutdownResult) -> list[str]:
+    return [
+        f"  {row.method:<42} "
+        + (
+            "not applicable"
+            if math.isnan(row.degC)
+            else f"{row.degC:7.1f} °C  {row.degC - result.winding_degC:+6.1f} K"
+        )
+        for row in result.by_hand
+    ]
+
+
+def _budget(result: ShutdownResult) -> list[str]:
+    head = f"  {'source':<36} {'u':>11} {'K per unit':>11} {'K':>7} {'share':>6}"
+    lines = [head]
+    for row in result.budget:
+        u = "" if row.standard_uncertainty is None else f"{row.standard_uncertainty:.2g} {row.unit}"
+        c = "" if row.sensitivity is None else f"{row.sensitivity:.3g}"
+        lines.append(
+            f"  {row.source:<36} {u:>11} {c:>11} {row.contribution_K:7.3f} {100 * row.share:5.1f} %"
+        )
+    lines.append(
+        f"  standard uncertainty {result.gum_uncertainty_K:.3f} K to first order (GUM), "
+        f"{result.standard_uncertainty_K:.3f} K by {NUM_DRAWS} draws (JCGM 101)"
+    )
+    return lines
+
+
+def table(result: ShutdownResult) -> bytes:
+    """Return readings and curve as CSV: time, reading, median and 95 % limits of the winding."""
+    curve = [np.interp(result.reading_time_s, result.time_s, one) for one in result.curve_degC]
+    rows = zip(result.reading_time_s, result.reading_degC, *curve, strict=True)
+    lines = ["time_s,reading_degC,low_95_degC,winding_degC,high_95_degC"]
+    lines += [",".join(f"{value:.6g}" for value in row) for row in rows]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def figure(result: ShutdownResult) -> bytes:
+    """Return the figure as PNG: readings, extrapolation with its band, methods by hand."""
+    from matplotlib.figure import Figure
+
+    drawn = Figure(figsize=(7.2, 4.2), layout="constrained")
+    axis = drawn.add_subplot()
+    low, median, high = result.curve_degC
+    axis.fill_between(result.time_s, low, high, color="#0072B2", alpha=0.2, lw=0, label="95 %")
+    axis.plot(result.time_s, median, color="#0072B2", lw=1.2, label="winding")
+    axis.plot(result.reading_time_s, result.reading_degC, "o", color="#222222", ms=3,
+              label="readings")  # fmt: skip
+    for row, colour in zip(result.by_hand[1:], COLOURS, strict=False):
+        if not math.isnan(row.degC):
+            axis.plot(row.time_s, row.degC, "D", color=colour, ms=5, clip_on=False,
+                      label=row.method)  # fmt: skip
+    for one in result.limits:
+        degC = one.value if one.unit == "degC" else one.value + result.sink_degC
+        if degC < 1.15 * high.max():
+            axis.axhline(degC, color="#B00020", lw=0.9, ls="-" if one.unit == "degC" else "--",
+                         label=one.name)  # fmt: skip
+    axis.axvline(0.0, color="#999999", lw=0.6)
+    axis.set(xlabel="Time since switch-off [s]", ylabel="Temperature [°C]",
+             title=f"{result.motor}, {result.readings}")  # fmt: skip
+    axis.grid(lw=0.3)
+    axis.legend(fontsize=7, frameon=False)
+    stream = io.BytesIO()
+    drawn.savefig(stream, format="png", dpi=150, metadata={"Software": None})
+    return stream.getvalue()
+
+
+def write(result: ShutdownResult, folder: Path, *, is_replacing: bool = False) -> list[Path]:
+    """Write `shutdown.json`, `readings.csv` and `shutdown.png`.
+
+    Args:
+        result: The result.
+        folder: Where to; it is made.
+        is_replacing: Whether another result that stands there is replaced.
+
+    Raises:
+        InputError: If the folder cannot be written, or holds another result.
+    """
+    contents = {
+        "shutdown.json": (to_json(as_content(result)) + "\n").encode(),
+        "readings.csv": table(result),
+        "shutdown.png": figure(result),
+    }
+    if not is_replacing and is_other(folder / "shutdown.json", contents["shutdown.json"]):
+        refuse_replacing(folder / "shutdown.json", "another result")
+    with writable("the result", folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in contents.items():
+            write_whole(folder / name, content)
+    return [folder / name for name in contents]

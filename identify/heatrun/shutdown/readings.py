@@ -1,0 +1,269 @@
+"""Readings after switch-off: times counted from it, ohms or degrees, and what is wrong there."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..readers.read import read_record
+from ..record.by_resistance import CIRCUITS
+from ..record.header import split_name
+from ..record.motor import Motor
+from ..record.record import Record
+from ..record.stretch import parse_time
+from ..record.units import find_unit
+
+FEWEST = 3
+"""Readings of which a course can be told."""
+
+LATEST_S = 7200.0
+"""No first reading of a winding comes later [s]: such a time is that of a clock."""
+
+HOTTEST_degC = 240.0
+"""20 K above the highest insulation class; more is an error of the resistance."""
+
+BELOW_SINK_K = 8.0
+"""What errors of the cold resistance may show a winding below its sink [K]: 3 %."""
+
+WARMS_K = 1.0
+"""What readings of a winding that cools may end above the first one: their scatter [K]."""
+
+TERMINALS = (1.0, 2.0, 2.0 / 3.0)
+"""Of `CIRCUITS`, what a bridge at a machine's terminals measures."""
+
+OTHER_CIRCUITS = {
+    2.0: "of a phase, measured at terminals of a star",
+    0.5: "at terminals of a star, measured on a phase",
+    1.0 / 3.0: "connected in star, measured in delta",
+    3.0: "connected in delta, measured in star",
+    2.0 / 3.0: "of a phase, measured at terminals of a delta",
+    1.5: "at terminals of a delta, measured on a phase",
+}
+"""Factors between circuits of one winding that are taken for each other."""
+
+CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d+)?))?")
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Readings after switch-off.
+
+    Attributes:
+        name: Of the file.
+        time_s: Since the stated moment of switch-off [s], shape (time,), ascending.
+        degC: Temperatures, by the cold resistance that is stated, shape (time,).
+        sink_degC: Mean temperature of the sink over the readings.
+        ohm: What was measured [ohm], shape (time,); None for a sensor.
+        reference_ohm: Cold resistance of the same circuit, leads included [ohm]; None for a sensor.
+        notes: How it was read.
+        sha256: Digest of the file.
+    """
+
+    name: str
+    time_s: np.ndarray
+    degC: np.ndarray
+    sink_degC: float
+    ohm: np.ndarray | None
+    reference_ohm: float | None
+    notes: tuple[str, ...]
+    sha256: str
+
+
+def read_readings(path: Path, motor: Motor, at: str = "") -> Readings:
+    """Read a file of readings.
+
+    Args:
+        path: Times and resistances, or temperatures of a sensor.
+        motor: Columns, material, cold resistance, leads.
+        at: Moment of switch-off in the file's own time: seconds, `10min`, or a clock `14:32:05`;
+            empty where the file counts from it.
+
+    Raises:
+        InputError: If the file cannot be read, or its readings are none of a winding that cools.
+    """
+    record = _read(path, motor)
+    where = str(path)
+    time_s = record.time_s + record.origin_s - _moment(at, where)
+    is_ohm = "winding_resistance_ohm" in record
+    values = record["winding_resistance_ohm" if is_ohm else "winding_degC"]
+    _refuse_disorder(time_s, where)
+    used = np.isfinite(time_s) & np.isfinite(values) & (time_s >= 0.0)
+    before = int(np.sum(time_s < 0.0))
+    notes = [
+        *record.notes,
+        *([f"{before} readings before switch-off are left out."] if before else []),
+    ]
+    time_s, values = time_s[used], values[used]
+    if time_s.size < FEWEST:
+        raise InputError(
+            f"Expected at least {FEWEST} readings after switch-off, got {time_s.size}.",
+            where=where,
+            remedy="Go on reading for some minutes: one reading tells no course."
+            + ("" if not at else " Or check --at."),
+        )
+    if time_s[0] > LATEST_S:
+        raise InputError(
+            f"The first reading comes {time_s[0]:.0f} s after switch-off.",
+            where=where,
+            remedy="Give the moment of switch-off in the file's time, as in --at 14:32:05.",
+        )
+    sink_degC = _sink(record, motor, used, where)
+    degC, ohm, reference = values, None, None
+    if is_ohm:
+        reference, note = _reference(values, motor, sink_degC, where)
+        degC, ohm = temperature(values, reference, motor), values
+        notes.append(note)
+    if degC[-1] > degC[0] + WARMS_K:
+        raise InputError(
+            f"The winding does not cool: {degC[0]:.1f} °C {time_s[0]:.0f} s after switch-off, "
+            f"{degC[-1]:.1f} °C after {time_s[-1]:.0f} s.",
+            where=where,
+            remedy="Give the moment of switch-off by --at where the file begins before it, or the "
+            "readings after it alone.",
+        )
+    return Readings(record.name, time_s, degC, sink_degC, ohm, reference, tuple(notes),
+                    record.sources[0].sha256)  # fmt: skip
+
+
+def temperature(ohm: np.ndarray, reference_ohm: float, motor: Motor) -> np.ndarray:
+    """Return the temperatures of resistances [degC]; leads are taken off both."""
+    leads, B = motor.lead_resistance_ohm, motor.resistance_coefficient_degC
+    ratio = (ohm - leads) / (reference_ohm - leads)
+    return ratio * (B + motor.reference_temperature_degC) - B
+
+
+def _read(path: Path, motor: Motor) -> Record:
+    """Return the record; columns in ohms are the winding's, in a file of such readings."""
+    record = read_record(path, motor)
+    if "winding_resistance_ohm" in record or "winding_degC" in record:
+        return record
+    ohms = [name for name in record.unused if _is_resistance(name)]
+    if not ohms:
+        raise InputError(
+            "Expected readings of the winding's resistance, or of a sensor in it; found none.",
+            where=str(path),
+            remedy='Name the column with its unit, such as "R [mOhm]", or map it by [columns] '
+            "winding_resistance_ohm or winding_degC.",
+        )
+    text = ohms[0] if len(ohms) == 1 else f"mean({', '.join(ohms)})"
+    columns = {**motor.columns_of(record.name), "winding_resistance_ohm": text}
+    return read_record(path, replace(motor, columns=columns, tests={}))
+
+
+def _is_resistance(name: str) -> bool:
+    unit = split_name(name)[1]
+    return unit is not None and find_unit(unit, "resistance") is not None
+
+
+def _moment(at: str, where: str) -> float:
+    clock = CLOCK.fullmatch(at.strip())
+    if clock:
+        hours, minutes, seconds = (float(part or 0.0) for part in clock.groups())
+        return 3600.0 * hours + 60.0 * minutes + seconds
+    remedy = "Write --at 30s, --at 10min or, as a clock has it, --at 14:32:05."
+    return parse_time(at, where, remedy) if at else 0.0
+
+
+def _refuse_disorder(time_s: np.ndarray, where: str) -> None:
+    back = np.flatnonzero(np.diff(time_s) <= 0.0)
+    if back.size:
+        first = int(back[0])
+        raise InputError(
+            f"Reading {first + 2} is {time_s[first + 1]:.6g} s after switch-off, the one before "
+            f"it {time_s[first]:.6g} s: the times do not ascend.",
+            where=where,
+            remedy="Put the readings in the order in which they were taken, each time once.",
+        )
+
+
+def _sink(record: Record, motor: Motor, used: np.ndarray, where: str) -> float:
+    channel = f"{motor.sink}_degC"
+    values = record.channels.get(channel, np.full(1, motor.constants.get(channel, np.nan)))
+    values = values[used] if values.size == used.size else values
+    if not np.isfinite(values).any():
+        raise InputError(
+            f"The temperature of the {motor.sink} at switch-off is not given.",
+            where=where,
+            remedy=f"Add a column {channel}, or [constants] {channel} = 25.0 in the motor file.",
+        )
+    return float(np.nanmean(values))
+
+
+def _reference(ohm: np.ndarray, motor: Motor, sink_degC: float, where: str) -> tuple[float, str]:
+    """Return the cold resistance of the measured circuit [ohm], and how it is known."""
+    at = f"at {motor.reference_temperature_degC:g} °C"
+    phase, stated = motor.phase_resistance_ohm, motor.measured_resistance_ohm
+    leads = motor.lead_resistance_ohm
+    if stated is None and phase is None:
+        raise InputError(
+            "The cold resistance of the winding is not given.",
+            where=where,
+            remedy=f"State it {at}, of the same circuit, leads included: [winding] "
+            "measured_resistance_ohm, with reference_temperature_degC.",
+        )
+    if stated is not None:
+        _refuse_implausible(ohm, stated, motor, sink_degC, where)
+        return stated, f"Cold resistance {stated:.5g} ohm {at}, leads included."
+    assert phase is not None
+    fitting = {
+        factor: CIRCUITS[factor]
+        for factor in TERMINALS
+        if _is_plausible(temperature(ohm, factor * phase + leads, motor), sink_degC)
+    }
+    if len(fitting) == 1:
+        ((factor, circuit),) = fitting.items()
+        known = factor * phase + leads
+        return (
+            known,
+            f"Cold resistance {known:.5g} ohm {at}: {factor:.3g} times a phase ({circuit}).",
+        )
+    if not fitting:
+        _refuse_implausible(ohm, phase + leads, motor, sink_degC, where)
+    raise InputError(
+        f"The first reading is {ohm[0]:.5g} ohm and a phase has {phase:.5g} ohm {at}: "
+        f"it may be {' or '.join(fitting.values())}.",
+        where=where,
+        remedy=f"State the cold resistance of the measured circuit, leads included, {at}: "
+        "[winding] measured_resistance_ohm.",
+    )
+
+
+def _is_plausible(degC: np.ndarray, sink_degC: float) -> bool:
+    return bool(np.min(degC) > sink_degC - BELOW_SINK_K and np.max(degC) < HOTTEST_degC)
+
+
+def _refuse_implausible(
+    ohm: np.ndarray, reference: float, motor: Motor, sink_degC: float, where: str
+) -> None:
+    """Refuse resistances that no winding can have, with the unit or circuit that would do."""
+    degC = temperature(ohm, reference, motor)
+    if _is_plausible(degC, sink_degC):
+        return
+    said = (
+        f"The readings, {ohm[0]:.5g} to {ohm[-1]:.5g} ohm, give {degC[0]:.0f} to {degC[-1]:.0f} °C "
+        f"with a cold resistance of {reference:.5g} ohm at "
+        f"{motor.reference_temperature_degC:g} °C; the {motor.sink} has {sink_degC:.1f} °C."
+    )
+    guesses = [
+        f"the unit of the column is wrong: times {factor:g} they would fit (mΩ, Ω, kΩ)"
+        for factor in (1e3, 1e-3, 1e6, 1e-6)
+        if _is_plausible(temperature(ohm * factor, reference, motor), sink_degC)
+    ]
+    guesses += [
+        f"the cold resistance is of another circuit: {times:.3g} times it would fit ({circuit})"
+        for times, circuit in OTHER_CIRCUITS.items()
+        if _is_plausible(temperature(ohm, times * reference, motor), sink_degC)
+    ]
+    below = np.max(degC) < sink_degC - BELOW_SINK_K
+    cause = " Below its coolant no winding cools." if below else ""
+    maybe = f" Perhaps {'; or '.join(guesses)}." if guesses else ""
+    raise InputError(
+        f"{said}{cause}{maybe}",
+        where=where,
+        remedy="Check the unit of the column and [winding] measured_resistance_ohm: the same "
+        "circuit, leads included, at reference_temperature_degC.",
+    )

@@ -1,0 +1,348 @@
+"""The winding at switch-off as a result: value, interval, budget, limits, and whether it stands.
+
+The budget is that of GUM: every source with its standard uncertainty, its sensitivity and its
+share. For an estimate that is linear in readings and prior means it is exact: with the Jacobian
+$J$ of the readings over their scatter and $g$ of the answer, both by standard normal numbers,
+$S = (1 + J^T J)^{-1}$, source $i$ moves the answer by $-(S g)_i$ and the scatter by $|J S g|$.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..record.motor import LIMIT_DEGC, Motor
+from .cooling import AbstractModes, Cooling, Source, UsualModes
+from .graphical import ByHand, allowed_delay_s, by_hand
+from .readings import Readings
+
+WITHIN_K = 5.0
+"""What the extrapolation may add to the 95 % interval to either side [K]: half of the 10 K that
+lie between class temperature and permitted rise, so that a verdict is still one."""
+
+PERMITTED_RISE_K = {"B": 80.0, "F": 105.0, "H": 125.0}
+"""Rise by resistance at up to 40 °C of the air [K]: IEC 60034-1:2004, table 7, windings of AC
+machines from 600 W to below 5 MW. The table is quoted so by manufacturers; other classes, small,
+large and encapsulated machines have other rows."""
+
+MOST_READINGS = 60
+"""Readings that are used one by one; a logger's are averaged to so many blocks."""
+
+NUM_AROUND, NUM_HALVINGS = 25, 10
+"""Draws around which a first reading that was not made is judged, and steps towards its time."""
+
+MOST_OF = 0.8
+"""Share of these that a first reading must do for [1]."""
+
+STEP = 0.05
+"""Of the standard normal numbers in the finite differences of the budget."""
+
+
+@dataclass(frozen=True)
+class BudgetRow:
+    """One source of the uncertainty.
+
+    Attributes:
+        source: In words.
+        unit: Of the source; empty where several numbers stand behind it.
+        standard_uncertainty: Of the source alone [unit]; None where it has no unit.
+        sensitivity: Kelvin of the answer by one unit; None likewise.
+        contribution_K: Standard uncertainty that it brings to the answer [K].
+        share: Of the variance [1].
+        is_extrapolation: Whether an earlier first reading would make it smaller.
+    """
+
+    source: str
+    unit: str
+    standard_uncertainty: float | None
+    sensitivity: float | None
+    contribution_K: float
+    share: float
+    is_extrapolation: bool
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What an insulation class permits, and what is left to it.
+
+    Attributes:
+        name: In words.
+        value: Permitted temperature [degC] or rise [K].
+        unit: degC or K.
+        margin_K: What is left, median [K].
+        margin_95_K: 95 % interval.
+        probability: That the machine is within it [1].
+    """
+
+    name: str
+    value: float
+    unit: str
+    margin_K: float
+    margin_95_K: tuple[float, float]
+    probability: float
+
+
+@dataclass(frozen=True)
+class ShutdownResult:
+    """The winding at the instant of switch-off.
+
+    Attributes:
+        motor: Name of the machine.
+        readings: Name of the readings.
+        quantity: `"resistance"` or `"sensor"`.
+        is_determinable: Whether the extrapolation is within `within_K`.
+        reason: Why not, and what would have helped; empty if it is.
+        winding_degC: Median.
+        winding_95_degC: 95 % interval.
+        standard_uncertainty_K: Of the draws (JCGM 101).
+        gum_uncertainty_K: Of first order, the root of the sum of the budget (GUM).
+        sink_degC: What the machine cools to.
+        rise_K: Over the sink, median.
+        rise_95_K: 95 % interval.
+        extrapolation_95_K: Half-width of the 95 % interval that the extrapolation alone has.
+        within_K: What it may have.
+        first_reading_s: Time of the first reading.
+        latest_first_reading_s: When it should have come at the latest; None where even the instant
+            itself would not do.
+        limits: What the classes permit.
+        by_hand: What the methods by hand give.
+        budget: Sources, the largest first.
+        prior: Where the prior of the time constants comes from.
+        scatter_K: Of a reading, median.
+        time_s: Times of a curve for the figure.
+        curve_degC: Its 2.5, 50 and 97.5 % quantiles, shape (3, time).
+        reading_time_s: Times of the readings that were used.
+        reading_degC: As temperatures.
+        notes: How the readings were read.
+        sha256: Digest of the readings.
+    """
+
+    motor: str
+    readings: str
+    quantity: str
+    is_determinable: bool
+    reason: str
+    winding_degC: float
+    winding_95_degC: tuple[float, float]
+    standard_uncertainty_K: float
+    gum_uncertainty_K: float
+    sink_degC: float
+    rise_K: float
+    rise_95_K: tuple[float, float]
+    extrapolation_95_K: float
+    within_K: float
+    first_reading_s: float
+    latest_first_reading_s: float | None
+    limits: tuple[Limit, ...]
+    by_hand: tuple[ByHand, ...]
+    budget: tuple[BudgetRow, ...]
+    prior: str
+    scatter_K: float
+    time_s: np.ndarray
+    curve_degC: np.ndarray
+    reading_time_s: np.ndarray
+    reading_degC: np.ndarray
+    notes: tuple[str, ...]
+    sha256: str
+
+
+def winding_at_shutdown(
+    motor: Motor,
+    readings: Readings,
+    modes: AbstractModes | None = None,
+    *,
+    within_K: float = WITHIN_K,
+    seed: int = 0,
+) -> ShutdownResult:
+    """Extrapolate readings to the instant of switch-off.
+
+    Args:
+        motor: The machine, with `[shutdown]`.
+        readings: What was read.
+        modes: Prior of time constants and amplitudes; that of machines in general if None.
+        within_K: Extrapolation beyond which the answer is not determinable, half-width of a 95 %
+            interval [K].
+        seed: Of the draws.
+    """
+    time_s, degC = _reduced(readings)
+    prior = modes or UsualModes(rise_K=float(degC[0]) - readings.sink_degC)
+    cooling = Cooling(time_s, degC, readings.sink_degC, motor, readings.reference_ohm, prior)
+    z = cooling.posterior(seed)
+    random = np.random.default_rng([seed, 1])
+    errors = {
+        key: source.sd * random.standard_normal((len(z), 1))
+        for key, source in cooling.instruments.items()
+    }
+    winding = cooling.true(cooling.winding(z, np.zeros(1)), errors)[:, 0]
+    sink = readings.sink_degC + motor.shutdown.sink_sd_K * random.standard_normal(len(z))
+    centre, noise = np.mean(z, axis=0), float(np.median(cooling.noise_K(z)))
+    budget = _budget(cooling, centre, noise)
+    gum = float(np.sqrt(sum(row.contribution_K**2 for row in budget)))
+    share = sum(row.share for row in budget if row.is_extrapolation)
+    low, high = _interval(winding)
+    extrapolation = 0.5 * (high - low) * share**0.5
+    is_determinable = extrapolation <= within_K
+    latest = None if is_determinable else _latest(cooling, z, noise, within_K)
+    grid = np.linspace(0.0, float(time_s[-1]), 121)
+    curve = cooling.true(cooling.winding(z, grid), errors)
+    return ShutdownResult(
+        motor=motor.name,
+        readings=readings.name,
+        quantity="sensor" if readings.ohm is None else "resistance",
+        is_determinable=is_determinable,
+        reason="" if is_determinable else _reason(time_s[0], extrapolation, within_K, latest),
+        winding_degC=float(np.median(winding)),
+        winding_95_degC=(low, high),
+        standard_uncertainty_K=float(np.std(winding)),
+        gum_uncertainty_K=gum,
+        sink_degC=readings.sink_degC,
+        rise_K=float(np.median(winding - sink)),
+        rise_95_K=_interval(winding - sink),
+        extrapolation_95_K=extrapolation,
+        within_K=within_K,
+        first_reading_s=float(time_s[0]),
+        latest_first_reading_s=float(time_s[0]) if is_determinable else latest,
+        limits=_limits(motor, winding, winding - sink),
+        by_hand=tuple(
+            by_hand(
+                time_s, degC, readings.sink_degC, allowed_delay_s(motor.shutdown.rated_output_kW)
+            )
+        ),
+        budget=budget,
+        prior=cooling.modes.basis,
+        scatter_K=noise,
+        time_s=grid,
+        curve_degC=np.quantile(curve, [0.025, 0.5, 0.975], axis=0),
+        reading_time_s=time_s,
+        reading_degC=degC,
+        notes=readings.notes,
+        sha256=readings.sha256,
+    )
+
+
+def _reduced(readings: Readings) -> tuple[np.ndarray, np.ndarray]:
+    """Return times and temperatures; means of blocks where a logger has written many."""
+    num = readings.time_s.size
+    if num <= MOST_READINGS:
+        return readings.time_s, readings.degC
+    edges = np.linspace(0, num, MOST_READINGS + 1).astype(int)
+    counts = np.diff(edges)
+    time_s, degC = (
+        np.add.reduceat(one, edges[:-1]) / counts for one in (readings.time_s, readings.degC)
+    )
+    return time_s, degC
+
+
+def _interval(draws: np.ndarray) -> tuple[float, float]:
+    low, high = np.quantile(draws, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _linear(
+    cooling: Cooling, centre: np.ndarray, noise: float, time_s: np.ndarray | None = None
+) -> tuple[np.ndarray, float]:
+    """Return what each standard normal number and the scatter bring to the answer [K]."""
+    steps = STEP * np.eye(len(cooling.names))
+    both = np.concatenate([centre + steps, centre - steps])
+    read = cooling.predicted(both, time_s)
+    J = ((read[: len(cooling.names)] - read[len(cooling.names) :]) / (2.0 * STEP * noise)).T
+    at = cooling.winding(both, np.zeros(1))[:, 0]
+    g = (at[: len(cooling.names)] - at[len(cooling.names) :]) / (2.0 * STEP)
+    moved = np.linalg.solve(np.eye(len(cooling.names)) + J.T @ J, g)
+    return -moved, float(np.linalg.norm(J @ moved))
+
+
+def _budget(cooling: Cooling, centre: np.ndarray, noise: float) -> tuple[BudgetRow, ...]:
+    moved, scatter = _linear(cooling, centre, noise)
+    at = cooling.winding(centre[None], np.zeros(1))[0]
+    of_instruments = {
+        key: float(cooling.true(at, {key: source.sd})[0] - at[0])
+        for key, source in cooling.instruments.items()
+    }
+    extrapolation = float(np.sum(moved**2) + scatter**2)
+    variance = extrapolation + sum(part**2 for part in of_instruments.values())
+    own = {source.name: source for source in (*cooling.sources.values(), cooling.sink)}
+    rows = []
+    for name in dict.fromkeys(cooling.names):
+        part = float(
+            np.linalg.norm(moved[[k for k, one in enumerate(cooling.names) if one == name]])
+        )
+        if name not in own:
+            rows.append(BudgetRow(name, "", None, None, part, part**2 / variance, True))
+            continue
+        sd, part = own[name].standard_uncertainty, float(moved[cooling.names.index(name)])
+        if own[name] == cooling.sources["noise"]:
+            sd, part = noise, scatter
+        rows.append(_row(own[name], sd, part, variance, is_extrapolation=True))
+    for key, source in cooling.instruments.items():
+        rows.append(_row(source, source.sd, of_instruments[key], variance, is_extrapolation=False))
+    return tuple(sorted(rows, key=lambda row: -row.share))
+
+
+def _row(
+    source: Source, sd: float, part: float, variance: float, *, is_extrapolation: bool
+) -> BudgetRow:
+    return BudgetRow(
+        source.name, source.unit, sd, part / sd, abs(part), part**2 / variance, is_extrapolation
+    )
+
+
+def _latest(cooling: Cooling, z: np.ndarray, noise: float, within_K: float) -> float | None:
+    """Return the latest first reading that would have done [s]; None if none would.
+
+    To first order, for most of the machines that the readings allow.
+    """
+    some = z[:: max(1, len(z) // NUM_AROUND)]
+    came_s = cooling.time_s - cooling.time_s[0]
+
+    def half_width(first_s: float) -> float:
+        parts = (_linear(cooling, centre, noise, came_s + first_s) for centre in some)
+        found = [1.96 * np.hypot(np.linalg.norm(moved), scatter) for moved, scatter in parts]
+        return float(np.quantile(found, MOST_OF))
+
+    low, high = 0.0, float(cooling.time_s[0])
+    if half_width(low) > within_K:
+        return None
+    for _ in range(NUM_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if half_width(middle) <= within_K else (low, middle)
+    return low
+
+
+def _reason(first_s: float, extrapolation: float, within_K: float, latest: float | None) -> str:
+    said = (
+        f"the first reading comes {first_s:.0f} s after switch-off, and the extrapolation alone is "
+        f"uncertain by ±{extrapolation:.1f} K (95 %), more than ±{within_K:g} K."
+    )
+    if latest is None or latest < 1.0:
+        return f"{said} Readings with less scatter, or a calibrated run (--run), are needed."
+    if latest > 0.95 * first_s:
+        return f"{said} More readings, or a calibrated run (--run), would do."
+    return f"{said} It should have come within about {latest:.0f} s; a run (--run) helps too."
+
+
+def _limits(motor: Motor, winding: np.ndarray, rise: np.ndarray) -> tuple[Limit, ...]:
+    found = []
+    insulation = motor.insulation_class
+    if insulation is not None:
+        margin = LIMIT_DEGC[insulation] - winding
+        found.append(
+            _limit(f"class {insulation}, temperature", LIMIT_DEGC[insulation], "degC", margin)
+        )
+    used = motor.shutdown.utilisation_class or insulation
+    if used in PERMITTED_RISE_K and motor.sink == "ambient":
+        permitted = PERMITTED_RISE_K[used]
+        found.append(_limit(f"class {used}, rise by resistance", permitted, "K", permitted - rise))
+    return tuple(found)
+
+
+def _limit(name: str, value: float, unit: str, margin: np.ndarray) -> Limit:
+    within = float(np.mean(margin >= 0.0))
+    return Limit(name, value, unit, float(np.median(margin)), _interval(margin), within)
+
+
+def as_content(result: ShutdownResult) -> Mapping[str, object]:
+    """Return what stands in `shutdown.json`."""
+    return {"format": "heatrun-shutdown/1", **vars(result)}

@@ -1,0 +1,260 @@
+"""The winding at switch-off: extrapolation, budget, faults of the readings, the command."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from heatrun import cli
+from heatrun.errors import InputError
+from heatrun.motor.file import parse_motor
+from heatrun.shutdown.cooling import Cooling, UsualModes, _lagged
+from heatrun.shutdown.graphical import allowed_delay_s, by_hand
+from heatrun.shutdown.readings import read_readings
+from heatrun.shutdown.result import winding_at_shutdown
+
+COLD, COLD_degC, B, AIR = 0.482, 21.0, 234.5, 23.0
+MOTOR = f"""[motor]
+name = "M 112"
+insulation_class = "F"
+[winding]
+measured_resistance_ohm = {COLD}
+reference_temperature_degC = {COLD_degC}
+[constants]
+ambient_degC = {AIR}
+[shutdown]
+cold_resistance_sd = 0.0005
+cold_temperature_sd_K = 0.05
+coefficient_sd_degC = 0.1
+moment_sd_s = 0.1
+run_down_s = 0
+"""
+TIME_S = np.arange(20.0, 320.0, 15.0)
+TRUE_degC = AIR + 9.0 + 5.0 + 48.0
+
+
+def winding(time_s):
+    """Two modes of the winding, one of the housing."""
+    modes = ((5.0, 45.0), (9.0, 160.0), (48.0, 3600.0))
+    return AIR + sum(drop * np.exp(-time_s / tau) for drop, tau in modes)
+
+
+def ohm(degC):
+    return COLD * (B + degC) / (B + COLD_degC)
+
+
+def write(folder, time_s, values, head="time_s,R [Ohm]"):
+    rows = [f"{t:.1f},{value:.6f}" for t, value in zip(time_s, values, strict=True)]
+    path = folder / "readings.csv"
+    path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def motor(text=MOTOR):
+    return parse_motor(text.encode(), "motor.toml")
+
+
+def found(folder, values=None, *, time_s=TIME_S, text=MOTOR, at="", seed=0):
+    machine = motor(text)
+    scatter = np.random.default_rng(7).normal(0.0, 0.03, time_s.size)
+    values = ohm(winding(time_s) + scatter) if values is None else values
+    return winding_at_shutdown(
+        machine, read_readings(write(folder, time_s, values), machine, at), seed=seed
+    )
+
+
+def test_the_interval_holds_what_the_readings_came_too_late_for(tmp_path):
+    result = found(tmp_path)
+    low, high = result.winding_95_degC
+    assert low < TRUE_degC < high
+    assert high - low < 3.0
+    assert abs(result.winding_degC - TRUE_degC) < 0.7
+    # by hand the winding is colder than it was, the line most of all
+    by_line = next(row.degC for row in result.by_hand if "line" in row.method)
+    assert by_line < TRUE_degC - 2.0
+
+
+def test_another_seed_says_the_same(tmp_path):
+    first, second = found(tmp_path), found(tmp_path, seed=1)
+    # some 2000 draws: a tenth of the standard uncertainty
+    assert abs(first.winding_degC - second.winding_degC) < 0.15 * first.standard_uncertainty_K
+
+
+def test_the_budget_adds_up_and_agrees_with_the_draws(tmp_path):
+    result = found(tmp_path)
+    assert sum(row.share for row in result.budget) == pytest.approx(1.0)
+    total = np.sqrt(sum(row.contribution_K**2 for row in result.budget))
+    assert total == pytest.approx(result.gum_uncertainty_K)
+    # of first order; a late reading makes them part
+    assert result.gum_uncertainty_K == pytest.approx(result.standard_uncertainty_K, rel=0.25)
+    cold = next(row for row in result.budget if row.source == "cold resistance")
+    # dT/dR1 by hand: the temperature above -B, for a relative error
+    assert cold.sensitivity == pytest.approx(-(B + result.winding_degC), rel=0.01)
+    assert cold.contribution_K == pytest.approx(0.0005 * (B + result.winding_degC), rel=0.01)
+
+
+def test_what_the_cold_measurement_is_uncertain_by_is_in_the_interval(tmp_path):
+    sharp = found(tmp_path)
+    blunt = found(tmp_path, text=MOTOR.replace("temperature_sd_K = 0.05", "temperature_sd_K = 2"))
+    ratio = (B + TRUE_degC) / (B + COLD_degC)
+    added = np.sqrt(blunt.standard_uncertainty_K**2 - sharp.standard_uncertainty_K**2)
+    assert added == pytest.approx(2.0 * ratio, rel=0.1)
+
+
+def test_leads_are_taken_off(tmp_path):
+    text = MOTOR.replace(f"= {COLD}", f"= {COLD + 0.02}").replace(
+        "reference_", "lead_resistance_ohm = 0.02\nreference_"
+    )
+    scatter = np.random.default_rng(7).normal(0.0, 0.03, TIME_S.size)
+    result = found(tmp_path, ohm(winding(TIME_S) + scatter) + 0.02, text=text)
+    assert result.winding_degC == pytest.approx(found(tmp_path).winding_degC, abs=0.3)
+
+
+def test_late_readings_are_not_determinable_and_say_when_they_should_have_come(tmp_path):
+    late = np.arange(300.0, 600.0, 20.0)
+    scatter = np.random.default_rng(3).normal(0.0, 0.1, late.size)
+    result = found(tmp_path, ohm(winding(late) + scatter), time_s=late)
+    assert not result.is_determinable
+    assert "300 s after switch-off" in result.reason
+    low, high = result.winding_95_degC
+    assert low < TRUE_degC < high
+    assert result.latest_first_reading_s is not None
+    assert 20.0 < result.latest_first_reading_s < 300.0
+    # to first order, from readings that know little: about what would have been enough
+    sooner = late - late[0] + 0.5 * result.latest_first_reading_s
+    assert found(tmp_path, ohm(winding(sooner) + scatter), time_s=sooner).is_determinable
+
+
+def test_a_sensor_with_a_lag(tmp_path):
+    machine = motor(
+        '[motor]\nname = "S"\n[constants]\nambient_degC = 23.0\n[shutdown]\nsensor_lag_s = 9\n'
+        "sensor_sd_K = 0.1\nrun_down_s = 0\n"
+    )
+    fine = np.arange(0.0, 400.0, 0.05)
+    shown = np.empty(fine.size)
+    shown[0] = TRUE_degC
+    for k in range(1, fine.size):
+        shown[k] = shown[k - 1] + 0.05 / 9.0 * (winding(fine[k - 1]) - shown[k - 1])
+    read = np.interp(TIME_S, fine, shown) + np.random.default_rng(1).normal(0.0, 0.03, TIME_S.size)
+    path = write(tmp_path, TIME_S, read, "time_s,winding_degC")
+    result = winding_at_shutdown(machine, read_readings(path, machine))
+    low, high = result.winding_95_degC
+    assert result.quantity == "sensor"
+    assert low < TRUE_degC < high
+    assert high - low < 4.0
+
+
+def test_the_lag_of_a_decay_is_its_differential_equation():
+    time_s = np.linspace(0.0, 200.0, 20001)[None]
+    for tau, lag in ((60.0, 8.0), (8.0, 60.0), (10.0, 10.0)):
+        shown = _lagged(time_s, np.array([[tau]]), np.array([[lag]]))[0]
+        slope = np.gradient(shown, time_s[0])
+        assert shown[0] == 1.0
+        # 1e-3 where the time constants agree, for the limit is taken beside it
+        expected = (np.exp(-time_s[0] / tau) - shown) / lag
+        np.testing.assert_allclose(slope[1:-1], expected[1:-1], atol=3e-4)
+
+
+def test_true_temperatures_undo_errors_of_the_instruments():
+    machine = motor()
+    cooling = Cooling(TIME_S, winding(TIME_S), AIR, machine, COLD, UsualModes(rise_K=60.0))
+    errors = {"cold": 0.003, "cold_degC": -1.5, "B": 2.0}
+    degC = np.array([80.0, 120.0])
+    by_truth = COLD * 1.003 * (B + 2.0 + degC) / (B + 2.0 + COLD_degC - 1.5)
+    read = by_truth / COLD * (B + COLD_degC) - B
+    np.testing.assert_allclose(cooling.true(read, errors), degC, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("time_s", "degC", "text", "problem"),
+    [
+        ([30.0], [90.0], MOTOR, "at least 3 readings after switch-off, got 1"),
+        ([30.0, 60.0, 45.0], [90.0, 88.0, 89.0], MOTOR, "Reading 3 is 45 s .* do not ascend"),
+        ([30.0, 60.0, 90.0], [12.0, 11.0, 10.0], MOTOR, "Below its coolant no winding cools"),
+        ([30.0, 60.0, 90.0], [80.0, 85.0, 89.0], MOTOR, "The winding does not cool: 80.0 °C"),
+        ([9e3, 9.1e3, 9.2e3], [90.0, 88.0, 87.0], MOTOR, "comes 9000 s after switch-off.*--at"),
+        ([30.0, 60.0, 90.0], [90.0, 88.0, 87.0], MOTOR.replace("measured", "phase"),
+         "it may be .*measured_resistance_ohm"),
+        ([30.0, 60.0, 90.0], [90.0, 88.0, 87.0], MOTOR.replace("[constants]\nambient_degC = 23.0",
+                                                               ""), "ambient at switch-off is not"),
+    ],
+)  # fmt: skip
+def test_readings_that_are_none(tmp_path, time_s, degC, text, problem):
+    values = ohm(np.array(degC)) * (0.9 if "phase" in text else 1.0)
+    with pytest.raises(InputError, match=problem):
+        found(tmp_path, values, time_s=np.array(time_s), text=text)
+
+
+@pytest.mark.parametrize(
+    ("factor", "guess"),
+    [
+        (1e3, "times 0.001 they would fit"),
+        (1e-3, "times 1000 they would fit"),
+        (1.0 / 3.0, "0.333 times it would fit .connected in star, measured in delta"),
+        (2.0, "2 times it would fit .of a phase"),
+    ],
+)
+def test_a_wrong_unit_or_circuit_is_named(tmp_path, factor, guess):
+    with pytest.raises(InputError, match=guess):
+        found(tmp_path, factor * ohm(winding(TIME_S)))
+
+
+def test_the_circuit_follows_where_one_alone_fits(tmp_path):
+    text = MOTOR.replace(f"measured_resistance_ohm = {COLD}", f"phase_resistance_ohm = {COLD / 2}")
+    assert found(tmp_path, text=text).winding_degC == pytest.approx(
+        found(tmp_path).winding_degC, abs=0.01
+    )
+
+
+def test_terminals_and_a_clock(tmp_path):
+    """Three pairs of terminals are averaged; the moment is given as the clock has it."""
+    path = tmp_path / "readings.csv"
+    lines = ["time,R_UV [mOhm],R_VW [mOhm],R_WU [mOhm]"]
+    for t, R in zip(TIME_S, 1e3 * ohm(winding(TIME_S)), strict=True):
+        clock = f"14:{int(t // 60) + 3:02d}:{int(t % 60):02d}"
+        lines.append(f"{clock},{0.99 * R:.4f},{R:.4f},{1.01 * R:.4f}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    readings = read_readings(path, motor(), "14:03:00")
+    np.testing.assert_allclose(readings.time_s, TIME_S)
+    np.testing.assert_allclose(readings.degC, winding(TIME_S), atol=1e-2)
+
+
+def test_methods_by_hand_on_a_course_that_they_are_right_for():
+    time_s = np.arange(30.0, 300.0, 30.0)
+    rows = {row.method: row.degC for row in by_hand(time_s, 20 + 60 * np.exp(-time_s / 900), 20.0)}
+    assert rows["logarithm of the rise, line to 0 s"] == pytest.approx(80.0)
+    assert rows["one exponential with its own end, to 0 s"] == pytest.approx(80.0, abs=1e-3)
+    rows = {row.method: row.degC for row in by_hand(time_s, 90 - 0.1 * time_s + 1e-4 * time_s**2,
+                                                    20.0)}  # fmt: skip
+    assert rows["parabola to 0 s"] == pytest.approx(90.0)
+
+
+def test_the_delay_that_is_allowed():
+    outputs = (None, 15, 75, 1000, 9e3)
+    assert [allowed_delay_s(kW) for kW in outputs] == [None, 30.0, 90.0, 120.0, None]
+
+
+def test_the_command_writes_what_it_says(tmp_path, capsys):
+    (tmp_path / "motor.toml").write_text(MOTOR, encoding="utf-8")
+    scatter = np.random.default_rng(7).normal(0.0, 0.03, TIME_S.size)
+    path = write(tmp_path, TIME_S, ohm(winding(TIME_S) + scatter))
+    command = ["shutdown", str(tmp_path / "motor.toml"), str(path), "--out", str(tmp_path / "out")]
+    assert cli.main([*command, "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said == json.loads((tmp_path / "out" / "shutdown.json").read_text(encoding="utf-8"))
+    permitted = next(one for one in said["limits"] if one["unit"] == "K")
+    assert permitted["value"] == 105.0
+    assert permitted["margin_K"] == pytest.approx(105.0 - said["rise_K"])
+    assert (tmp_path / "out" / "shutdown.png").read_bytes().startswith(b"\x89PNG")
+    table = np.genfromtxt(tmp_path / "out" / "readings.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(table["time_s"], TIME_S)
+    assert cli.main([*command, "-v"]) == 0
+    text = capsys.readouterr().out
+    assert "cold resistance" in text
+    assert "Winding at switch-off" in text
+    assert cli.main([*command, "--within", "-1"]) == 2
+    assert cli.main([*command, "--model", "second"]) == 2
+    assert cli.main([*command, "--seed", "1"]) == 1
+    assert "exists and holds another result" in capsys.readouterr().err

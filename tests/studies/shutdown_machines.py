@@ -1,0 +1,131 @@
+"""Machines that are switched off, by a code that shares nothing with heatrun: SciPy's integrator.
+
+Five nodes (slot part, end winding, teeth, yoke with housing, rotor), losses that follow the
+resistance, cooling that follows temperature and a fan that runs down; then a bridge with leads, a
+clock and a cold measurement, each with errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+COPPER_J, IRON_J = 385.0, 460.0
+"""Specific heat [J/(kg K)]."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine of five nodes.
+
+    Attributes:
+        C: Heat capacities of slot part, end winding, teeth, yoke with housing, rotor [J/K].
+        G: Conductances [W/K] slot-tooth, slot-end, end-housing, tooth-yoke, yoke-air, rotor-tooth.
+        end_share: Share of the resistance in the end windings [1].
+        copper_W: Loss at 20 degC of winding and current.
+        iron_W: Of teeth and yoke, two numbers.
+        rotor_W: Of the rotor.
+        ambient_degC: Of the air.
+        still: Conductance of the housing to still air over that with the fan [1].
+        exponent: Of the rise in natural convection [1].
+        run_down_s: Time constant of speed [s].
+        heated_s: How long it ran from cold [s].
+        B: Of the material [degC].
+    """
+
+    C: np.ndarray
+    G: np.ndarray
+    end_share: float
+    copper_W: float
+    iron_W: tuple[float, float]
+    rotor_W: float
+    ambient_degC: float
+    still: float
+    exponent: float
+    run_down_s: float
+    heated_s: float
+    B: float
+
+    def slope(self, T: np.ndarray, speed: float, *, is_on: bool) -> np.ndarray:
+        """Return the slopes of the nodes [K/s]."""
+        slot_tooth, slot_end, end_housing, tooth_yoke, yoke_air, rotor_tooth = self.G
+        slot, end, _, yoke, _ = T
+        P = self.copper_W if is_on else 0.0
+        ratio = (self.B + np.array([slot, end])) / (self.B + 20.0)
+        heat = np.zeros(5)
+        heat[:2] = P * np.array([1.0 - self.end_share, self.end_share]) * ratio
+        heat[2] = self.iron_W[0] * (1.0 if is_on else 0.3 * speed**1.5)
+        heat[3] = self.iron_W[1] * (1.0 if is_on else 0.3 * speed**1.5)
+        heat[4] = self.rotor_W * (1.0 if is_on else 0.2 * speed**2)
+        rise = max(yoke - self.ambient_degC, 1e-6)
+        natural = self.still * (rise / 40.0) ** self.exponent
+        to_air = yoke_air * (natural + (1.0 - self.still) * speed**0.8)
+        stirred = 0.4 + 0.6 * speed**0.6
+        flows = (
+            (0, 2, slot_tooth), (0, 1, slot_end), (1, 3, end_housing * stirred),
+            (2, 3, tooth_yoke), (4, 2, rotor_tooth * stirred),
+        )  # fmt: skip
+        for near, far, conductance in flows:
+            watts = conductance * (T[near] - T[far])
+            heat[near] -= watts
+            heat[far] += watts
+        heat[3] -= to_air * (yoke - self.ambient_degC)
+        return heat / self.C
+
+    def winding(self, T: np.ndarray) -> np.ndarray:
+        """Return the temperature that the resistance shows [degC]."""
+        return (1.0 - self.end_share) * T[0] + self.end_share * T[1]
+
+    def cooled(self, time_s: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the winding at switch-off and at times after it [degC]."""
+        cold = np.full(5, self.ambient_degC)
+        hot = solve_ivp(
+            lambda t, T: self.slope(T, 1.0, is_on=True), (0.0, self.heated_s), cold,
+            method="LSODA", rtol=1e-8, atol=1e-8,
+        ).y[:, -1]  # fmt: skip
+        off = solve_ivp(
+            lambda t, T: self.slope(T, np.exp(-t / self.run_down_s), is_on=False),
+            (0.0, float(time_s[-1]) + 1.0), hot, method="LSODA", t_eval=time_s, rtol=1e-8,
+            atol=1e-8,
+        )  # fmt: skip
+        return float(self.winding(hot)), self.winding(off.y)
+
+
+def machine(random: np.random.Generator) -> Machine:
+    """Return a machine from 0.5 to 500 kW, drawn from what designs have."""
+    output_kW = 10.0 ** random.uniform(-0.3, 2.7)
+    copper_kg = 1.1 * output_kW**0.75 * random.lognormal(0.0, 0.25)
+    iron_kg = copper_kg * random.uniform(3.0, 6.0)
+    density = random.uniform(3.0, 7.5)  # A/mm2
+    copper_W = copper_kg * 2.2 * density**2  # 1.72e-8 ohm m, 8900 kg/m3: 1.93 and some extra
+    end = random.uniform(0.3, 0.6)
+    iron_W = copper_W * random.uniform(0.2, 0.7)
+    rotor_W = copper_W * random.uniform(0.1, 0.7)
+    hot = 1.3 * copper_W
+    slot_W = hot * (1.0 - end)
+    # the rises that a designer aims at set the conductances
+    over_slot, over_teeth = random.uniform(5.0, 22.0), random.uniform(3.0, 12.0)
+    housing = random.uniform(25.0, 55.0)
+    total = hot + iron_W + rotor_W
+    G = np.array([
+        slot_W / over_slot,
+        hot / random.uniform(30.0, 200.0),
+        hot * end / random.uniform(20.0, 45.0),
+        (slot_W + 0.5 * iron_W + rotor_W) / over_teeth,
+        total / housing,
+        rotor_W / random.uniform(10.0, 40.0),
+    ])  # fmt: skip
+    kg = np.array([(1.0 - end) * copper_kg, end * copper_kg, 0.3 * iron_kg, 1.1 * iron_kg,
+                   0.8 * iron_kg])  # fmt: skip
+    C = kg * np.array([COPPER_J, COPPER_J, IRON_J, IRON_J, IRON_J])
+    C[:2] *= random.uniform(1.1, 1.4)  # impregnation and insulation
+    slow_s = float(np.sum(C) / G[4])
+    return Machine(
+        C, G, end, copper_W, (0.6 * iron_W, 0.4 * iron_W), rotor_W,
+        ambient_degC=random.uniform(15.0, 32.0),
+        still=random.uniform(0.2, 0.6), exponent=random.uniform(0.1, 0.3),
+        run_down_s=10.0 ** random.uniform(0.3, 1.5),
+        heated_s=slow_s * random.uniform(1.5, 6.0), B=random.normal(234.5, 0.5),
+    )  # fmt: skip
