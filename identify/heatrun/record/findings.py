@@ -85,7 +85,7 @@ FINDINGS: dict[str, Kind] = {
         "Physics of the record suggest another unit.", "inputs", "a column may be in another unit"
     ),
     "units_temperature": Kind(
-        "A temperature is in a range that suggests another unit.", "inputs",
+        "Another unit would suit a temperature better.", "inputs",
         "a temperature may be in another unit",
     ),
     "current_amplitude": Kind(
