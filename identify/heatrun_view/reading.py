@@ -213,7 +213,7 @@ def _found(record: Record, motor: Motor) -> list[Finding]:
 
 def _checks(opened: Sequence[Opened], motor: Motor | None, findings: Sequence) -> str:
     if not opened:
-        return message("note", "Choose tests on the left.")
+        return message("note", "Choose tests in the side panel.")
     parts = [each.record.name for each in opened if each.is_part]
     said = (
         message(

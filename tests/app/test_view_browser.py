@@ -114,7 +114,7 @@ def test_calibrate_and_download_the_sheet_and_a_report(served, tab):
     tab.get_by_label("duty_30min.csv.gz").first.uncheck()
     tab.get_by_label("step_30min.csv.gz").first.check()
     _tab(tab, "Simulate and export")
-    tab.get_by_label("What is exported").select_option(label="the tests chosen on the left")
+    tab.get_by_label("What is exported").select_option(label="the tests chosen in the side panel")
     tab.get_by_role("button", name="Export").click()
     _text(tab, "RMSE of the winding [K]")
     with tab.expect_download() as download:
@@ -226,7 +226,7 @@ def test_names_are_text_seen_to_their_end_and_of_no_file_outside(served, tab, be
     (served.folder / "bad.csv").write_bytes(b"\x00\xff" * 100)
     (served.folder.parent / "secret.csv").write_text("t,Is\n0,1\n")
     tab.goto(served.url + "?test=../secret.csv&motor=../../etc/passwd&run=..")
-    _text(tab, "Choose tests on the left")
+    _text(tab, "Choose tests in the side panel")
     assert tab.problems == []
     label = tab.get_by_text(long).first
     label.wait_for()

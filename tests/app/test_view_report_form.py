@@ -99,7 +99,7 @@ def test_without_run_and_record_the_form_names_both(page):
     page._sidebar.kind.value = "virtual"
     page.reporting._job.start.clicks += 1
     assert page.reporting._job._queue.words == []
-    assert "select a run on the left" in page.reporting._problem.object
+    assert "select a run in the side panel" in page.reporting._problem.object
 
 
 def test_a_thermal_report_shows_the_selected_run(page, out):

@@ -158,7 +158,7 @@ class Editing:
         self._said.object = self._changed.object = ""
         self._anyway.visible = self._back.visible = self._form.visible = False
         if name is None:
-            self._head.object = message("note", "Choose a motor file on the left.")
+            self._head.object = message("note", "Choose a motor file in the side panel.")
             return
         draft = self._drafts.pop(name, None)
         try:

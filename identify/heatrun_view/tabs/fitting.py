@@ -252,11 +252,11 @@ class Fitting(Generic[R]):
         holdout = [str(name) for name in self._holdout.value]
         fitted = [name for name in page.chosen if name not in holdout]
         if page.motor_path is None:
-            raise InputError("Expected a motor file.", remedy="Choose one on the left.")
+            raise InputError("Expected a motor file.", remedy="Choose one in the side panel.")
         if not fitted:
             raise InputError(
                 "Expected at least one test to fit.",
-                remedy="Choose tests on the left that are not held out.",
+                remedy="Choose tests in the side panel that are not held out.",
             )
         stem = Path(fitted[0]).name.split(".")[0]
         name = run_name(str(self._name.value), f"{run_name(stem, 'test')}_{self._command}")
@@ -311,7 +311,7 @@ def calibrating(page: Choices, queue: JobQueue) -> Fitting[FitResult]:
                 "first order": "first"},
         verdict=lambda result: verdict_lines(result)[0],
         say=calibration_html,
-        intro="Fits the network to the tests that are chosen on the left.",
+        intro="Fits the network to the tests that are chosen in the side panel.",
     )  # fmt: skip
 
 

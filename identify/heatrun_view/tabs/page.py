@@ -65,7 +65,7 @@ class Page:
         self._sending = Sending(room, self.list_folder)
         self._banner = text_pane()
         self.signals = Signals(Cutting(self), lambda: self._draw())
-        self._checks = text_pane(message("note", "Choose tests on the left."))
+        self._checks = text_pane(message("note", "Choose tests in the side panel."))
         self.editing = Editing(self)
         self.sliders = Sliders(self.reader)
         self.calibrating = calibrating(self, queue)
@@ -382,8 +382,8 @@ class Page:
         elif not has_tests and not self._has_fleet:
             self._banner.object = message(
                 "note",
-                f"There are no bench files in {self.folder.root}. Drop one on the left, or start "
-                "`heatrun view` on the folder of your tests.",
+                f"There are no bench files in {self.folder.root}. Drop one in the side panel, or "
+                "start `heatrun view` on the folder of your tests.",
             )
         elif listing.num_own and not self._banner.object:
             self._banner.object = message(

@@ -191,7 +191,7 @@ class Cutting:
     def _written(self) -> str:
         motor, name = self._page.motor_path, str(self._test.value)
         if motor is None:
-            raise InputError("Expected a motor file.", remedy="Choose one on the left.")
+            raise InputError("Expected a motor file.", remedy="Choose one in the side panel.")
         root = self._page.root
         refuse_sent(root, motor)
         before = read_motor_file(motor)
@@ -350,7 +350,11 @@ class Signals:
         self._traces = self._traces_of(tests, channels, others)
         self._say_undrawn(tests, others)
         if not self._traces:
-            words = "Choose tests on the left." if not tests else "Choose signals on the left."
+            words = (
+                "Choose tests in the side panel."
+                if not tests
+                else "Choose signals in the side panel."
+            )
             self._plots, self._side.visible, self._shown = None, False, []
             self._plot_place[:], self._read_place[:] = [text_pane(message("note", words))], []
             return

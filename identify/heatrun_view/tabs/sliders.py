@@ -81,7 +81,7 @@ class Sliders:
         self.figure.show(None)
         if test is None or name is None:
             what = "tests" if test is None else "a motor file"
-            self._about.object = message("note", f"Choose {what} on the left.")
+            self._about.object = message("note", f"Choose {what} in the side panel.")
             return
         self._about.object = "<p class='faded'>Preparing the model …</p>"
 

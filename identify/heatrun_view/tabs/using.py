@@ -30,9 +30,9 @@ from .run_view import run_name
 SIMULATED, EXPORTED = "simulated", "exported"
 """Folders beside that of the runs."""
 
-OWN, CHOSEN = "a test of the run", "the tests chosen on the left"
+OWN, CHOSEN = "a test of the run", "the tests chosen in the side panel"
 
-OF_RUN, OF_PAGE = "the run's own motor file", "the motor file on the left"
+OF_RUN, OF_PAGE = "the run's own motor file", "the motor file in the side panel"
 
 
 class Using:
@@ -103,20 +103,20 @@ class Using:
         run = self._page.run
         if run is None:
             raise InputError(
-                "Expected a run.", remedy="Choose one on the left, “Simulated course of run”."
+                "Expected a run.", remedy="Choose one in the side panel, “Simulated course of run”."
             )
         return run
 
     def _motor_path(self) -> str:
         if self._page.motor_path is None:
-            raise InputError("Expected a motor file.", remedy="Choose one on the left.")
+            raise InputError("Expected a motor file.", remedy="Choose one in the side panel.")
         return str(self._page.motor_path)
 
     def _chosen(self) -> list[str]:
         """Return the paths of the chosen tests, at least one."""
         page = self._page
         if not page.chosen:
-            raise InputError("Expected a test.", remedy="Choose tests on the left.")
+            raise InputError("Expected a test.", remedy="Choose tests in the side panel.")
         return [str(page.path(name)) for name in page.chosen]
 
     def _words_to_simulate(self) -> list[str]:
@@ -228,7 +228,9 @@ class Reporting:
     def offer_references(self) -> None:
         """Bring the list of the other prototype's records up to date; a chosen one stays chosen."""
         kept, run = self._reference.value, self._run()
-        first = NO_REFERENCE if run is None else f"(run {run.path.name}, selected on the left)"
+        first = (
+            NO_REFERENCE if run is None else f"(run {run.path.name}, selected in the side panel)"
+        )
         self._reference.options = [first, *self._records]
         self._reference.value = kept if kept in self._records else first
 
@@ -253,9 +255,9 @@ class Reporting:
     def _words(self) -> list[str]:
         page = self._page
         if page.motor_path is None:
-            raise InputError("Expected a motor file.", remedy="Choose one on the left.")
+            raise InputError("Expected a motor file.", remedy="Choose one in the side panel.")
         if not page.chosen:
-            raise InputError("Expected a test.", remedy="Choose tests on the left.")
+            raise InputError("Expected a test.", remedy="Choose tests in the side panel.")
         card = TEST_TYPES[page.kind]
         words = ["report", "--type", page.kind, str(page.motor_path)]
         words += [str(page.path(name)) for name in page.chosen]
@@ -277,7 +279,7 @@ class Reporting:
         if run is not None:
             return ["--run", str(run.path)]
         if card.needs_reference:
-            also = ", or select a run on the left" if page.kind == "virtual" else ""
+            also = ", or select a run in the side panel" if page.kind == "virtual" else ""
             raise InputError(
                 "Expected the record of the other prototype.", remedy=f"Choose it above{also}."
             )
