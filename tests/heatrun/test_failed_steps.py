@@ -129,12 +129,12 @@ def test_what_is_left_can_be_read_and_printed(left):
 
 def test_usable_is_not_said_where_a_step_failed_that_judges_the_result(finished_day):
     result = open_run(finished_day / "run").result
-    model = result.models[favoured(result)]
     before = headline(result)
-    for where, is_about in ((model.title, True), ("first order", model.title == "first order")):
+    for network, is_about in ((favoured(result), True), ("another", False)):
         attempts = Attempts()
-        attempts.of("the search for missing effects", fail, None, where=where)
-        judged = headline(replace(result, findings=(*result.findings, *attempts.findings)))
+        attempts.of("the search for missing effects", fail, None)
+        failed = [replace(each, network=network) for each in attempts.findings]
+        judged = headline(replace(result, findings=(*result.findings, *failed)))
         said = any("A step that judges the result failed" in reason for reason in judged.reasons)
         assert said == is_about
         assert judged.use == ("restricted" if is_about and before.use == "usable" else before.use)

@@ -30,7 +30,7 @@ from ..record.samples import (
     sink_channel,
     with_all_heat,
 )
-from .quick_fit import closer, solved_decays
+from .quick_fit import solved_decays
 
 BLOCK_S = 30.0
 """A third of a winding's time constant."""
@@ -53,8 +53,9 @@ SHORTEST_TAU, LONGEST_TAU, NUM_TAU = 0.1, 20.0, 60
 longest."""
 
 
-GRID, LOOKS = 24, 6
-"""Time constants that a cool-down is looked for with, and how often they are drawn closer."""
+GRID, LOOKS, NEAR = 24, 7, 5
+"""Time constants that a cool-down is looked for with, how often, and how many of them on either
+side of the best the next look spans: the valley of two is narrow and bent."""
 
 APART = 2.0
 """Factor between two time constants [1] below which a record shows one."""
@@ -80,17 +81,17 @@ def cooling_constants(record: Record, motor: Motor) -> tuple[float, ...]:
         return ()
     shortest_s, longest_s = 0.5 * float(np.median(np.diff(time_s))), 2.0 * float(time_s[-1])
     grid = np.geomspace(shortest_s, longest_s, GRID)
-    found = [_decays(time_s, excess, [grid] * num) for num in (1, 2)]
+    found = [_decays(time_s, excess, grid, num) for num in (1, 2)]
     (one, alone), (two, both) = found
     is_two = both < BETTER * alone and two[1] > APART * two[0] and two[1] < longest_s
     return tuple(float(tau) for tau in (two if is_two else one))
 
 
 def _decays(
-    time_s: np.ndarray, values: np.ndarray, axes: list[np.ndarray]
+    time_s: np.ndarray, values: np.ndarray, grid: np.ndarray, num: int
 ) -> tuple[np.ndarray, float]:
-    """Time constants of so many decays as there are axes [s], and the rms they leave."""
-    taus, left = np.empty(len(axes)), 0.0
+    """Time constants of so many decays [s], and the rms they leave."""
+    axes, taus, left = [grid] * num, np.empty(num), 0.0
     for _ in range(LOOKS):
         tried = np.stack(np.meshgrid(*axes, indexing="ij"))
         places = np.argwhere(np.all(np.diff(tried, axis=0) > 0.0, axis=0))
@@ -98,9 +99,11 @@ def _decays(
         squares = solved_decays(time_s, values, points).squares
         best = int(np.argmin(squares))
         taus, left = points[best], float(np.sqrt(squares[best] / time_s.size))
-        # the valley of two is narrow and bent
-        near = places[best][:, None] + np.array([-3, 3])
-        axes = [closer(axis, at) for axis, at in zip(axes, near, strict=True)]
+        near = [(axis[1] / axis[0]) ** NEAR for axis in axes]
+        axes = [
+            np.geomspace(max(tau / by, grid[0]), min(tau * by, grid[-1]), GRID)
+            for tau, by in zip(taus, near, strict=True)
+        ]
     return taus, left
 
 

@@ -352,8 +352,12 @@ def solved(
 
 
 def closer(grid: np.ndarray, likely: np.ndarray) -> np.ndarray:
-    """Return a geometric grid from below the first to above the last likely place of another."""
-    first, last = max(int(np.min(likely)) - 1, 0), min(int(np.max(likely)) + 1, grid.size - 1)
+    """Return a geometric grid from below the first to above the last likely place of another.
+
+    A grid too coarse to show more than a few of them may have the best between places farther off.
+    """
+    by = 3 if np.ptp(likely) < 3 else 1
+    first, last = max(int(np.min(likely)) - by, 0), min(int(np.max(likely)) + by, grid.size - 1)
     return np.geomspace(grid[first], grid[last], grid.size)
 
 
