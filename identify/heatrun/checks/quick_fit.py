@@ -239,8 +239,17 @@ def quick_fit(
     late = [course.behind(sensor_s) for sensor_s in SENSOR_S]
     tried = [_look(each, *(np.geomspace(*ends, GRID) for ends in ranges)) for each in late]
     best = int(np.argmax([each.log_density for each in tried]))
-    if tried[best].log_density > look.log_density + LAG_SHOWN:
-        course, look = late[best], _searched(late[best], *ranges)
+    # a coarse grid misses the best pair by more than lags differ: from here on uphill
+    lagging = {best: _searched(late[best], *ranges)}
+    while True:
+        for near in {max(best - 1, 0), min(best + 1, len(late) - 1)} - set(lagging):
+            lagging[near] = _searched(late[near], *ranges)
+        top = max(lagging, key=lambda place: lagging[place].log_density)
+        if top == best:
+            break
+        best = top
+    if lagging[best].log_density > look.log_density + LAG_SHOWN:
+        course, look = late[best], lagging[best]
     return _told(course, look, float(samples(record)[0][0]))
 
 
