@@ -1,7 +1,7 @@
 /* Runs the observer: reads start and its sd, then per step current, losses, sink, reading. */
 #include <stdio.h>
 
-#include "heatrun_network.h"
+#include "thermal_network.h"
 
 int main(void)
 {

@@ -76,7 +76,7 @@ def build(folder, made, *words, harness="main.c"):
     """Compile the sources with a harness; return the program."""
     for name, text in made.texts().items():
         (folder / name).write_bytes(text)
-    command = [str(COMPILER), *STRICT, *words, "-o", "replay", harness, "heatrun_network.c"]
+    command = [str(COMPILER), *STRICT, *words, "-o", "replay", harness, "thermal_network.c"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder / "replay"
@@ -141,7 +141,7 @@ def test_it_is_clean_under_sanitizers(tmp_path, half_hour, machine):
 def test_a_bad_input_holds_the_state_and_says_so(tmp_path, half_hour, machine):
     made = source(half_hour, machine)
     harness = tmp_path / "hold.c"
-    harness.write_text("""#include "heatrun_network.h"
+    harness.write_text("""#include "thermal_network.h"
 int main(void)
 {
     const volatile heatrun_real zero = (heatrun_real)0.0;
@@ -177,7 +177,11 @@ int main(void)
 def observed(folder, made, start, sd, rows, *words):
     """Return temperatures, standard deviations, each (step, node), status, sensor, (step,)."""
     shutil.copy(Path(__file__).with_name("observe.c"), folder)
-    program = build(folder, made, *words, harness="observe.c")
+    return run_observer(build(folder, made, *words, harness="observe.c"), start, sd, rows)
+
+
+def run_observer(program, start, sd, rows):
+    """Return what the program says, as `observed`."""
     text = f"{start} {sd}\n" + "\n".join(" ".join(f"{x:.9g}" for x in row) for row in rows)
     done = subprocess.run([program], input=text, capture_output=True, text=True, check=False)
     assert done.returncode == 0
@@ -288,11 +292,11 @@ def test_hostile_names_stay_inside_their_comment(tmp_path, half_hour, machine):
              "links": [["wick /lung", "$x"], ["wick*/lung", "wick /lung"]], "sink": "$x",
              "copper_node": "wick*/lung", "sensor": {"node": "wick*/lung"}}  # fmt: skip
     hostile = replace(made, found=found)
-    text = hostile.texts()["heatrun_network.h"].decode()
+    text = hostile.texts()["thermal_network.h"].decode()
     assert "#error ??" not in text
     assert "HEATRUN_NODE_WICK__LUNG_1 = 1" in text
     build(tmp_path, hostile)
-    assert hostile.texts()["heatrun_network.c"] == made.texts()["heatrun_network.c"]
+    assert hostile.texts()["thermal_network.c"] == made.texts()["thermal_network.c"]
     assert in_comment(HOSTILE).isascii()
 
 
@@ -320,10 +324,10 @@ def test_the_command_writes_what_compiles_and_replays(day, capsys):
     assert cli.main(["export", "run", "--to", "c", "--out", "drive", "--step", "0.5"]) == 0
     printed = capsys.readouterr().out
     assert "C99 of second order, with an observer: nodes winding, stator; steps of 0.5 s" in printed
-    command = [str(COMPILER), *STRICT, "main.c", "heatrun_network.c", "-o", "replay"]
+    command = [str(COMPILER), *STRICT, "main.c", "thermal_network.c", "-o", "replay"]
     subprocess.run(command, cwd="drive", check=True)
     subprocess.run(["drive/replay", "drive/vectors.csv"], check=True)
-    header = Path("drive/heatrun_network.h").read_text()
+    header = Path("drive/thermal_network.h").read_text()
     assert f"SHA-256:  {hashlib.sha256(Path('run/fit.json').read_bytes()).hexdigest()}" in header
     again = export_c(Path("run"), folder=Path("drive"), step=0.5)
     assert Path(again["files"][0]).read_text() == header
@@ -332,6 +336,33 @@ def test_the_command_writes_what_compiles_and_replays(day, capsys):
     Path("drive/main.c").write_text("int main(void) { return 0; }")
     with pytest.raises(InputError, match="not as heatrun writes it"):
         export_c(Path("run"), folder=Path("drive"), step=0.5, is_replacing=True)
+
+
+@needs_compiler
+def test_the_band_of_a_run_holds_on_other_loads(day, generator):
+    """The simulated bench is code of its own; the sensor is pulled for ten minutes, twice."""
+    export_c(Path("run"), folder=Path("drive"))
+    shutil.copy(Path(__file__).with_name("observe.c"), "drive")
+    command = [str(COMPILER), *STRICT, "observe.c", "thermal_network.c", "-o", "observe"]
+    subprocess.run(command, cwd="drive", check=True)
+    for seed, profile in enumerate([generator.staircase(3600.0), generator.drive_cycle(3600.0)]):
+        truth = generator.simulate(
+            generator.reference_motor(), profile, sample_s=1.0, steps_per_sample=20
+        )
+        said = generator.measure(truth, np.random.default_rng(seed), generator.Instruments())
+        before, after = slice(None, -1), slice(1, None)
+        held = [said["Is"] ** 2, said["Pd"], said["Te"]]
+        held = [0.5 * (np.asarray(each)[before] + np.asarray(each)[after]) for each in held]
+        rows = np.column_stack([np.sqrt(held[0]), *held[1:], np.asarray(said["Tw_m"])[after]])
+        is_pulled = np.zeros(len(rows), bool)
+        is_pulled[1200:1800] = is_pulled[2700:3300] = True
+        rows[is_pulled, 3] = np.nan
+        T, sd, status, sensor = run_observer(Path("drive/observe"), 19.0, 2.0, rows)
+        course = np.column_stack([truth.winding_degC, truth.stator_degC])[after]
+        assert not status.any()
+        assert set(sensor) == {0, 1, 4}  # no fault but the missing readings
+        assert np.mean(np.abs(T - course)[is_pulled] < 1.96 * sd[is_pulled]) > 0.93
+        assert np.all(sd[is_pulled] < 1.0)
 
 
 @pytest.mark.parametrize(

@@ -191,6 +191,6 @@ def _text_of_c(written: dict[str, Any]) -> str:
         f"C99 of {printable(written['title'])}{effects}, {observer}: nodes "
         f"{printable(', '.join(written['nodes']))}; steps of {written['step_s']:g} s",
         f"{written['vector_steps']} steps of {printable(written['test'])} to verify it: compile "
-        "main.c with heatrun_network.c and run it on vectors.csv",
+        "main.c with thermal_network.c and run it on vectors.csv",
         *(printable(path) for path in written["files"]),
     ])  # fmt: skip

@@ -25,9 +25,9 @@ from ..version import __version__
 from .contents import NETWORK, mat_bytes, write_export
 from .network_course import read_network, simulate_held
 from .network_file import SIGNALS
-from .rerun import as_replica, effects_of, read_run_test
+from .rerun import Predicted, as_replica, effects_of, read_run_test
 
-HEADER, SOURCE, HARNESS, VECTORS = "heatrun_network.h", "heatrun_network.c", "main.c", "vectors.csv"
+HEADER, SOURCE, HARNESS, VECTORS = "thermal_network.h", "thermal_network.c", "main.c", "vectors.csv"
 
 LAWS = ("speed_cooling", "fan_cooling", "iron_loss_in_winding", "speed_loss")
 """Effects whose laws the source holds."""
@@ -66,7 +66,8 @@ class Missed:
     """What the observer knows of noise and of heat that the network misses.
 
     Attributes:
-        heat: Standard deviation of the heat over the mean loss [1].
+        heat: Standard deviation of the heat over the mean loss [1]; with the uncertainty of the
+            parameters, as a share of the rise.
         heat_s: Its correlation time [s].
         slow_K: Standard deviation of the slow part of the readings' noise [K].
         slow_s: Its correlation time [s].
@@ -80,11 +81,17 @@ class Missed:
     white_K: float
 
     @classmethod
-    def of(cls, noise: FittedNoise, model: Model) -> Missed:
-        """Return what a run says of a network."""
+    def of(cls, noise: FittedNoise, model: Model, spread: float) -> Missed:
+        """Return what a run says of a network.
+
+        Args:
+            noise: Of its residuals.
+            model: The network.
+            spread: Standard deviation of a rise from the parameters, over the rise [1].
+        """
         said = model.adequacy
         heat = known(noise.unmodelled_heat)
-        heat = said.unmodelled_heat if heat is None else heat
+        heat = math.hypot(said.unmodelled_heat if heat is None else heat, spread)
         return cls(heat, said.heat_time_s, noise.sd_K, noise.time_s, noise.white_K)
 
     def reading(self, step: float) -> tuple[float, float]:
@@ -130,14 +137,18 @@ def export_c(
     """
     if not is_replica:
         refuse_lawless(effects_of(run, network), str(run))
-    found = read_run_test(run, test=test, network=network)
-    found = as_replica(found, network) if is_replica else found
-    variables, notes = NETWORK.variables(found)
     opened = open_run(run)
-    title = f"{found.model.title}, {found.model.name}"
+    result = opened.result.models[opened.choose(network)]
+    whole = read_run_test(run, test=test, network=network)
+    found = as_replica(whole, network) if is_replica else whole
+    variables, notes = NETWORK.variables(found)
+    sink = float(np.mean(variables["Te"]))
+    nearest = known(result.replica)
+    spread = _spread(whole.predicted, sink, nearest.from_model_K if is_replica and nearest else 0.0)
+    title = found.model.title
     source = CSource.of(
         read_network(mat_bytes(variables)),
-        Missed.of(opened.result.models[opened.choose(network)].noise, found.model),
+        Missed.of(result.noise, found.model, spread),
         {
             "run": run.resolve().name,
             "sha256": opened.manifest["files"]["fit.json"],
@@ -339,7 +350,7 @@ class CSource:
             if loss == "Pd"
             else "losses other than copper",
             "sink": in_comment(found["sink"]),
-            "second_sink": in_comment(found.get("second_sink", "")),
+            "second_sink": in_comment(found.get("second_sink", "none")),
         }
 
     def _tables(self) -> dict[str, str]:
@@ -399,11 +410,29 @@ class CSource:
             "sensed": str(self.nodes.index(found["sensor"]["node"])),
             "reading_sd": f"{sd:.6g}",
             "noise_steps": repr(over_minutes / once),
-            "stuck": repr(LEAST_STUCK_K + round(4.0 * sd, 3)),
+            "stuck": f"{LEAST_STUCK_K + 4.0 * sd:.4g}",
             "heat_sd": repr(self.missed.heat * losses),
             "heat_decay": repr(math.exp(-self.step / self.missed.heat_s)),
             "blind": repr(float(self.step * losses / lightest)),
         }
+
+
+def _spread(predicted: Predicted | None, sink: float, bias: float) -> float:
+    """Return the standard deviation of a rise over the rise, of the node that is known least [1].
+
+    Args:
+        predicted: What the run predicts of its test.
+        sink: Mean temperature of the sink [degC].
+        bias: RMS by which a simpler network is elsewhere [K].
+    """
+    if predicted is None:
+        return 0.0
+    spreads = [0.0]
+    for node, median in predicted.nodes.items():
+        lower, upper = map(np.asarray, predicted.nodes_95[node])
+        variance = np.mean((upper - lower) ** 2) / (2 * 1.96) ** 2 + bias**2
+        spreads.append(float(np.sqrt(variance / max(np.mean((median - sink) ** 2), 1.0))))
+    return max(spreads)
 
 
 def in_comment(text: str) -> str:

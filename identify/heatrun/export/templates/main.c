@@ -1,6 +1,6 @@
 /* heatrun export: replays vectors.csv and prints the largest difference to lptn
  *
- *   cc -std=c99 -O2 -o replay main.c heatrun_network.c
+ *   cc -std=c99 -O2 -o replay main.c thermal_network.c
  *   ./replay vectors.csv
  *
  * Exit status 0 where it is below 1e-6 K (double) or 0.05 K (float), else 1.
@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "heatrun_network.h"
+#include "thermal_network.h"
 
 #define NUM_INPUTS (3 + HEATRUN_HAS_SECOND_SINK + HEATRUN_HAS_SPEED + HEATRUN_HAS_FAN)
 #define NUM_COLUMNS (1 + NUM_INPUTS + HEATRUN_NUM_NODES)

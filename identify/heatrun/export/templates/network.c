@@ -1,4 +1,4 @@
-/* heatrun export: the laws of heatrun_network.h
+/* heatrun export: the laws of thermal_network.h
  *
  * Each node:    C dT/dt = heat - flows out + flows in,  flow = g (T - T of the other end)
  * Copper loss:  Pjs = phases Rs0 I^2 (B + T)/(B + Tref), T of the copper node
@@ -7,14 +7,13 @@
  * Classical Runge-Kutta in HEATRUN_PARTS equal parts of a step. The matrix of the network depends
  * on current and speed, so that an exact discretisation would need an exponential in every step.
  */
-#include "heatrun_network.h"
+#include "thermal_network.h"
 
 #define R(x) ((heatrun_real)(x))
 #define HEATRUN_PARTS $parts
 #define NUM_NODES HEATRUN_NUM_NODES
 #define NUM_LINKS $num_links
 #define SINK NUM_NODES
-#define SECOND_SINK (NUM_NODES + 1)
 #define COPPER $copper
 #define IS_BALANCE $is_balance
 
