@@ -369,6 +369,7 @@ def test_the_band_of_a_run_holds_on_other_loads(day, generator):
     ("words", "said"),
     [
         (["run", "duty.csv", "--to", "c"], "--to c exports a run"),
+        ([__file__, "--to", "c"], "--to c takes a run folder"),
         (["run", "--to", "c", "--corrected"], "a drive has its own instruments"),
         (["run", "--to", "mat", "--step", "1"], "--step is for --to c"),
     ],

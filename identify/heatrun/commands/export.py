@@ -99,6 +99,8 @@ def _refuse_mixed(options: argparse.Namespace) -> None:
         raise UsageError("--step is for --to c; a MAT file holds the samples of the test")
     if options.to == "c" and options.tests:
         raise UsageError("--to c exports a run; --test NAME chooses the test of its vectors")
+    if options.to == "c" and options.source.exists() and not options.source.is_dir():
+        raise UsageError("--to c takes a run folder: its noise goes into the observer")
     if options.to == "c" and options.corrected:
         raise UsageError("--corrected is for --to mat: a drive has its own instruments")
 

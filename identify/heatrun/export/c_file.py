@@ -237,7 +237,7 @@ class CSource:
                 f"a step of {step:g} s is too long for this network: its fastest node needs "
                 f"{parts} parts of it (limit {MOST_PARTS}).",
                 where=said["run"],
-                remedy=f"Pass --step {longest:.1g} or less, or export a network without it.",
+                remedy=f"Pass --step {longest:.1g} or less.",
             )
         return cls(found, missed, said, step, parts)
 
