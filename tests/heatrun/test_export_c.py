@@ -282,6 +282,64 @@ def test_without_inputs_the_band_grows(tmp_path, steady, machine):
     assert np.all(np.diff(sd[600:, 0]) > 0.1)
 
 
+ASK = """#include <stdio.h>
+#include "thermal_network.h"
+int main(void)
+{
+    const heatrun_real start[HEATRUN_NUM_NODES] = {(heatrun_real)80.0, (heatrun_real)60.0};
+    heatrun_inputs inputs = {(heatrun_real)150.0, (heatrun_real)700.0, (heatrun_real)20.0};
+    const heatrun_real zero = inputs.sink_degC - inputs.sink_degC;
+    heatrun_state state;
+    if (heatrun_start(&state, start) != HEATRUN_OK) {
+        return 1;
+    }
+    printf("%.9g ", (double)heatrun_time_to_limit_s(&state, &inputs, 0, (heatrun_real)120.0,
+                                                    (heatrun_real)3600.0));
+    printf("%.9g ", (double)heatrun_time_to_limit_s(&state, &inputs, 0, (heatrun_real)400.0,
+                                                    (heatrun_real)600.0));
+    printf("%.9g ", (double)heatrun_permitted_current_A(&state, &inputs, 0, (heatrun_real)120.0,
+                                                        (heatrun_real)300.0));
+    printf("%.9g ", (double)heatrun_permitted_current_A(&state, &inputs, 0, (heatrun_real)50.0,
+                                                        (heatrun_real)300.0));
+    printf("%.9g ", (double)heatrun_time_to_limit_s(&state, &inputs, 7, (heatrun_real)120.0,
+                                                    (heatrun_real)300.0));
+    inputs.current_A = zero/zero;
+    printf("%.9g", (double)heatrun_permitted_current_A(&state, &inputs, 0, (heatrun_real)120.0,
+                                                         (heatrun_real)300.0));
+    return 0;
+}
+"""
+
+
+@needs_compiler
+def test_time_to_the_limit_and_permitted_current(tmp_path, half_hour, machine):
+    (tmp_path / "ask.c").write_text(ASK)
+    program = build(tmp_path, source(half_hour, machine), harness="ask.c")
+    said = subprocess.run([program], capture_output=True, text=True, check=True).stdout
+    reached, stays, permitted, *nothing = map(float, said.split())
+    k = 3 * VALUES["Rs0"] / (234.5 + 25.0)
+
+    def held(current, seconds, other=None):
+        """Euler steps of 10 ms; the losses are 700 W with copper, or `other` W without."""
+        T, Tsr, course = 80.0, 60.0, []
+        for _ in range(100 * seconds):
+            copper = k * current**2 * (234.5 + T)
+            rest = 700.0 - copper if other is None else other
+            across = (T - Tsr) / VALUES["Req_w"]
+            out = (Tsr - 20.0) / VALUES["Req_sr"]
+            T += 0.01 * (copper - across) / VALUES["Ceq_w"]
+            Tsr += 0.01 * (rest + across - out) / VALUES["Ceq_sr"]
+            course.append(T)
+        return np.array(course)
+
+    above = np.flatnonzero(held(150.0, int(reached) + 5) > 120.0)
+    assert reached == pytest.approx(0.01 * above[0], abs=1.1)
+    assert stays == 600.0
+    other = 700.0 - k * 150.0**2 * (234.5 + 80.0)
+    assert held(permitted, 300, other).max() == pytest.approx(120.0, abs=0.05)
+    assert nothing == [0.0, -1.0, -1.0]
+
+
 HOSTILE = '*/ int main(void){} /* \\\n#error ??/ "%s$step" é\x00'
 
 

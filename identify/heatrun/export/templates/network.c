@@ -40,6 +40,7 @@ typedef struct {
     heatrun_real coefficient_degC;
     heatrun_real copper_W_per_K;
     heatrun_real losses_W;
+    heatrun_real copper_in_losses; /* 1 where losses_W holds the copper loss, else 0 */
     heatrun_real sinks_degC[2];
     heatrun_real heat_W[NUM_NODES];
     heatrun_real conductance_W_per_K[NUM_LINKS];
@@ -126,6 +127,7 @@ static void prepare(const heatrun_inputs *inputs, drive *at)
     at->coefficient_degC = COEFFICIENT_DEGC;
     at->copper_W_per_K = COPPER_W_PER_A2_K*inputs->current_A*inputs->current_A;
     at->losses_W = inputs->losses_W;
+    at->copper_in_losses = R(IS_BALANCE);
     at->sinks_degC[0] = inputs->sink_degC;
 #if HEATRUN_HAS_SECOND_SINK
     at->sinks_degC[1] = inputs->second_sink_degC;
@@ -161,11 +163,7 @@ static void slopes(const drive *at, const heatrun_real T[NUM_NODES],
                    heatrun_real K_per_s[NUM_NODES])
 {
     const heatrun_real copper_W = at->copper_W_per_K*(at->coefficient_degC + T[COPPER]);
-#if IS_BALANCE
-    const heatrun_real other_W = at->losses_W - copper_W;
-#else
-    const heatrun_real other_W = at->losses_W;
-#endif
+    const heatrun_real other_W = at->losses_W - at->copper_in_losses*copper_W;
     int i;
     for (i = 0; i < NUM_NODES; ++i) {
         K_per_s[i] = at->heat_W[i] + SHARE[i]*other_W;
@@ -259,4 +257,65 @@ heatrun_status heatrun_step(heatrun_state *state, const heatrun_inputs *inputs)
 {
     drive at;
     return step_with(state, inputs, &at, (const heatrun_real *)0);
+}
+
+/* Number of steps until a node is above a limit, num_steps if it stays below. */
+static long steps_below(const heatrun_state *state, const drive *at, int node,
+                        heatrun_real limit_degC, long num_steps)
+{
+    heatrun_state next = *state;
+    long step;
+    for (step = 0; step < num_steps && next.temperature_degC[node] <= limit_degC; ++step) {
+        advance(at, &next);
+    }
+    return next.temperature_degC[node] <= limit_degC ? num_steps : step;
+}
+
+static int is_question(const heatrun_inputs *inputs, int node, heatrun_real limit_degC,
+                       heatrun_real horizon_s)
+{
+    return is_valid(inputs) && node >= 0 && node < NUM_NODES && is_temperature(limit_degC)
+        && is_within(horizon_s, R(0.0), R(HEATRUN_MAX_STEPS)*R(HEATRUN_STEP_S));
+}
+
+heatrun_real heatrun_time_to_limit_s(const heatrun_state *state, const heatrun_inputs *inputs,
+                                     int node, heatrun_real limit_degC, heatrun_real horizon_s)
+{
+    drive at;
+    long num_steps, steps;
+    if (!is_question(inputs, node, limit_degC, horizon_s)) {
+        return R(-1.0);
+    }
+    prepare(inputs, &at);
+    num_steps = (long)(horizon_s/R(HEATRUN_STEP_S) + R(0.001));
+    steps = steps_below(state, &at, node, limit_degC, num_steps);
+    return steps == num_steps ? horizon_s : R(steps)*R(HEATRUN_STEP_S);
+}
+
+heatrun_real heatrun_permitted_current_A(const heatrun_state *state, const heatrun_inputs *inputs,
+                                         int node, heatrun_real limit_degC,
+                                         heatrun_real horizon_s)
+{
+    heatrun_real low_A = R(0.0), high_A = R(HEATRUN_MAX_CURRENT_A);
+    drive at;
+    long num_steps;
+    int i;
+    if (!is_question(inputs, node, limit_degC, horizon_s)) {
+        return R(-1.0);
+    }
+    prepare(inputs, &at);
+    num_steps = (long)(horizon_s/R(HEATRUN_STEP_S) + R(0.001));
+    at.losses_W -= at.copper_in_losses*at.copper_W_per_K
+        *(at.coefficient_degC + state->temperature_degC[COPPER]);
+    at.copper_in_losses = R(0.0);
+    for (i = 0; i < 20; ++i) { /* to a millionth of the largest current */
+        const heatrun_real middle_A = R(0.5)*(low_A + high_A);
+        at.copper_W_per_K = COPPER_W_PER_A2_K*middle_A*middle_A;
+        if (steps_below(state, &at, node, limit_degC, num_steps) == num_steps) {
+            low_A = middle_A;
+        } else {
+            high_A = middle_A;
+        }
+    }
+    return low_A;
 }

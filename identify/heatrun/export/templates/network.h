@@ -30,6 +30,7 @@ typedef HEATRUN_REAL heatrun_real;
 #define HEATRUN_MAX_SPEED_RPM $max_speed
 #define HEATRUN_MIN_DEGC (-100.0)
 #define HEATRUN_MAX_DEGC 500.0
+#define HEATRUN_MAX_STEPS 100000 /* of a horizon */
 
 /* Place of each node in temperature_degC. */
 enum {
@@ -68,5 +69,17 @@ heatrun_status heatrun_start(heatrun_state *state,
 
 /* Advance by HEATRUN_STEP_S. */
 heatrun_status heatrun_step(heatrun_state *state, const heatrun_inputs *inputs);
+
+/* Time until a node is above a limit under inputs that are held [s]: in whole steps, horizon_s if
+ * it stays below so long, -1 for an invalid question. It costs as many steps of the model. */
+heatrun_real heatrun_time_to_limit_s(const heatrun_state *state, const heatrun_inputs *inputs,
+                                     int node, heatrun_real limit_degC, heatrun_real horizon_s);
+
+/* Largest current that keeps a node below a limit when it is held for horizon_s [A]; the losses
+ * other than copper, the sinks and the speed stay as they are now. 0 where none does, -1 for an
+ * invalid question. It costs up to 20 times the steps of the horizon. */
+heatrun_real heatrun_permitted_current_A(const heatrun_state *state, const heatrun_inputs *inputs,
+                                         int node, heatrun_real limit_degC,
+                                         heatrun_real horizon_s);
 $observer_header
 #endif
