@@ -1,4 +1,4 @@
-"""`heatrun export`: a run's model and record for other programs."""
+"""`heatrun export`: a run's model and record for other programs, or as C for a drive."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from .console import DONE, printable, say
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
-    parser = commands.add_parser("export", help="a run for MATLAB, Simulink and Octave")
+    parser = commands.add_parser(
+        "export", help="a run for MATLAB, Simulink and Octave, or as C for a drive"
+    )
     parser.add_argument(
         "source",
         metavar="RUN_OR_PARAMETERS",
@@ -30,11 +32,15 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--to",
-        choices=("mat",),
+        choices=("mat", "c"),
         required=True,
         help="mat: prova.mat for the built-in networks, with run_prova.m and with build_models.m, "
         "which builds the Simulink models (never run in MATLAB); network.mat with run_network.m "
-        "for any other and for models with effects",
+        "for any other and for models with effects. c: C99 of the network of a run with an "
+        "observer, and vectors to verify it",
+    )
+    parser.add_argument(
+        "--step", type=float, metavar="SECONDS", help="step of the C source (default: 1 s)"
     )
     parser.add_argument(
         "--motor",
@@ -59,7 +65,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         help="correct Is, Pd and Te by the estimated errors of current, losses, sink and timing",
     )
     words.add_out(
-        parser, "folder for the files (default: the run itself; for bench files NAME_mat here)"
+        parser,
+        "folder for the files (default: the run itself, c in it for C; for bench files NAME_mat "
+        "here)",
     )
     words.add_force(parser)
     words.add_json(parser)
@@ -70,6 +78,7 @@ def run(options: argparse.Namespace) -> int:
     """Write the files and print what is in them."""
     from ..results import to_json
 
+    _refuse_mixed(options)
     exports = _of_tests(options) if options.tests else [_of_run(options)]
     for written in exports:
         for note in written["notes"]:
@@ -84,13 +93,35 @@ def run(options: argparse.Namespace) -> int:
     return DONE
 
 
+def _refuse_mixed(options: argparse.Namespace) -> None:
+    """Refuse words of one kind of file where the other is wanted."""
+    if options.to == "mat" and options.step is not None:
+        raise UsageError("--step is for --to c; a MAT file holds the samples of the test")
+    if options.to == "c" and options.tests:
+        raise UsageError("--to c exports a run; --test NAME chooses the test of its vectors")
+    if options.to == "c" and options.source.exists() and not options.source.is_dir():
+        raise UsageError("--to c takes a run folder: its noise goes into the observer")
+    if options.to == "c" and options.corrected:
+        raise UsageError("--corrected is for --to mat: a drive has its own instruments")
+
+
 def _of_run(options: argparse.Namespace) -> dict[str, Any]:
-    from ..export import export_mat
+    from ..export import export_c, export_mat
 
     if not options.source.is_dir() and options.source.exists():
         raise UsageError("a file of parameters holds no test: name a bench file after it")
     if options.motor is not None:
         raise UsageError("--motor is for bench files that are named; a run has its own motor file")
+    if options.to == "c":
+        return export_c(
+            options.source,
+            folder=options.out,
+            test=options.test,
+            network=options.model,
+            is_replica=options.replica,
+            is_replacing=options.force,
+            **({} if options.step is None else {"step": options.step}),
+        )
     return export_mat(
         options.source,
         folder=options.out,
@@ -132,6 +163,8 @@ def _of_tests(options: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _text(written: dict[str, Any]) -> str:
+    if "step_s" in written:
+        return _text_of_c(written)
     samples = written["variables"]["t"]["shape"][0]
     effects = f" with {', '.join(written['effects'])}" if written["effects"] else ""
     lines = [
@@ -151,3 +184,15 @@ def _text(written: dict[str, Any]) -> str:
             "sample (a report gives that of block means)"
         )
     return "\n".join([*lines, *(printable(path) for path in written["files"])])
+
+
+def _text_of_c(written: dict[str, Any]) -> str:
+    effects = f" with {', '.join(written['effects'])}" if written["effects"] else ""
+    observer = "with an observer" if written["has_observer"] else "without an observer"
+    return "\n".join([
+        f"C99 of {printable(written['title'])}{effects}, {observer}: nodes "
+        f"{printable(', '.join(written['nodes']))}; steps of {written['step_s']:g} s",
+        f"{written['vector_steps']} steps of {printable(written['test'])} to verify it: compile "
+        "main.c with thermal_network.c and run it on vectors.csv",
+        *(printable(path) for path in written["files"]),
+    ])  # fmt: skip

@@ -1,7 +1,8 @@
-"""A run's model and record for other programs: MAT files for Simulink, MATLAB and Octave."""
+"""A run's model and record for other programs: MAT files for Simulink, MATLAB, Octave; C."""
 
 from __future__ import annotations
 
+from .c_file import export_c
 from .contents import mat_bytes
 from .course import Course, simulate_variables
 from .mat import export_mat, export_test
@@ -15,6 +16,7 @@ __all__ = [
     "Course",
     "NetworkCourse",
     "RunAndTest",
+    "export_c",
     "export_mat",
     "export_test",
     "mat_bytes",

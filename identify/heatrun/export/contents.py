@@ -33,6 +33,9 @@ from .variables import Corrections, Shaft, thesis_variables
 HEADER_TEXT_BYTES = 116
 """Free text at the start of a MATLAB 5 file; MAT-File Format, "Level 5 MAT-file header"."""
 
+SOURCES = (b"/* heatrun export:", b"# heatrun export:")
+"""How the sources and vectors of an export begin."""
+
 Variables = dict[str, Any]
 
 
@@ -194,7 +197,7 @@ def _refuse_loss(path: Path, content: bytes, inputs: tuple[Path, ...]) -> None:
     except OSError:
         return  # it is not there, or writing fails with its own words
     is_input = any(path.resolve() == source.resolve() for source in inputs)
-    is_ours = existing.startswith(EXPORT) or existing == content
+    is_ours = existing.startswith((EXPORT, *SOURCES)) or existing == content
     if is_input or not is_ours:
         what = "one of the run's records" if is_input else "not as heatrun writes it"
         raise InputError(

@@ -47,3 +47,20 @@ class Grid:
     def mean(self, values: np.ndarray) -> jnp.ndarray:
         """Return the mean over each step of straight lines from sample to sample, (step,)."""
         return jnp.asarray(np.interp(self.middle, self.time, values.ravel()))
+
+
+@dataclass(frozen=True)
+class Held:
+    """Steps over which the inputs are held, each split evenly.
+
+    Attributes:
+        step: Length of the parts [s], shape (part,).
+        parts: Number of parts of a step.
+    """
+
+    step: np.ndarray
+    parts: int
+
+    def mean(self, values: np.ndarray) -> jnp.ndarray:
+        """Return values of the steps, shape (step,), at the parts, shape (part,)."""
+        return jnp.asarray(np.repeat(values, self.parts))

@@ -15,8 +15,8 @@ from lptn import EFFECTS, CopperLosses, Inputs, Network, Sensor, SpeedLoss, long
 from lptn.effects import AbstractEffect, NodeEffect
 from lptn.effects.sensors import SensorLag, TimeShift
 
-from .grid import Grid
-from .network_file import RPM
+from .grid import Grid, Held
+from .network_file import RPM, SIGNALS
 
 SHARE_OF_LONGEST = 0.005
 """As in `heatrun.export.grid`, finer: laws of effects bend between two samples as well."""
@@ -56,7 +56,7 @@ def simulate_network(content: bytes) -> NetworkCourse:
     Args:
         content: The bytes of the file.
     """
-    found = scipy.io.loadmat(io.BytesIO(content), simplify_cells=True)
+    found = read_network(content)
     network, start = _network(found)
     effects = [_effect(each) for each in np.atleast_1d(found["effects"])]
     time = np.atleast_1d(found["t"]) - found["t"][0]
@@ -76,6 +76,38 @@ def simulate_network(content: bytes) -> NetworkCourse:
         reading=np.asarray(trace.reading)[grid.first],
         measured=found["Tw_m"],
     )
+
+
+def read_network(content: bytes) -> dict[str, Any]:
+    """Return the variables of `network.mat`: arrays of shape (n,), numbers, text, dictionaries.
+
+    Args:
+        content: The bytes of the file.
+    """
+    return scipy.io.loadmat(io.BytesIO(content), simplify_cells=True)
+
+
+def simulate_held(
+    found: Mapping[str, Any], held: Mapping[str, np.ndarray], step: float
+) -> dict[str, np.ndarray]:
+    """Simulate equal steps over each of which the inputs are held.
+
+    Args:
+        found: From `read_network`.
+        held: By the names of `network.mat` what drives the machine, shape (step,).
+        step: Length of the steps [s].
+
+    Returns:
+        Temperature by node at the edges of the steps [degC], shape (step + 1,).
+    """
+    network, start = _network(found)
+    effects = [_effect(each) for each in np.atleast_1d(found["effects"])]
+    parts = int(np.ceil(step / (SHARE_OF_LONGEST * float(longest_step(network)))))
+    grid = Held(np.full(parts * held["Is"].size, step / parts), parts)
+    fixed = {name: value for name, value in found.items() if name not in SIGNALS}
+    inputs = _inputs({**fixed, **held}, grid)
+    trace = simulate(network, _losses(found), inputs, start, effects=effects)
+    return {node: np.asarray(T)[::parts] for node, T in trace.temperature.items()}
 
 
 def _network(found: Mapping[str, Any]) -> tuple[Network, dict[str, float]]:
@@ -115,7 +147,7 @@ def _effect(said: Mapping[str, Any]) -> AbstractEffect:
     return kind(**{n: jnp.asarray(v) for n, v in said["parameters"].items()}, **places)
 
 
-def _inputs(found: Mapping[str, Any], grid: Grid) -> Inputs:
+def _inputs(found: Mapping[str, Any], grid: Grid | Held) -> Inputs:
     def mean(name: str, factor: float = 1.0) -> jnp.ndarray | None:
         return grid.mean(factor * found[name]) if name in found else None
 

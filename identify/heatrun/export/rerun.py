@@ -15,6 +15,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,11 +40,15 @@ class Predicted:
         time_s: Times of the blocks on the record's own axis [s], shape (block,).
         reading: Median of the winding's reading [degC], shape (block,).
         maybe_missing: Probability of each effect that the network may miss [1], by its id.
+        nodes: Median by node [degC], shape (block,).
+        nodes_95: Its 95 % limits from the parameters by node [degC], lower then upper.
     """
 
     time_s: np.ndarray
     reading: np.ndarray
     maybe_missing: Mapping[str, float]
+    nodes: Mapping[str, np.ndarray]
+    nodes_95: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -130,7 +135,7 @@ def of_record(
     files = tuple(Path(entry["path"]) for entry in run.manifest["inputs"])
     rows = known(run.result.models[run.choose(network)].maybe_missing) or ()
     missing = {row.id: row.probability for row in rows if row.test in (None, record.name)}
-    predicted = Predicted(found.time_s, found.median, missing)
+    predicted = Predicted(found.time_s, found.median, missing, found.nodes, found.nodes_95)
     return RunAndTest(run.path, found.model, motor, record, values, is_held_out, found.test, files,
                       predicted=predicted)  # fmt: skip
 

@@ -1,0 +1,485 @@
+"""A run as C99 for a drive: the network, an observer of its nodes, vectors to verify a port."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..io.whole_files import numbered
+from ..model.model import Model
+from ..results.model import FittedNoise
+from ..results.values import known
+from ..runs.run import open_run
+from ..version import __version__
+from .contents import NETWORK, mat_bytes, write_export
+from .network_course import read_network, simulate_held
+from .network_file import SIGNALS
+from .rerun import Predicted, as_replica, effects_of, read_run_test
+
+HEADER, SOURCE, HARNESS, VECTORS = "thermal_network.h", "thermal_network.c", "main.c", "vectors.csv"
+
+LAWS = ("speed_cooling", "fan_cooling", "iron_loss_in_winding", "speed_loss")
+"""Effects whose laws the source holds."""
+
+STEP_S = 1.0
+
+SHARE_OF_FASTEST = 0.02
+"""Parts of a step stay below this share of 1 over the fastest rate (Gershgorin): Runge-Kutta of the
+fourth order then errs by 0.02^4/120, some 1e-9 of a change."""
+
+MOST_PARTS = 1000
+"""More parts than this cost a drive too much."""
+
+MOST_STATES = 9
+"""States of an observer in less than 1 kB: 9 x 9 numbers of 8 bytes, and what goes with them."""
+
+VECTOR_S = 7200.0
+"""Length of the vectors at most [s]."""
+
+LEAST_STUCK_K = 2.0
+"""Sensors of a resolution of 1 K stand still as long as the machine changes by less [K]."""
+
+BLOCK_S = 20.0
+"""Length of the mean that the white part of a run's noise is stated for [s]."""
+
+UNLIKE_C = re.compile(r"[^A-Za-z0-9 .,:;()+=@_-]")
+"""What text in a comment is escaped of: it can neither end the comment nor be a trigraph."""
+
+INPUTS = {"Is": "current_A", "Pd": "losses_W", "Pol": "losses_W", "Te": "sink_degC",
+          "Te2": "second_sink_degC", "speed_rpm": "speed_rpm", "fan": "fan"}  # fmt: skip
+"""Member of the struct of inputs by the name in `network.mat`, in the order of the struct."""
+
+
+@dataclass(frozen=True)
+class Missed:
+    """What the observer knows of noise and of heat that the network misses.
+
+    Attributes:
+        heat: Standard deviation of the heat over the mean loss [1]; with the uncertainty of the
+            parameters, as a share of the rise.
+        heat_s: Its correlation time [s].
+        slow_K: Standard deviation of the slow part of the readings' noise [K].
+        slow_s: Its correlation time [s].
+        white_K: Standard deviation of the white part in a mean of `BLOCK_S` [K].
+    """
+
+    heat: float
+    heat_s: float
+    slow_K: float
+    slow_s: float
+    white_K: float
+
+    @classmethod
+    def of(cls, noise: FittedNoise, model: Model, spread: float) -> Missed:
+        """Return what a run says of a network.
+
+        Args:
+            noise: Of its residuals.
+            model: The network.
+            spread: Standard deviation of a rise from the parameters, over the rise [1].
+        """
+        said = model.adequacy
+        heat = known(noise.unmodelled_heat)
+        heat = math.hypot(said.unmodelled_heat if heat is None else heat, spread)
+        return cls(heat, said.heat_time_s, noise.sd_K, noise.time_s, noise.white_K)
+
+    def reading(self, step: float) -> tuple[float, float]:
+        """Return the variance of one reading, and that of white noise as strong over minutes [K^2].
+
+        Args:
+            step: Time between readings [s].
+        """
+        white = self.white_K**2 * max(1.0, BLOCK_S / step)
+        slow = self.slow_K**2
+        return slow + white + 1e-6, slow * max(1.0, 2.0 * self.slow_s / step) + white + 1e-6
+
+
+def export_c(
+    run: Path,
+    *,
+    folder: Path | None = None,
+    test: str | None = None,
+    network: str | None = None,
+    is_replica: bool = False,
+    is_replacing: bool = False,
+    step: float = STEP_S,
+) -> dict[str, Any]:
+    """Write the network of a run as C99, with vectors of a test and a harness beside it.
+
+    Args:
+        run: The run folder.
+        folder: Where the files go; None for a folder `c` in the run, numbered where that holds
+            another export.
+        test: As `read_run_test`.
+        network: As `read_run_test`.
+        is_replica: Whether the plain network nearest to a model with effects goes in its place.
+        is_replacing: Whether another export in `folder` is replaced.
+        step: Length of a step [s].
+
+    Returns:
+        As plain data: the files, test, network (`order`, `title`) and effects, nodes, step [s],
+        its parts, steps of the vectors, whether there is an observer, notes and findings.
+
+    Raises:
+        InputError: As `read_run_test` and `network_variables`; if the source lacks the law of an
+            effect, or the step is not one for this network; as `write_export`.
+    """
+    if not is_replica:
+        refuse_lawless(effects_of(run, network), str(run))
+    opened = open_run(run)
+    result = opened.result.models[opened.choose(network)]
+    whole = read_run_test(run, test=test, network=network)
+    found = as_replica(whole, network) if is_replica else whole
+    variables, notes = NETWORK.variables(found)
+    sink = float(np.mean(variables["Te"]))
+    nearest = known(result.replica)
+    spread = _spread(whole.predicted, sink, nearest.from_model_K if is_replica and nearest else 0.0)
+    title = found.model.title
+    source = CSource.of(
+        read_network(mat_bytes(variables)),
+        Missed.of(result.noise, found.model, spread),
+        {
+            "run": run.resolve().name,
+            "sha256": opened.manifest["files"]["fit.json"],
+            "machine": found.motor.name,
+            "network": f"{title} (replica)" if is_replica else title,
+        },
+        step,
+    )
+    content = {**source.texts(), VECTORS: source.vectors(found.record.name)}
+    places: Iterable[Path] = [folder] if folder else numbered(run / "c")
+    written = write_export(places, content, found.inputs, is_replacing=is_replacing)
+    if not source.has_observer:
+        notes = (*notes, f"There is no observer: its state would not fit into 1 kB with "
+                 f"{source.num_states} states (at most {MOST_STATES}).")  # fmt: skip
+    return {
+        "files": [str(path) for path in written],
+        "run": str(run),
+        "test": found.record.name,
+        "order": found.model.name,
+        "title": found.model.title,
+        "effects": [kind.card.id for kind in found.model.effects],
+        "nodes": source.nodes,
+        "step_s": step,
+        "parts": source.parts,
+        "vector_steps": source.num_vectors,
+        "has_observer": source.has_observer,
+        "notes": [*found.notes, *notes],
+        "findings": [],
+    }
+
+
+def refuse_lawless(ids: Iterable[str], where: str) -> None:
+    """Refuse effects whose laws the source does not hold.
+
+    Raises:
+        InputError: With their names.
+    """
+    lacking = sorted({name for name in ids if name not in LAWS})
+    if lacking:
+        raise InputError(
+            f"the C source does not hold the law of {', '.join(lacking)}, only those of "
+            f"{', '.join(LAWS)}.",
+            where=where,
+            remedy="Pass --replica for the plain network nearest to the model, or export --to mat.",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class CSource:
+    """A network as C.
+
+    Attributes:
+        found: The variables of `network.mat`, as `read_network` gives them.
+        missed: What the observer knows of noise and missed heat.
+        said: Names in the comment: run, sha256, machine, network.
+        step: Length of a step [s].
+        parts: Number of parts of a step.
+    """
+
+    found: Mapping[str, Any]
+    missed: Missed
+    said: Mapping[str, str]
+    step: float
+    parts: int
+
+    @classmethod
+    def of(
+        cls, found: Mapping[str, Any], missed: Missed, said: Mapping[str, str], step: float = STEP_S
+    ) -> CSource:
+        """Return the source of a network.
+
+        Raises:
+            InputError: If it lacks the law of an effect, or the step is not one for this network.
+        """
+        refuse_lawless((each["id"] for each in np.atleast_1d(found["effects"])), said["run"])
+        if not 0.0 < step < math.inf:
+            raise InputError(
+                f"expected a step above 0 s, got {step:g} s.",
+                where="--step",
+                remedy="Pass the time between two calls of the drive [s].",
+            )
+        parts = max(1, math.ceil(step * _fastest(found) / SHARE_OF_FASTEST))
+        if parts > MOST_PARTS:
+            longest = step * MOST_PARTS / parts
+            raise InputError(
+                f"a step of {step:g} s is too long for this network: its fastest node needs "
+                f"{parts} parts of it (limit {MOST_PARTS}).",
+                where=said["run"],
+                remedy=f"Pass --step {longest:.1g} or less.",
+            )
+        return cls(found, missed, said, step, parts)
+
+    @property
+    def nodes(self) -> list[str]:
+        """Names of the nodes in the order of the arrays."""
+        return [str(node) for node in np.atleast_1d(self.found["nodes"])]
+
+    @property
+    def inputs(self) -> list[str]:
+        """Names in `network.mat` of what drives this network, in the order of the struct."""
+        laws = {each["id"] for each in np.atleast_1d(self.found["effects"])}
+        is_used = {"speed_rpm": bool(laws & {"speed_cooling", "speed_loss"}),
+                   "fan": "fan_cooling" in laws}  # fmt: skip
+        return [name for name in INPUTS if name in self.found and is_used.get(name, True)]
+
+    @property
+    def heated(self) -> list[int]:
+        """Numbers of the nodes that losses heat."""
+        share = np.atleast_1d(self.found["share"])
+        copper = self.nodes.index(self.found["copper_node"])
+        return [i for i in range(share.size) if share[i] or i == copper]
+
+    @property
+    def num_states(self) -> int:
+        """Number of states of an observer."""
+        return len(self.nodes) + len(self.heated)
+
+    @property
+    def has_observer(self) -> bool:
+        """Whether an observer fits into 1 kB."""
+        return self.num_states <= MOST_STATES
+
+    @property
+    def num_vectors(self) -> int:
+        """Number of steps of the vectors."""
+        time = self.found["t"]
+        return int(min(time[-1] - time[0], VECTOR_S) / self.step + 1e-9)
+
+    def texts(self) -> dict[str, bytes]:
+        """Return header, source and harness by file name."""
+        filled = {**self._header(), **self._tables(), **self._observer()}
+        observer = {
+            ending: _filled(f"observer.{ending}", filled) if self.has_observer else ""
+            for ending in "hc"
+        }
+        filled["observer_header"] = observer["h"]
+        return {
+            HEADER: _filled("network.h", filled).encode("ascii"),
+            SOURCE: (_filled("network.c", filled) + observer["c"]).encode("ascii"),
+            HARNESS: _template("main.c").encode("ascii"),
+        }
+
+    def vectors(self, test: str) -> bytes:
+        """Return inputs and what `lptn` makes of them, as CSV.
+
+        The first row holds the start; every other one the inputs held over a step, those of the
+        record at its middle, and the temperatures at its end.
+
+        Args:
+            test: Name of the test, for the comment.
+
+        Raises:
+            InputError: If the test is shorter than a step.
+        """
+        num = self.num_vectors
+        if num < 1:
+            raise InputError(
+                f"the test is shorter than a step of {self.step:g} s.",
+                where=test,
+                remedy="Pass a shorter --step, or another --test.",
+            )
+        time = self.found["t"] - self.found["t"][0]
+        middle = self.step * (np.arange(num) + 0.5)
+        driving = [name for name in SIGNALS if name in self.found and name not in ("t", "Tw_m")]
+        held = {name: np.interp(middle, time, self.found[name]) for name in driving}
+        held["Is"] = np.sqrt(np.interp(middle, time, self.found["Is"] ** 2))
+        course = simulate_held(self.found, held, self.step)
+        columns = [self.step * np.arange(num + 1)]
+        columns += [np.concatenate([[0.0], held[name]]) for name in self.inputs]
+        columns += [course[node] for node in self.nodes]
+        heading = ["time_s", *(INPUTS[name] for name in self.inputs)]
+        heading += [f"{name.lower()}_degC" for name in _enumerators(self.nodes)]
+        text = io.StringIO()
+        text.write(f"# heatrun export: inputs and lptn's temperatures, test {in_comment(test)}\n")
+        np.savetxt(text, np.column_stack(columns), "%.17g", ",", header=",".join(heading),
+                   comments="")  # fmt: skip
+        return text.getvalue().encode("ascii")
+
+    def _header(self) -> dict[str, str]:
+        found, inputs = self.found, self.inputs
+        speed = found["speed_rpm"] if "speed_rpm" in inputs else 0.0
+        loss = "Pd" if found["losses"] == "balance" else "Pol"
+        names = _enumerators(self.nodes)
+        return {name: in_comment(text) for name, text in self.said.items()} | {
+            "version": __version__,
+            "step": repr(float(self.step)),
+            "num_nodes": str(len(self.nodes)),
+            "has_second": str(int("Te2" in inputs)),
+            "has_speed": str(int("speed_rpm" in inputs)),
+            "has_fan": str(int("fan" in inputs)),
+            "max_current": _limit(10.0, found["Is"], found["rated_current_A"]),
+            "max_losses": _limit(10.0, found[loss], 1.0),
+            "max_speed": _limit(2.0, speed, found["rated_speed_rpm"]),
+            "node_enumerators": ",\n".join(
+                f"    HEATRUN_NODE_{name} = {i} /* {in_comment(node)} */"
+                for i, (name, node) in enumerate(zip(names, self.nodes, strict=True))
+            ),
+            "losses_words": "all losses, copper included"
+            if loss == "Pd"
+            else "losses other than copper",
+            "sink": in_comment(found["sink"]),
+            "second_sink": in_comment(found.get("second_sink", "none")),
+        }
+
+    def _tables(self) -> dict[str, str]:
+        found, nodes = self.found, self.nodes
+        links = _links(found)
+        ends = [*nodes, found["sink"], found.get("second_sink", "")]
+        share = np.atleast_1d(found["share"]).astype(float)
+        copper = nodes.index(found["copper_node"])
+        by_link = {name: np.zeros(len(links)) for name in ("speed_gain", "speed_exponent",
+                                                           "fan_gain")}  # fmt: skip
+        by_node = {name: np.zeros(len(nodes)) for name in ("speed_linear", "speed_square")}
+        for effect in np.atleast_1d(found["effects"]):
+            q = effect["parameters"]
+            if effect["id"] == "speed_cooling":
+                place = links.index(tuple(effect["link"]))
+                by_link["speed_gain"][place], by_link["speed_exponent"][place] = q["g"], q["m"]
+            elif effect["id"] == "fan_cooling":
+                by_link["fan_gain"][links.index(tuple(effect["link"]))] = q["g"]
+            elif effect["id"] == "iron_loss_in_winding":
+                share *= 1.0 - q["q"]
+                share[copper] += q["q"]
+            else:
+                place = nodes.index(effect["node"])
+                by_node["speed_linear"][place] += q["linear"]
+                by_node["speed_square"][place] += q["square"]
+        is_balance = found["losses"] == "balance"
+        per_square = found["phases"] * found["Rs0"] / (found["B"] + found["Tref"])
+        return {
+            "other_words": "losses - Pjs" if is_balance else "as given",
+            "parts": str(self.parts),
+            "num_links": str(len(links)),
+            "copper": str(copper),
+            "is_balance": str(int(is_balance)),
+            "capacitance": _reals(np.atleast_1d(found["capacitance"])),
+            "share": _reals(share),
+            "first": ", ".join(str(ends.index(a)) for a, _ in links),
+            "second": ", ".join(str(ends.index(b)) for _, b in links),
+            "conductance": _reals(1.0 / np.atleast_1d(found["resistance"])),
+            "coefficient": repr(float(found["B"])),
+            "copper_slope": repr(float(per_square)),
+            "rated_speed": repr(float(found["rated_speed_rpm"])),
+            **{name: _reals(values) for name, values in {**by_link, **by_node}.items()},
+        }
+
+    def _observer(self) -> dict[str, str]:
+        found = self.found
+        losses = float(np.mean(found["Pd" if found["losses"] == "balance" else "Pol"]))
+        if found["losses"] == "map":
+            losses += found["phases"] * found["Rs0"] * float(np.mean(found["Is"] ** 2))
+        losses = max(abs(losses), 1e-3)
+        once, over_minutes = self.missed.reading(self.step)
+        lightest = min(np.atleast_1d(found["capacitance"])[self.heated])
+        sd = math.sqrt(once)
+        return {
+            "num_heats": str(len(self.heated)),
+            "heated": ", ".join(map(str, self.heated)),
+            "sensed": str(self.nodes.index(found["sensor"]["node"])),
+            "reading_sd": f"{sd:.6g}",
+            "noise_steps": repr(over_minutes / once),
+            "stuck": f"{LEAST_STUCK_K + 4.0 * sd:.4g}",
+            "heat_sd": repr(self.missed.heat * losses),
+            "heat_decay": repr(math.exp(-self.step / self.missed.heat_s)),
+            "blind": repr(float(self.step * losses / lightest)),
+        }
+
+
+def _spread(predicted: Predicted | None, sink: float, bias: float) -> float:
+    """Return the standard deviation of a rise over the rise, of the node that is known least [1].
+
+    Args:
+        predicted: What the run predicts of its test.
+        sink: Mean temperature of the sink [degC].
+        bias: RMS by which a simpler network is elsewhere [K].
+    """
+    if predicted is None:
+        return 0.0
+    spreads = [0.0]
+    for node, median in predicted.nodes.items():
+        lower, upper = map(np.asarray, predicted.nodes_95[node])
+        variance = np.mean((upper - lower) ** 2) / (2 * 1.96) ** 2 + bias**2
+        spreads.append(float(np.sqrt(variance / max(np.mean((median - sink) ** 2), 1.0))))
+    return max(spreads)
+
+
+def in_comment(text: str) -> str:
+    """Return text that stands safely in a comment of C: other characters by their number."""
+    return UNLIKE_C.sub(lambda found: f"<U+{ord(found[0]):04X}>", text)
+
+
+def _enumerators(nodes: Sequence[str]) -> list[str]:
+    """Return names of nodes in the letters of C, each once."""
+    names: list[str] = []
+    for node in nodes:
+        plain = re.sub(r"[^A-Z0-9_]", "_", node.upper())
+        names.append(f"{plain}_{len(names)}" if plain in names else plain)
+    return names
+
+
+def _fastest(found: Mapping[str, Any]) -> float:
+    """Return a bound of the fastest rate of the network at its limits [1/s]."""
+    nodes = [str(node) for node in np.atleast_1d(found["nodes"])]
+    conductance = 1.0 / np.atleast_1d(found["resistance"])
+    links = _links(found)
+    for effect in np.atleast_1d(found["effects"]):
+        if "link" in effect:  # a conductance that rises, at twice its rated speed
+            place = links.index(tuple(effect["link"]))
+            conductance[place] *= 1.0 + 2.0 * effect["parameters"]["g"]
+    by_node = [sum(g for g, link in zip(conductance, links, strict=True) if node in link)
+               for node in nodes]  # fmt: skip
+    return float(np.max(2.0 * np.array(by_node) / np.atleast_1d(found["capacitance"])))
+
+
+def _links(found: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    return [tuple(map(str, link)) for link in np.reshape(found["links"], (-1, 2))]
+
+
+def _limit(factor: float, values: Any, rated: float) -> str:
+    largest = max(float(np.max(np.abs(values))), abs(float(rated)))
+    return f"{factor * largest:.3g}" if factor * largest < 1e3 else repr(round(factor * largest, 0))
+
+
+def _reals(values: np.ndarray) -> str:
+    return ", ".join(f"R({float(value)!r})" for value in values)
+
+
+@cache
+def _template(name: str) -> str:
+    return (files("heatrun.export") / "templates" / name).read_text(encoding="ascii")
+
+
+def _filled(name: str, values: Mapping[str, str]) -> str:
+    return Template(_template(name)).substitute(values)

@@ -1,0 +1,321 @@
+/* heatrun export: the laws of thermal_network.h
+ *
+ * Each node:    C dT/dt = heat - flows out + flows in,  flow = g (T - T of the other end)
+ * Copper loss:  Pjs = phases Rs0 I^2 (B + T)/(B + Tref), T of the copper node
+ * Other losses: $other_words, shared to the nodes
+ *
+ * Classical Runge-Kutta in HEATRUN_PARTS equal parts of a step. The matrix of the network depends
+ * on current and speed, so that an exact discretisation would need an exponential in every step.
+ */
+#include "thermal_network.h"
+
+#define R(x) ((heatrun_real)(x))
+#define HEATRUN_PARTS $parts
+#define NUM_NODES HEATRUN_NUM_NODES
+#define NUM_LINKS $num_links
+#define SINK NUM_NODES
+#define COPPER $copper
+#define IS_BALANCE $is_balance
+
+static const heatrun_real CAPACITANCE_J_PER_K[NUM_NODES] = {$capacitance};
+static const heatrun_real SHARE[NUM_NODES] = {$share};
+static const int FIRST_END[NUM_LINKS] = {$first};
+static const int SECOND_END[NUM_LINKS] = {$second};
+static const heatrun_real CONDUCTANCE_W_PER_K[NUM_LINKS] = {$conductance};
+static const heatrun_real COEFFICIENT_DEGC = R($coefficient);
+static const heatrun_real COPPER_W_PER_A2_K = R($copper_slope);
+#if HEATRUN_HAS_SPEED
+static const heatrun_real RATED_SPEED_RPM = R($rated_speed);
+static const heatrun_real SPEED_GAIN[NUM_LINKS] = {$speed_gain};
+static const heatrun_real SPEED_EXPONENT[NUM_LINKS] = {$speed_exponent};
+static const heatrun_real SPEED_LOSS_W[NUM_NODES] = {$speed_linear};
+static const heatrun_real SPEED_SQUARED_LOSS_W[NUM_NODES] = {$speed_square};
+#endif
+#if HEATRUN_HAS_FAN
+static const heatrun_real FAN_GAIN[NUM_LINKS] = {$fan_gain};
+#endif
+
+/* What stays the same during a step. */
+typedef struct {
+    heatrun_real coefficient_degC;
+    heatrun_real copper_W_per_K;
+    heatrun_real losses_W;
+    heatrun_real copper_in_losses; /* 1 where losses_W holds the copper loss, else 0 */
+    heatrun_real sinks_degC[2];
+    heatrun_real heat_W[NUM_NODES];
+    heatrun_real conductance_W_per_K[NUM_LINKS];
+} drive;
+
+/* False for NaN. */
+static int is_within(heatrun_real value, heatrun_real low, heatrun_real high)
+{
+    return value >= low && value <= high;
+}
+
+static int is_temperature(heatrun_real value)
+{
+    return is_within(value, R(HEATRUN_MIN_DEGC), R(HEATRUN_MAX_DEGC));
+}
+
+static int is_valid(const heatrun_inputs *inputs)
+{
+    int valid = is_within(inputs->current_A, R(-HEATRUN_MAX_CURRENT_A), R(HEATRUN_MAX_CURRENT_A))
+        && is_within(inputs->losses_W, R(-HEATRUN_MAX_LOSSES_W), R(HEATRUN_MAX_LOSSES_W))
+        && is_temperature(inputs->sink_degC);
+#if HEATRUN_HAS_SECOND_SINK
+    valid = valid && is_temperature(inputs->second_sink_degC);
+#endif
+#if HEATRUN_HAS_SPEED
+    valid = valid
+        && is_within(inputs->speed_rpm, R(-HEATRUN_MAX_SPEED_RPM), R(HEATRUN_MAX_SPEED_RPM));
+#endif
+#if HEATRUN_HAS_FAN
+    valid = valid && is_within(inputs->fan, R(0.0), R(1.0));
+#endif
+    return valid;
+}
+
+#if HEATRUN_HAS_SPEED
+/* base^exponent for base >= 0 and an exponent from 0 to 8, to the last digits of the type:
+ * logarithm and exponential by their series, after powers of two are taken out. */
+static heatrun_real power(heatrun_real base, heatrun_real exponent)
+{
+    const heatrun_real ln2 = R(0.69314718055994530942);
+    heatrun_real y, square, logarithm = R(0.0), rest, result = R(1.0);
+    int twos = 0;
+    int i;
+    if (!(base > R(1e-15))) {
+        return R(0.0);
+    }
+    for (i = 0; i < 64 && base > R(1.5); ++i) {
+        base *= R(0.5);
+        ++twos;
+    }
+    for (i = 0; i < 64 && base < R(0.75); ++i) {
+        base *= R(2.0);
+        --twos;
+    }
+    y = (base - R(1.0))/(base + R(1.0)); /* within 0.2 */
+    square = y*y;
+    for (i = 23; i >= 1; i -= 2) {
+        logarithm = logarithm*square + R(2.0)/R(i);
+    }
+    logarithm = logarithm*y + R(twos)*ln2;
+    rest = exponent*logarithm;
+    twos = (int)(rest/ln2 + (rest < R(0.0) ? R(-0.5) : R(0.5)));
+    rest -= R(twos)*ln2; /* within 0.35 */
+    for (i = 14; i >= 1; --i) {
+        result = R(1.0) + rest/R(i)*result;
+    }
+    for (i = 0; i < twos; ++i) {
+        result *= R(2.0);
+    }
+    for (i = 0; i > twos; --i) {
+        result *= R(0.5);
+    }
+    return result;
+}
+#endif
+
+static void prepare(const heatrun_inputs *inputs, drive *at)
+{
+    int i;
+#if HEATRUN_HAS_SPEED
+    const heatrun_real speed =
+        inputs->speed_rpm < R(0.0) ? -inputs->speed_rpm : inputs->speed_rpm;
+#endif
+    at->coefficient_degC = COEFFICIENT_DEGC;
+    at->copper_W_per_K = COPPER_W_PER_A2_K*inputs->current_A*inputs->current_A;
+    at->losses_W = inputs->losses_W;
+    at->copper_in_losses = R(IS_BALANCE);
+    at->sinks_degC[0] = inputs->sink_degC;
+#if HEATRUN_HAS_SECOND_SINK
+    at->sinks_degC[1] = inputs->second_sink_degC;
+#else
+    at->sinks_degC[1] = R(0.0);
+#endif
+    for (i = 0; i < NUM_LINKS; ++i) {
+        heatrun_real g = CONDUCTANCE_W_PER_K[i];
+#if HEATRUN_HAS_SPEED
+        if (SPEED_GAIN[i] > R(0.0)) {
+            g *= R(1.0) + SPEED_GAIN[i]*power(speed/RATED_SPEED_RPM, SPEED_EXPONENT[i]);
+        }
+#endif
+#if HEATRUN_HAS_FAN
+        g *= R(1.0) + FAN_GAIN[i]*inputs->fan;
+#endif
+        at->conductance_W_per_K[i] = g;
+    }
+    for (i = 0; i < NUM_NODES; ++i) {
+#if HEATRUN_HAS_SPEED
+        const heatrun_real rate = speed/R(1000.0);
+        at->heat_W[i] = (SPEED_LOSS_W[i] + SPEED_SQUARED_LOSS_W[i]*rate)*rate;
+#if IS_BALANCE
+        at->losses_W -= at->heat_W[i];
+#endif
+#else
+        at->heat_W[i] = R(0.0);
+#endif
+    }
+}
+
+static void slopes(const drive *at, const heatrun_real T[NUM_NODES],
+                   heatrun_real K_per_s[NUM_NODES])
+{
+    const heatrun_real copper_W = at->copper_W_per_K*(at->coefficient_degC + T[COPPER]);
+    const heatrun_real other_W = at->losses_W - at->copper_in_losses*copper_W;
+    int i;
+    for (i = 0; i < NUM_NODES; ++i) {
+        K_per_s[i] = at->heat_W[i] + SHARE[i]*other_W;
+    }
+    K_per_s[COPPER] += copper_W;
+    for (i = 0; i < NUM_LINKS; ++i) {
+        const int end = SECOND_END[i];
+        const heatrun_real far = end < NUM_NODES ? T[end] : at->sinks_degC[end - SINK];
+        const heatrun_real flow = at->conductance_W_per_K[i]*(T[FIRST_END[i]] - far);
+        K_per_s[FIRST_END[i]] -= flow;
+        if (end < NUM_NODES) {
+            K_per_s[end] += flow;
+        }
+    }
+    for (i = 0; i < NUM_NODES; ++i) {
+        K_per_s[i] /= CAPACITANCE_J_PER_K[i];
+    }
+}
+
+/* Increments are summed with what was rounded off before (Kahan): in float too, an error does not
+ * grow with the number of steps. */
+static void advance(const drive *at, heatrun_state *state)
+{
+    static const heatrun_real REACH[4] = {R(0.0), R(0.5), R(0.5), R(1.0)};
+    static const heatrun_real WEIGHT[4] = {R(1.0), R(2.0), R(2.0), R(1.0)};
+    const heatrun_real h = R(HEATRUN_STEP_S)/R(HEATRUN_PARTS);
+    int part, stage, i;
+    for (part = 0; part < HEATRUN_PARTS; ++part) {
+        heatrun_real slope[NUM_NODES] = {R(0.0)};
+        heatrun_real sum[NUM_NODES] = {R(0.0)};
+        heatrun_real T[NUM_NODES];
+        for (stage = 0; stage < 4; ++stage) {
+            for (i = 0; i < NUM_NODES; ++i) {
+                T[i] = state->temperature_degC[i] + REACH[stage]*h*slope[i];
+            }
+            slopes(at, T, slope);
+            for (i = 0; i < NUM_NODES; ++i) {
+                sum[i] += WEIGHT[stage]*slope[i];
+            }
+        }
+        for (i = 0; i < NUM_NODES; ++i) {
+            const heatrun_real change = h*sum[i]/R(6.0) - state->carry_K[i];
+            const heatrun_real before = state->temperature_degC[i];
+            const heatrun_real after = before + change;
+            state->carry_K[i] = (after - before) - change;
+            state->temperature_degC[i] = after;
+        }
+    }
+}
+
+heatrun_status heatrun_start(heatrun_state *state,
+                             const heatrun_real temperature_degC[HEATRUN_NUM_NODES])
+{
+    int i;
+    for (i = 0; i < NUM_NODES; ++i) {
+        if (!is_temperature(temperature_degC[i])) {
+            return HEATRUN_STATE_INVALID;
+        }
+    }
+    for (i = 0; i < NUM_NODES; ++i) {
+        state->temperature_degC[i] = temperature_degC[i];
+        state->carry_K[i] = R(0.0);
+    }
+    return HEATRUN_OK;
+}
+
+/* Advance with more heat in each node [W]; a null pointer stands for none. */
+static heatrun_status step_with(heatrun_state *state, const heatrun_inputs *inputs, drive *at,
+                                const heatrun_real *more_W)
+{
+    heatrun_state next = *state;
+    int i;
+    if (!is_valid(inputs)) {
+        return HEATRUN_INPUT_INVALID;
+    }
+    prepare(inputs, at);
+    for (i = 0; more_W && i < NUM_NODES; ++i) {
+        at->heat_W[i] += more_W[i];
+    }
+    advance(at, &next);
+    for (i = 0; i < NUM_NODES; ++i) {
+        if (!is_temperature(next.temperature_degC[i])) {
+            return HEATRUN_STATE_INVALID;
+        }
+    }
+    *state = next;
+    return HEATRUN_OK;
+}
+
+heatrun_status heatrun_step(heatrun_state *state, const heatrun_inputs *inputs)
+{
+    drive at;
+    return step_with(state, inputs, &at, (const heatrun_real *)0);
+}
+
+/* Number of steps until a node is above a limit, num_steps if it stays below. */
+static long steps_below(const heatrun_state *state, const drive *at, int node,
+                        heatrun_real limit_degC, long num_steps)
+{
+    heatrun_state next = *state;
+    long step;
+    for (step = 0; step < num_steps && next.temperature_degC[node] <= limit_degC; ++step) {
+        advance(at, &next);
+    }
+    return next.temperature_degC[node] <= limit_degC ? num_steps : step;
+}
+
+static int is_question(const heatrun_inputs *inputs, int node, heatrun_real limit_degC,
+                       heatrun_real horizon_s)
+{
+    return is_valid(inputs) && node >= 0 && node < NUM_NODES && is_temperature(limit_degC)
+        && is_within(horizon_s, R(0.0), R(HEATRUN_MAX_STEPS)*R(HEATRUN_STEP_S));
+}
+
+heatrun_real heatrun_time_to_limit_s(const heatrun_state *state, const heatrun_inputs *inputs,
+                                     int node, heatrun_real limit_degC, heatrun_real horizon_s)
+{
+    drive at;
+    long num_steps, steps;
+    if (!is_question(inputs, node, limit_degC, horizon_s)) {
+        return R(-1.0);
+    }
+    prepare(inputs, &at);
+    num_steps = (long)(horizon_s/R(HEATRUN_STEP_S) + R(0.001));
+    steps = steps_below(state, &at, node, limit_degC, num_steps);
+    return steps == num_steps ? horizon_s : R(steps)*R(HEATRUN_STEP_S);
+}
+
+heatrun_real heatrun_permitted_current_A(const heatrun_state *state, const heatrun_inputs *inputs,
+                                         int node, heatrun_real limit_degC,
+                                         heatrun_real horizon_s)
+{
+    heatrun_real low_A = R(0.0), high_A = R(HEATRUN_MAX_CURRENT_A);
+    drive at;
+    long num_steps;
+    int i;
+    if (!is_question(inputs, node, limit_degC, horizon_s)) {
+        return R(-1.0);
+    }
+    prepare(inputs, &at);
+    num_steps = (long)(horizon_s/R(HEATRUN_STEP_S) + R(0.001));
+    at.losses_W -= at.copper_in_losses*at.copper_W_per_K
+        *(at.coefficient_degC + state->temperature_degC[COPPER]);
+    at.copper_in_losses = R(0.0);
+    for (i = 0; i < 20; ++i) { /* to a millionth of the largest current */
+        const heatrun_real middle_A = R(0.5)*(low_A + high_A);
+        at.copper_W_per_K = COPPER_W_PER_A2_K*middle_A*middle_A;
+        if (steps_below(state, &at, node, limit_degC, num_steps) == num_steps) {
+            low_A = middle_A;
+        } else {
+            high_A = middle_A;
+        }
+    }
+    return low_A;
+}

@@ -1,0 +1,50 @@
+
+/* Observer: a Kalman filter of the nodes and of heat that the network misses, corrected by one
+ * sensor. It judges the sensor by what the model expects, and goes on without it where it fails. */
+#define HEATRUN_NUM_HEATS $num_heats
+#define HEATRUN_NUM_STATES (HEATRUN_NUM_NODES + HEATRUN_NUM_HEATS)
+#define HEATRUN_SENSED_NODE $sensed
+#ifndef HEATRUN_READING_SD_K
+#define HEATRUN_READING_SD_K $reading_sd /* of one reading; set it for the sensor of the drive */
+#endif
+#define HEATRUN_OFF_SDS 5.0       /* a reading is suspect beyond so many standard deviations, */
+#define HEATRUN_OFF_STEPS 10      /* and the sensor off after so many such readings on end */
+#define HEATRUN_STUCK_K $stuck    /* the model has moved so far while the reading stayed the same */
+#define HEATRUN_RECOVERY_STEPS 30 /* good readings on end before the sensor counts again */
+
+typedef enum {
+    HEATRUN_SENSOR_OK = 0,
+    HEATRUN_SENSOR_LOST = 1,      /* NaN or beyond its limits; pass NaN when a reading is late */
+    HEATRUN_SENSOR_STUCK = 2,
+    HEATRUN_SENSOR_OFF = 3,
+    HEATRUN_SENSOR_RECOVERING = 4 /* it agrees again, and is not used yet */
+} heatrun_sensor;
+
+typedef struct {
+    heatrun_state model;
+    heatrun_real heat_W[HEATRUN_NUM_HEATS];
+    heatrun_real covariance[HEATRUN_NUM_STATES][HEATRUN_NUM_STATES]; /* K^2, K W, W^2 */
+    heatrun_real last_degC;
+    heatrun_real moved_K;
+    int num_off;
+    int num_good;
+    heatrun_sensor sensor;
+} heatrun_observer;
+
+typedef struct {
+    heatrun_real temperature_degC[HEATRUN_NUM_NODES];
+    heatrun_real sd_K[HEATRUN_NUM_NODES]; /* standard deviation */
+    heatrun_status status;                /* of inputs and state; sd_K grows while it is not OK */
+    heatrun_sensor sensor;                /* unless OK, the temperatures are those of the model */
+} heatrun_estimate;
+
+/* Start from a guess with its standard deviation, from 0 to 300 K; an invalid one changes
+ * nothing. */
+heatrun_status heatrun_observer_start(heatrun_observer *observer,
+                                      const heatrun_real temperature_degC[HEATRUN_NUM_NODES],
+                                      heatrun_real sd_K);
+
+/* Advance by HEATRUN_STEP_S, and take the reading at the end of the step [degC]. */
+heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun_inputs *inputs,
+                                       heatrun_real reading_degC);
+

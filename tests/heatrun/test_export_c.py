@@ -1,0 +1,437 @@
+"""The C of an export: compiled without a warning, as lptn, an observer that judges its sensor."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from heatrun import cli
+from heatrun.errors import InputError
+from heatrun.export import mat_bytes, network_variables
+from heatrun.export.c_file import CSource, Missed, export_c, in_comment
+from heatrun.export.network_course import read_network
+from heatrun.model.catalogue import effects_named
+from heatrun.model.model import Model
+from heatrun.model.network_text import read_network as network_of_text
+from heatrun.motor.file import load_motor
+from heatrun.readers.read import read_record
+from heatrun.record.record import Record
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+COMPILER = shutil.which("gcc") or shutil.which("cc")
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-O1"]
+MISSED = Missed(heat=0.01, heat_s=1200.0, slow_K=0.2, slow_s=60.0, white_K=0.03)
+SAID = {"run": "run", "sha256": "0" * 64, "machine": "bench", "network": "second order"}
+VALUES = {
+    "Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062,
+    "Ceq": 12500.0, "Req": 0.132, "Tw_start": 60.4, "Tsr_start": 55.8,
+    "speed_cooling.g": 0.9, "speed_cooling.m": 0.73, "radiation.eA": 0.1,
+}  # fmt: skip
+TWO_SINKS = b"""
+[network]
+name = "sinks"
+nodes = ["winding", "yoke"]
+sinks = ["ambient", "coolant"]
+links = [["winding", "yoke"], ["yoke", "ambient"], ["yoke", "coolant"]]
+losses = { copper = "winding", iron = "yoke", mechanical = "yoke" }
+by_speed = ["mechanical"]
+sensors = { winding_degC = "winding" }
+"""
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return load_motor(DATA / "motor.toml")
+
+
+@pytest.fixture(scope="module")
+def half_hour(machine):
+    """The bundled duty's first half hour, with a fan and a coolant."""
+    record = read_record(DATA / "duty_30min.csv.gz", machine)
+    waves = 0.5 + 0.5 * np.sin(record.time_s / 200.0)
+    further = {"fan": waves, "coolant_degC": 30.0 + 5.0 * waves}
+    return Record(record.name, {**record.channels, **further})
+
+
+def source(half_hour, machine, network="second", effects=(), said=SAID, step=1.0, **values):
+    model = Model.of(network, machine, effects_named(effects, "test"))
+    centres = {each.name: each.centre for each in model.form.parameters}
+    centres |= {name: 40.0 for _, name in model.form.starts}
+    variables, _ = network_variables(
+        half_hour, {**centres, **VALUES, **values}, machine, model,
+        rated_speed=300.0, rated_current=100.0,
+    )  # fmt: skip
+    return CSource.of(read_network(mat_bytes(variables)), MISSED, said, step)
+
+
+def build(folder, made, *words, harness="main.c"):
+    """Compile the sources with a harness; return the program."""
+    for name, text in made.texts().items():
+        (folder / name).write_bytes(text)
+    command = [str(COMPILER), *STRICT, *words, "-o", "replay", harness, "thermal_network.c"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return folder / "replay"
+
+
+def replay(folder, made, *words):
+    """Return the largest difference to lptn that the harness prints [K]."""
+    program = build(folder, made, *words)
+    (folder / "vectors.csv").write_bytes(made.vectors("duty"))
+    done = subprocess.run([program, "vectors.csv"], cwd=folder, capture_output=True, text=True,
+                          check=False)  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert not done.stderr
+    steps, difference = re.search(r"(\d+) steps .* difference (\S+) K", done.stdout).groups()
+    assert int(steps) == made.num_vectors > 100
+    return float(difference)
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("network", "effects", "values"),
+    [
+        ("first", (), {}),
+        ("second", (), {}),
+        ("four", (), {}),
+        ("second", ("speed_cooling",), {}),
+        ("second", ("fan_cooling",), {"fan_cooling.g": 0.8}),
+        ("second", ("iron_loss_in_winding",), {"iron_loss_in_winding.q": 0.15}),
+        (network_of_text(TWO_SINKS, "sinks.toml"), (),
+         {"P_mechanical_n": 30.0, "P_mechanical_n2": 5.0}),
+    ],
+    ids=["first", "second", "four", "speed_cooling", "fan_cooling", "iron_loss", "two_sinks"],
+)  # fmt: skip
+def test_it_is_as_lptn(tmp_path, half_hour, machine, network, effects, values):
+    made = source(half_hour, machine, network, effects, **values)
+    assert replay(tmp_path, made) < 1e-6
+    assert replay(tmp_path, made, "-DHEATRUN_REAL=float") < 0.05
+
+
+@needs_compiler
+def test_losses_of_a_map_come_on_top(tmp_path, half_hour, machine):
+    assert replay(tmp_path, source(half_hour, replace(machine, losses="map"))) < 1e-6
+
+
+@needs_compiler
+def test_it_is_clean_under_sanitizers(tmp_path, half_hour, machine):
+    sanitizers = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    (tmp_path / "probe.c").write_text("int main(void) { return 0; }\n")
+    probe = subprocess.run([COMPILER, *sanitizers, "probe.c", "-o", "probe"], cwd=tmp_path,
+                           capture_output=True, check=False)  # fmt: skip
+    if probe.returncode:
+        pytest.skip("the compiler has no sanitizers")
+    made = source(half_hour, machine, "second", ("speed_cooling",))
+    assert replay(tmp_path, made, *sanitizers) < 1e-6
+    _, rows = hidden_machine(seed=2, num=300)
+    rows[100:150, 3] = np.nan
+    rows[200:250, 0] = np.inf
+    observed(tmp_path, source(half_hour, machine), 30.0, 30.0, rows, *sanitizers)
+
+
+@needs_compiler
+def test_a_bad_input_holds_the_state_and_says_so(tmp_path, half_hour, machine):
+    made = source(half_hour, machine)
+    harness = tmp_path / "hold.c"
+    harness.write_text("""#include "thermal_network.h"
+int main(void)
+{
+    const volatile heatrun_real zero = (heatrun_real)0.0;
+    const heatrun_real start[2] = {(heatrun_real)60.0, (heatrun_real)50.0};
+    heatrun_real bad[4];
+    heatrun_state state;
+    heatrun_inputs inputs = {(heatrun_real)10.0, (heatrun_real)100.0, (heatrun_real)20.0};
+    int i, j, num_wrong = 0;
+    bad[0] = zero/zero;
+    bad[1] = (heatrun_real)1.0/zero;
+    bad[2] = -bad[1];
+    bad[3] = (heatrun_real)1e9;
+    num_wrong += heatrun_start(&state, start) != HEATRUN_OK;
+    num_wrong += heatrun_start(&state, bad) != HEATRUN_STATE_INVALID;
+    for (i = 0; i < 4; ++i) {
+        for (j = 0; j < 3; ++j) {
+            heatrun_inputs wrong = inputs;
+            *(j == 0 ? &wrong.current_A : j == 1 ? &wrong.losses_W : &wrong.sink_degC) = bad[i];
+            num_wrong += heatrun_step(&state, &wrong) != HEATRUN_INPUT_INVALID;
+            num_wrong += state.temperature_degC[0] < start[0];
+            num_wrong += state.temperature_degC[0] > start[0];
+        }
+    }
+    num_wrong += heatrun_step(&state, &inputs) != HEATRUN_OK;
+    num_wrong += !(state.temperature_degC[0] < start[0]);
+    return num_wrong;
+}
+""")
+    for words in ((), ("-DHEATRUN_REAL=float",)):
+        assert subprocess.run([build(tmp_path, made, *words, harness="hold.c")]).returncode == 0
+
+
+def observed(folder, made, start, sd, rows, *words):
+    """Return temperatures, standard deviations, each (step, node), status, sensor, (step,)."""
+    shutil.copy(Path(__file__).with_name("observe.c"), folder)
+    return run_observer(build(folder, made, *words, harness="observe.c"), start, sd, rows)
+
+
+def run_observer(program, start, sd, rows):
+    """Return what the program says, as `observed`."""
+    text = f"{start} {sd}\n" + "\n".join(" ".join(f"{x:.9g}" for x in row) for row in rows)
+    done = subprocess.run([program], input=text, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    found = np.array([line.split() for line in done.stdout.splitlines()], float)
+    assert len(found) == len(rows)
+    return found[:, 0:-2:2], found[:, 1:-2:2], found[:, -2], found[:, -1]
+
+
+def hidden_machine(seed, num=3600):
+    """A two-node machine with heat that the network misses, by Euler steps of 0.1 s.
+
+    Returns:
+        Temperatures (step, node), rows of current, losses, sink and reading (step, 4).
+    """
+    rng = np.random.default_rng(seed)
+    v, missed, k = VALUES, np.zeros(2), 3 * VALUES["Rs0"] / (234.5 + 25.0)
+    T, noise, course, rows = np.array([60.0, 55.0]), 0.0, [], []
+    for second in range(num):
+        current, loss = (220.0, 1100.0) if (second // 900) % 2 == 0 else (60.0, 150.0)
+        missed = missed * np.exp(-1 / 1200.0) + rng.normal(
+            0.0, 0.01 * 625.0 * np.sqrt(1 - np.exp(-2 / 1200.0)), 2)  # fmt: skip
+        for _ in range(10):
+            copper = k * current**2 * (234.5 + T[0])
+            across = (T[0] - T[1]) / v["Req_w"]
+            out = (T[1] - 20.0) / v["Req_sr"]
+            winding = copper - across + missed[0]
+            stator = loss - copper + across - out + missed[1]
+            T = T + 0.1 * np.array([winding / v["Ceq_w"], stator / v["Ceq_sr"]])
+        noise = noise * np.exp(-1 / 60.0) + rng.normal(0.0, 0.2 * np.sqrt(1 - np.exp(-2 / 60.0)))
+        course.append(T)
+        rows.append([current, loss, 20.0, T[0] + noise + rng.normal(0.0, 0.13)])
+    return np.array(course), np.array(rows)
+
+
+@pytest.fixture(scope="module")
+def steady(half_hour):
+    """The record whose mean loss scales the heat that is missed: 625 W."""
+    channels = {**half_hour.channels, "losses_W": np.full(half_hour.time_s.size, 625.0)}
+    return Record(half_hour.name, channels)
+
+
+@needs_compiler
+@pytest.mark.parametrize("words", [(), ("-DHEATRUN_REAL=float",)], ids=["double", "float"])
+def test_an_observer_that_starts_30_K_wrong_is_right_within_its_band(
+    tmp_path, steady, machine, words
+):
+    course, rows = hidden_machine(seed=1)
+    T, sd, status, sensor = observed(tmp_path, source(steady, machine), 30.0, 30.0, rows, *words)
+    assert not status.any()
+    assert not sensor.any()
+    assert course[0, 1] - T[0, 1] > 20.0  # the first reading says little of the stator
+    late = slice(900, None)
+    assert np.all(sd[late] < 1.5)
+    assert np.all(np.abs(T - course)[late] < 3.0 * sd[late])
+
+
+@needs_compiler
+def test_the_band_holds_with_the_sensor_pulled_for_ten_minutes(tmp_path, steady, machine):
+    made, within, grown = source(steady, machine), [], []
+    for seed in range(10, 22):
+        course, rows = hidden_machine(seed, num=2700)
+        rows[1800:2400, 3] = np.nan
+        T, sd, _, sensor = observed(tmp_path, made, 57.0, 5.0, rows)
+        assert np.all(sensor[1800:2400] == 1)
+        assert set(sensor[2400:2429]) == {4}
+        assert not sensor[2440:].any()
+        within.append((np.abs(T - course) < 1.96 * sd)[1800:2400])
+        grown.append(sd[2399, 0] > 1.5 * sd[1799, 0])
+    assert np.mean(within) > 0.88  # twelve tests of correlated errors: 95 % in the long run
+    assert all(grown)
+
+
+@needs_compiler
+@pytest.mark.parametrize(("fault", "named", "within_s"), [("stuck", 2, 120), ("off", 3, 20)])
+def test_a_sensor_that_lies_is_found_and_counts_again_later(
+    tmp_path, steady, machine, fault, named, within_s
+):
+    course, rows = hidden_machine(seed=3, num=3000)
+    if fault == "stuck":  # from the change of load on
+        rows[1800:2400, 3] = rows[1799, 3]
+    else:
+        rows[1800:2400, 3] += 15.0
+    T, sd, _, sensor = observed(tmp_path, source(steady, machine), 57.0, 5.0, rows)
+    assert not sensor[:1800].any()
+    assert np.all(sensor[1800 + within_s : 2400] == named)
+    assert np.all(np.abs(T - course)[1800:] < 4.0 * sd[1800:])
+    assert not sensor[2500:].any()
+
+
+@needs_compiler
+def test_without_inputs_the_band_grows(tmp_path, steady, machine):
+    _, rows = hidden_machine(seed=4, num=900)
+    rows[600:, 0] = np.nan
+    rows[600:, 3] = np.nan
+    T, sd, status, _ = observed(tmp_path, source(steady, machine), 57.0, 5.0, rows)
+    assert np.all(status[600:] == 1)
+    assert np.ptp(T[600:, 0]) == 0.0
+    assert np.all(np.diff(sd[600:, 0]) > 0.1)
+
+
+ASK = """#include <stdio.h>
+#include "thermal_network.h"
+int main(void)
+{
+    const heatrun_real start[HEATRUN_NUM_NODES] = {(heatrun_real)80.0, (heatrun_real)60.0};
+    heatrun_inputs inputs = {(heatrun_real)150.0, (heatrun_real)700.0, (heatrun_real)20.0};
+    const heatrun_real zero = inputs.sink_degC - inputs.sink_degC;
+    heatrun_state state;
+    if (heatrun_start(&state, start) != HEATRUN_OK) {
+        return 1;
+    }
+    printf("%.9g ", (double)heatrun_time_to_limit_s(&state, &inputs, 0, (heatrun_real)120.0,
+                                                    (heatrun_real)3600.0));
+    printf("%.9g ", (double)heatrun_time_to_limit_s(&state, &inputs, 0, (heatrun_real)400.0,
+                                                    (heatrun_real)600.0));
+    printf("%.9g ", (double)heatrun_permitted_current_A(&state, &inputs, 0, (heatrun_real)120.0,
+                                                        (heatrun_real)300.0));
+    printf("%.9g ", (double)heatrun_permitted_current_A(&state, &inputs, 0, (heatrun_real)50.0,
+                                                        (heatrun_real)300.0));
+    printf("%.9g ", (double)heatrun_time_to_limit_s(&state, &inputs, 7, (heatrun_real)120.0,
+                                                    (heatrun_real)300.0));
+    inputs.current_A = zero/zero;
+    printf("%.9g", (double)heatrun_permitted_current_A(&state, &inputs, 0, (heatrun_real)120.0,
+                                                         (heatrun_real)300.0));
+    return 0;
+}
+"""
+
+
+@needs_compiler
+def test_time_to_the_limit_and_permitted_current(tmp_path, half_hour, machine):
+    (tmp_path / "ask.c").write_text(ASK)
+    program = build(tmp_path, source(half_hour, machine), harness="ask.c")
+    said = subprocess.run([program], capture_output=True, text=True, check=True).stdout
+    reached, stays, permitted, *nothing = map(float, said.split())
+    k = 3 * VALUES["Rs0"] / (234.5 + 25.0)
+
+    def held(current, seconds, other=None):
+        """Euler steps of 10 ms; the losses are 700 W with copper, or `other` W without."""
+        T, Tsr, course = 80.0, 60.0, []
+        for _ in range(100 * seconds):
+            copper = k * current**2 * (234.5 + T)
+            rest = 700.0 - copper if other is None else other
+            across = (T - Tsr) / VALUES["Req_w"]
+            out = (Tsr - 20.0) / VALUES["Req_sr"]
+            T += 0.01 * (copper - across) / VALUES["Ceq_w"]
+            Tsr += 0.01 * (rest + across - out) / VALUES["Ceq_sr"]
+            course.append(T)
+        return np.array(course)
+
+    above = np.flatnonzero(held(150.0, int(reached) + 5) > 120.0)
+    assert reached == pytest.approx(0.01 * above[0], abs=1.1)
+    assert stays == 600.0
+    other = 700.0 - k * 150.0**2 * (234.5 + 80.0)
+    assert held(permitted, 300, other).max() == pytest.approx(120.0, abs=0.05)
+    assert nothing == [0.0, -1.0, -1.0]
+
+
+HOSTILE = '*/ int main(void){} /* \\\n#error ??/ "%s$step" é\x00'
+
+
+@needs_compiler
+def test_hostile_names_stay_inside_their_comment(tmp_path, half_hour, machine):
+    made = source(half_hour, machine, said=dict.fromkeys(SAID, HOSTILE))
+    found = {**made.found, "nodes": ["wick*/lung", "wick /lung"],
+             "links": [["wick /lung", "$x"], ["wick*/lung", "wick /lung"]], "sink": "$x",
+             "copper_node": "wick*/lung", "sensor": {"node": "wick*/lung"}}  # fmt: skip
+    hostile = replace(made, found=found)
+    text = hostile.texts()["thermal_network.h"].decode()
+    assert "#error ??" not in text
+    assert "HEATRUN_NODE_WICK__LUNG_1 = 1" in text
+    build(tmp_path, hostile)
+    assert hostile.texts()["thermal_network.c"] == made.texts()["thermal_network.c"]
+    assert in_comment(HOSTILE).isascii()
+
+
+def test_other_effects_are_refused_by_name(half_hour, machine):
+    with pytest.raises(InputError, match=r"not hold the law of radiation.*speed_cooling") as error:
+        source(half_hour, machine, "second", ("speed_cooling", "radiation"))
+    assert "--replica" in error.value.remedy
+
+
+def test_a_step_that_no_drive_can_afford_is_refused(half_hour, machine):
+    with pytest.raises(InputError, match="a step of 10000 s is too long"):
+        source(half_hour, machine, step=1e4)
+    with pytest.raises(InputError, match="above 0 s, got nan s"):
+        source(half_hour, machine, step=np.nan)
+
+
+def test_an_observer_that_is_too_large_is_left_out(half_hour, machine):
+    made = source(half_hour, machine)
+    large = replace(made, found={**made.found, "nodes": ["winding", "stator", *"abcdefgh"]})
+    assert not large.has_observer
+
+
+@needs_compiler
+def test_the_command_writes_what_compiles_and_replays(day, capsys):
+    assert cli.main(["export", "run", "--to", "c", "--out", "drive", "--step", "0.5"]) == 0
+    printed = capsys.readouterr().out
+    assert "C99 of second order, with an observer: nodes winding, stator; steps of 0.5 s" in printed
+    command = [str(COMPILER), *STRICT, "main.c", "thermal_network.c", "-o", "replay"]
+    subprocess.run(command, cwd="drive", check=True)
+    subprocess.run(["drive/replay", "drive/vectors.csv"], check=True)
+    header = Path("drive/thermal_network.h").read_text()
+    assert f"SHA-256:  {hashlib.sha256(Path('run/fit.json').read_bytes()).hexdigest()}" in header
+    again = export_c(Path("run"), folder=Path("drive"), step=0.5)
+    assert Path(again["files"][0]).read_text() == header
+    with pytest.raises(InputError, match="holds another export"):
+        export_c(Path("run"), folder=Path("drive"))
+    Path("drive/main.c").write_text("int main(void) { return 0; }")
+    with pytest.raises(InputError, match="not as heatrun writes it"):
+        export_c(Path("run"), folder=Path("drive"), step=0.5, is_replacing=True)
+
+
+@needs_compiler
+def test_the_band_of_a_run_holds_on_other_loads(day, generator):
+    """The simulated bench is code of its own; the sensor is pulled for ten minutes, twice."""
+    export_c(Path("run"), folder=Path("drive"))
+    shutil.copy(Path(__file__).with_name("observe.c"), "drive")
+    command = [str(COMPILER), *STRICT, "observe.c", "thermal_network.c", "-o", "observe"]
+    subprocess.run(command, cwd="drive", check=True)
+    for seed, profile in enumerate([generator.staircase(3600.0), generator.drive_cycle(3600.0)]):
+        truth = generator.simulate(
+            generator.reference_motor(), profile, sample_s=1.0, steps_per_sample=20
+        )
+        said = generator.measure(truth, np.random.default_rng(seed), generator.Instruments())
+        before, after = slice(None, -1), slice(1, None)
+        held = [said["Is"] ** 2, said["Pd"], said["Te"]]
+        held = [0.5 * (np.asarray(each)[before] + np.asarray(each)[after]) for each in held]
+        rows = np.column_stack([np.sqrt(held[0]), *held[1:], np.asarray(said["Tw_m"])[after]])
+        is_pulled = np.zeros(len(rows), bool)
+        is_pulled[1200:1800] = is_pulled[2700:3300] = True
+        rows[is_pulled, 3] = np.nan
+        T, sd, status, sensor = run_observer(Path("drive/observe"), 19.0, 2.0, rows)
+        course = np.column_stack([truth.winding_degC, truth.stator_degC])[after]
+        assert not status.any()
+        assert set(sensor) == {0, 1, 4}  # no fault but the missing readings
+        assert np.mean(np.abs(T - course)[is_pulled] < 1.96 * sd[is_pulled]) > 0.93
+        assert np.all(sd[is_pulled] < 1.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["run", "duty.csv", "--to", "c"], "--to c exports a run"),
+        ([__file__, "--to", "c"], "--to c takes a run folder"),
+        (["run", "--to", "c", "--corrected"], "a drive has its own instruments"),
+        (["run", "--to", "mat", "--step", "1"], "--step is for --to c"),
+    ],
+)
+def test_words_of_the_other_kind_are_refused(words, said, capsys):
+    assert cli.main(["export", *words]) == 2
+    assert said in capsys.readouterr().err
