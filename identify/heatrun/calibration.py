@@ -25,6 +25,7 @@ from .io.whole_files import moment
 from .model.kernels import at_once
 from .model.model import Model
 from .model.network_form import NetworkForm
+from .model.network_text import network_named
 from .model.problem import Problem
 from .posterior.fit_checks import fit_findings, holding_heat
 from .posterior.identifiability import check_reduction
@@ -155,6 +156,11 @@ class Settings:
     command: str = ""
     is_plain: bool = False
 
+    @property
+    def forms(self) -> tuple[NetworkForm, ...]:
+        """The networks, each as its form."""
+        return tuple(network_named(n) if isinstance(n, str) else n for n in self.networks)
+
 
 def calibrate(
     motor: Motor,
@@ -185,7 +191,7 @@ def calibrate(
     roles: list[Role] = [test.role for test in tests]
     models = [
         Model.of(network, motor, settings.effects).scaled(motor, fitted)
-        for network in settings.networks
+        for network in settings.forms
     ]
     names = [model.name for model in models]
     if len(set(names)) < len(names):

@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import InputError
 from ..io.whole_files import numbered
 from ..model.model import Model
+from ..record.samples import BLOCK_S
 from ..results.model import FittedNoise
 from ..results.values import known
 from ..runs.run import open_run
@@ -49,9 +50,6 @@ VECTOR_S = 7200.0
 
 LEAST_STUCK_K = 2.0
 """Sensors of a resolution of 1 K stand still as long as the machine changes by less [K]."""
-
-BLOCK_S = 20.0
-"""Length of the mean that the white part of a run's noise is stated for [s]."""
 
 UNLIKE_C = re.compile(r"[^A-Za-z0-9 .,:;()+=@_-]")
 """What text in a comment is escaped of: it can neither end the comment nor be a trigraph."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..calibration import BenchTest, Calibration, Settings, calibrate, identity, manifest
-from ..model.network_text import network_named, network_text
+from ..model.network_text import network_text
 from ..record.motor import Motor
 from ..reports.of_run import with_sheet
 from ..runs.run_folder import RunFolder, free_place, refuse_unwritable
@@ -83,11 +83,10 @@ def calibrate_into(
             it cannot be written.
     """
     refuse_unwritable(place.path)
-    forms = [network_named(each) if isinstance(each, str) else each for each in settings.networks]
     same = identity(
         motor,
         tests,
-        networks=[network_text(form) for form in forms],
+        networks=[network_text(form) for form in settings.forms],
         effects=[kind.card.id for kind in settings.effects],
         plain=settings.is_plain,
         method=settings.method,
@@ -97,7 +96,7 @@ def calibrate_into(
     stated = motor.certificate.as_section()
     further = (*settings.duties, *([json.dumps(stated, sort_keys=True)] if stated else []))
     folder = place.begin(same, say, further)
-    names = [form.name for form in forms]
+    names = [form.name for form in settings.forms]
     work = work_of_calibration(names, len(tests), settings.method, progress)
     with work:
         with folder.dropped_if_refused():

@@ -13,7 +13,7 @@ from ..discovery.result import assemble
 from ..discovery.run import tell
 from ..errors import InputError
 from ..model.catalogue import all_effects
-from ..model.network_text import network_named, network_text
+from ..model.network_text import network_text
 from ..posterior.posterior import weighted_draws
 from ..posterior.predict import predict
 from ..record.motor import Motor
@@ -65,8 +65,7 @@ def discover_into(
         InputError: As `heatrun.jobs.calibrate.calibrate_into`, or if no effect can be searched.
     """
     refuse_unwritable(place.path)
-    (network,) = settings.networks
-    form = network_named(network) if isinstance(network, str) else network
+    (form,) = settings.forms
     files = [[str(p), hashlib.sha256(p.read_bytes()).hexdigest()] for p in settings.files]
     same = identity(
         motor,
