@@ -85,7 +85,6 @@ def _share_compilations() -> None:
         folder = Path(tempfile.mkdtemp(prefix="heatrun-tests-"))
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
     os.environ[COMPILATIONS] = str(folder)
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
 
 
 _share_compilations()  # before another conftest loads JAX
@@ -114,6 +113,7 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     most = max(MOST_RESIDENT_BYTES, item.config.stash.get(LEFT_BYTES, 0) + WORTH_DROPPING_BYTES)
     if "jax" in sys.modules and _resident_bytes() > most:
         sys.modules["jax"].clear_caches()
+        sys.modules["heatrun.io.programs"].forget()
         gc.collect()
         item.config.stash[LEFT_BYTES] = _resident_bytes()
 

@@ -28,6 +28,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .errors import InputError, UsageError
+from .io.programs import compiled
 from .record.record import Finding
 
 NUM_ROWS = 20_000
@@ -52,7 +53,7 @@ def refuse_wrong_sums() -> None:
     rng = np.random.default_rng(0)
     rows = rng.integers(BELOW, size=(NUM_ROWS, SIZE)).astype(float)
     matrix = np.tri(SIZE)
-    found = np.asarray(sums_of_squares(jnp.asarray(matrix), jnp.asarray(rows)))
+    found = np.asarray(sums_of_squares(matrix, rows))
     num_wrong = int(np.sum(found != np.sum((rows @ matrix.T) ** 2, axis=1)))
     if num_wrong:
         here = version("jaxlib")
@@ -63,7 +64,7 @@ def refuse_wrong_sums() -> None:
         )
 
 
-@jax.jit
+@compiled()
 def sums_of_squares(
     matrix: Float[Array, "sum column"], rows: Float[Array, "row column"]
 ) -> Float[Array, " row"]:

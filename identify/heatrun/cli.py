@@ -15,7 +15,7 @@ from .commands import COMMANDS, all_commands
 from .commands.console import DONE, INTERRUPTED, NOT_ALLOWED, SENTENCE, WRONG_USE, ends_at_once
 from .commands.words import AnyOrder
 from .errors import InputError, UsageError, of_file
-from .io.caches import damaged_are_replaced, use_caches
+from .io.caches import use_caches
 from .io.whole_files import check_stated_moment
 from .runtime import one_thread_for_small_matrices
 from .version import __version__
@@ -58,8 +58,9 @@ def _call(options: argparse.Namespace) -> int:
         check_stated_moment()
         tell_tests(options)
         cut_tests(options)
-        with damaged_are_replaced(say):
-            code = int(options.run_command(options))
+        code = int(options.run_command(options))
+        if (programs := sys.modules.get("heatrun.io.programs")) and programs.UNKEPT:
+            say(f"compiled programs cannot be kept for the next run ({programs.UNKEPT.pop()})")
         sys.stdout.flush()
     except UsageError as error:
         print(f"heatrun: {printable(str(error))}", file=sys.stderr)

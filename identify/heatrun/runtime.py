@@ -33,6 +33,8 @@ on the likelihood of 64 parameter sets, nothing on processors that have no wide 
 def configure() -> None:
     """Set float64 and, where it is known to be safe, the XLA options."""
     os.environ.setdefault("JAX_ENABLE_X64", "1")
+    # `io.programs` keeps programs whole, and no second time what the compiler made of them
+    os.environ.setdefault("JAX_ENABLE_COMPILATION_CACHE", "false")
     # XLA warns of each program that it takes from the cache: it was compiled to "prefer no gather",
     # which no processor lists among its features
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")

@@ -9,12 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
@@ -25,6 +22,7 @@ from .io.open_file import read_start
 from .io.toml_text import LARGEST_BYTES, parse_toml
 from .io.whole_files import is_other, numbered, refuse_replacing, writable, write_whole
 from .model.catalogue import known_effects
+from .model.courses import block_means
 from .model.draws import NUM_NOISE, Draws
 from .model.model import Model
 from .model.model_parameters import override_names, parameters
@@ -227,14 +225,9 @@ class ByHand:
         Args:
             moved: Parameters with other values than those of the start, by name.
         """
-        values = {name: jnp.asarray(value) for name, value in {**self.values, **moved}.items()}
-        means = _block_means(self.model, values, self.test.observation())
+        values = {name: np.float64(value) for name, value in {**self.values, **moved}.items()}
+        means = block_means(self.model, values, self.test.observation())
         return np.asarray(means)[: self.test.measured.size]
-
-
-@partial(jax.jit, static_argnums=0)
-def _block_means(model: Model, values: Any, test: Any) -> Any:
-    return model.block_means(values, test)
 
 
 LARGEST = 1e30

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -38,17 +39,17 @@ class Inputs(eqx.Module):
         rated_current: Rms current that laws are scaled with [A].
     """
 
-    step: Float[Array, "..."]
-    current_squared: Float[Array, " time"]
-    losses: Float[Array, " time"]
-    ambient: Float[Array, " time"]
-    speed: Float[Array, " time"] | None = None
-    coolant: Float[Array, " time"] | None = None
-    fan: Float[Array, " time"] | None = None
-    shaft_power: Float[Array, " time"] | None = None
-    second_sink: Float[Array, " time"] | None = None
-    rated_speed: Float[Array, ""] | float = 1.0
-    rated_current: Float[Array, ""] | float = 1.0
+    step: Float[Any, "..."]
+    current_squared: Float[Any, " time"]
+    losses: Float[Any, " time"]
+    ambient: Float[Any, " time"]
+    speed: Float[Any, " time"] | None = None
+    coolant: Float[Any, " time"] | None = None
+    fan: Float[Any, " time"] | None = None
+    shaft_power: Float[Any, " time"] | None = None
+    second_sink: Float[Any, " time"] | None = None
+    rated_speed: Float[Any, ""] | float = 1.0
+    rated_current: Float[Any, ""] | float = 1.0
 
     def __check_init__(self) -> None:
         if jnp.ndim(self.current_squared) != 1:

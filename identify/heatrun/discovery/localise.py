@@ -14,7 +14,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -28,6 +27,7 @@ from lptn.sensor import lagged
 from lptn.stepping import heat_balance, rates
 
 from ..effects.engine import Engine, Refit
+from ..io.programs import compiled
 from ..model.model import Model, Values
 from ..record.blocks import Blocks
 
@@ -100,7 +100,7 @@ def _linear(model: Model, values: Values, inputs: Inputs):
     )
 
 
-@partial(jax.jit, static_argnames="model")
+@compiled("model")
 def _linear_jit(model: Model, values: Values, inputs: Inputs):
     trace: Trace = model.simulate(values, inputs)
     network = model.network(values)

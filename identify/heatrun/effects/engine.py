@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import equinox as eqx
 import jax
@@ -27,6 +27,7 @@ from lptn import SIGNALS, Network
 from lptn.effects import AbstractEffect, Quantity, applies
 
 from ..fit.fit_result import Fit
+from ..io.programs import compiled
 from ..model import noise as noise_module
 from ..model.catalogue import lacking, unplaced
 from ..model.loggers import Loggers
@@ -213,7 +214,7 @@ class Engine:
             stacked = np.pad(stacked, ((0, 0), (0, -num % FEW if num < FEW else -num % MANY)))
         parts = self.problem.split(stacked)
         rows = np.concatenate([
-            np.asarray(_whiten(jnp.asarray(part), noise, test))
+            np.asarray(_whiten(part, noise, test))
             for part, test in zip(parts, self.observations, strict=True)
         ])  # fmt: skip
         return rows[:, :num] if num else rows
@@ -328,7 +329,7 @@ class Engine:
         return values, gains
 
 
-@partial(jax.jit, static_argnames="model")
+@compiled("model")
 def _course(
     model: Model,
     values: dict[str, Float[Array, ""]],
@@ -340,7 +341,7 @@ def _course(
     return means, jax.vmap(push)(directions)
 
 
-@jax.jit
+@compiled()
 def _whiten(stacked: Array, noise: Noise, test: Observation) -> Array:
     return noise_module.whiten(stacked, noise, test)[0]
 
@@ -406,7 +407,7 @@ def filled(z: Float[np.ndarray, " column"], columns: np.ndarray) -> Float[np.nda
 
 def white(level: float) -> Noise:
     """Return white noise of a level [K]."""
-    return Noise(*(jnp.asarray(number) for number in (0.0, 40.0, level, 0.0)))
+    return Noise(*(np.asarray(number) for number in (0.0, 40.0, level, 0.0)))
 
 
 def placed(engine: Engine, fit: Fit) -> tuple[np.ndarray, list[int]]:

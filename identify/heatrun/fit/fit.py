@@ -21,10 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
@@ -32,6 +29,7 @@ from scipy.special import chdtrc, chdtri
 
 from ..attempts import refuse_wrong_sums
 from ..errors import InputError
+from ..io.programs import compiled
 from ..model.discrepancy import no_heat, with_heat
 from ..model.kernels import at_once
 from ..model.noise import Noise, from_scores, noise_parameters
@@ -379,7 +377,7 @@ def _white(level: float) -> Noise:
     """Return white noise of a level [K]."""
     # with a dtype: a plain Python number is another type to the compiler, which would then
     # compile the search once for this noise and once for an estimated one
-    return Noise(*(jnp.asarray(number, dtype=float) for number in (0.0, 1.0, level, 0.0)))
+    return Noise(*(np.asarray(number, dtype=float) for number in (0.0, 1.0, level, 0.0)))
 
 
 def implied_level(problem: Problem, residual: np.ndarray) -> float:
@@ -423,7 +421,7 @@ def _search(
     """
 
     def one(start: np.ndarray) -> tuple[np.ndarray, ...]:
-        found = _solve(problem.structure, problem.data, jnp.asarray(start), noise)
+        found = _solve(problem.structure, problem.data, start, noise)
         return tuple(np.asarray(part) for part in found)
 
     found = at_once(one, starts)
@@ -431,7 +429,7 @@ def _search(
     return z, np.where(cost < HOPELESS, cost, np.inf), steps
 
 
-@partial(jax.jit, static_argnames="structure")
+@compiled("structure")
 def _solve(structure: Structure, data: Data, start: Float[Array, " all"], noise: Noise):
     """Return optimum, half its sum of squares, and number of steps."""
     solution = optx.least_squares(
@@ -447,7 +445,7 @@ def _solve(structure: Structure, data: Data, start: Float[Array, " all"], noise:
 
 
 def _linearise(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    residual, jacobian = linearise(problem.structure, problem.data, jnp.asarray(z))
+    residual, jacobian = linearise(problem.structure, problem.data, z)
     return np.asarray(residual), np.asarray(jacobian)
 
 
@@ -549,7 +547,7 @@ def _sharing(
     return np.stack(optima)
 
 
-_log_mass = jax.jit(restricted_log_likelihood)
+_log_mass = compiled()(restricted_log_likelihood)
 
 
 def _distinct(optima: list[np.ndarray]) -> list[np.ndarray]:

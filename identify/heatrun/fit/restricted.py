@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import minimize
 
+from ..io.programs import compiled
 from ..model import noise as noise_module
 from ..model.noise import LARGEST, LARGEST_SCORES, NOISE
 from ..model.problem import NUM_NOISE, Data, Problem
@@ -174,12 +175,12 @@ def polished_noise(
     Returns:
         The scores, or `noise_z` where the likelihood has no maximum near by.
     """
-    linear = problem.data, *map(jnp.asarray, (z, residual, jacobian))
-    high, as_is = np.array(LARGEST_SCORES), jnp.zeros(_num_sensors(problem))
+    linear = problem.data, z, residual, jacobian
+    high, as_is = np.array(LARGEST_SCORES), np.zeros(_num_sensors(problem))
     curvature = noise_precision(problem, noise_z, z, residual, jacobian)
     at = np.array(noise_z)
     for _ in range(MOST_POLISHING):
-        slope = np.asarray(_objective(jnp.asarray(at), as_is, *linear)[1][0])
+        slope = np.asarray(_objective(at, as_is, *linear)[1][0])
         is_held = ((at >= high) & (slope < 0.0)) | ((at <= -SCORE_LIMIT) & (slope > 0.0))
         free = np.flatnonzero(~is_held)
         if not np.any(np.abs(slope[free]) > FLAT):
@@ -246,7 +247,7 @@ def _search(
         owns: Which sensor of all tests was recorded with which of the loggers whose noise is
             sought [1].
     """
-    fixed = problem.data, *map(jnp.asarray, linear)
+    fixed = problem.data, *linear
     limits = [(-SCORE_LIMIT, high) for high in LARGEST_SCORES]
     limits[1] = (-SCORE_LIMIT, float(NOISE[1].score(longest_s)))
     limits += [(-SCORE_LIMIT, SCORE_LIMIT)] * owns.shape[1]
@@ -254,7 +255,7 @@ def _search(
     def objective(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         noise_z, of_loggers = v[:NUM_NOISE], v[NUM_NOISE:]
         log_scales = LOGGER_SD * owns @ of_loggers
-        value, (slope, of_tests) = _objective(jnp.asarray(noise_z), jnp.asarray(log_scales), *fixed)
+        value, (slope, of_tests) = _objective(noise_z, log_scales, *fixed)
         own = LOGGER_SD * np.asarray(of_tests) @ owns + of_loggers
         prior = 0.5 * float(of_loggers @ of_loggers)
         return np.asarray(value) + prior, np.concatenate([slope, own])
@@ -283,12 +284,11 @@ def log_evidence(
 
     Arguments as `restricted_log_likelihood`.
     """
-    rest = map(jnp.asarray, (z, residual, jacobian))
-    as_is = jnp.zeros(_num_sensors(problem))
-    return -float(_objective(jnp.asarray(noise_z), as_is, problem.data, *rest)[0])
+    as_is = np.zeros(_num_sensors(problem))
+    return -float(_objective(noise_z, as_is, problem.data, z, residual, jacobian)[0])
 
 
-@jax.jit
+@compiled()
 @partial(jax.value_and_grad, argnums=(0, 1))
 def _objective(noise_z, log_scales, data, z, residual, jacobian):
     """Return minus the restricted likelihood with the noise of each sensor scaled anew."""
@@ -311,14 +311,14 @@ def noise_precision(
 
     By central differences of the gradient: four scores of order one are worth no compilation.
     """
-    fixed = problem.data, jnp.asarray(z), jnp.asarray(residual), jnp.asarray(jacobian)
+    fixed = problem.data, z, residual, jacobian
     width = 1e-4  # error ~ width^2 times the third derivative, both of order one
-    as_is = jnp.zeros(_num_sensors(problem))
+    as_is = np.zeros(_num_sensors(problem))
     rows = []
     for direction in width * np.eye(NUM_NOISE):
-        ahead = _objective(jnp.asarray(noise_z + direction), as_is, *fixed)[1][0]
-        behind = _objective(jnp.asarray(noise_z - direction), as_is, *fixed)[1][0]
-        rows.append(np.asarray(ahead - behind) / (2 * width))
+        ahead = _objective(noise_z + direction, as_is, *fixed)[1][0]
+        behind = _objective(noise_z - direction, as_is, *fixed)[1][0]
+        rows.append((np.asarray(ahead) - np.asarray(behind)) / (2 * width))
     return np.stack(rows)
 
 
@@ -432,7 +432,7 @@ def whiten_fit(
     parts = problem.split(np.column_stack([residual, jacobian]))
     rows, half_log_det = [], 0.0
     for part, test in zip(parts, problem.data.tests, strict=True):
-        white, half = noise_module.whiten(jnp.asarray(part), noise, test)
+        white, half = noise_module.whiten(part, noise, test)
         rows.append(np.asarray(white))
         half_log_det += float(half)
     residuals = [

@@ -1,7 +1,6 @@
-"""What commands keep between two runs: compilations, lists of fonts; a run does without as well.
+"""What commands keep between two runs: compiled programs, lists of fonts; none of it is needed.
 
-Nothing in here is needed. A folder that cannot be written to is a note, a damaged compilation is
-made again and replaced, and the folder of compilations stays below a bound.
+A folder that cannot be written to is a note, and that of the programs stays below a bound.
 
 One process at a time in a folder: the hold ends with the process, however that ends.
 """
@@ -11,16 +10,13 @@ from __future__ import annotations
 import atexit
 import hashlib
 import os
-import re
 import shutil
 import sys
 import tempfile
-import warnings
 import weakref
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import TextIO
 
 from ..errors import InputError
 
@@ -130,7 +126,14 @@ def _is_at(descriptor: int, folder: Path) -> bool:
         return False
 
 
-COMPILATIONS = "heatrun/jax"
+PROGRAMS_FOLDER = "JAX_COMPILATION_CACHE_DIR"
+"""Variable of the environment that names the folder of compiled programs; without it none is kept,
+beyond the process."""
+
+PROGRAM = ".program"
+"""Ending of a compiled program that is kept."""
+
+COMPILATIONS = "heatrun/programs"
 FOLDERS = (COMPILATIONS, "matplotlib", "arviz")
 """What is made below the user's cache folder, by heatrun and by packages that it loads."""
 
@@ -140,24 +143,17 @@ MOST_BYTES = 256_000_000
 IN_PLACE = ".heatrun-cache"
 """End of the name of a folder that stands in for a cache folder while one process runs."""
 
-OF_JAX = re.compile(
-    r"Error (?P<what>reading|writing) persistent compilation cache entry for '(?P<module>[^']*)': "
-    r"(?P<error>.*)",
-    re.DOTALL,
-)
-
 
 def use_caches(say: Callable[[str], None]) -> None:
     """Choose the folders of the caches; for commands, before JAX and matplotlib are loaded.
 
-    The second run of a command then needs about half the processor time of the first. The folder
-    of compilations is the user's to choose by JAX_COMPILATION_CACHE_DIR, and is then left alone.
+    The second run of a command then needs a third of the processor time of the first. The folder
+    of programs is the user's to choose by JAX_COMPILATION_CACHE_DIR, and is then left alone.
 
     Args:
         say: Told why there is no cache, where that is so.
     """
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path("~").expanduser() / ".cache")
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
     refused = next((why for name in FOLDERS if (why := _refusal(base / name))), "")
     if refused:
         say(f"{refused}: this run does without the cache and takes longer. Set XDG_CACHE_HOME to "
@@ -167,22 +163,20 @@ def use_caches(say: Callable[[str], None]) -> None:
         os.environ.setdefault("MPLCONFIGDIR", str(stands_in / "matplotlib"))
         return
     ours = str(base / COMPILATIONS)
-    if os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", ours) == ours:
+    if os.environ.setdefault(PROGRAMS_FOLDER, ours) == ours:
         with suppress(OSError):
             keep_below(Path(ours), MOST_BYTES)
 
 
 def keep_below(folder: Path, most_bytes: int) -> None:
-    """Remove the compilations that were used longest ago until the others take at most so much.
-
-    JAX has a bound of its own; after a kill at the wrong moment it refuses every further entry.
+    """Remove the programs that were used longest ago until the others take at most so much.
 
     Args:
-        folder: Of JAX's persistent cache.
+        folder: Of the programs.
         most_bytes: What may stay [byte].
     """
     entries = []
-    for path in folder.glob("*-cache"):
+    for path in folder.glob(f"*{PROGRAM}"):
         with suppress(FileNotFoundError):  # another process clears away too
             status = path.stat()
             entries.append((max(status.st_atime_ns, status.st_mtime_ns), status.st_size, path))
@@ -192,55 +186,6 @@ def keep_below(folder: Path, most_bytes: int) -> None:
             return
         path.unlink(missing_ok=True)
         total -= size
-
-
-@contextmanager
-def damaged_are_replaced(say: Callable[[str], None]) -> Iterator[None]:
-    """Remove compilations that JAX cannot read, so that it writes them anew, now and not never.
-
-    JAX compiles what it cannot read, warns, and keeps the damaged entry: at every run again. It
-    names the function in its warning, by which the names of its entries begin.
-
-    Args:
-        say: Told, once, that the cache cannot be written.
-    """
-    before = warnings.showwarning
-    has_said = False
-
-    def show(
-        message: Warning | str,
-        category: type[Warning],
-        filename: str,
-        lineno: int,
-        file: TextIO | None = None,
-        line: str | None = None,
-    ) -> None:
-        nonlocal has_said
-        found = OF_JAX.match(str(message))
-        if found is None:
-            before(message, category, filename, lineno, file, line)
-        elif found["what"] == "reading":
-            _remove(found["module"])
-        elif not has_said:
-            has_said = True
-            say(f"compilations cannot be kept for the next run ({found['error']})")
-
-    warnings.showwarning = show
-    try:
-        yield
-    finally:
-        if warnings.showwarning is show:
-            warnings.showwarning = before
-
-
-def _remove(module: str) -> None:
-    folder = os.environ.get("JAX_COMPILATION_CACHE_DIR", "")
-    if not folder or not module:
-        return
-    with suppress(OSError):
-        for path in Path(folder).iterdir():
-            if path.name.startswith(f"{module}-") and path.name.endswith("-cache"):
-                path.unlink(missing_ok=True)
 
 
 def _refusal(folder: Path) -> str:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..io.programs import compiled
 from ..record.blocks import Observation
 from .model import Model
 
@@ -41,7 +41,15 @@ def courses(
     return jax.tree.map(np.asarray, _courses(model, dict(values), test))
 
 
-@partial(jax.jit, static_argnames="model")
+@compiled("model")
+def block_means(
+    model: Model, values: Mapping[str, Float[Any, ""]], test: Observation
+) -> Float[Array, " row"]:
+    """Return the modelled means over the blocks of a test [degC], as `Model.block_means`."""
+    return model.block_means(values, test)
+
+
+@compiled("model")
 def _courses(model: Model, values: dict[str, Float[Array, " draw"]], test: Observation) -> Courses:
     num_steps = test.weight.shape[1]
 

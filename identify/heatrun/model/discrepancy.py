@@ -43,6 +43,7 @@ from scipy.linalg import expm
 
 from lptn import Network
 
+from ..io.programs import compiled
 from ..record.blocks import Blocks
 from . import noise as noise_module
 from .draws import NUM_NOISE, Draws
@@ -111,12 +112,12 @@ def left_out(
         cut: Windows of these tests.
         vectors: Scores of parameters and noise.
     """
-    without = tuple(jnp.asarray(masks) for masks in cut.without)
+    without = tuple(np.asarray(masks) for masks in cut.without)
     function = partial(_left_out, problem.structure, problem.data, without)
     return in_batches(function, vectors, BATCH)
 
 
-@partial(jax.jit, static_argnames="structure")
+@compiled("structure")
 def _left_out(
     structure: Structure,
     data: Data,

@@ -20,6 +20,7 @@ from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float
 from scipy.special import gammaln
 
+from ..io.programs import compiled
 from .problem import NUM_NOISE
 
 Item = TypeVar("Item")
@@ -47,8 +48,8 @@ thread and wait for the other for ever (seen with 24 parameters)."""
 
 
 def in_batches(
-    function: Callable[[Rows], Result], rows: Rows, size: int, *, alone: bool = False
-) -> Result:
+    function: Callable[[Rows], Any], rows: Rows, size: int, *, alone: bool = False
+) -> Any:
     """Return what a function gives for rows, as NumPy arrays.
 
     One size of batch means one compilation; the last batch is filled up with copies of the last
@@ -63,9 +64,9 @@ def in_batches(
     """
     num = jax.tree.leaves(rows)[0].shape[0]
 
-    def one(start: int) -> Result:
+    def one(start: int) -> Any:
         picked = np.minimum(np.arange(start, start + size), num - 1)
-        part = jax.tree.map(lambda array: jnp.asarray(array[picked]), rows)
+        part = jax.tree.map(lambda array: array[picked], rows)
         return jax.tree.map(np.asarray, function(part))
 
     starts = range(0, num, size)
@@ -107,10 +108,10 @@ class Kernels(eqx.Module):
         whiten_others: Likewise of the kernels' shape without one of the scores.
     """
 
-    centres: Float[Array, "kernel noise"]
-    factor: Float[Array, "noise noise"]
-    whiten: Float[Array, "noise noise"]
-    whiten_others: Float[Array, "noise other other"]
+    centres: Float[Any, "kernel noise"]
+    factor: Float[Any, "noise noise"]
+    whiten: Float[Any, "noise noise"]
+    whiten_others: Float[Any, "noise other other"]
 
     @classmethod
     def at(cls, centres: np.ndarray, factor: np.ndarray) -> Kernels:
@@ -119,7 +120,7 @@ class Kernels(eqx.Module):
         others = [np.delete(np.delete(shape, j, 0), j, 1) for j in range(NUM_NOISE)]
         whiten_others = np.linalg.inv(np.linalg.cholesky(np.stack(others)))
         whiten = np.linalg.inv(factor)
-        return cls(*map(jnp.asarray, (centres, factor, whiten, whiten_others)))
+        return cls(*map(np.asarray, (centres, factor, whiten, whiten_others)))
 
     @classmethod
     def over(cls, noise_z: np.ndarray, weights: np.ndarray, rng: np.random.Generator) -> Kernels:
@@ -167,7 +168,7 @@ class Kernels(eqx.Module):
         return logsumexp(parts, axis=-1) - np.log(centres.shape[0]) + log_det
 
 
-@jax.jit
+@compiled()
 def _log_density(kernels: Kernels, noise_z: Float[Array, "draw noise"]) -> Float[Array, " draw"]:
     return kernels.log_density(noise_z)
 

@@ -192,7 +192,8 @@ class NetworkForm:
     second_sink: str = ""
     by_speed: tuple[SpeedLossForm, ...] = ()
 
-    def _key(self) -> tuple[Any, ...]:
+    def compiled_as(self) -> tuple[Any, ...]:
+        """Return what a compiled program holds of it: all but the numbers of the priors."""
         shares = tuple((n, s.name if isinstance(s, Parameter) else s) for n, s in self.share)
         named = [(place, p.name) for place, p in (*self.capacitance, *self.resistance)]
         rest = (self.copper, self.sinks, self.sensors, self.starts, self.effects)
@@ -203,10 +204,10 @@ class NetworkForm:
         return (self.name, self.title, tuple(named), shares, tuple(by_speed), *rest)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, NetworkForm) and self._key() == other._key()
+        return isinstance(other, NetworkForm) and self.compiled_as() == other.compiled_as()
 
     def __hash__(self) -> int:
-        return hash(self._key())
+        return hash(self.compiled_as())
 
     @property
     def nodes(self) -> tuple[str, ...]:

@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Bool, Float
 
+from ..io.programs import compiled
 from ..record.blocks import Observation
 from ..record.motor import HEAT_LIMITS, Adequacy
 from ..record.samples import BLOCK_S
@@ -110,16 +111,16 @@ class Noise(eqx.Module):
         heat: Standard deviation of the unmodelled heat over the mean loss [1].
     """
 
-    sd: Float[Array, ""]
-    time: Float[Array, ""]
-    white: Float[Array, ""]
-    heat: Float[Array, ""]
+    sd: Float[Any, ""]
+    time: Float[Any, ""]
+    white: Float[Any, ""]
+    heat: Float[Any, ""]
 
     def scaled(self, factor: Float[Any, "..."]) -> Noise:
         """Return the noise of a logger that is noisier by a factor [1], over the same time."""
         return Noise(self.sd * factor, self.time, self.white * factor, self.heat)
 
-    @jax.jit
+    @compiled()
     def total(self) -> Float[Array, ""]:
         """Return the standard deviation of a 20 s mean of many readings [K]."""
         slow = self.sd**2 * _slow_means(BLOCK_S / self.time, jnp.asarray(MANY)).variance
@@ -131,7 +132,7 @@ def from_scores(z: Float[Any, "4 ..."]) -> Noise:
     return Noise(*(parameter.value(z[i]) for i, parameter in enumerate(NOISE)))
 
 
-@jax.jit
+@compiled()
 def whiten(
     residual: Float[Array, "block ..."], noise: Noise, blocks: Observation
 ) -> tuple[Float[Array, "block ..."], Float[Array, ""]]:
@@ -264,7 +265,7 @@ def free_of_columns(
     return other - W @ share, jnp.sum(jnp.log(jnp.diag(factor)))
 
 
-@jax.jit
+@compiled()
 def gram(
     columns: Float[Array, "block column"], noise: Noise, blocks: Observation
 ) -> tuple[Float[Array, "column column"], Float[Array, ""]]:
@@ -278,7 +279,7 @@ def gram(
     return rest, half_log_det + more
 
 
-@jax.jit
+@compiled()
 def log_density(
     residual: Float[Array, " block"], noise: Noise, blocks: Observation
 ) -> Float[Array, ""]:

@@ -113,9 +113,9 @@ class Priors(eqx.Module):
         fixed: Fixed values by name, for each test.
     """
 
-    centre: Float[Array, " parameter"]
-    sd: Float[Array, " parameter"]
-    fixed: tuple[dict[str, Float[Array, ""]], ...]
+    centre: Float[Any, " parameter"]
+    sd: Float[Any, " parameter"]
+    fixed: tuple[dict[str, Float[Any, ""]], ...]
 
     def values(
         self, form: Form, z: Float[Array, " parameter"], test: int
@@ -172,11 +172,11 @@ class ParameterSet:
     def priors(self) -> Priors:
         """Return the numbers: centres, standard deviations, and fixed values."""
         return Priors(
-            centre=jnp.asarray([slot.parameter.centre for slot in self.slots]),
-            sd=jnp.asarray([slot.parameter.sd for slot in self.slots]),
+            centre=np.asarray([slot.parameter.centre for slot in self.slots]),
+            sd=np.asarray([slot.parameter.sd for slot in self.slots]),
             fixed=tuple(
                 {
-                    name: jnp.asarray(parameter.fixed, dtype=float)
+                    name: np.asarray(parameter.fixed, dtype=float)
                     for name, parameter in parameters.items()
                     if parameter.fixed is not None
                 }

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 
 from lptn.effects import AbstractEffect
 
+from ..io.programs import compiled
 from ..record.blocks import Blocks, Observation
 from ..record.motor import Motor
 from . import noise as noise_module
@@ -204,7 +205,7 @@ def log_posterior(
     return jnp.where(is_allowed & jnp.isfinite(total), total, -jnp.inf)
 
 
-@partial(jax.jit, static_argnames="structure")
+@compiled("structure")
 def log_posterior_batch(
     structure: Structure, data: Data, vectors: Float[Array, "draw all"]
 ) -> Float[Array, " draw"]:
@@ -212,7 +213,7 @@ def log_posterior_batch(
     return jax.vmap(partial(log_posterior, structure, data))(vectors)
 
 
-@partial(jax.jit, static_argnames="structure")
+@compiled("structure")
 def linearise(
     structure: Structure, data: Data, z: Float[Array, " parameter"]
 ) -> tuple[Float[Array, " block"], Float[Array, "block parameter"]]:
@@ -225,7 +226,7 @@ def linearise(
     return value, jax.vmap(push, out_axes=-1)(jnp.eye(structure.num_parameters))
 
 
-@partial(jax.jit, static_argnames="structure")
+@compiled("structure")
 def information(
     structure: Structure, data: Data, z: Float[Array, " parameter"], noise: Noise
 ) -> Float[Array, "parameter parameter"]:
@@ -235,7 +236,7 @@ def information(
     return jacobian.T @ jacobian
 
 
-@partial(jax.jit, static_argnames="structure")
+@compiled("structure")
 def predict_batch(
     structure: Structure, data: Data, z: Float[Array, "draw parameter"]
 ) -> list[Float[Array, "draw block"]]:

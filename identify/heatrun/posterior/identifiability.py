@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..fit.fit_result import Fit
@@ -117,7 +116,7 @@ def forecast(fit: Fit) -> dict[str, float]:
     longer = extended(test.winding, LONGER_S)
     tests[longest] = longer.with_bodies(test.fitted)
     imagined = with_heat(replace(problem, tests=tuple(tests)), fit.z)
-    precision = information(imagined.structure, imagined.data, jnp.asarray(fit.z), fit.noise)
+    precision = information(imagined.structure, imagined.data, fit.z, fit.noise)
     sd = np.sqrt(np.diag(np.linalg.inv(np.asarray(precision))))
     return {
         slot.name: float(sd[position] * slot.parameter.sd)
@@ -142,7 +141,7 @@ def extended(test: Blocks, duration_s: float) -> Blocks:
             return values
         values = np.asarray(values)
         more = np.full(num_more * per_block, np.mean(values[tail]))
-        return jnp.asarray(np.concatenate([values, more]))
+        return np.concatenate([values, more])
 
     inputs = jax.tree.map(extend, test.inputs)
     later = test.time[-1] + test.block_s * np.arange(1, num_more + 1)
@@ -311,7 +310,7 @@ def _simulated(
     means = []
     for version in versions:
         data = replace(problem.data, tests=(version.observation(),))
-        means.append(np.asarray(predict_batch(problem.structure, data, jnp.asarray(z[None]))[0])[0])
+        means.append(np.asarray(predict_batch(problem.structure, data, z[None])[0])[0])
     return means
 
 

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
+from ..io.programs import compiled
 from ..model import noise as noise_module
 from ..model.bodies import BodyCourse, body_courses, told_bodies
 from ..model.courses import courses
@@ -223,8 +223,8 @@ class Prediction:
         if not np.any(seen):
             return np.zeros(0)
         spread = (self.draws - self.median).T / np.sqrt(self.draws.shape[0])
-        joined = jnp.asarray(np.nan_to_num(np.column_stack([self.residual, spread])))
-        noise = jax.tree.map(lambda draws: jnp.median(jnp.asarray(draws)), self.noise)
+        joined = np.nan_to_num(np.column_stack([self.residual, spread]))
+        noise = jax.tree.map(lambda draws: np.median(np.asarray(draws)), self.noise)
         rows = np.asarray(noise_module.whiten(joined, noise, self.test.observation(self.heat))[0])[
             seen
         ]
@@ -274,9 +274,8 @@ def predict(
     if drawn.plausible is not None:
         course = drawn.plausible.with_effects(course, source.model, source.motor, rows, fitted_as)
     readings, *of_bodies = np.split(course.reading, 1 + len(known), axis=1)
-    keys = jax.random.split(jax.random.key(seed), readings.shape[0])
     errors, *of_sensors = np.split(
-        np.asarray(_errors(drawn.noise, keys, observation)), 1 + len(known), axis=1
+        np.asarray(_errors(drawn.noise, np.int64(seed), observation)), 1 + len(known), axis=1
     )
     noisy = readings + errors
     fitted = {
@@ -396,8 +395,9 @@ def of_test(
     return OfTest(values, noise, picked.plausible)
 
 
-@jax.jit
-def _errors(noise: Noise, keys: Array, test: Observation) -> Float[Array, "draw block"]:
+@compiled()
+def _errors(noise: Noise, seed: Int[Array, ""], test: Observation) -> Float[Array, "draw block"]:
+    keys = jax.random.split(jax.random.key(seed), noise.sd.shape[0])
     return jax.vmap(lambda noise, key: noise_module.draw(key, noise, test))(noise, keys)
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -23,6 +24,7 @@ from jaxtyping import Array, Float, Int
 
 from ..fit.fit_result import Fit
 from ..fit.restricted import conditional
+from ..io.programs import compiled
 from ..model.kernels import NUM_KERNELS, Kernels, in_batches, log_student, student
 from ..model.noise import LARGEST_SCORES
 from ..model.problem import NUM_NOISE, Data, Problem, linearise
@@ -53,9 +55,9 @@ class Optima(eqx.Module):
         jacobian: Their derivative [K per score].
     """
 
-    z: Float[Array, "optimum parameter"]
-    residual: Float[Array, "optimum block"]
-    jacobian: Float[Array, "optimum block parameter"]
+    z: Float[Any, "optimum parameter"]
+    residual: Float[Any, "optimum block"]
+    jacobian: Float[Any, "optimum block parameter"]
 
 
 class Branches(eqx.Module):
@@ -69,16 +71,16 @@ class Branches(eqx.Module):
         whiten: Its inverse.
     """
 
-    optimum: Int[Array, " branch"]
-    share: Float[Array, " branch"]
-    shift: Float[Array, "branch parameter"]
-    shape: Float[Array, "branch parameter parameter"]
-    whiten: Float[Array, "branch parameter parameter"]
+    optimum: Int[Any, " branch"]
+    share: Float[Any, " branch"]
+    shift: Float[Any, "branch parameter"]
+    shape: Float[Any, "branch parameter parameter"]
+    whiten: Float[Any, "branch parameter parameter"]
 
     @classmethod
     def of(cls, optimum, share, shift, shape) -> Branches:
         """Return branches; arguments as the attributes."""
-        return cls(*map(jnp.asarray, (optimum, share, shift, shape, np.linalg.inv(shape))))
+        return cls(*map(np.asarray, (optimum, share, shift, shape, np.linalg.inv(shape))))
 
 
 @dataclass(frozen=True)
@@ -121,11 +123,9 @@ class Proposal:
     def around(cls, fit: Fit, rng: np.random.Generator) -> Proposal:
         """Return the proposal that the linear models around the optima of a fit give."""
         problem, num = fit.problem, len(fit.modes)
-        found = [
-            linearise(problem.structure, problem.data, jnp.asarray(mode)) for mode in fit.modes
-        ]
+        found = [linearise(problem.structure, problem.data, mode) for mode in fit.modes]
         residual, jacobian = (np.stack(parts) for parts in zip(*found, strict=True))
-        optima = Optima(*map(jnp.asarray, (fit.modes, residual, jacobian)))
+        optima = Optima(*map(np.asarray, (fit.modes, residual, jacobian)))
         share, scale = (np.tile(part, num) for part in zip(*PARTS, strict=True))
         size = problem.num_parameters
         branches = Branches.of(
@@ -208,7 +208,7 @@ class Proposal:
         return replace(self, branches=moved, kernels=kernels)
 
 
-@jax.jit
+@compiled()
 def _place(
     data: Data,
     kernels: Kernels,

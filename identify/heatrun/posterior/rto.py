@@ -42,6 +42,7 @@ from scipy.special import logsumexp
 
 from ..fit.fit_result import Fit
 from ..fit.restricted import inner_products
+from ..io.programs import compiled
 from ..model.kernels import Kernels, at_once, in_batches, log_student, student
 from ..model.noise import LARGEST_SCORES
 from ..model.problem import NUM_NOISE, Data, linearise
@@ -109,7 +110,7 @@ class Rto:
     def around(cls, fit: Fit, centre: Float[np.ndarray, " parameter"], kernels: Kernels) -> Rto:
         """Return it with the model linearised at a place, and with a density of the noise."""
         problem = fit.problem
-        residual, jacobian = linearise(problem.structure, problem.data, jnp.asarray(centre))
+        residual, jacobian = linearise(problem.structure, problem.data, centre)
         return cls(fit, centre, np.asarray(residual), np.asarray(jacobian), (kernels,))
 
     def draw(self, num: int, rng: np.random.Generator) -> Drawn:
@@ -193,15 +194,15 @@ class Rto:
             rows = []
             for k in range(start, min(start + AT_A_TIME, len(z))):
                 # one at a time: the Jacobians of a batch fall out of the cache
-                linear = linearise(structure, data, jnp.asarray(z[k]))
-                rows.append(_cross_products(data, jnp.asarray(noise_z[k]), *linear, self.jacobian))
+                linear = linearise(structure, data, z[k])
+                rows.append(_cross_products(data, noise_z[k], *linear, self.jacobian))
             return np.stack(rows)
 
         products = np.concatenate(at_once(some, range(0, len(z), AT_A_TIME)))
         return _Seen(products[:, :, 0] + z, products[:, :, 1:] + np.eye(size))
 
 
-@jax.jit
+@compiled()
 def _cross_products(
     data: Data,
     noise_z: Float[Array, " noise"],
@@ -216,7 +217,7 @@ def _cross_products(
     return products[1 + num :, : 1 + num]
 
 
-@jax.jit
+@compiled()
 def _many_products(
     data: Data,
     residual: Float[Array, " block"],

@@ -12,7 +12,6 @@ Are the steps of a test short enough for the fastest node of every draw?
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -24,6 +23,7 @@ from jaxtyping import Array, Bool, Float
 from lptn import longest_step
 
 from ..errors import InputError
+from ..io.programs import compiled
 from ..model.bodies import told_bodies
 from ..model.loggers import Loggers, scales_of
 from ..model.model import Model
@@ -132,8 +132,8 @@ def start_draws(
     normal = np.zeros((num_draws, len(free)))
     if rng is not None:
         normal = rng.standard_normal(normal.shape)
-    known_values = {name: jnp.asarray(draws) for name, draws in {**values, **fixed}.items()}
-    white = np.asarray(_whitened(model, tuple(free), known_values, noise, first, jnp.asarray(mean)))
+    known_values = {name: np.asarray(draws) for name, draws in {**values, **fixed}.items()}
+    white = np.asarray(_whitened(model, tuple(free), known_values, noise, first, np.asarray(mean)))
     refuse_unstable(model, values, white, test)
     drawn = mean + _regress(white, covariance, normal)
     return {**fixed, **{name: drawn[:, i] for i, name in enumerate(free)}}
@@ -188,7 +188,7 @@ def _first_blocks(test: Observation, num: int) -> Observation:
     )  # fmt: skip
 
 
-@partial(jax.jit, static_argnames=("model", "names"))
+@compiled("model", "names")
 def _whitened(
     model: Model,
     names: tuple[str, ...],

@@ -11,12 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from lptn import Inputs
 
@@ -223,16 +222,16 @@ class Blocks:
         scale = np.ones(1 + len(self.fitted)) if noise_scale is None else np.array(noise_scale)
         return Observation(
             inputs=self.inputs,
-            measured=jnp.asarray(np.nan_to_num(self.measured)),
-            is_observed=jnp.asarray(self.is_observed),
-            weight=jnp.asarray(self.weight),
-            position=jnp.asarray(self.position),
-            count=jnp.asarray(self.count, dtype=float),
-            known_variance=jnp.asarray(self.known_variance),
-            block_s=jnp.asarray(self.block_s, dtype=float),
-            heat=jnp.asarray(heat),
-            moments=jnp.asarray(self.moments),
-            noise_scale=jnp.asarray(scale, dtype=float),
+            measured=np.nan_to_num(self.measured),
+            is_observed=self.is_observed,
+            weight=self.weight,
+            position=self.position,
+            count=np.asarray(self.count, dtype=float),
+            known_variance=self.known_variance,
+            block_s=np.asarray(self.block_s, dtype=float),
+            heat=heat,
+            moments=self.moments,
+            noise_scale=np.asarray(scale, dtype=float),
             fitted=self.fitted,
         )
 
@@ -258,16 +257,16 @@ class Observation(eqx.Module):
     """
 
     inputs: Inputs
-    measured: Float[Array, " row"]
-    is_observed: Bool[Array, " row"]
-    weight: Float[Array, "row step"]
-    position: Float[Array, "row step"]
-    count: Float[Array, " row"]
-    known_variance: Float[Array, " row"]
-    block_s: Float[Array, ""]
-    heat: Float[Array, "row column"]
-    moments: Float[Array, "row moment"]
-    noise_scale: Float[Array, " sensor"]
+    measured: Float[Any, " row"]
+    is_observed: Bool[Any, " row"]
+    weight: Float[Any, "row step"]
+    position: Float[Any, "row step"]
+    count: Float[Any, " row"]
+    known_variance: Float[Any, " row"]
+    block_s: Float[Any, ""]
+    heat: Float[Any, "row column"]
+    moments: Float[Any, "row moment"]
+    noise_scale: Float[Any, " sensor"]
     fitted: tuple[str, ...] = eqx.field(static=True, default=())
 
     @property

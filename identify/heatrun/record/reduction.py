@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-import jax.numpy as jnp
 import numpy as np
 
 from lptn import Inputs
@@ -180,19 +179,17 @@ def _inputs(
     if "phase_current_A" in record:
         current_squared = mean("phase_current_A", power=2)
     inputs = Inputs(
-        step=jnp.asarray(step, dtype=float),
-        current_squared=jnp.asarray(current_squared),
-        losses=jnp.asarray(mean("losses_W")),
-        ambient=jnp.asarray(mean(f"{motor.sink}_degC")),
-        speed=None if speed is None else jnp.asarray(speed),
-        coolant=None if coolant is None else jnp.asarray(coolant),
-        fan=None if fan is None else jnp.asarray(fan),
-        shaft_power=None if shaft is None else jnp.asarray(shaft),
-        second_sink=None if second_sink is None else jnp.asarray(second_sink),
-        rated_speed=jnp.asarray(
-            fastest if rated is None else rated * 2 * math.pi / 60, dtype=float
-        ),
-        rated_current=jnp.asarray(np.sqrt(max(np.max(current_squared), 1e-12))),
+        step=np.asarray(step, dtype=float),
+        current_squared=current_squared,
+        losses=mean("losses_W"),
+        ambient=mean(f"{motor.sink}_degC"),
+        speed=speed,
+        coolant=coolant,
+        fan=fan,
+        shaft_power=shaft,
+        second_sink=second_sink,
+        rated_speed=np.asarray(fastest if rated is None else rated * 2 * math.pi / 60, dtype=float),
+        rated_current=np.asarray(np.sqrt(max(np.max(current_squared), 1e-12))),
     )
     return inputs, tuple(notes)
 

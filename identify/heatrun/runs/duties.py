@@ -16,7 +16,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -28,6 +27,7 @@ from lptn import Drive, hold
 from lptn.effects import AbstractEffect
 
 from ..errors import UsageError
+from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.catalogue import lacking
 from ..model.draws import PlausibleEffect
@@ -101,7 +101,7 @@ def with_effects(posterior: Posterior, base: Behind) -> Behind:
         rows = np.flatnonzero(plausible.size[:, index])
         _add(effect, plausible.size[rows, index], rows, known, values)
     likely = tuple(each.kind for each in used.values() if each.probability >= LIKELY)
-    return Behind(extended, jax.tree.map(jnp.asarray, values), likely)
+    return Behind(extended, jax.tree.map(np.asarray, values), likely)
 
 
 def _add(
@@ -280,7 +280,7 @@ def duty_current(rated: Rated, text: str) -> DerivedFigure:
     return entry
 
 
-@partial(jax.jit, static_argnames="model")
+@compiled("model")
 def _highest(
     model: Model,
     values: dict[str, Float[Array, " draw"]],

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -24,6 +23,7 @@ from jaxtyping import Array, Float
 from lptn import CopperLosses, Drive, Network, heat_input, steady_current, steady_state, time_to
 from lptn.effects import AbstractEffect
 
+from ..io.programs import compiled
 from ..model.bodies import corrected_losses
 from ..model.draws import PlausibleEffects, of_network
 from ..model.model import Model
@@ -171,7 +171,7 @@ class Machine(NamedTuple):
     warm_s: Float[Array, "*draw"]
 
 
-@partial(jax.jit, static_argnames="model")
+@compiled("model")
 def machines(
     model: Model,
     values: dict[str, Float[Array, " draw"]],

@@ -29,6 +29,7 @@ from lptn import (
     time_constants,
 )
 
+from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.model import Model
 from ..posterior.posterior import Posterior
@@ -56,7 +57,7 @@ class Rates(NamedTuple):
     follows_time: Array
 
 
-@partial(jax.jit, static_argnames="model")
+@compiled("model")
 def rates(
     model: Model,
     values: dict[str, Float[Array, " draw"]],
@@ -136,7 +137,7 @@ def at_conditions(posterior: Posterior) -> dict[str, DerivedFigure]:
     seen = tested([test.winding for test in problem.tests])
     base = alone(posterior)
     behind = with_effects(posterior, base)
-    winding = jnp.asarray(seen.loaded_winding_degC)
+    winding = np.asarray(seen.loaded_winding_degC)
     speed = seen.loaded.speed
     nodes, loaded = _at(behind.model, behind.values, seen.loaded, seen.loaded, winding)
     rest = loaded
@@ -160,7 +161,7 @@ def at_conditions(posterior: Posterior) -> dict[str, DerivedFigure]:
     return result
 
 
-@partial(jax.jit, static_argnames="model")
+@compiled("model")
 def _at(
     model: Model,
     values: dict[str, Float[Array, " draw"]],
@@ -208,12 +209,12 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     is_within = limit is not None and seen.beyond_limit(limit.degC) is None
     base = alone(posterior)
     behind = with_effects(posterior, base)
-    winding = jnp.asarray(seen.loaded_winding_degC)
-    degC = jnp.asarray(limit.degC if limit is not None and is_within else np.nan)
+    winding = np.asarray(seen.loaded_winding_degC)
+    degC = np.asarray(limit.degC if limit is not None and is_within else np.nan)
     network = rates(base.model, base.values, seen.loaded, winding)
     rated = problem.motor.rated_current_A if seen.amperes > 0.0 else None
     scale = 1.0 if rated is None else (rated / seen.amperes) ** 2
-    drawn = machines(behind.model, behind.values, seen.loaded, winding, degC, jnp.asarray(scale))
+    drawn = machines(behind.model, behind.values, seen.loaded, winding, degC, np.asarray(scale))
     times = time_constants(network.A)
     around = partial(
         seen.surroundings,

@@ -11,8 +11,6 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from msgspec import UNSET, UnsetType
 from scipy.optimize import least_squares
@@ -22,6 +20,7 @@ from lptn.effects import AbstractEffect
 from ..attempts import Attempts
 from ..fit.fit_result import Fit
 from ..model.bodies import OWN, own_name
+from ..model.courses import block_means
 from ..model.draws import of_network
 from ..model.noise import noise_parameters
 from ..model.parameters import Parameter, Slot, qualified
@@ -84,7 +83,6 @@ def replica(posterior: Posterior, predictions: Sequence[Prediction]) -> Replica 
         for name, parameter in problem.parameters.by_test[0].items()
         if parameter.role == "instrument" and name not in own_names
     }
-    means = jax.jit(plain.block_means)
     course = {}
     for each in tests:
         own = {n: v for n, v in each.middle.items() if n not in exact and "." not in n}
@@ -93,7 +91,7 @@ def replica(posterior: Posterior, predictions: Sequence[Prediction]) -> Replica 
     def simulated(logs: np.ndarray, each: Prediction) -> np.ndarray:
         observation, values = course[each.test.name]
         numbers = values | dict(zip(names, np.exp(logs).tolist(), strict=True))
-        found = means({n: jnp.asarray(v) for n, v in numbers.items()}, observation)
+        found = block_means(plain, {n: np.float64(v) for n, v in numbers.items()}, observation)
         return np.asarray(found)[: each.test.measured.size]
 
     def apart(logs: np.ndarray) -> np.ndarray:

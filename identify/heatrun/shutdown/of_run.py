@@ -9,7 +9,6 @@ network of lumped nodes does not have, is added.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import jax
@@ -20,6 +19,7 @@ from jaxtyping import Array, Float
 from lptn import Drive, linearise
 
 from ..errors import InputError
+from ..io.programs import compiled
 from ..model.model import Model
 from ..runs.run import open_run
 from .cooling import AbstractModes, Draws
@@ -109,7 +109,7 @@ def modes_of_run(
         current_squared=0.0, losses=0.0, ambient=sink, speed=speed, coolant=sink, fan=speed,
         second_sink=sink if model.form.second_sink else None,
     )  # fmt: skip
-    A, heat = _states(model, values, drive, jnp.asarray(readings.degC[0]))
+    A, heat = _states(model, values, drive, np.asarray(readings.degC[0]))
     tau, shapes, place = _modal(np.asarray(A), np.asarray(heat))
     if not np.all(np.isfinite(tau)):
         raise InputError(
@@ -143,7 +143,7 @@ def modes_of_run(
     )
 
 
-@partial(jax.jit, static_argnames="model")
+@compiled("model")
 def _states(
     model: Model, values: dict[str, Float[Array, " draw"]], drive: Drive, at: Float[Array, ""]
 ) -> tuple[Float[Array, "draw node node"], Float[Array, "draw 2 node"]]:

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from heatrun.io.programs import compiled
 from heatrun.model.discrepancy import num_knots
 from heatrun.model.parameters import Parameter
 from heatrun.model.problem import Problem, Structure
@@ -197,7 +197,7 @@ def _moments(tests: Sequence[Blocks]) -> list[np.ndarray]:
     return [np.pad(m, ((0, 0), (0, most - m.shape[1]))) for m in (t.moments for t in tests)]
 
 
-@jax.jit
+@compiled()
 def _lanes_last(rows: Array) -> Array:
     return jnp.moveaxis(rows, 0, -1)
 

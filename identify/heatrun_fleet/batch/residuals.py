@@ -17,13 +17,13 @@ Gauss-Markov heat in each heated node.
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from heatrun.io.programs import compiled
 from heatrun.model.discrepancy import NUM_COLUMNS, SPACING_S
 from heatrun.model.noise import HEAT, Noise, SensorRows, filter_rows
 from heatrun.model.problem import Structure
@@ -268,7 +268,7 @@ def most_knots(num_blocks: int) -> int:
     return math.ceil(num_blocks * LONGEST_BLOCK_S / SPACING_S) + 2
 
 
-@partial(jax.jit, static_argnames="structure")
+@compiled("structure")
 def heat_columns(
     structure: Structure, machines: Machines, z: Float[Array, "parameter machine"]
 ) -> tuple[Float[Array, "block column lane"], ...]:

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from heatrun.fit.restricted import SCORE_LIMIT
+from heatrun.io.programs import compiled
 from heatrun.model.noise import LARGEST_SCORES, NOISE, from_scores
 
 from .march import Machines
@@ -203,7 +204,7 @@ def _limits() -> tuple[Float[Array, "noise 1"], Float[Array, "noise 1"]]:
     return jnp.full_like(high, -SCORE_LIMIT), high
 
 
-@jax.jit
+@compiled()
 def search_noise(
     machines: Machines, linear: Linear, state: NoiseSearch, most: Int[Array, ""]
 ) -> NoiseSearch:
@@ -289,7 +290,7 @@ def _updated(curvature, step, change, is_wanted) -> Float[Array, "noise noise la
     return jnp.where(is_wanted, after, curvature)
 
 
-@jax.jit
+@compiled()
 def noise_precision(
     machines: Machines, linear: Linear, noise_z: Float[Array, "noise lane"]
 ) -> Float[Array, "noise noise lane"]:
@@ -307,4 +308,4 @@ def noise_precision(
     return (slopes[: len(NOISE)] - slopes[len(NOISE) :]) / (2 * width)
 
 
-evaluate = jax.jit(restricted)
+evaluate = compiled()(restricted)

@@ -6,13 +6,13 @@ has, or the steps are used up.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from heatrun.io.programs import compiled
 from heatrun.model.noise import Noise
 from heatrun.model.problem import WORST_RESIDUAL, Structure
 
@@ -174,7 +174,7 @@ def _step(
     return step * jnp.minimum(1.0, LONGEST_STEP / jnp.maximum(length, 1e-300))
 
 
-@partial(jax.jit, static_argnames="structure")
+@compiled("structure")
 def search(
     structure: Structure,
     machines: Machines,
@@ -226,7 +226,7 @@ def search(
     return jax.lax.while_loop(unfinished, advance, state)
 
 
-@partial(jax.jit, static_argnames="structure")
+@compiled("structure")
 def linearise(
     structure: Structure, machines: Machines, z: Float[Array, "parameter machine"]
 ) -> list[Means]:

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from heatrun.fit.fit import NUM_ROUNDS, SETTLED, SIDE, is_corner, near_corner
 from heatrun.fit.restricted import STARTS_S
+from heatrun.io.programs import compiled
 from heatrun.model.noise import NOISE, Noise, free_of_columns, from_scores
 from heatrun.model.problem import Structure
 
@@ -207,7 +208,7 @@ def _best(found: list[NoiseSearch]) -> tuple[NoiseSearch, Bool[Array, " machine"
     return best, apart < TOGETHER
 
 
-@jax.jit
+@compiled()
 def _noise_starts(machines: Machines, means: list[Means]) -> list[Float[Array, "noise machine"]]:
     """Return scores at the level of the residuals; as `inference.fitting.restricted` has them."""
     count, total, square = 0.0, 0.0, 0.0
@@ -254,7 +255,7 @@ def final(structure: Structure, machines: Machines, state: Settled) -> Final:
     return Final(means, found, precision, innovations, stiffness)
 
 
-@partial(jax.jit, static_argnames="structure")
+@compiled("structure")
 def _final(structure: Structure, machines: Machines, linear: Linear, noise_z: Array):
     innovations, stiffness = [], jnp.zeros(noise_z.shape[-1])
     noise = from_scores(noise_z)

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from heatrun.fit.fit import HOPELESS, MAX_STEPS
+from heatrun.io.programs import compiled
 from heatrun.model.noise import Noise
 from heatrun.model.problem import Structure
 
@@ -33,7 +34,7 @@ NUM_STEPS = 2
 """Steps of a coarse block; three where its number of steps is odd."""
 
 
-@jax.jit
+@compiled()
 def coarse(machines: Machines) -> Machines:
     """Return the machines with inputs that hold for several steps, as their mean."""
     return replace(machines, groups=tuple(map(_of_group, machines.groups)))
@@ -66,13 +67,13 @@ def _of_group(group: Group) -> Group:
 Tree = TypeVar("Tree")
 
 
-@jax.jit
+@compiled()
 def picked(tree: Tree, places: Int[Array, " picked"]) -> Tree:
     """Return arrays with some of the machines in their trailing axis."""
     return jax.tree.map(lambda values: jnp.take(values, places, axis=-1), tree)
 
 
-@jax.jit
+@compiled()
 def picked_machines(machines: Machines, places: Int[Array, " picked"]) -> Machines:
     """Return the numbers of some of the machines."""
     num = machines.centre.shape[-1]
@@ -82,7 +83,7 @@ def picked_machines(machines: Machines, places: Int[Array, " picked"]) -> Machin
     return Machines(picked(machines.centre, places), picked(machines.sd, places), groups)
 
 
-@jax.jit
+@compiled()
 def picked_heat(
     machines: Machines, heat: tuple[Array, ...], places: Int[Array, " picked"]
 ) -> tuple[Array, ...]:
@@ -98,7 +99,7 @@ def _of_tests(places: Array, num_tests: int, num_machines: int) -> Array:
     return jnp.concatenate([places + test * num_machines for test in range(num_tests)])
 
 
-@jax.jit
+@compiled()
 def kept(is_kept: Array, old: Tree, new: Tree) -> Tree:
     """Return the old arrays in the machines where they are kept, the new ones in the others."""
 

@@ -1,0 +1,300 @@
+"""Compiled programs that are kept whole from one process to the next.
+
+JAX's own cache keeps what the compiler made; the next process still traces and lowers each
+function, which takes longer than to run it. Here the executable itself is kept, under all that it
+was made of: the sources that it may come from, JAX, the processor and its flags, the arguments
+that are compiled in, and the shapes of the others. At any doubt about a file it is made anew.
+
+A program is code that runs: only files of the user's own, that nobody else may write, are taken.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import os
+import pickle
+import platform
+import re
+import stat
+import sys
+import tempfile
+import threading
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import cache, wraps
+from importlib.metadata import version
+from pathlib import Path, PurePath
+from typing import Any, TypeVar
+
+import jax
+import numpy as np
+from jax.core import Tracer
+from jax.experimental.serialize_executable import deserialize_and_load, serialize
+
+from .caches import PROGRAM, PROGRAMS_FOLDER
+
+R = TypeVar("R")
+
+COUNTS: Counter[str] = Counter()
+"""Programs of this process: `compiled`, `loaded` from the folder, and `nameless`, which no text
+stands for and which are not kept."""
+
+UNKEPT: set[str] = set()
+"""Why programs could not be written."""
+
+_IMPORT = re.compile(rb"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+)?import[ \t]+(\([^)]*\)|[^\n#]*)", re.M)
+
+_MADE: list[dict[Hashable, Callable[..., Any]]] = []
+
+
+def compiled(*static: str) -> Callable[[Callable[..., R]], Callable[..., R]]:
+    """Return a decorator that compiles as `jax.jit`, and keeps what is compiled.
+
+    Arrays of NumPy are as good as JAX's: nothing is compiled to turn one into the other.
+
+    Args:
+        static: Names of arguments that are compiled in; hashable.
+    """
+
+    def decorate(function: Callable[..., R]) -> Callable[..., R]:
+        signature = inspect.signature(function)
+        names = list(signature.parameters)
+        places = [place for place, name in enumerate(names) if name in static]
+        jitted = jax.jit(function, static_argnames=static)
+        programs: dict[Hashable, Callable[..., Any]] = {}
+        guard, making = threading.Lock(), dict[Hashable, threading.Lock]()
+        _MADE.append(programs)
+
+        @wraps(function)
+        def call(*given: Any, **kwargs: Any) -> R:
+            if kwargs or len(given) < len(names):
+                bound = signature.bind(*given, **kwargs)
+                bound.apply_defaults()
+                given = bound.args
+            fixed = tuple(given[place] for place in places)
+            free = tuple(arg for place, arg in enumerate(given) if place not in places)
+            leaves, tree = jax.tree.flatten(free)
+            if any(isinstance(leaf, Tracer) for leaf in leaves):
+                return jitted(*given)
+            key = fixed, tree, tuple(map(_kind, leaves))
+            if key not in programs:
+                with guard:
+                    mine = making.setdefault(key, threading.Lock())
+                with mine:  # others that want the same one wait for it
+                    if key not in programs:
+                        programs[key] = _program(function, jitted, given, fixed, free)
+            return programs[key](*free)
+
+        return call
+
+    return decorate
+
+
+def forget() -> None:
+    """Drop the programs of this process from its memory, as `jax.clear_caches` does with others."""
+    for programs in _MADE:
+        programs.clear()
+
+
+def _kind(leaf: Any) -> Hashable:
+    """Return what a program depends on of an array or number that is not compiled in."""
+    if isinstance(leaf, (jax.Array, np.ndarray, np.generic)):
+        return leaf.shape, leaf.dtype, getattr(leaf, "weak_type", False)
+    return type(leaf)
+
+
+def _program(
+    function: Callable[..., Any],
+    jitted: Any,
+    given: tuple[Any, ...],
+    fixed: tuple[Any, ...],
+    free: tuple[Any, ...],
+) -> Callable[..., Any]:
+    """Return the program for some arguments: the one that was kept, or a new one."""
+    folder = os.environ.get(PROGRAMS_FOLDER)
+    path = None if not folder else _path(Path(folder), function, fixed, free)
+    found = None if path is None else _read(path, free)
+    if found is not None:
+        COUNTS["loaded"] += 1
+        return found
+    program = jitted.lower(*given).compile()
+    COUNTS["compiled"] += 1
+    if path is not None:
+        try:
+            _write(path, program)
+        except OSError as error:
+            UNKEPT.add(f"{path.parent}: {error.strerror}")
+    return program
+
+
+def _path(
+    folder: Path, function: Callable[..., Any], fixed: tuple[Any, ...], free: tuple[Any, ...]
+) -> Path | None:
+    """Return where the program of a function is kept; None if no text stands for an argument."""
+    try:
+        arguments = f"{_text(fixed, free=False)}\n{_text(free, free=True)}"
+    except _Nameless:
+        COUNTS["nameless"] += 1
+        return None
+    name = f"{function.__module__}.{function.__qualname__}"
+    made_of = f"{_surroundings()}\n{_sources(function.__module__)}\n{name}\n{arguments}"
+    digest = hashlib.sha256(made_of.encode()).hexdigest()
+    return folder / f"{name.rpartition('.')[2]}-{digest[:40]}{PROGRAM}"
+
+
+@cache
+def _surroundings() -> str:
+    """Return what every program depends on: JAX, the processor, and their flags."""
+    parts = [jax.__version__, version("jaxlib"), platform.python_version(), platform.machine()]
+    parts += [
+        jax.default_backend(),
+        str(jax.device_count()),
+        str(jax.config.read("jax_enable_x64")),
+    ]
+    parts += [f"{k}={v}" for k, v in sorted(os.environ.items()) if k.startswith(("XLA_", "JAX_"))
+              and k != PROGRAMS_FOLDER]  # fmt: skip
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
+        parts += sorted({line for line in lines if line.startswith(("flags", "model name"))})
+    return "\n".join(parts)
+
+
+@cache
+def _sources(module: str) -> str:
+    """Return a digest of the files that a module of ours may draw on, by what they import."""
+    digest, seen, left = hashlib.sha256(), set[str](), [module]
+    while left:
+        name = left.pop()
+        if name in seen or (path := _file_of(name)) is None:
+            continue
+        seen.add(name)
+        source = path.read_bytes()
+        package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+        left += _imports(source, package)
+    for name in sorted(seen):
+        path = _file_of(name)
+        digest.update(f"{name}\n".encode() + (b"" if path is None else path.read_bytes()))
+    return digest.hexdigest()
+
+
+def _imports(source: bytes, package: str) -> Iterator[str]:
+    """Yield the names of modules that a source may import; what is none has no file."""
+    for origin, names in _IMPORT.findall(source):
+        base = origin.decode()
+        dots = len(base) - len(base.lstrip("."))
+        if dots:
+            parts = package.split(".")
+            base = ".".join([*parts[: len(parts) - dots + 1], *filter(None, [base[dots:]])])
+        if base:
+            yield base
+        for name in re.findall(rb"[\w.]+", names):
+            yield f"{base}.{name.decode()}" if base else name.decode()
+
+
+@cache
+def _file_of(module: str) -> Path | None:
+    """Return the file of a module of ours; None for any other name."""
+    top, _, rest = module.partition(".")
+    home = sys.modules.get(top)
+    if top not in OURS or home is None or home.__file__ is None:
+        return None
+    place = Path(home.__file__).parent.joinpath(*filter(None, rest.split(".")))
+    found = (place / "__init__.py", place.with_suffix(".py"))
+    return next((path for path in found if path.is_file()), None)
+
+
+OURS = ("heatrun", "lptn", "heatrun_fleet", "heatrun_reports", "heatrun_view")
+
+
+class _Nameless(Exception):
+    """No text stands for a value in every process."""
+
+
+def _text(value: Any, *, free: bool) -> str:
+    """Return a text that stands for a value, the same in every process.
+
+    Args:
+        value: What is compiled in, or arguments.
+        free: Whether arrays and numbers are arguments, of which only the kind counts.
+
+    Raises:
+        _Nameless: If there is none.
+    """
+    if isinstance(value, (jax.Array, np.ndarray, np.generic)):
+        kind = f"{value.dtype}{value.shape}{getattr(value, 'weak_type', False)}"
+        return kind if free else kind + hashlib.sha256(np.asarray(value).tobytes()).hexdigest()
+    if free and isinstance(value, (bool, int, float, complex)):
+        return type(value).__name__
+    if value is None or isinstance(value, (str, bytes, bool, int, float, Enum, PurePath)):
+        return repr(value)
+    if isinstance(value, type) or inspect.isfunction(value):
+        return _definition(value)
+    if isinstance(value, Mapping):
+        return f"{{{','.join(f'{k!r}:{_text(v, free=free)}' for k, v in value.items())}}}"
+    if isinstance(value, (tuple, list)):
+        return f"{_definition(type(value))}[{','.join(_text(v, free=free) for v in value)}]"
+    if isinstance(value, (set, frozenset)):
+        return f"{{{','.join(sorted(_text(v, free=False) for v in value))}}}"
+    if hasattr(value, "compiled_as"):
+        return f"{_definition(type(value))}{_text(value.compiled_as(), free=False)}"
+    if is_dataclass(value):
+        parts = [
+            _text(getattr(value, f.name), free=free and not f.metadata.get("static"))
+            for f in fields(value)
+        ]
+        return f"{_definition(type(value))}({','.join(parts)})"
+    raise _Nameless
+
+
+@cache
+def _definition(value: Any) -> str:
+    """Return the name of a class or function; one that is not ours, with a digest of its file."""
+    name = f"{value.__module__}.{value.__qualname__}"
+    if "<" in name:
+        raise _Nameless
+    if value.__module__.partition(".")[0] in (*OURS, "builtins"):
+        return name
+    try:
+        return name + hashlib.sha256(Path(inspect.getfile(value)).read_bytes()).hexdigest()
+    except (OSError, TypeError) as error:
+        raise _Nameless from error
+
+
+def _read(path: Path, free: tuple[Any, ...]) -> Callable[..., Any] | None:
+    """Return a program that was kept; None at any doubt about it."""
+    try:
+        status = path.stat()
+        is_mine = not hasattr(os, "getuid") or status.st_uid == os.getuid()
+        if not is_mine or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+            return None
+        content = path.read_bytes()
+        if hashlib.sha256(content[32:]).digest() != content[:32]:
+            return None
+        _know_lapack()
+        payload, skeleton = pickle.loads(content[32:])
+        tree_in, tree_out = jax.tree.structure((free, {})), jax.tree.structure(skeleton)
+        return deserialize_and_load(payload, tree_in, tree_out)
+    except Exception:  # what ever it is, the program can be made anew
+        return None
+
+
+@cache
+def _know_lapack() -> None:
+    """Lower a factorisation: JAX tells XLA where LAPACK is when it first does so, and a program
+    that calls LAPACK before would end the process.
+    """
+    jax.jit(jax.numpy.linalg.cholesky).lower(np.eye(2))
+
+
+def _write(path: Path, program: Any) -> None:
+    """Keep a program, whole or not at all."""
+    payload, _, tree = serialize(program)
+    body = pickle.dumps((payload, jax.tree.unflatten(tree, range(tree.num_leaves))))
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
+        file.write(hashlib.sha256(body).digest() + body)
+    os.replace(file.name, path)
