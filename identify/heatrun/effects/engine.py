@@ -16,14 +16,12 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.optimize import least_squares
 
-from lptn import SIGNALS, Network
+from lptn import Network
 from lptn.effects import AbstractEffect, Quantity, applies
 
 from ..fit.fit_result import Fit
@@ -100,7 +98,7 @@ class Engine:
         self.slots = problem.parameters.slots
         self.tests = problem.tests
         self.observations = list(problem.data.tests)
-        self._padded = _padded(problem.tests)
+        self._padded = [test.observation().padded() for test in problem.tests]
         self._is_observed = problem.is_observed
         self.kinds = {kind.card.id: kind for kind in problem.model.effects}
         self._size = machine_size(problem.model, problem.motor, problem.tests)
@@ -198,8 +196,8 @@ class Engine:
                     slot = self.slots[columns[column]]
                     directions[slot.parameter.name][lane] = gains[columns[column]]
                 means, slope = _course(self.problem.model, values, directions, padded)
-                jacobian[:, chunk] = -_unpadded(np.asarray(slope)[: len(chunk)].T, test)
-            residual = test.measured - _unpadded(np.asarray(means), test)
+                jacobian[:, chunk] = -test.own(np.asarray(slope)[: len(chunk)].T)
+            residual = test.measured - test.own(means)
             seen = test.is_observed
             is_sound = seen & (np.abs(residual) < WORST_RESIDUAL)
             residual = np.where(is_sound, residual, np.where(seen, WORST_RESIDUAL, 0.0))
@@ -214,8 +212,8 @@ class Engine:
             stacked = np.pad(stacked, ((0, 0), (0, -num % FEW if num < FEW else -num % MANY)))
         parts = self.problem.split(stacked)
         rows = np.concatenate([
-            np.asarray(_whiten(part, noise, test))
-            for part, test in zip(parts, self.observations, strict=True)
+            test.own(_whiten(test.lengthened(part), noise, padded))
+            for part, test, padded in zip(parts, self.tests, self.observations, strict=True)
         ])  # fmt: skip
         return rows[:, :num] if num else rows
 
@@ -344,55 +342,6 @@ def _course(
 @compiled()
 def _whiten(stacked: Array, noise: Noise, test: Observation) -> Array:
     return noise_module.whiten(stacked, noise, test)[0]
-
-
-def _padded(tests: Sequence[Blocks]) -> list[Observation]:
-    """Return the tests with blocks that weigh nothing up to one length, for one compilation."""
-    result = []
-    for test in tests:
-        per_block = test.weight.shape[1]
-        longest = max(t.num_blocks for t in tests if t.weight.shape[1] == per_block)
-        more = longest - test.num_blocks
-        observation = test.observation()
-        if more:
-            observation = _extended(observation, more, per_block)
-        result.append(observation)
-    return result
-
-
-def _extended(test: Observation, more: int, per_block: int) -> Observation:
-    def hold(values: Array) -> Array:
-        return jnp.concatenate([values, jnp.full(more * per_block, values[-1])])
-
-    inputs = test.inputs
-    for name in SIGNALS:
-        if getattr(inputs, name) is not None:
-            inputs = eqx.tree_at(lambda i, n=name: getattr(i, n), inputs,
-                                 hold(getattr(inputs, name)))  # fmt: skip
-
-    def pad(rows: Array, value: float | bool) -> Array:
-        by_sensor = rows.reshape(test.num_sensors, -1, *rows.shape[1:])
-        width = [(0, 0)] * by_sensor.ndim
-        width[1] = (0, more)
-        padded = jnp.pad(by_sensor, width, constant_values=value)
-        return padded.reshape(-1, *rows.shape[1:])
-
-    return replace(
-        test,
-        inputs=inputs,
-        measured=pad(test.measured, 0.0),
-        is_observed=pad(test.is_observed, False),
-        weight=pad(test.weight, 0.0),
-        position=pad(test.position, 0.5),
-        known_variance=pad(test.known_variance, 0.0),
-    )
-
-
-def _unpadded(rows: np.ndarray, test: Blocks) -> np.ndarray:
-    """Return the rows of a padded test without those that were added."""
-    num = 1 + len(test.fitted)
-    by_sensor = rows.reshape(num, rows.shape[0] // num, *rows.shape[1:])
-    return by_sensor[:, : test.num_blocks].reshape(test.measured.size, *rows.shape[1:])
 
 
 def padded(columns: Float[np.ndarray, "block column"]) -> Float[np.ndarray, "block more"]:

@@ -446,7 +446,7 @@ def _solve(structure: Structure, data: Data, start: Float[Array, " all"], noise:
 
 def _linearise(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     residual, jacobian = linearise(problem.structure, problem.data, z)
-    return np.asarray(residual), np.asarray(jacobian)
+    return problem.own(residual), problem.own(jacobian)
 
 
 def _settle(problem: Problem, z: np.ndarray) -> tuple[Problem, _State]:
@@ -540,7 +540,11 @@ def _sharing(
     """
     if len(optima) > 1:
         mass = np.array(
-            [float(_log_mass(problem.data, noise_z, z, *_linearise(problem, z))) for z in optima]
+            [
+                float(_log_mass(problem.data, noise_z, z, *map(problem.lengthened, found)))
+                for z in optima
+                for found in (_linearise(problem, z),)
+            ]
         )
         is_kept = mass > np.logaddexp.reduce(mass) + np.log(VISIBLE)
         optima = optima[:1] + [z for z, kept in zip(optima[1:], is_kept[1:], strict=True) if kept]

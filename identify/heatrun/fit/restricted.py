@@ -175,7 +175,7 @@ def polished_noise(
     Returns:
         The scores, or `noise_z` where the likelihood has no maximum near by.
     """
-    linear = problem.data, z, residual, jacobian
+    linear = problem.data, z, problem.lengthened(residual), problem.lengthened(jacobian)
     high, as_is = np.array(LARGEST_SCORES), np.zeros(_num_sensors(problem))
     curvature = noise_precision(problem, noise_z, z, residual, jacobian)
     at = np.array(noise_z)
@@ -247,7 +247,8 @@ def _search(
         owns: Which sensor of all tests was recorded with which of the loggers whose noise is
             sought [1].
     """
-    fixed = problem.data, *linear
+    z, residual, jacobian = linear
+    fixed = problem.data, z, problem.lengthened(residual), problem.lengthened(jacobian)
     limits = [(-SCORE_LIMIT, high) for high in LARGEST_SCORES]
     limits[1] = (-SCORE_LIMIT, float(NOISE[1].score(longest_s)))
     limits += [(-SCORE_LIMIT, SCORE_LIMIT)] * owns.shape[1]
@@ -285,7 +286,8 @@ def log_evidence(
     Arguments as `restricted_log_likelihood`.
     """
     as_is = np.zeros(_num_sensors(problem))
-    return -float(_objective(noise_z, as_is, problem.data, z, residual, jacobian)[0])
+    linear = problem.data, z, problem.lengthened(residual), problem.lengthened(jacobian)
+    return -float(_objective(noise_z, as_is, *linear)[0])
 
 
 @compiled()
@@ -311,7 +313,7 @@ def noise_precision(
 
     By central differences of the gradient: four scores of order one are worth no compilation.
     """
-    fixed = problem.data, z, residual, jacobian
+    fixed = problem.data, z, problem.lengthened(residual), problem.lengthened(jacobian)
     width = 1e-4  # error ~ width^2 times the third derivative, both of order one
     as_is = np.zeros(_num_sensors(problem))
     rows = []
@@ -431,9 +433,9 @@ def whiten_fit(
     # side by side, so that one compilation serves all who need either
     parts = problem.split(np.column_stack([residual, jacobian]))
     rows, half_log_det = [], 0.0
-    for part, test in zip(parts, problem.data.tests, strict=True):
-        white, half = noise_module.whiten(part, noise, test)
-        rows.append(np.asarray(white))
+    for part, test, padded in zip(parts, problem.tests, problem.data.tests, strict=True):
+        white, half = noise_module.whiten(test.lengthened(part), noise, padded)
+        rows.append(test.own(white))
         half_log_det += float(half)
     residuals = [
         white[seen]

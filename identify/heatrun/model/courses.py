@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..io.programs import compiled
-from ..record.blocks import Observation
+from ..record.blocks import Blocks, Observation
 from .model import Model
 
 
@@ -29,7 +29,7 @@ class Courses(NamedTuple):
 
 
 def courses(
-    model: Model, values: Mapping[str, Float[np.ndarray, " draw"]], test: Observation
+    model: Model, values: Mapping[str, Float[np.ndarray, " draw"]], test: Blocks
 ) -> Courses:
     """Return what a model says of a test.
 
@@ -38,7 +38,9 @@ def courses(
         values: Draws by parameter name [their units].
         test: A reduced record.
     """
-    return jax.tree.map(np.asarray, _courses(model, dict(values), test))
+    found = _courses(model, dict(values), test.observation().padded())
+    of_each = jax.tree.map(lambda rows: test.winding.own(rows, axis=1), found._replace(reading=()))
+    return of_each._replace(reading=test.own(found.reading, axis=1))
 
 
 @compiled("model")

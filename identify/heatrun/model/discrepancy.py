@@ -112,7 +112,8 @@ def left_out(
         cut: Windows of these tests.
         vectors: Scores of parameters and noise.
     """
-    without = tuple(np.asarray(masks) for masks in cut.without)
+    pairs = zip(cut.without, problem.tests, strict=True)
+    without = tuple(test.lengthened(masks.T).T for masks, test in pairs)
     function = partial(_left_out, problem.structure, problem.data, without)
     return in_batches(function, vectors, BATCH)
 

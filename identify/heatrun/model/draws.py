@@ -229,5 +229,5 @@ def _differences(
                 for name, p in known.items()
             })  # fmt: skip
     stacked = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    means = courses(extended, stacked, test.observation())
+    means = courses(extended, stacked, test)
     return jax.tree.map(lambda each: each[0::2] - each[1::2], means)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -114,12 +115,12 @@ class Problem:
 
     @cached_property
     def data(self) -> Data:
-        """The numbers."""
+        """The numbers; their tests have rows beyond those of `tests`, as `lengthened`."""
         heat = self.heat or (None,) * len(self.tests)
         return Data(
             priors=self.parameters.priors(),
             tests=tuple(
-                test.observation(of_test, scales_of(self.loggers, test))
+                test.observation(of_test, scales_of(self.loggers, test)).padded()
                 for test, of_test in zip(self.tests, heat, strict=True)
             ),
         )
@@ -141,6 +142,17 @@ class Problem:
     def label(self) -> str:
         """Names of the tests, for messages."""
         return ", ".join(test.name for test in self.tests)
+
+    def lengthened(self, stacked: np.ndarray) -> np.ndarray:
+        """Return rows of all tests in a row with those that `data` has beyond them, which are 0."""
+        parts = zip(self.split(stacked), self.tests, strict=True)
+        return np.concatenate([test.lengthened(rows) for rows, test in parts])
+
+    def own(self, lengthened: Float[Any, "more ..."]) -> np.ndarray:
+        """Return rows of all tests in a row without those that `data` has beyond them."""
+        ends = np.cumsum([test.measured.size for test in self.data.tests])[:-1]
+        parts = zip(np.split(np.asarray(lengthened), ends), self.tests, strict=True)
+        return np.concatenate([test.own(rows) for rows, test in parts])
 
     def split(self, stacked: np.ndarray) -> list[np.ndarray]:
         """Split rows over all blocks into one array per test."""

@@ -309,8 +309,8 @@ def _simulated(
             z[position] = found.z[names.index(slot.name)]
     means = []
     for version in versions:
-        data = replace(problem.data, tests=(version.observation(),))
-        means.append(np.asarray(predict_batch(problem.structure, data, z[None])[0])[0])
+        data = replace(problem.data, tests=(version.observation().padded(),))
+        means.append(blocks.own(predict_batch(problem.structure, data, z[None])[0][0]))
     return means
 
 

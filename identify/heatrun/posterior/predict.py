@@ -225,9 +225,9 @@ class Prediction:
         spread = (self.draws - self.median).T / np.sqrt(self.draws.shape[0])
         joined = np.nan_to_num(np.column_stack([self.residual, spread]))
         noise = jax.tree.map(lambda draws: np.median(np.asarray(draws)), self.noise)
-        rows = np.asarray(noise_module.whiten(joined, noise, self.test.observation(self.heat))[0])[
-            seen
-        ]
+        padded = self.test.observation(self.heat).padded()
+        white, _ = noise_module.whiten(self.test.lengthened(joined), noise, padded)
+        rows = self.test.own(white)[seen]
         error, spread = rows[:, 0], rows[:, 1:]
         if not self.is_held_out:
             return error
@@ -268,14 +268,14 @@ def predict(
     known = told_bodies(middle, test)
     rows = test.with_bodies(known)
     heat = heat_columns(source.model, middle, rows)
-    observation = rows.observation(heat, scales_of(source.loggers, rows))
-    course = courses(source.model, drawn.values, observation)
+    observation = rows.observation(heat, scales_of(source.loggers, rows)).padded()
+    course = courses(source.model, drawn.values, rows)
     refuse_unstable(source.model, drawn.values, course.reading[:, : test.measured.size], test)
     if drawn.plausible is not None:
         course = drawn.plausible.with_effects(course, source.model, source.motor, rows, fitted_as)
     readings, *of_bodies = np.split(course.reading, 1 + len(known), axis=1)
     errors, *of_sensors = np.split(
-        np.asarray(_errors(drawn.noise, np.int64(seed), observation)), 1 + len(known), axis=1
+        rows.own(_errors(drawn.noise, np.int64(seed), observation), axis=1), 1 + len(known), axis=1
     )
     noisy = readings + errors
     fitted = {

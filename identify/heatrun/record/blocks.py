@@ -18,9 +18,19 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lptn import Inputs
+from lptn.inputs import SIGNALS
 
 if TYPE_CHECKING:
     from .balance_errors import Told
+
+
+def length_class(num: int) -> int:
+    """Return the least of the numbers 4, 5, 6 and 7 times a power of two that is not below one.
+
+    Compiled programs hold for one number of blocks; with these, a few serve the tests of all.
+    """
+    step = 2 ** max(0, num.bit_length() - 3)
+    return -(-num // step) * step
 
 
 class Logger(NamedTuple):
@@ -172,6 +182,23 @@ class Blocks:
         """Split rows into those of the winding and of each fitted body."""
         return np.split(rows, 1 + len(self.fitted))
 
+    def lengthened(self, rows: Float[np.ndarray, "row ..."]) -> Float[np.ndarray, "more ..."]:
+        """Return rows with zeros where `Observation.padded` has more of them."""
+        return _with_more(np.asarray(rows), 1 + len(self.fitted), length_class(self.num_blocks), 0)
+
+    def own(self, rows: Float[Any, "more ..."], axis: int = 0) -> Float[np.ndarray, "row ..."]:
+        """Return rows of `Observation.padded` without those that were added.
+
+        Args:
+            rows: What a compiled program says of each row.
+            axis: That of the rows.
+        """
+        rows, num = np.asarray(rows), 1 + len(self.fitted)
+        before, after = rows.shape[:axis], rows.shape[axis + 1 :]
+        by_sensor = rows.reshape(*before, num, rows.shape[axis] // num, *after)
+        cut = by_sensor[(slice(None),) * (axis + 1) + (slice(self.num_blocks),)]
+        return cut.reshape(*before, self.measured.size, *after)
+
     @property
     def duration_s(self) -> float:
         """Length of the grid [s]."""
@@ -273,3 +300,43 @@ class Observation(eqx.Module):
     def num_sensors(self) -> int:
         """Number of sensors, the winding's included."""
         return 1 + len(self.fitted)
+
+    def padded(self) -> Observation:
+        """Return it with blocks without readings up to the next `length_class`.
+
+        The inputs are held there; columns of `moments` are filled up likewise, with zeros.
+        """
+        num, per_block = self.weight.shape[0] // self.num_sensors, self.weight.shape[1]
+        whole = length_class(num)
+        inputs = self.inputs
+        held = {
+            name: np.pad(np.asarray(values), (0, (whole - num) * per_block), mode="edge")
+            for name in SIGNALS
+            if (values := getattr(inputs, name)) is not None
+        }
+
+        def more(rows: Any, value: float | bool = 0.0) -> np.ndarray:
+            return _with_more(np.asarray(rows), self.num_sensors, whole, value)
+
+        moments = more(self.moments)
+        columns = length_class(moments.shape[1])
+        return replace(
+            self,
+            inputs=replace(inputs, **held),
+            measured=more(self.measured),
+            is_observed=more(self.is_observed, False),
+            weight=more(self.weight),
+            position=more(self.position, 0.5),
+            count=more(self.count),
+            known_variance=more(self.known_variance),
+            heat=more(self.heat),
+            moments=np.pad(moments, ((0, 0), (0, columns - moments.shape[1]))),
+        )
+
+
+def _with_more(rows: np.ndarray, num_sensors: int, num: int, value: float | bool) -> np.ndarray:
+    """Return rows with as many blocks for each sensor."""
+    by_sensor = rows.reshape(num_sensors, rows.shape[0] // num_sensors, *rows.shape[1:])
+    width = [(0, 0), (0, num - by_sensor.shape[1]), *[(0, 0)] * (rows.ndim - 1)]
+    padded = np.pad(by_sensor, width, constant_values=value)
+    return padded.reshape(num_sensors * num, *rows.shape[1:])

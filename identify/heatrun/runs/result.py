@@ -86,13 +86,13 @@ def replica(posterior: Posterior, predictions: Sequence[Prediction]) -> Replica 
     course = {}
     for each in tests:
         own = {n: v for n, v in each.middle.items() if n not in exact and "." not in n}
-        course[each.test.name] = (each.test.observation(), exact | own)
+        course[each.test.name] = (each.test.observation().padded(), exact | own)
 
     def simulated(logs: np.ndarray, each: Prediction) -> np.ndarray:
         observation, values = course[each.test.name]
         numbers = values | dict(zip(names, np.exp(logs).tolist(), strict=True))
         found = block_means(plain, {n: np.float64(v) for n, v in numbers.items()}, observation)
-        return np.asarray(found)[: each.test.measured.size]
+        return each.test.own(found)
 
     def apart(logs: np.ndarray) -> np.ndarray:
         return np.concatenate([simulated(logs, each) - each.median for each in fitted])

@@ -96,7 +96,7 @@ def settle(
         has_ended = found.has_ended & noise.has_ended
         now = Settled(found.z, noise.noise_z, heat, found.normal.cost, shift, has_ended, has_rival)
         if state is not None:
-            now = kept(is_done, state, now)
+            now: Settled = kept(is_done, state, now)
         state, z = now, now.z
         means = linearise(structure, machines, z)
         is_done = (state.shift < SETTLED) | ~jnp.isfinite(state.shift)
