@@ -9,6 +9,7 @@ import pytest
 from measured_machine import measured_record
 
 from heatrun.fit.fit import fit
+from heatrun.model.bodies import shaft_errors
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
 from heatrun.record.reduction import reduce
@@ -53,3 +54,15 @@ def test_a_map_of_losses_knows_no_mechanical_power(record, motor):
     model = Model.of("second", replace(motor, losses="map"))
     names = Problem.of(model, replace(motor, losses="map"), [reduce(record, motor)]).parameters
     assert "shaft_power_gain" not in names.names
+
+
+def test_a_wrong_zero_of_the_torque_puts_nothing_in_at_standstill(record, motor):
+    """Where the speed is told; else the offset is of the power itself."""
+    test = reduce(record, motor)
+    (of_torque,) = (each for each in shaft_errors(motor, [test]) if "offset" in each.name)
+    assert of_torque.name == "torque_offset"
+    power, speed = (np.abs(v) for v in (test.inputs.shaft_power, test.inputs.speed))
+    assert of_torque.sd * np.max(speed) == pytest.approx(1e-3 * np.max(power))
+    still = replace(test.inputs, speed=None)
+    (of_power,) = (e for e in shaft_errors(motor, [replace(test, inputs=still)]) if e.unit == "W")
+    assert of_power.name == "shaft_power_offset"
