@@ -12,6 +12,9 @@ from heatrun.fit.fit import fit
 from heatrun.model.bodies import shaft_errors
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
+from heatrun.posterior.posterior import normal_draws
+from heatrun.posterior.predict import predict
+from heatrun.posterior.virtual import virtual_record
 from heatrun.record.reduction import reduce
 
 GAIN = 0.015
@@ -66,3 +69,13 @@ def test_a_wrong_zero_of_the_torque_puts_nothing_in_at_standstill(record, motor)
     still = replace(test.inputs, speed=None)
     (of_power,) = (e for e in shaft_errors(motor, [replace(test, inputs=still)]) if e.unit == "W")
     assert of_power.name == "shaft_power_offset"
+
+
+def test_a_test_that_tells_no_speed_is_predicted_without_the_zero_of_the_torque(record, motor):
+    found = normal_draws(fitted(record, motor))
+    assert "torque_offset" in found.values()
+    channels = {n: v for n, v in record.channels.items() if n not in ("speed_rpm", "torque_Nm")}
+    silent = replace(record, channels=channels, name="silent")
+    prediction = predict(found, reduce(silent, motor))
+    assert "torque_offset" not in prediction.values
+    assert np.all(np.isfinite(virtual_record(prediction, silent, motor)["winding_degC"]))
