@@ -9,8 +9,12 @@ import pytest
 from measured_machine import measured_record
 
 from heatrun.fit.fit import fit
+from heatrun.model.bodies import shaft_errors
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
+from heatrun.posterior.posterior import normal_draws
+from heatrun.posterior.predict import predict
+from heatrun.posterior.virtual import virtual_record
 from heatrun.record.reduction import reduce
 
 GAIN = 0.015
@@ -53,3 +57,25 @@ def test_a_map_of_losses_knows_no_mechanical_power(record, motor):
     model = Model.of("second", replace(motor, losses="map"))
     names = Problem.of(model, replace(motor, losses="map"), [reduce(record, motor)]).parameters
     assert "shaft_power_gain" not in names.names
+
+
+def test_a_wrong_zero_of_the_torque_puts_nothing_in_at_standstill(record, motor):
+    """Where the speed is told; else the offset is of the power itself."""
+    test = reduce(record, motor)
+    (of_torque,) = (each for each in shaft_errors(motor, [test]) if "offset" in each.name)
+    assert of_torque.name == "torque_offset"
+    power, speed = (np.abs(v) for v in (test.inputs.shaft_power, test.inputs.speed))
+    assert of_torque.sd * np.max(speed) == pytest.approx(1e-3 * np.max(power))
+    still = replace(test.inputs, speed=None)
+    (of_power,) = (e for e in shaft_errors(motor, [replace(test, inputs=still)]) if e.unit == "W")
+    assert of_power.name == "shaft_power_offset"
+
+
+def test_a_test_that_tells_no_speed_is_predicted_without_the_zero_of_the_torque(record, motor):
+    found = normal_draws(fitted(record, motor))
+    assert "torque_offset" in found.values()
+    channels = {n: v for n, v in record.channels.items() if n not in ("speed_rpm", "torque_Nm")}
+    silent = replace(record, channels=channels, name="silent")
+    prediction = predict(found, reduce(silent, motor))
+    assert "torque_offset" not in prediction.values
+    assert np.all(np.isfinite(virtual_record(prediction, silent, motor)["winding_degC"]))

@@ -97,36 +97,46 @@ def shaft_errors(motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:
     """Return the errors of the mechanical power, where a balance was made with it.
 
     They are no share of the losses: where the machine turns from motor to generator, they change
-    their sign.
+    their sign. A wrong zero of the torque does nothing at standstill; it stands for an offset of
+    the power where all tests tell the speed.
+
+    Raises:
+        InputError: If the motor file asks for an error that the tests do not have.
     """
     powers = [test.inputs.shaft_power for test in tests if test.inputs.shaft_power is not None]
-    largest = max((float(jnp.max(jnp.abs(power))) for power in powers), default=0.0)
-    if motor.losses != "balance" or largest == 0.0:
-        return []
-    return [
-        Parameter(
-            "shaft_power_gain", "1", "relative error of the mechanical power", "instrument",
-            "linear", 0.0, SHAFT_GAIN_SD,
-            "torque and electrical power of class 0.5 to 1 against each other",
-        ),
-        Parameter(
-            "shaft_power_offset", "W", "offset of the mechanical power", "instrument", "linear",
-            0.0, SHAFT_OFFSET_SHARE * largest,
-            "zero of the torque: 0.1 % of the largest mechanical power",
-        ),
-    ]  # fmt: skip
-
-
-def torque_error(motor: Motor, tests: Sequence[Blocks]) -> Parameter:
-    """Return the offset of the torque, which only the user can size."""
-    if motor.losses != "balance" or any(test.inputs.speed is None for test in tests):
+    largest_W = max((float(jnp.max(jnp.abs(power))) for power in powers), default=0.0)
+    speeds = [test.inputs.speed for test in tests if test.inputs.speed is not None]
+    fastest = max((float(jnp.max(jnp.abs(speed))) for speed in speeds), default=0.0)
+    is_told = len(speeds) == len(tests) and fastest > 0.0
+    is_balance, asked = motor.losses == "balance", "torque_offset" in motor.parameters
+    if asked and not (is_balance and len(speeds) == len(tests)):
         raise InputError(
             "[parameters.torque_offset] needs losses from a balance and a speed in every test.",
             where=motor.path or motor.name,
             remedy="Map speed_rpm, or drop the section.",
         )
-    return Parameter("torque_offset", "N m", "offset of the torque transducer", "instrument",
-                     "linear", 0.0, 0.1, "0.1 % of a 100 N m transducer")  # fmt: skip
+    has_power = is_balance and largest_W > 0.0
+    found = []
+    if has_power:
+        found.append(Parameter(
+            "shaft_power_gain", "1", "relative error of the mechanical power", "instrument",
+            "linear", 0.0, SHAFT_GAIN_SD,
+            "torque and electrical power of class 0.5 to 1 against each other",
+        ))  # fmt: skip
+    if has_power and ("shaft_power_offset" in motor.parameters or not (asked or is_told)):
+        found.append(Parameter(
+            "shaft_power_offset", "W", "offset of the mechanical power", "instrument",
+            "linear", 0.0, SHAFT_OFFSET_SHARE * largest_W,
+            "zero of the torque: 0.1 % of the largest mechanical power",
+        ))  # fmt: skip
+    if asked or (has_power and is_told):
+        sd, basis = 0.1, "0.1 % of a 100 N m transducer"
+        if has_power and is_told:
+            sd = SHAFT_OFFSET_SHARE * largest_W / fastest
+            basis = "0.1 % of the largest mechanical power, at the highest speed"
+        found.append(Parameter("torque_offset", "N m", "offset of the torque transducer",
+                               "instrument", "linear", 0.0, sd, basis))  # fmt: skip
+    return found
 
 
 OWN = {

@@ -21,7 +21,6 @@ from .bodies import (
     second_sink_error,
     shaft_errors,
     timing_error,
-    torque_error,
 )
 from .model import Model, change_name
 from .network_form import NetworkForm
@@ -79,8 +78,6 @@ def parameters(
     shared += shaft_errors(motor, tests)
     if model.form.second_sink:
         shared.append(second_sink_error(model.form.second_sink))
-    if "torque_offset" in motor.parameters:
-        shared.append(torque_error(motor, tests))
     size = machine_size(model, motor, tests)
     by_test = [
         override(
