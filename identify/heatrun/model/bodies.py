@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -99,8 +98,8 @@ def shaft_errors(motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:
     They are no share of the losses: where the machine turns from motor to generator, they change
     their sign.
     """
-    powers = [test.inputs.shaft_power for test in tests if test.inputs.shaft_power is not None]
-    largest = max((float(jnp.max(jnp.abs(power))) for power in powers), default=0.0)
+    powers = [test.means["shaft_power"] for test in tests if "shaft_power" in test.means]
+    largest = max((float(np.max(np.abs(power))) for power in powers), default=0.0)
     if motor.losses != "balance" or largest == 0.0:
         return []
     return [
@@ -119,7 +118,7 @@ def shaft_errors(motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:
 
 def torque_error(motor: Motor, tests: Sequence[Blocks]) -> Parameter:
     """Return the offset of the torque, which only the user can size."""
-    if motor.losses != "balance" or any(test.inputs.speed is None for test in tests):
+    if motor.losses != "balance" or any("speed" not in test.means for test in tests):
         raise InputError(
             "[parameters.torque_offset] needs losses from a balance and a speed in every test.",
             where=motor.path or motor.name,
@@ -158,9 +157,10 @@ def own_errors(test: Blocks) -> list[Parameter]:
 
 def corrected_losses(test: Blocks) -> np.ndarray:
     """Return the losses of a test without what its own errors add [W], shape (step,)."""
-    inputs, own = test.inputs, {told.name: told.mean for told in test.told}
-    beside = {"shaft_power_gain": inputs.shaft_power, "torque_offset": inputs.speed}
-    return np.asarray(inputs.losses) - sum(own[n] * np.asarray(beside.get(n, 1.0)) for n in own)
+    own = {told.name: told.mean for told in test.told}
+    beside = {"shaft_power_gain": "shaft_power", "torque_offset": "speed"}
+    errors = [own[name] * test.means.get(beside.get(name, ""), np.ones(1)) for name in own]
+    return test.means["losses"] - sum(errors)
 
 
 def own_or_shared(values: Mapping[str, Any], name: str) -> Any:

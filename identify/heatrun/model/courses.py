@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..record.blocks import Observation
+from ..record.observation import Observation
 from .model import Model
 
 

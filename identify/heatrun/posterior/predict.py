@@ -35,7 +35,8 @@ from ..model.model import Model
 from ..model.model_parameters import parameters
 from ..model.noise import Noise
 from ..model.parameters import null_values
-from ..record.blocks import Blocks, Observation
+from ..record.blocks import Blocks
+from ..record.observation import Observation
 from ..results.values import Role
 from .posterior import Posterior
 from .starts import refuse_unstable, start_draws

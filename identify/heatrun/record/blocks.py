@@ -9,19 +9,19 @@ the sensor.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
-
-from lptn import Inputs
+from jaxtyping import Float
 
 if TYPE_CHECKING:
+    from lptn import Inputs
+
     from .balance_errors import Told
+    from .observation import Observation
 
 
 class Logger(NamedTuple):
@@ -79,7 +79,8 @@ class Blocks:
 
     Attributes:
         name: Name of the test.
-        inputs: Means over the steps, all of one length; shape (step,).
+        means: Means over the steps, all of one length, by the names of `lptn.Inputs`; shape
+            (step,). What was not recorded is not among them.
         measured: Mean of the readings of each block [degC], shape (row,); NaN without any.
         weight: Share of each step in the mean of its block [1], shape (row, step per block).
         position: Mean position of the samples within each step, 0 its start and 1 its end [1],
@@ -107,7 +108,7 @@ class Blocks:
     """
 
     name: str
-    inputs: Inputs
+    means: Mapping[str, Float[np.ndarray, "..."]]
     measured: Float[np.ndarray, " row"]
     weight: Float[np.ndarray, "row step"]
     position: Float[np.ndarray, "row step"]
@@ -128,6 +129,15 @@ class Blocks:
     notes: tuple[str, ...] = ()
     told: tuple[Told, ...] = ()
     _winding: Blocks | None = None
+
+    @cached_property
+    def inputs(self) -> Inputs:
+        """`means` as the numerics take them."""
+        import jax.numpy as jnp
+
+        from lptn import Inputs
+
+        return Inputs(**{name: jnp.asarray(each, float) for name, each in self.means.items()})
 
     def with_bodies(self, channels: Sequence[str]) -> Blocks:
         """Return the record with the rows of some of its bodies behind those of the winding."""
@@ -176,7 +186,7 @@ class Blocks:
     @property
     def duration_s(self) -> float:
         """Length of the grid [s]."""
-        return float(self.inputs.step) * self.inputs.num_time
+        return float(self.means["step"]) * self.means["losses"].size
 
     @property
     def loggers(self) -> tuple[Logger, ...]:
@@ -219,58 +229,6 @@ class Blocks:
             heat: As `Observation.heat`; no columns by default.
             noise_scale: As `Observation.noise_scale`; 1 by default.
         """
-        heat = np.zeros((self.measured.size, 0)) if heat is None else heat
-        scale = np.ones(1 + len(self.fitted)) if noise_scale is None else np.array(noise_scale)
-        return Observation(
-            inputs=self.inputs,
-            measured=jnp.asarray(np.nan_to_num(self.measured)),
-            is_observed=jnp.asarray(self.is_observed),
-            weight=jnp.asarray(self.weight),
-            position=jnp.asarray(self.position),
-            count=jnp.asarray(self.count, dtype=float),
-            known_variance=jnp.asarray(self.known_variance),
-            block_s=jnp.asarray(self.block_s, dtype=float),
-            heat=jnp.asarray(heat),
-            moments=jnp.asarray(self.moments),
-            noise_scale=jnp.asarray(scale, dtype=float),
-            fitted=self.fitted,
-        )
+        from .observation import Observation
 
-
-class Observation(eqx.Module):
-    """The arrays of a reduced record that the numerics need; a pytree.
-
-    Attributes:
-        inputs: Means over the steps.
-        measured: Mean reading of each block [degC], shape (row,); 0 where there is none.
-        is_observed: Which blocks hold a reading, shape (row,).
-        weight: As `Blocks.weight`.
-        position: As `Blocks.position`.
-        count: As `Blocks.count`.
-        known_variance: As `Blocks.known_variance`.
-        block_s: Length of a block [s].
-        heat: What unmodelled heat with the standard deviation of the mean loss does to the block
-            means [K], as columns whose outer product is its covariance, shape (row, column).
-        moments: As `Blocks.moments`.
-        noise_scale: Noise of the logger of each sensor over that of the first one [1], shape
-            (sensor,).
-        fitted: As `Blocks.fitted`.
-    """
-
-    inputs: Inputs
-    measured: Float[Array, " row"]
-    is_observed: Bool[Array, " row"]
-    weight: Float[Array, "row step"]
-    position: Float[Array, "row step"]
-    count: Float[Array, " row"]
-    known_variance: Float[Array, " row"]
-    block_s: Float[Array, ""]
-    heat: Float[Array, "row column"]
-    moments: Float[Array, "row moment"]
-    noise_scale: Float[Array, " sensor"]
-    fitted: tuple[str, ...] = eqx.field(static=True, default=())
-
-    @property
-    def num_sensors(self) -> int:
-        """Number of sensors, the winding's included."""
-        return 1 + len(self.fitted)
+        return Observation.of(self, heat, noise_scale)
