@@ -9,24 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from ..io.whole_files import stated_moment, write_whole
-from ..model.draws import PlausibleEffect, PlausibleEffects
 from ..model.network_form import WINDING
 from ..model.noise import NOISE, noise_parameters
-from ..model.parameters import Parameter, ParameterSet
 from ..posterior.posterior import Posterior
 from ..posterior.weighted import load_arviz
 from ..record.channels import body_name
-from ..record.motor import Adequacy
 from .densities import DEPENDENCE, LEFT_OUT, PRIOR, Densities
-
-ABSENT = -12.0
-"""Score of unmodelled heat in a run that was made before there was any: nothing of the loss."""
-
-SIZE, EFFECT = "maybe_missing_size", "maybe_missing"
-"""Names of the sizes of the effects behind each draw, and of the dimension over these."""
+from .stored_draws import SIZE
 
 
 def groups(posterior: Posterior, found: Densities | None = None) -> Any:
@@ -96,15 +87,6 @@ def write(posterior: Posterior, path: Path, found: Densities | None = None) -> N
     write_whole(path, _netcdf(groups(posterior, found)))
 
 
-def read(path: Path) -> Any:
-    """Return the groups of a NetCDF file, in memory.
-
-    `arviz.from_netcdf` reads the same; but to load ArviZ takes longer than all that a command does
-    with the draws of a run.
-    """
-    return from_bytes(path.read_bytes())
-
-
 def from_bytes(data: bytes) -> Any:
     """Return the groups of the bytes of a NetCDF file, in memory, as an xarray `DataTree`."""
     import xarray
@@ -122,53 +104,11 @@ def as_arviz(data: bytes) -> Any:
     return arviz.InferenceData(**{name: group.to_dataset() for name, group in tree.items()})
 
 
-def vectors(
-    tree: Any, parameters: ParameterSet, adequacy: Adequacy
-) -> Float[np.ndarray, "chain draw all"]:
-    """Return the scores of parameters and noise of the draws in the groups of a run.
-
-    Args:
-        tree: From `read`.
-        parameters: What stands in which place.
-        adequacy: Prior of the heat.
-    """
-    group = tree["posterior"]
-    columns = []
-    for slot in parameters.slots:
-        values = np.asarray(group[slot.parameter.name], dtype=float)
-        if slot.test is not None:
-            held = [s.name for s in parameters.slots if s.parameter.name == slot.parameter.name]
-            values = values[..., held.index(slot.name)]
-        columns.append(slot.parameter.score(values))
-    columns += [_noise_scores(group, parameter) for parameter in noise_parameters(adequacy)]
-    return np.stack(columns, axis=-1)
-
-
-def plausible(tree: Any, effects: tuple[PlausibleEffect, ...]) -> PlausibleEffects | None:
-    """Return the effects behind the draws of a run, None where there are none.
-
-    Args:
-        tree: From `read`.
-        effects: As they stand in the result.
-    """
-    if not effects:
-        return None
-    size = np.asarray(tree["sample_stats"][SIZE], dtype=float)
-    return PlausibleEffects(effects, size.reshape(-1, len(effects)))
-
-
 def _plausible(posterior: Posterior) -> dict[str, np.ndarray]:
     if posterior.plausible is None:
         return {}
     size = posterior.plausible.size
     return {SIZE: size.reshape(*posterior.log_density.shape, size.shape[-1])}
-
-
-def _noise_scores(group: Any, parameter: Parameter) -> np.ndarray:
-    """Return the scores of a parameter of the noise; runs of old have no unmodelled heat."""
-    if parameter.name in group:
-        return parameter.score(np.asarray(group[parameter.name], dtype=float))
-    return np.full(np.shape(group[NOISE[0].name]), ABSENT)
 
 
 def summary(posterior: Posterior) -> Any:
