@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
@@ -62,7 +63,7 @@ def virtual_record(found: Prediction, record: Record, motor: Motor) -> pd.DataFr
     """
     blocks, model = found.test, found.model
     values = {name: jnp.asarray(value) for name, value in found.middle.items()}
-    trace = model.simulate(values, blocks.inputs)
+    trace = jax.jit(model.simulate)(values, blocks.inputs)
     step = float(blocks.inputs.step)
     middle = np.asarray(trace.time[1:]) - 0.5 * step
     columns: dict[str, Any] = {"time_s": middle + blocks.first_s}
