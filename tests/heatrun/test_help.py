@@ -32,15 +32,25 @@ def test_help_is_printed(words, capsys):
         assert all(name in said.out for name in all_commands())
 
 
+COMPUTING, DRAWING = {"jax", "equinox", "lptn", "scipy", "arviz", "xarray"}, {"matplotlib", "PIL"}
+"""Packages that take long to load."""
+
+
 @pytest.mark.parametrize(
-    "words", [["--help"], ["check", MOTOR, DUTY], ["init", DUTY, "--out", "draft.toml"]],
-    ids=lambda w: w[0],
-)  # fmt: skip
-def test_what_a_command_has_no_use_for_is_not_loaded(words, tmp_path):
+    ("words", "spared"),
+    [
+        (["--help"], COMPUTING | DRAWING | {"numpy", "pandas"}),
+        (["check", MOTOR, DUTY], COMPUTING | DRAWING),
+        (["init", DUTY, "--out", "draft.toml"], COMPUTING | DRAWING),
+        (["report", "--type", "thermal", MOTOR, DUTY, "--out", "."], COMPUTING),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
+)
+def test_what_a_command_has_no_use_for_is_not_loaded(words, spared, tmp_path):
     said = subprocess.run(
         [sys.executable, "-X", "importtime", "-m", "heatrun.cli", *words],
         cwd=tmp_path, capture_output=True, text=True, check=True,
     )  # fmt: skip
     loaded = {line.split("|")[-1].strip().split(".")[0] for line in said.stderr.splitlines()}
     assert "heatrun" in loaded
-    assert not loaded & {"jax", "equinox", "lptn", "scipy", "arviz", "xarray", "matplotlib"}
+    assert not loaded & spared
