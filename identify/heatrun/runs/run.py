@@ -300,7 +300,7 @@ class Run:
         """The draws of the last network as ArviZ knows them."""
         from . import netcdf
 
-        return netcdf.as_arviz(self.file(draws_name(self.choose())))
+        return netcdf.as_arviz(self.posterior())
 
     def arrays(self, network: str | None = None) -> stored_draws.Groups:
         """Return the draws of a network as arrays, as they are stored."""
