@@ -67,6 +67,7 @@ def test_smoothed_weights_are_quantiles_of_a_pareto_law_above_the_body():
     np.testing.assert_allclose(excess[:-3], scale * law[:-3], rtol=1e-6)
 
 
+@pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")  # theirs
 @pytest.mark.skipif(not hasattr(arviz, "psislw"), reason="ArviZ 1.x has it elsewhere")
 @pytest.mark.parametrize("size", [30, 1000, 20_000])
 def test_smoothed_weights_are_those_of_arviz(size):
