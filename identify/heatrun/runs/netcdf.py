@@ -114,14 +114,6 @@ def _plausible(posterior: Posterior) -> dict[str, np.ndarray]:
     return {SIZE: size.reshape(*posterior.log_density.shape, size.shape[-1])}
 
 
-def summary(posterior: Posterior) -> Any:
-    """Return ArviZ's table of means, intervals and diagnostics."""
-    data = as_arviz(groups(posterior))
-    import arviz
-
-    return arviz.summary(data)
-
-
 def _netcdf(tree: Any) -> bytes:
     """Return the bytes of a NetCDF file: HDF5 on a full disk ends the process with a fault."""
     packed = {"zlib": True, "complevel": 4}
