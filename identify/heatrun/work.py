@@ -1,9 +1,10 @@
 """How far a job is and how long it will take: its parts, each with the time that it usually takes.
 
-The usual times were measured on two cores and are only shares of the whole. How fast this machine
-is with these records shows as parts go on: in those that are finished, in the shares that others
-tell, and in one that takes longer than usual. While nobody tells anything, as in a compilation, the
-clock does: the longer a part goes on, the less of it is expected to be left, and never nothing.
+The usual times were measured on two cores; they are all that is said until a part is done. How fast
+this machine is with these records shows as parts go on: in those that are finished, in the shares
+that others tell, and in one that takes longer than usual. While nobody tells anything, as in a
+compilation, the clock does: the longer a part goes on, the less of it is expected to be left, and
+never nothing.
 """
 
 from __future__ import annotations
@@ -82,7 +83,8 @@ class Work:
     ) -> None:
         self._parts = {part: _Part(usual) for part, usual in usual_s.items()}
         self._progress, self._clock = progress, clock
-        self._told_s, self._sentence, self._share = clock(), "", 0.0
+        self._begun_s = self._told_s = clock()
+        self._sentence, self._share = "", 0.0
         self._lock, self._is_over = threading.Lock(), threading.Event()
 
     def __enter__(self) -> Work:
@@ -159,10 +161,14 @@ class Work:
             if part.share == 0.0 and (now - part.begun_s) * usual > part.usual_s * spent:
                 spent, usual = spent + now - part.begun_s, usual + part.usual_s
         slower = spent / usual
+        return self._over_rows(lambda part: part.left_s(now, slower))
+
+    def _over_rows(self, time_s: Callable[[_Part], float]) -> float:
+        """Return the time of the longest row and of what comes behind them [s]."""
         rows: dict[Hashable, float] = {}
         for name, part in self._parts.items():
             row = _row_of(name)
-            rows[row] = rows.get(row, 0.0) + part.left_s(now, slower)
+            rows[row] = rows.get(row, 0.0) + time_s(part)
         behind = rows.pop(None, 0.0)
         return max(rows.values(), default=0.0) + behind
 
@@ -175,8 +181,13 @@ class Work:
             gone, self._told_s = now - self._told_s, now
             # of what is left, the share that has gone by: a longer estimate slows it, no more
             self._share += (1.0 - self._share) * (gone / (gone + left) if gone > 0.0 else 0.0)
-            sentence = f"{self._sentence}; about {in_words(left)} left"
-            self._progress(sentence, min(self._share, MOST_BEFORE_DONE))
+            usual = self._over_rows(lambda part: part.usual_s)
+            is_known = any(part.share == 1.0 for part in self._parts.values())
+            if is_known or now - self._begun_s > usual:
+                time_s = f"about {in_words(left)} left"
+            else:  # how fast this machine is with these tests has yet to show
+                time_s = f"usually {in_words(usual)} in all"
+            self._progress(f"{self._sentence}; {time_s}", min(self._share, MOST_BEFORE_DONE))
 
 
 def _row_of(part: Hashable) -> Hashable:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from heatrun.attempts import refuse_wrong_sums
+from heatrun.arithmetic import refuse_wrong_sums
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
 from heatrun.fit.fit_result import Fit

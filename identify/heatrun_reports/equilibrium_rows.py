@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from heatrun.reports.printed import places_of
 
 from .analysis.equilibrium import Equilibrium, SteadyRise
-from .analysis.steady_of_network import SteadyNetwork
 from .figures.plot import wording
 from .report import Column, Line, Row, Table
+
+if TYPE_CHECKING:
+    from .analysis.steady_of_network import SteadyNetwork
 
 VERDICT = {True: "reached", False: "not reached", None: "undecided"}
 

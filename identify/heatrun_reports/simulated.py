@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from heatrun.errors import InputError
 from heatrun.io.open_file import digest, is_pipe
-from heatrun.posterior.predict import Prediction
 from heatrun.readers.read import read_raw, read_record
 from heatrun.record.channels import CHANNELS
 from heatrun.record.motor import Motor
@@ -25,6 +25,9 @@ from heatrun.record.samples import sink_channel
 from heatrun.runs.run import open_run
 
 from .analysis.pair import Pair
+
+if TYPE_CHECKING:
+    from heatrun.posterior.predict import Prediction
 
 
 @dataclass(frozen=True)

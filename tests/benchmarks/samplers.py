@@ -21,7 +21,6 @@ from heatrun.fit.fit_result import Fit
 from heatrun.model.problem import log_posterior, log_posterior_batch
 from heatrun.posterior.importance import importance_sample
 from heatrun.posterior.posterior import sample
-from heatrun.posterior.weighted import load_arviz
 
 SECTION = "Posterior"
 
@@ -78,8 +77,9 @@ def effective_draws(made: dict, small: bool) -> list[Row]:
     rows = []
 
     def row(name, taken, draws, target=None):
+        import arviz
+
         draws = draws.reshape(2, -1, draws.shape[-1])  # one chain in two halves, for R-hat
-        arviz = load_arviz()
         about = arviz.convert_to_dataset({str(i): draws[..., i] for i in range(draws.shape[-1])})
         size = min(float(each) for each in arviz.ess(about, method="bulk").values())
         detail = f"{size:.0f} effective draws in {duration(taken)}, compiling not counted"

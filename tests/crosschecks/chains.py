@@ -26,7 +26,7 @@ from heatrun.model.model import Model
 from heatrun.model.noise import LARGEST_SCORES, NOISE
 from heatrun.model.problem import Problem, log_posterior
 from heatrun.motor.file import load_motor
-from heatrun.posterior.weighted import Weighted, load_arviz
+from heatrun.posterior.weighted import Weighted
 
 SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
 
@@ -153,7 +153,8 @@ def statistics(found: Fit, vectors: np.ndarray) -> Statistics:
         folding, and localization: an improved R-hat, Bayesian Analysis 16 (2021) 667-718.
     """
     draws = {name: vectors[..., i] for i, name in enumerate(names(found))}
-    arviz = load_arviz()
+    import arviz
+
     data = arviz.convert_to_dataset(draws)
     # the error of a sd by way of that of the variance: ArviZ 0.23 fails on it under NumPy 2.4
     squares = arviz.convert_to_dataset({k: (x - np.mean(x)) ** 2 for k, x in draws.items()})

@@ -146,12 +146,9 @@ def test_a_delay_at_its_corner_is_that_of_one_machine(on_time, slow):
 
 @pytest.mark.slow
 def test_machines_with_slow_loggers_fit_as_one_does(slow):
-    later = replace(
-        slow[1].tests[0].inputs,
-        losses=np.roll(slow[1].tests[0].inputs.losses, -3),
-        current_squared=np.roll(slow[1].tests[0].inputs.current_squared, -3),
-    )
-    late = replace(slow[1], tests=(replace(slow[1].tests[0], inputs=later), slow[1].tests[1]))
+    first, second = slow[1].tests
+    later = {name: np.roll(first.means[name], -3) for name in ("losses", "current_squared")}
+    late = replace(slow[1], tests=(replace(first, means=first.means | later), second))
     *found, too_late = fit_batch([*slow, late], width=4)
     for of_batch, problem in zip(found, slow, strict=True):
         assert_same(of_batch, fit(problem))

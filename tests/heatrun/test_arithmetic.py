@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun import attempts as arithmetic
-from heatrun.attempts import refuse_wrong_sums, sums_of_squares
+from heatrun import arithmetic
+from heatrun.arithmetic import refuse_wrong_sums, sums_of_squares
 from heatrun.effects.found import find
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit

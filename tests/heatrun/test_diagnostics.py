@@ -1,7 +1,8 @@
-"""Pareto k and smoothed weights as ArviZ gives them, against SciPy and known laws."""
+"""Pareto k and smoothed weights against ArviZ, SciPy and known laws."""
 
 from __future__ import annotations
 
+import arviz
 import numpy as np
 import pytest
 from scipy.special import logsumexp
@@ -64,6 +65,19 @@ def test_smoothed_weights_are_quantiles_of_a_pareto_law_above_the_body():
     scale = excess[num_tail // 2] / law[num_tail // 2]
     # the largest may be cut to the largest raw weight
     np.testing.assert_allclose(excess[:-3], scale * law[:-3], rtol=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")  # theirs
+@pytest.mark.skipif(not hasattr(arviz, "psislw"), reason="ArviZ 1.x has it elsewhere")
+@pytest.mark.parametrize("size", [30, 1000, 20_000])
+def test_smoothed_weights_are_those_of_arviz(size):
+    rng = np.random.default_rng(size)
+    light, heavy = rng.standard_normal(size), 2.0 * rng.standard_t(3, size)
+    for log_weight in (light, heavy, np.where(rng.random(size) < 0.3, -np.inf, light)):
+        found = pareto_smoothed(log_weight)
+        theirs, shape = arviz.psislw(log_weight)
+        assert found.pareto_k == pytest.approx(float(shape), rel=1e-9)
+        np.testing.assert_allclose(np.exp(found.log_weight), np.exp(theirs), rtol=1e-9)
 
 
 def test_smoothed_weights_err_less_than_raw_ones():

@@ -21,6 +21,7 @@ from heatrun.posterior.predict import predict
 from heatrun.posterior.proposal import Branches
 from heatrun.record.reduction import reduce
 from heatrun.runs import netcdf as archive
+from heatrun.runs.stored_draws import by_name, groups_of
 
 SLOW = pytest.mark.slow
 
@@ -194,12 +195,14 @@ def test_a_longer_test_is_forecast_to_say_more(fitted):
 def test_groups_carry_units_and_survive_the_file(posterior, tmp_path):
     path = tmp_path / "posterior.nc"
     archive.write(posterior, path)
-    group = archive.read(path)["posterior"]
+    group = archive.from_bytes(path.read_bytes())["posterior"]
     assert group["Ceq_w"].attrs["units"] == "J/K"
     assert group["Tw_start"].dims == ("chain", "draw", "test")
     np.testing.assert_allclose(group["Req_sr"], posterior.values()["Req_sr"])
-    table = archive.summary(posterior)
-    assert "Ceq_w" in table.index
+    stored = by_name(groups_of(path.read_bytes()))
+    for slot, draws in posterior.values().items():  # those of one test among them
+        np.testing.assert_allclose(stored[slot], draws.ravel())
+    assert "Ceq_w" in archive.as_arviz(archive.groups(posterior)).posterior
 
 
 @pytest.mark.slow

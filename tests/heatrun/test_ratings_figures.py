@@ -20,7 +20,7 @@ from heatrun.record.motor import Motor, ParameterOverride
 from heatrun.reports.content import _derived
 from heatrun.runs.machine import machines
 from heatrun.runs.ratings_figures import derive, rates
-from lptn import CopperLosses, Drive, Inputs, Network
+from lptn import CopperLosses, Drive, Network
 from lptn.effects import EFFECTS
 
 BY_ID = {kind.card.id: kind for kind in EFFECTS}
@@ -35,7 +35,7 @@ NUM = 40
 def blocks(hottest=150.0, power=POWER):
     """Half an hour: 10 minutes without load, 20 minutes at the load, one reading per block."""
     loaded = np.arange(90) >= 30
-    each = lambda values: jnp.asarray(np.repeat(values, 10))  # noqa: E731
+    each = lambda values: np.repeat(values, 10)  # noqa: E731
     measured = np.where(loaded, 90.0, SINK)
     measured[-1] = hottest
     measured[40] = np.nan  # the largest current, without a reading: in the range, not in the mean
@@ -43,15 +43,15 @@ def blocks(hottest=150.0, power=POWER):
     squared[40] = LARGEST**2
     return Blocks(
         name="duty",
-        inputs=Inputs(
-            step=jnp.asarray(2.0),
-            current_squared=each(squared),
-            losses=each(np.where(loaded, power, 30.0)),
-            ambient=each(np.full(90, SINK)),
-            speed=each(np.where(loaded, SPEED, 50.0)),
-            rated_speed=RATED_SPEED,
-            rated_current=150.0,
-        ),
+        means={
+            "step": np.asarray(2.0),
+            "current_squared": each(squared),
+            "losses": each(np.where(loaded, power, 30.0)),
+            "ambient": each(np.full(90, SINK)),
+            "speed": each(np.where(loaded, SPEED, 50.0)),
+            "rated_speed": np.asarray(RATED_SPEED),
+            "rated_current": np.asarray(150.0),
+        },
         measured=measured,
         weight=np.full((90, 10), 0.1),
         position=np.full((90, 10), 0.5),

@@ -53,7 +53,7 @@ def test_a_drive_cycle_in_points_a_second_apart_is_doubted(fitted, motor, at_4_h
     assert findings[0].values["between_samples_K"] == stated > BETWEEN_K
     assert "every 1 s" in findings[0].message
 
-    as_is, true = _simulated(fitted, motor, blocks, [blocks, replace(blocks, inputs=finest.inputs)])
+    as_is, true = _simulated(fitted, motor, blocks, [blocks, replace(blocks, means=finest.means)])
     really = np.sqrt(np.mean((as_is - true) ** 2))
     assert stated / 10.0 < really < stated
 

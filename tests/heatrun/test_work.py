@@ -45,7 +45,7 @@ def test_there_is_an_estimate_from_the_start_and_it_follows_this_machine():
     clock = Clock()
     work, said = told({"fit": 20.0, "sample": 60.0, "write": 20.0}, clock)
     work.at("fit", "least squares")
-    assert said == [("least squares; about 2 min left", 0.0)]  # 100 s
+    assert said == [("least squares; usually 2 min in all", 0.0)]  # 100 s
     clock.now = 60.0  # three times as long as usual
     work.done("fit", "fitted")
     # (60 + 5)/(20 + 5) = 2.6 times as long for the 80 s that are left: 208 s

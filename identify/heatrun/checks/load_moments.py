@@ -91,7 +91,7 @@ def _known(
         time_s: When they come, from the begin of the grid [s].
         sd_K: Their standard deviations at once [K].
     """
-    step_s, per_block = float(blocks.inputs.step), blocks.weight.shape[1]
+    step_s, per_block = float(blocks.means["step"]), blocks.weight.shape[1]
     num = blocks.num_blocks * per_block
     place = np.floor(time_s / step_s).astype(int)
     inside = (place >= 0) & (place < num)

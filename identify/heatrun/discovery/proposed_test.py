@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import jax.numpy as jnp
 import numpy as np
 
-from lptn import CopperLosses, Inputs
+from lptn import CopperLosses
 
 from ..effects.engine import Engine, Refit
 from ..model.problem import Problem
@@ -94,25 +94,22 @@ def imagined(
         float(np.asarray(losses.coefficient)) + TYPICAL_DEGC
     )
     channel = other + copper if losses.kind == "balance" else other
-    ambient = float(np.mean(np.asarray(like.inputs.ambient)))
-    second = like.inputs.second_sink
-    inputs = Inputs(
-        step=like.inputs.step,
-        current_squared=jnp.asarray(squared),
-        losses=jnp.asarray(channel),
-        ambient=jnp.full(num, ambient),
-        speed=None if speed is None else jnp.asarray(speed),
-        coolant=None if like.inputs.coolant is None else jnp.full(num, ambient + 10.0),
-        fan=None if like.inputs.fan is None else jnp.ones(num),
-        second_sink=None if second is None else jnp.full(num, float(jnp.mean(second))),
-        rated_speed=like.inputs.rated_speed,
-        rated_current=like.inputs.rated_current,
-    )
+    ambient = float(np.mean(like.means["ambient"]))
+    held = {
+        "ambient": ambient,
+        "coolant": ambient + 10.0,
+        "fan": 1.0,
+        "second_sink": np.mean(like.means.get("second_sink", 0.0)),
+    }
+    means = {name: like.means[name] for name in ("step", "rated_speed", "rated_current")}
+    means |= {name: np.full(num, each) for name, each in held.items() if name in like.means}
+    means |= {"current_squared": squared, "losses": channel}
+    means |= {} if speed is None else {"speed": speed}
     blocks = like.weight.shape[0]
     return replace(
         like,
         name="imagined",
-        inputs=inputs,
+        means=means,
         measured=np.zeros(blocks),
         weight=np.full(like.weight.shape, 1.0 / like.weight.shape[1]),
         position=np.full(like.position.shape, 0.5),

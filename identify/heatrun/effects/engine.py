@@ -35,8 +35,9 @@ from ..model.network_form import WINDING
 from ..model.noise import Noise
 from ..model.parameters import EVENT, Parameter, sized
 from ..model.problem import WORST_RESIDUAL, Problem
-from ..record.blocks import Blocks, Observation
+from ..record.blocks import Blocks
 from ..record.motor import Motor
+from ..record.observation import Observation
 
 LANES = 24
 """Directions of one call: parameters of the network, of a few tests, and of three effects."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from lptn.effects import AbstractEffect
 
-from ..attempts import refuse_wrong_sums
+from ..arithmetic import refuse_wrong_sums
 from ..fit.fit import finished
 from ..fit.fit_result import Fit
 from ..fit.restricted import estimate_noise

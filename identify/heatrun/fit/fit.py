@@ -27,7 +27,7 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 from scipy.special import chdtrc, chdtri
 
-from ..attempts import refuse_wrong_sums
+from ..arithmetic import refuse_wrong_sums
 from ..errors import InputError
 from ..io.programs import compiled
 from ..model.discrepancy import no_heat, with_heat

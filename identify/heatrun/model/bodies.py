@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -103,10 +102,10 @@ def shaft_errors(motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:
     Raises:
         InputError: If the motor file asks for an error that the tests do not have.
     """
-    powers = [test.inputs.shaft_power for test in tests if test.inputs.shaft_power is not None]
-    largest_W = max((float(jnp.max(jnp.abs(power))) for power in powers), default=0.0)
-    speeds = [test.inputs.speed for test in tests if test.inputs.speed is not None]
-    fastest = max((float(jnp.max(jnp.abs(speed))) for speed in speeds), default=0.0)
+    powers = [test.means["shaft_power"] for test in tests if "shaft_power" in test.means]
+    largest_W = max((float(np.max(np.abs(power))) for power in powers), default=0.0)
+    speeds = [test.means["speed"] for test in tests if "speed" in test.means]
+    fastest = max((float(np.max(np.abs(speed))) for speed in speeds), default=0.0)
     is_told = len(speeds) == len(tests) and fastest > 0.0
     is_balance, asked = motor.losses == "balance", "torque_offset" in motor.parameters
     if asked and not (is_balance and len(speeds) == len(tests)):
@@ -168,9 +167,10 @@ def own_errors(test: Blocks) -> list[Parameter]:
 
 def corrected_losses(test: Blocks) -> np.ndarray:
     """Return the losses of a test without what its own errors add [W], shape (step,)."""
-    inputs, own = test.inputs, {told.name: told.mean for told in test.told}
-    beside = {"shaft_power_gain": inputs.shaft_power, "torque_offset": inputs.speed}
-    return np.asarray(inputs.losses) - sum(own[n] * np.asarray(beside.get(n, 1.0)) for n in own)
+    own = {told.name: told.mean for told in test.told}
+    beside = {"shaft_power_gain": "shaft_power", "torque_offset": "speed"}
+    errors = [own[name] * test.means.get(beside.get(name, ""), np.ones(1)) for name in own]
+    return test.means["losses"] - sum(errors)
 
 
 def own_or_shared(values: Mapping[str, Any], name: str) -> Any:

@@ -11,13 +11,15 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
-
-from lptn import EFFECTS, Network
-from lptn.effects import AbstractEffect, HeatEffect, NodeEffect, SensorEffect, build_all
+from typing import TYPE_CHECKING
 
 from ..errors import InputError, did_you_mean
 from ..record.blocks import Blocks
 from ..record.motor import Motor
+
+if TYPE_CHECKING:  # JAX, which stands behind them, is loaded where there are effects
+    from lptn import Network
+    from lptn.effects import AbstractEffect
 
 GROUP = "heatrun.effects"
 """Entry points of this group are effects that other packages add."""
@@ -79,6 +81,8 @@ def all_effects(files: Sequence[Path] = ()) -> tuple[type[AbstractEffect], ...]:
     Raises:
         InputError: If a file cannot be loaded, holds no effect, or an id is taken.
     """
+    from lptn import EFFECTS
+
     kinds = list(EFFECTS)
     for entry in entry_points(group=GROUP):
         _add(kinds, entry.load(), f"entry point {entry.name}")
@@ -90,6 +94,8 @@ def all_effects(files: Sequence[Path] = ()) -> tuple[type[AbstractEffect], ...]:
 
 
 def _load(path: Path) -> list[type[AbstractEffect]]:
+    from lptn.effects import AbstractEffect
+
     if not path.is_file():
         raise InputError("the file of effects is not there.", where=str(path),
                          remedy="Check the path after --effects.")  # fmt: skip
@@ -128,6 +134,8 @@ def _load(path: Path) -> list[type[AbstractEffect]]:
 
 def _add(kinds: list[type[AbstractEffect]], kind: type[AbstractEffect], where: str) -> None:
     """Add an effect after it has been looked at."""
+    from lptn.effects import HeatEffect, NodeEffect, SensorEffect
+
     if not (inspect.isclass(kind) and issubclass(kind, HeatEffect | NodeEffect | SensorEffect)):
         raise InputError(f"{kind!r} is no effect.", where=where,
                          remedy="Inherit from an effect class of lptn.effects.")  # fmt: skip
@@ -214,7 +222,7 @@ def refuse_unmeasured_sink(sink: str, tests: Sequence[Blocks], title: str) -> No
         InputError: With the test and the channel.
     """
     for test in tests:
-        if sink and test.inputs.second_sink is None:
+        if sink and "second_sink" not in test.means:
             raise InputError(
                 f"the network {title!r} loses heat to the {sink} too, and this test has no "
                 f"{sink}_degC.",
@@ -236,7 +244,7 @@ def refuse_unmeasured_speed(kinds: Sequence[str], tests: Sequence[Blocks], title
         InputError: With the test and the channel.
     """
     for test in tests:
-        if kinds and test.inputs.speed is None:
+        if kinds and "speed" not in test.means:
             raise InputError(
                 f"in the network {title!r} the {' and the '.join(kinds)} loss follows the speed, "
                 "and this test has no speed_rpm.",
@@ -269,6 +277,8 @@ def refuse_unplaced(kinds: Sequence[type[AbstractEffect]], network: Network, tit
 
 def unplaced(kinds: Sequence[type[AbstractEffect]], network: Network) -> str:
     """Return why a network has no place for effects, empty if it has one for all of them."""
+    from lptn.effects import NodeEffect, build_all
+
     wanted = [(kind, dict.fromkeys(kind.card.parameters, 1.0)) for kind in kinds]
     try:
         for effect in build_all(wanted, network):

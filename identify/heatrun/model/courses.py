@@ -9,8 +9,11 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from lptn import Inputs, Trace
+
 from ..io.programs import compiled
-from ..record.blocks import Blocks, Observation
+from ..record.blocks import Blocks
+from ..record.observation import Observation
 from .model import Model
 
 
@@ -49,6 +52,12 @@ def block_means(
 ) -> Float[Array, " row"]:
     """Return the modelled means over the blocks of a test [degC], as `Model.block_means`."""
     return model.block_means(values, test)
+
+
+@compiled("model")
+def simulated(model: Model, values: Mapping[str, Float[Any, ""]], inputs: Inputs) -> Trace:
+    """Return temperatures, reading, flows and losses at full detail, as `Model.simulate`."""
+    return model.simulate(values, inputs)
 
 
 @compiled("model")

@@ -4,17 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
-
-import jax.numpy as jnp
-from jaxtyping import Array, Float
-
-from lptn import CopperLosses, Inputs, Network, Sensor, Trace, block_means, simulate
-from lptn.effects import AbstractEffect, build_all
-from lptn.effects.sensors import TimeShift
+from typing import TYPE_CHECKING, Literal
 
 from ..errors import InputError
-from ..record.blocks import Blocks, Observation
+from ..record.blocks import Blocks
 from ..record.channels import body_name
 from ..record.motor import Adequacy, Motor
 from .bodies import BODY_PARTS, OWN, own_name, own_or_shared
@@ -31,7 +24,15 @@ from .network_text import network_named
 from .parameters import qualified
 from .scale import Masses, scale_of_tests, scaled
 
-Values = Mapping[str, Float[Array, ""]]
+Values = Mapping[str, "Float[Array, '']"]
+
+if TYPE_CHECKING:  # which parameters there are is known without JAX; physics load it
+    from jaxtyping import Array, Float
+
+    from lptn import CopperLosses, Inputs, Network, Sensor, Trace
+    from lptn.effects import AbstractEffect
+
+    from ..record.observation import Observation
 
 
 @dataclass(frozen=True)
@@ -130,6 +131,8 @@ class Model:
     def network(self, values: Values) -> Network:
         """Return the network for values by name; a change in the test is part of its values."""
         if self.change_sd:
+            import jax.numpy as jnp
+
             values = {
                 name: value * jnp.exp(values[change_name(name)])
                 if change_name(name) in values
@@ -146,7 +149,7 @@ class Model:
 
     def topology(self) -> Network:
         """Return the network with all parameters 1: for questions that need no values."""
-        return self.network({p.name: jnp.asarray(1.0) for p in self.form.parameters})
+        return self.form.build(dict.fromkeys((p.name for p in self.form.parameters), 1.0))
 
     def refuse_unusable(
         self, tests: Sequence[Blocks], searched: Sequence[type[AbstractEffect]] = ()
@@ -167,7 +170,8 @@ class Model:
         refuse_unmeasured_speed([loss.kind for loss in self.form.by_speed], tests, self.title)
         kinds = [kind for kind in self.effects if kind not in searched]
         refuse_lacking(kinds, tests)
-        refuse_unplaced(kinds, self.topology(), self.title)
+        if kinds:
+            refuse_unplaced(kinds, self.topology(), self.title)
 
     @property
     def needs_resistance(self) -> bool:
@@ -177,6 +181,10 @@ class Model:
 
     def losses(self, values: Values) -> CopperLosses:
         """Return copper loss and meaning of the loss channel for values by name."""
+        import jax.numpy as jnp
+
+        from lptn import CopperLosses
+
         return CopperLosses(
             Rs0=values.get("Rs0", jnp.asarray(0.0)),
             reference_temperature=self.reference_temperature,
@@ -194,6 +202,8 @@ class Model:
 
     def sensor(self, values: Values) -> Sensor:
         """Return the winding sensor for values by name."""
+        from lptn import Sensor
+
         return Sensor(
             node=self.form.measured_node,
             gain=values["sensor_gain"],
@@ -207,6 +217,8 @@ class Model:
             values: Parameters by name.
             channels: Their channels; each belongs to a node.
         """
+        from lptn import Sensor
+
         sensors = []
         for channel in channels:
             node, name = self.form.sensed(channel), body_name(channel)
@@ -226,6 +238,9 @@ class Model:
 
     def built_effects(self, values: Values) -> tuple[AbstractEffect, ...]:
         """Return the effects for values by name, with the network's own losses by speed."""
+        from lptn.effects import build_all
+        from lptn.effects.sensors import TimeShift
+
         wanted = [
             (kind, {name: values[qualified(kind, name)] for name in kind.card.parameters})
             for kind in self.effects
@@ -237,6 +252,8 @@ class Model:
 
     def block_means(self, values: Values, test: Observation) -> Float[Array, " row"]:
         """Return the modelled means over the blocks of a test [degC], in its rows."""
+        from lptn import block_means
+
         return block_means(
             self.network(values),
             self.losses(values),
@@ -251,6 +268,8 @@ class Model:
 
     def simulate(self, values: Values, inputs: Inputs) -> Trace:
         """Return temperatures, reading, flows and losses at full detail."""
+        from lptn import simulate
+
         return simulate(
             self.network(values),
             self.losses(values),

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import jax.numpy as jnp
-
-from lptn.effects import AbstractEffect
+import numpy as np
 
 from ..errors import InputError
 from ..record.blocks import Blocks
@@ -37,6 +36,9 @@ from .parameters import (
     override,
 )
 from .scale import one_node
+
+if TYPE_CHECKING:
+    from lptn.effects import AbstractEffect
 
 COLD_START_K = 2.0
 """Start within this of the sink [K] and at rest: stator and winding count as one temperature."""
@@ -72,7 +74,9 @@ def parameters(
             effect lacks its channel or its place.
     """
     model.refuse_unusable(tests, searched)
-    check_names((*override_names(model.form), *effect_names(model.effects)), motor)
+    names = override_names(model.form)
+    if not set(names) >= set(motor.parameters):  # the effects' own are looked up last: slow to load
+        check_names((*names, *effect_names(model.effects)), motor)
     shared = [*model.form.parameters, *_resistance(model, motor, tests), *instruments(tests)]
     shared += body_errors(tests)
     shared += shaft_errors(motor, tests)
@@ -126,7 +130,7 @@ def override_names(*networks: NetworkForm) -> tuple[str, ...]:
 
 def machine_size(model: Model, motor: Motor, tests: Sequence[Blocks]) -> Size:
     """Return the size of a machine, as its tests show it."""
-    speeds = [float(test.inputs.rated_speed) for test in tests]
+    speeds = [float(test.means["rated_speed"]) for test in tests]
     found = one_node(tests, model.unmeasured_copper_ohm(motor)) or (
         CATALOGUE.capacity, CATALOGUE.resistance,
     )  # fmt: skip
@@ -135,7 +139,7 @@ def machine_size(model: Model, motor: Motor, tests: Sequence[Blocks]) -> Size:
 
 def _resistance(model: Model, motor: Motor, tests: Sequence[Blocks]) -> list[Parameter]:
     """Return Rs0 and the error of the current where the copper loss enters."""
-    has_current = any(bool(jnp.any(test.inputs.current_squared > 0.0)) for test in tests)
+    has_current = any(np.any(test.means["current_squared"] > 0.0) for test in tests)
     if not model.needs_resistance or not has_current:
         return []
     said = motor.parameters.get("Rs0")
@@ -173,7 +177,7 @@ def _start(model: Model, test: Blocks) -> list[Parameter]:
 
 def _start_prior(model: Model, node: str, test: Blocks) -> tuple[float, float, str]:
     """Return centre and standard deviation [degC] of a node's start, and what they rest on."""
-    rise = test.start_degC - float(test.inputs.ambient[0])
+    rise = test.start_degC - float(test.means["ambient"][0])
     if node == model.form.measured_node:
         return test.start_degC, 2.0, "first readings, with the sensor's lag and rounding"
     for body in test.bodies:

@@ -8,15 +8,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
-
-import jax.numpy as jnp
-from jaxtyping import Array, Float
-
-from lptn import Network, SpeedLoss
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .parameters import Parameter
+
+if TYPE_CHECKING:
+    from jaxtyping import Array, Float
+
+    from lptn import Network, SpeedLoss
 
 RESISTANCE = (
     "log-normal; its 95 % span a factor of 20 to either side, which holds machines from 1 kW "
@@ -133,6 +133,10 @@ class SpeedLossForm:
 
     def build(self, values: Mapping[str, Float[Array, ""] | float]) -> tuple[SpeedLoss, ...]:
         """Return the loss of each node for values by parameter name [their units]."""
+        import jax.numpy as jnp
+
+        from lptn import SpeedLoss
+
         linear, square = (jnp.asarray(values[p.name]) for p in (self.linear, self.square))
         shares = shares_of(self.share, values)
         return tuple(SpeedLoss(part * linear, part * square, node) for node, part in shares.items())
@@ -143,6 +147,8 @@ def shares_of(
     values: Mapping[str, Float[Array, ""] | float],
 ) -> dict[str, Float[Array, ""]]:
     """Return shares by node [1] that add up to one, for values by parameter name."""
+    import jax.numpy as jnp
+
     shares: dict[str, Float[Array, ""]] = {}
     for node, part in share:
         if part is not None:
@@ -274,6 +280,10 @@ class NetworkForm:
 
     def build(self, values: Mapping[str, Float[Array, ""] | float]) -> Network:
         """Return the network for values by parameter name [their units]."""
+        import jax.numpy as jnp
+
+        from lptn import Network
+
         own = {node: jnp.asarray(0.0) for loss in self.by_speed for node, _ in loss.share}
         return Network(
             capacitance={node: jnp.asarray(values[p.name]) for node, p in self.capacitance},

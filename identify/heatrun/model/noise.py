@@ -28,8 +28,8 @@ from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Bool, Float
 
 from ..io.programs import compiled
-from ..record.blocks import Observation
 from ..record.motor import HEAT_LIMITS, Adequacy
+from ..record.observation import Observation
 from ..record.samples import BLOCK_S
 from .parameters import Parameter
 

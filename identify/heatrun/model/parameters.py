@@ -17,19 +17,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
-
-from lptn import EFFECTS
-from lptn.effects import AbstractEffect, Quantity
+from jaxtyping import Float
 
 from ..errors import InputError, did_you_mean
 from ..motor.file import RANGES, UNITS, limits_around, refuse_implausible
 from ..record.motor import Motor, ParameterOverride
+
+if TYPE_CHECKING:
+    from lptn.effects import AbstractEffect, Quantity
+
+    from .priors import Priors
 
 Transform = Literal["log", "linear"]
 Role = Literal["network", "resistance", "start", "instrument", "change", "effect", "known",
@@ -71,8 +71,11 @@ class Parameter:
         if self.transform == "linear":
             return self.centre + scaled
         # eager JAX would compile a function for each operation
-        exp = np.exp if isinstance(z, (np.ndarray, np.generic)) else jnp.exp
-        return self.centre * exp(scaled)
+        if isinstance(z, (np.ndarray, np.generic)):
+            return self.centre * np.exp(scaled)
+        import jax.numpy as jnp
+
+        return self.centre * jnp.exp(scaled)
 
     def score(self, value: float | np.ndarray) -> np.ndarray:
         """Return the standard score for values [unit]."""
@@ -102,38 +105,6 @@ class Slot:
 
 Form = tuple[tuple[str, Transform, int | None], ...]
 """Name, transform and test of each slot."""
-
-
-class Priors(eqx.Module):
-    """The numbers of a parameter set.
-
-    Attributes:
-        centre: Centre of each slot's prior [its unit], shape (parameter,).
-        sd: Its standard deviation, of the logarithm [1] or [its unit], shape (parameter,).
-        fixed: Fixed values by name, for each test.
-    """
-
-    centre: Float[Any, " parameter"]
-    sd: Float[Any, " parameter"]
-    fixed: tuple[dict[str, Float[Any, ""]], ...]
-
-    def values(
-        self, form: Form, z: Float[Array, " parameter"], test: int
-    ) -> dict[str, Float[Array, ""]]:
-        """Return the values of all parameters for one test [their units].
-
-        Args:
-            form: What stands in which slot.
-            z: Scores.
-            test: Index of the test.
-        """
-        result = dict(self.fixed[test])
-        for position, (name, transform, owner) in enumerate(form):
-            if owner is None or owner == test:
-                shift = self.sd[position] * z[position]
-                centre = self.centre[position]
-                result[name] = centre * jnp.exp(shift) if transform == "log" else centre + shift
-        return result
 
 
 @dataclass(frozen=True)
@@ -171,18 +142,9 @@ class ParameterSet:
 
     def priors(self) -> Priors:
         """Return the numbers: centres, standard deviations, and fixed values."""
-        return Priors(
-            centre=np.asarray([slot.parameter.centre for slot in self.slots]),
-            sd=np.asarray([slot.parameter.sd for slot in self.slots]),
-            fixed=tuple(
-                {
-                    name: np.asarray(parameter.fixed, dtype=float)
-                    for name, parameter in parameters.items()
-                    if parameter.fixed is not None
-                }
-                for parameters in self.by_test
-            ),
-        )
+        from .priors import Priors
+
+        return Priors.of(self)
 
     def physical(self, z: np.ndarray) -> dict[str, np.ndarray]:
         """Return values by slot name; `z` has shape (..., parameter)."""
@@ -325,6 +287,8 @@ def qualified(kind: type[AbstractEffect], name: str) -> str:
 
 def effect_names(effects: Sequence[type[AbstractEffect]] = ()) -> tuple[str, ...]:
     """Return the qualified names of the catalogue's parameters and of further effects'."""
+    from lptn import EFFECTS
+
     kinds = dict.fromkeys([*EFFECTS, *effects])
     return tuple(qualified(kind, name) for kind in kinds for name in kind.card.parameters)
 

@@ -21,14 +21,16 @@ from jaxtyping import Array, Float
 from lptn.effects import AbstractEffect
 
 from ..io.programs import compiled
-from ..record.blocks import Blocks, Observation
+from ..record.blocks import Blocks
 from ..record.motor import Motor
+from ..record.observation import Observation
 from . import noise as noise_module
 from .loggers import Loggers, scales_of
 from .model import Model
 from .model_parameters import parameters
 from .noise import Noise
-from .parameters import Form, ParameterSet, Priors
+from .parameters import Form, ParameterSet
+from .priors import Priors
 
 NUM_NOISE = len(noise_module.NOISE)
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from ..io.quantities import rounded
 from ..record.blocks import Blocks
@@ -196,7 +195,7 @@ def _stretches(test: Blocks, copper_ohm: float, num: int) -> Float[np.ndarray, "
     measured = np.where(test.is_observed, test.measured, np.nan)
     T, squared, loss, sink = (
         rows[:whole].reshape(-1, size).mean(axis=1)
-        for rows in (measured, _by_block(test.inputs.current_squared, test), loss, sink)
+        for rows in (measured, _by_block(test.means["current_squared"], test), loss, sink)
     )
     slope, swing = ((e[2:] - e[:-2]) / (2.0 * size * test.block_s) for e in (T, squared))
     return np.stack([slope, swing, (T - sink)[1:-1], loss[1:-1]])
@@ -204,12 +203,12 @@ def _stretches(test: Blocks, copper_ohm: float, num: int) -> Float[np.ndarray, "
 
 def _drives(test: Blocks, copper_ohm: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the loss [W] and the sink [degC] of each block."""
-    loss = np.asarray(test.inputs.losses) + copper_ohm * np.asarray(test.inputs.current_squared)
-    return _by_block(loss, test), _by_block(test.inputs.ambient, test)
+    loss = test.means["losses"] + copper_ohm * test.means["current_squared"]
+    return _by_block(loss, test), _by_block(test.means["ambient"], test)
 
 
-def _by_block(values: ArrayLike, test: Blocks) -> np.ndarray:
-    return np.asarray(values).reshape(test.weight.shape).mean(axis=1)
+def _by_block(values: np.ndarray, test: Blocks) -> np.ndarray:
+    return values.reshape(test.weight.shape).mean(axis=1)
 
 
 def scaled(form: NetworkForm, scale: Scale | None, masses: Masses) -> NetworkForm:
@@ -270,8 +269,7 @@ def _scaled_by_speed(loss: SpeedLossForm, scale: Scale | None) -> SpeedLossForm:
 
 def _fastest(test: Blocks) -> float:
     """Return the largest speed of a test [1000 rpm], 0 where it turns at none or has none."""
-    speed = test.inputs.speed
-    return 0.0 if speed is None else float(np.max(np.abs(np.asarray(speed)))) * 0.03 / np.pi
+    return float(np.max(np.abs(test.means.get("speed", 0.0)))) * 0.03 / np.pi
 
 
 def _around(parameter: Parameter, default: str, centre: float, sd: float, basis: str) -> Parameter:

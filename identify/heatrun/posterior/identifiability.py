@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import jax
 import numpy as np
 
 from ..fit.fit_result import Fit
@@ -136,14 +135,11 @@ def extended(test: Blocks, duration_s: float) -> Blocks:
     num_more = int(np.ceil((duration_s - test.duration_s) / test.block_s))
     tail = _last_load(test)
 
-    def extend(values):
+    def extend(values: np.ndarray) -> np.ndarray:
         if values.ndim != 1:
             return values
-        values = np.asarray(values)
-        more = np.full(num_more * per_block, np.mean(values[tail]))
-        return np.concatenate([values, more])
+        return np.concatenate([values, np.full(num_more * per_block, np.mean(values[tail]))])
 
-    inputs = jax.tree.map(extend, test.inputs)
     later = test.time[-1] + test.block_s * np.arange(1, num_more + 1)
 
     def readings(part: Blocks | Body) -> dict[str, np.ndarray]:
@@ -162,7 +158,7 @@ def extended(test: Blocks, duration_s: float) -> Blocks:
     known, columns = test.load_variance, test.load_columns
     return replace(
         test,
-        inputs=inputs,
+        means={name: extend(values) for name, values in test.means.items()},
         **readings(test),
         bodies=bodies,
         load_variance=None if known is None else np.pad(known, (0, num_more)),
@@ -172,13 +168,13 @@ def extended(test: Blocks, duration_s: float) -> Blocks:
 
 def _last_load(test: Blocks) -> np.ndarray:
     """Return the steps of the last ten minutes under load; of a test without any, its last ones."""
-    num_steps = max(1, int(LAST_LOAD_S / float(test.inputs.step)))
+    num_steps = max(1, int(LAST_LOAD_S / float(test.means["step"])))
     loaded = _loaded(test)
-    return (loaded if loaded.size else np.arange(test.inputs.num_time))[-num_steps:]
+    return (loaded if loaded.size else np.arange(test.means["losses"].size))[-num_steps:]
 
 
 def _loaded(test: Blocks) -> np.ndarray:
-    heats = [np.asarray(test.inputs.losses), np.asarray(test.inputs.current_squared)]
+    heats = [test.means["losses"], test.means["current_squared"]]
     return np.flatnonzero(np.logical_or(*(is_loaded(heat) for heat in heats)))
 
 
@@ -287,10 +283,10 @@ def between_samples(found: Fit, record: Record, blocks: Blocks, motor: Motor) ->
     if _period(record) < SLOW_LOGGER_S:
         return 0.0
     halves = [
-        replace(blocks, inputs=reduce(
+        replace(blocks, means=reduce(
             _every_second(record, first), motor,
-            step_s=float(blocks.inputs.step), block_s=blocks.block_s,
-        ).inputs)
+            step_s=float(blocks.means["step"]), block_s=blocks.block_s,
+        ).means)
         for first in (0, 1)
     ]  # fmt: skip
     even, odd = _simulated(found, motor, blocks, halves)

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
@@ -35,10 +35,13 @@ from ..model.model import Model
 from ..model.model_parameters import parameters
 from ..model.noise import Noise
 from ..model.parameters import null_values
-from ..record.blocks import Blocks, Observation
+from ..record.blocks import Blocks
+from ..record.observation import Observation
 from ..results.values import Role
-from .posterior import Posterior
 from .starts import refuse_unstable, start_draws
+
+if TYPE_CHECKING:
+    from .posterior import Posterior
 
 FEWEST = 10
 """Blocks below which a standard error cannot be estimated."""
@@ -259,7 +262,7 @@ def predict(
         num_draws: Number of draws.
         seed: Of the noise and of the start.
     """
-    if isinstance(source, Posterior):
+    if not isinstance(source, Draws):
         owned = [each.name for each in source.fit.problem.tests if each.winding is test]
         fitted_as = owned[0] if owned else fitted_as
         source = source.draws

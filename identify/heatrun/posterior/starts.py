@@ -30,7 +30,8 @@ from ..model.model import Model
 from ..model.model_parameters import COLD_START_K
 from ..model.noise import Noise, whiten
 from ..model.parameters import Parameter
-from ..record.blocks import Blocks, Observation
+from ..record.blocks import Blocks
+from ..record.observation import Observation
 
 STABLE = 2.5
 """Longest step over `lptn.longest_step` at which the march is stable [1]; beyond it the likelihood

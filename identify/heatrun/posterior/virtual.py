@@ -13,6 +13,7 @@ import pandas as pd
 from lptn import growth_rate, longest_step
 
 from ..errors import InputError
+from ..model.courses import simulated
 from ..model.model import Model
 from ..record.blocks import Blocks
 from ..record.motor import Motor
@@ -62,7 +63,7 @@ def virtual_record(found: Prediction, record: Record, motor: Motor) -> pd.DataFr
     """
     blocks, model = found.test, found.model
     values = {name: jnp.asarray(value) for name, value in found.middle.items()}
-    trace = model.simulate(values, blocks.inputs)
+    trace = simulated(model, values, blocks.inputs)
     step = float(blocks.inputs.step)
     middle = np.asarray(trace.time[1:]) - 0.5 * step
     columns: dict[str, Any] = {"time_s": middle + blocks.first_s}

@@ -9,19 +9,19 @@ the sensor.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Float
-
-from lptn import Inputs
-from lptn.inputs import SIGNALS
+from jaxtyping import Float
 
 if TYPE_CHECKING:
+    from lptn import Inputs
+
     from .balance_errors import Told
+    from .observation import Observation
 
 
 def length_class(num: int) -> int:
@@ -88,7 +88,8 @@ class Blocks:
 
     Attributes:
         name: Name of the test.
-        inputs: Means over the steps, all of one length; shape (step,).
+        means: Means over the steps, all of one length, by the names of `lptn.Inputs`; shape
+            (step,). What was not recorded is not among them.
         measured: Mean of the readings of each block [degC], shape (row,); NaN without any.
         weight: Share of each step in the mean of its block [1], shape (row, step per block).
         position: Mean position of the samples within each step, 0 its start and 1 its end [1],
@@ -116,7 +117,7 @@ class Blocks:
     """
 
     name: str
-    inputs: Inputs
+    means: Mapping[str, Float[np.ndarray, "..."]]
     measured: Float[np.ndarray, " row"]
     weight: Float[np.ndarray, "row step"]
     position: Float[np.ndarray, "row step"]
@@ -137,6 +138,13 @@ class Blocks:
     notes: tuple[str, ...] = ()
     told: tuple[Told, ...] = ()
     _winding: Blocks | None = None
+
+    @cached_property
+    def inputs(self) -> Inputs:
+        """`means` as the numerics take them."""
+        from lptn import Inputs
+
+        return Inputs(**{name: np.asarray(each, float) for name, each in self.means.items()})
 
     def with_bodies(self, channels: Sequence[str]) -> Blocks:
         """Return the record with the rows of some of its bodies behind those of the winding."""
@@ -184,7 +192,7 @@ class Blocks:
 
     def lengthened(self, rows: Float[np.ndarray, "row ..."]) -> Float[np.ndarray, "more ..."]:
         """Return rows with zeros where `Observation.padded` has more of them."""
-        return _with_more(np.asarray(rows), 1 + len(self.fitted), length_class(self.num_blocks), 0)
+        return with_more(np.asarray(rows), 1 + len(self.fitted), length_class(self.num_blocks), 0)
 
     def own(self, rows: Float[Any, "more ..."], axis: int = 0) -> Float[np.ndarray, "row ..."]:
         """Return rows of `Observation.padded` without those that were added.
@@ -202,7 +210,7 @@ class Blocks:
     @property
     def duration_s(self) -> float:
         """Length of the grid [s]."""
-        return float(self.inputs.step) * self.inputs.num_time
+        return float(self.means["step"]) * self.means["losses"].size
 
     @property
     def loggers(self) -> tuple[Logger, ...]:
@@ -245,96 +253,12 @@ class Blocks:
             heat: As `Observation.heat`; no columns by default.
             noise_scale: As `Observation.noise_scale`; 1 by default.
         """
-        heat = np.zeros((self.measured.size, 0)) if heat is None else heat
-        scale = np.ones(1 + len(self.fitted)) if noise_scale is None else np.array(noise_scale)
-        return Observation(
-            inputs=self.inputs,
-            measured=np.nan_to_num(self.measured),
-            is_observed=self.is_observed,
-            weight=self.weight,
-            position=self.position,
-            count=np.asarray(self.count, dtype=float),
-            known_variance=self.known_variance,
-            block_s=np.asarray(self.block_s, dtype=float),
-            heat=heat,
-            moments=self.moments,
-            noise_scale=np.asarray(scale, dtype=float),
-            fitted=self.fitted,
-        )
+        from .observation import Observation
+
+        return Observation.of(self, heat, noise_scale)
 
 
-class Observation(eqx.Module):
-    """The arrays of a reduced record that the numerics need; a pytree.
-
-    Attributes:
-        inputs: Means over the steps.
-        measured: Mean reading of each block [degC], shape (row,); 0 where there is none.
-        is_observed: Which blocks hold a reading, shape (row,).
-        weight: As `Blocks.weight`.
-        position: As `Blocks.position`.
-        count: As `Blocks.count`.
-        known_variance: As `Blocks.known_variance`.
-        block_s: Length of a block [s].
-        heat: What unmodelled heat with the standard deviation of the mean loss does to the block
-            means [K], as columns whose outer product is its covariance, shape (row, column).
-        moments: As `Blocks.moments`.
-        noise_scale: Noise of the logger of each sensor over that of the first one [1], shape
-            (sensor,).
-        fitted: As `Blocks.fitted`.
-    """
-
-    inputs: Inputs
-    measured: Float[Any, " row"]
-    is_observed: Bool[Any, " row"]
-    weight: Float[Any, "row step"]
-    position: Float[Any, "row step"]
-    count: Float[Any, " row"]
-    known_variance: Float[Any, " row"]
-    block_s: Float[Any, ""]
-    heat: Float[Any, "row column"]
-    moments: Float[Any, "row moment"]
-    noise_scale: Float[Any, " sensor"]
-    fitted: tuple[str, ...] = eqx.field(static=True, default=())
-
-    @property
-    def num_sensors(self) -> int:
-        """Number of sensors, the winding's included."""
-        return 1 + len(self.fitted)
-
-    def padded(self) -> Observation:
-        """Return it with blocks without readings up to the next `length_class`.
-
-        The inputs are held there; columns of `moments` are filled up likewise, with zeros.
-        """
-        num, per_block = self.weight.shape[0] // self.num_sensors, self.weight.shape[1]
-        whole = length_class(num)
-        inputs = self.inputs
-        held = {
-            name: np.pad(np.asarray(values), (0, (whole - num) * per_block), mode="edge")
-            for name in SIGNALS
-            if (values := getattr(inputs, name)) is not None
-        }
-
-        def more(rows: Any, value: float | bool = 0.0) -> np.ndarray:
-            return _with_more(np.asarray(rows), self.num_sensors, whole, value)
-
-        moments = more(self.moments)
-        columns = length_class(moments.shape[1])
-        return replace(
-            self,
-            inputs=replace(inputs, **held),
-            measured=more(self.measured),
-            is_observed=more(self.is_observed, False),
-            weight=more(self.weight),
-            position=more(self.position, 0.5),
-            count=more(self.count),
-            known_variance=more(self.known_variance),
-            heat=more(self.heat),
-            moments=np.pad(moments, ((0, 0), (0, columns - moments.shape[1]))),
-        )
-
-
-def _with_more(rows: np.ndarray, num_sensors: int, num: int, value: float | bool) -> np.ndarray:
+def with_more(rows: np.ndarray, num_sensors: int, num: int, value: float | bool) -> np.ndarray:
     """Return rows with as many blocks for each sensor."""
     by_sensor = rows.reshape(num_sensors, rows.shape[0] // num_sensors, *rows.shape[1:])
     width = [(0, 0), (0, num - by_sensor.shape[1]), *[(0, 0)] * (rows.ndim - 1)]

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lptn import Inputs
-
 from ..errors import InputError
 from .balance_errors import own_errors
 from .blocks import Blocks, Body
@@ -83,7 +81,7 @@ def reduce(
     num_steps = num_blocks * steps_per_block
     edges = time[0] + step * np.arange(num_steps + 1)
 
-    inputs, notes = _inputs(record, motor, edges, step)
+    means, notes = _means(record, motor, edges, step)
     shape = (num_blocks, steps_per_block)
     weight, position, count, measured, middle = _observation(
         time[is_read], record["winding_degC"][is_read], edges, shape
@@ -91,7 +89,7 @@ def reduce(
     start = _start(time[is_read], record["winding_degC"][is_read], step * steps_per_block)
     return Blocks(
         name=record.name,
-        inputs=inputs,
+        means=means,
         measured=measured,
         weight=weight,
         position=position,
@@ -136,9 +134,10 @@ def _steps_per_block(step: float, sample_s: float, duration_s: float, block_s: f
     return max(1, round(max(wanted, sample_s) / step))
 
 
-def _inputs(
+def _means(
     record: Record, motor: Motor, edges: np.ndarray, step: float
-) -> tuple[Inputs, tuple[str, ...]]:
+) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Return the means over the steps by the names of `lptn.Inputs`, and what was interpolated."""
     notes: list[str] = []
 
     def mean(channel: str, power: int = 1) -> np.ndarray:
@@ -178,20 +177,21 @@ def _inputs(
     current_squared = np.zeros(edges.size - 1)
     if "phase_current_A" in record:
         current_squared = mean("phase_current_A", power=2)
-    inputs = Inputs(
-        step=np.asarray(step, dtype=float),
-        current_squared=current_squared,
-        losses=mean("losses_W"),
-        ambient=mean(f"{motor.sink}_degC"),
-        speed=speed,
-        coolant=coolant,
-        fan=fan,
-        shaft_power=shaft,
-        second_sink=second_sink,
-        rated_speed=np.asarray(fastest if rated is None else rated * 2 * math.pi / 60, dtype=float),
-        rated_current=np.asarray(np.sqrt(max(np.max(current_squared), 1e-12))),
-    )
-    return inputs, tuple(notes)
+    means = {
+        "step": step,
+        "current_squared": current_squared,
+        "losses": mean("losses_W"),
+        "ambient": mean(f"{motor.sink}_degC"),
+        "speed": speed,
+        "coolant": coolant,
+        "fan": fan,
+        "shaft_power": shaft,
+        "second_sink": second_sink,
+        "rated_speed": fastest if rated is None else rated * 2 * math.pi / 60,
+        "rated_current": np.sqrt(max(np.max(current_squared), 1e-12)),
+    }
+    found = {name: np.asarray(each, float) for name, each in means.items() if each is not None}
+    return found, tuple(notes)
 
 
 def _interval_means(time: np.ndarray, values: np.ndarray, edges: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from ..discovery.localise import SENSOR, Where
 from ..posterior.predict import Prediction
 from ..record.blocks import Blocks
-from .figures import plain, save
+from .figures import GAP_IN, plain, save, stack
 
 BEFORE, AFTER = "#D55E00", "#0072B2"
 """Okabe and Ito's palette, which colour-blind readers can tell apart."""
@@ -53,7 +53,7 @@ def draw_all(
 def gap(predictions: Sequence[tuple[Prediction, Prediction]], roles: Sequence[str]) -> Figure:
     """Return the errors over time before and after, with the bands of the final model."""
     num = len(predictions)
-    figure = Figure(figsize=(7.2, 0.9 + 2.0 * num), layout="constrained")
+    figure = Figure(figsize=(7.2, 0.9 + 2.0 * num))
     axes = np.atleast_1d(figure.subplots(num, 1))
     for axis, (before, after), role in zip(axes, predictions, roles, strict=True):
         minutes = after.test.time / 60.0
@@ -72,11 +72,12 @@ def gap(predictions: Sequence[tuple[Prediction, Prediction]], roles: Sequence[st
         axis.axhline(0.0, color="0.5", lw=0.6)
         axis.set_ylabel("measured −\nmodel [K]")
         title = f"{plain(after.test.name)} ({role})\nRMSE: {', '.join(sizes)}"
-        axis.set_title(title, loc="left", fontsize=8)
+        axis.set_title(title, loc="left", fontsize=8, y=1.0)
         _trim(axis)
     axes[-1].set_xlabel("time [min]")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=7, frameon=False)
+    figure.legend(handles, labels, loc="lower center", ncols=3, fontsize=7, frameon=False)
+    stack(figure, list(axes), [0.4, *[0.65] * (num - 1)], below=0.65)
     return figure
 
 
@@ -85,7 +86,7 @@ def missing(test: Blocks, index: int, before: Where, after: Where) -> Figure | N
     courses = [course for course in before.courses if course.test == index]
     if not courses:
         return None
-    figure = Figure(figsize=(7.2, 2.6 + 1.5 * len(courses)), layout="constrained")
+    figure = Figure(figsize=(7.2, 2.6 + 1.5 * len(courses)))
     axes = figure.subplots(2 + len(courses), 1, sharex=True)
     rows = test.weight.shape
     minutes = test.block_s * (np.arange(rows[0]) + 0.5) / 60.0
@@ -95,7 +96,9 @@ def missing(test: Blocks, index: int, before: Where, after: Where) -> Figure | N
 
     axes[0].plot(minutes, np.sqrt(mean(test.inputs.current_squared)), color="#CC79A7", lw=0.9)
     axes[0].set_ylabel("current [A]")
-    axes[0].set_title(f"{plain(test.name)}: load, and what is missing", loc="left", fontsize=9)
+    axes[0].set_title(
+        f"{plain(test.name)}: load, and what is missing", loc="left", fontsize=9, y=1.0
+    )
     if test.inputs.speed is not None:
         turned = axes[0].twinx()
         turned.plot(minutes, mean(test.inputs.speed) * 30.0 / np.pi, color="0.4", lw=0.8)
@@ -132,6 +135,7 @@ def missing(test: Blocks, index: int, before: Where, after: Where) -> Figure | N
     axes[-1].set_xlabel("time [min]; grey: spans in which it is significant")
     for axis in axes:
         _trim(axis)
+    stack(figure, list(axes), [0.25, *[GAP_IN] * (len(axes) - 1)], right=0.7)
     return figure
 
 

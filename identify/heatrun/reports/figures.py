@@ -85,7 +85,7 @@ def course(name: str, role: str, table: pd.DataFrame, network: str, say: Texts) 
         network: The network that is drawn.
         say: The texts in the language of the sheet.
     """
-    figure = Figure(figsize=(7.2, 6.4), layout="constrained")
+    figure = Figure(figsize=(7.2, 6.4))
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[3.2, 1.2, 1.2])
     minutes = table["time_s"] / 60.0
     colour = COLOURS["second"]
@@ -109,25 +109,24 @@ def course(name: str, role: str, table: pd.DataFrame, network: str, say: Texts) 
                  label=say("measured_node", body=_body_words(channel)))  # fmt: skip
     top.plot(minutes, table["sink_degC"], color="0.55", lw=0.8, label=say("sink"))
     top.set_ylabel(say("temperature_degC"))
-    top.set_title(f"{plain(name)} ({say(role)})", loc="left", fontsize=10)
-    figure.legend(
-        *top.get_legend_handles_labels(),
-        fontsize=7,
-        frameon=False,
-        ncols=4,
-        loc="outside lower center",
-    )
+    top.set_title(f"{plain(name)} ({say(role)})", loc="left", fontsize=10, y=1.0)
+    handles, words = top.get_legend_handles_labels()
+    figure.legend(handles, words, fontsize=7, frameon=False, ncols=4, loc="lower center")
     middle.axhline(0.0, color="0.6", lw=0.6)
     middle.set_ylabel(say("residual_K"))
     _load(bottom, minutes, table, say)
     bottom.set_xlabel(say("time_min"))
     finish(figure.axes, say)
+    num_rows = -(-len(handles) // 4)
+    stack(
+        figure, [top, middle, bottom], [0.27, 0.12, 0.12], below=0.52 + 0.14 * num_rows, right=0.7
+    )
     return figure
 
 
 def errors(tables: Sequence[tuple[str, str, pd.DataFrame]], titles: Mapping[str, str]) -> Figure:
     """Return the absolute error of two networks over time, with lines at 1, 2 and 5 K."""
-    figure = Figure(figsize=(7.2, 1.0 + 1.9 * len(tables)), layout="constrained")
+    figure = Figure(figsize=(7.2, 1.0 + 1.9 * len(tables)))
     axes = np.atleast_1d(figure.subplots(len(tables), 1))
     for axis, (name, role, table) in zip(axes, tables, strict=True):
         for colour, (order, title) in zip(("first", "second"), titles.items(), strict=True):
@@ -139,11 +138,12 @@ def errors(tables: Sequence[tuple[str, str, pd.DataFrame]], titles: Mapping[str,
             axis.annotate(f"{limit:g} K", (1.005, limit), xycoords=("axes fraction", "data"),
                           fontsize=7, va="center")  # fmt: skip
         axis.set_ylabel("|error| [K]")
-        axis.set_title(f"{plain(name)} ({role})", loc="left", fontsize=9)
+        axis.set_title(f"{plain(name)} ({role})", loc="left", fontsize=9, y=1.0)
     axes[0].legend(fontsize=7, frameon=False, ncols=2, loc="lower right",
                    bbox_to_anchor=(1.0, 1.0))  # fmt: skip
     axes[-1].set_xlabel("time [min]")
     finish(list(axes))
+    stack(figure, list(axes), [0.27, *[0.45] * (len(tables) - 1)], right=0.35)
     return figure
 
 
@@ -170,15 +170,15 @@ def pairs(draws: Mapping[str, np.ndarray], units: Mapping[str, str]) -> Figure:
     names = list(draws)
     size = len(names)
     side = max(5.6, 1.0 * size)
-    figure = Figure(figsize=(side, side), layout="constrained")
-    grid = figure.subplots(size, size, squeeze=False)
+    figure = Figure(figsize=(side, side))
+    cell, gap = (1.0 - 0.9 / side) / size, GAP_IN / side
     for row, lower in enumerate(names):
-        for column, left in enumerate(names):
-            axis = grid[row][column]
-            if column > row:
-                axis.set_axis_off()
-            elif column == row:
-                axis.hist(draws[left], bins=25, color=COLOURS["second"], alpha=0.7)
+        for column, left in enumerate(names[: row + 1]):
+            corner = (0.8 / side + column * cell, 1.0 - 0.1 / side - (row + 1) * cell + gap)
+            axis = figure.add_axes((*corner, cell - gap, cell - gap))
+            if column == row:
+                axis.hist(draws[left], bins=25, color=COLOURS["second"], alpha=0.7,
+                          histtype="stepfilled")  # fmt: skip
                 axis.set_yticks([])
             else:
                 axis.hist2d(draws[left], draws[lower], bins=25, cmap="Blues", rasterized=True)
@@ -191,6 +191,7 @@ def pairs(draws: Mapping[str, np.ndarray], units: Mapping[str, str]) -> Figure:
                 axis.set_xlabel(_label(left, units), fontsize=6)
             if column == 0 and row > 0:
                 axis.set_ylabel(_label(lower, units), fontsize=6)
+    _fix_labels(figure, TICK_LABELS_IN)
     return figure
 
 
@@ -233,6 +234,56 @@ def finish(axes: Sequence[Axes], say: Texts | None = None) -> None:
         axis.spines["top"].set_visible(False)
 
 
+TICK_LABELS_IN = 0.46
+"""Room for the numbers beside an axis [in]."""
+
+GAP_IN = 0.12
+"""Room between two panels that share an axis [in]."""
+
+
+def stack(
+    figure: Figure,
+    axes: Sequence[Axes],
+    above: Sequence[float],
+    *,
+    below: float = 0.42,
+    right: float = 0.12,
+) -> None:
+    """Give panels under each other their places: to try which suit takes longer than to draw.
+
+    Args:
+        figure: The figure.
+        axes: The panels, of one grid, whose ratios their heights keep.
+        above: Room above each [in].
+        below: Room below the last [in].
+        right: Room to the right [in].
+    """
+    width, height = figure.get_size_inches()
+    grid = axes[0].get_gridspec()
+    ratios = np.ones(len(axes)) if grid is None else np.asarray(grid.get_height_ratios())
+    tall = (height - below - sum(above)) * ratios / np.sum(ratios)
+    foot = height - np.cumsum(above) - np.cumsum(tall)
+    for axis, low, each in zip(axes, foot, tall, strict=True):
+        axis.set_position(
+            (LEFT_IN / width, low / height, 1 - (LEFT_IN + right) / width, each / height)
+        )
+    _fix_labels(figure, 0.27)
+
+
+def _fix_labels(figure: Figure, below: float) -> None:
+    """Put the labels of all axes as far from them [in] as numbers need, which are not measured."""
+    width, height = figure.get_size_inches()
+    for axis in figure.axes:
+        beside = TICK_LABELS_IN / (width * axis.get_position().width)
+        is_left = axis.yaxis.get_label_position() == "left"
+        axis.yaxis.set_label_coords(-beside if is_left else 1.0 + beside, 0.5)
+        axis.xaxis.set_label_coords(0.5, -below / (height * axis.get_position().height))
+
+
+LEFT_IN = 0.8
+"""Room for numbers and a label of two lines to the left [in]."""
+
+
 def plain(name: str) -> str:
     """Return a name in which matplotlib sees no mathematics and no control characters."""
     clean = "".join(c if c.isprintable() else "?" for c in name)
@@ -241,9 +292,10 @@ def plain(name: str) -> str:
 
 def save(figure: Figure, path: Path) -> Path:
     """Write a figure as PNG, whole or not at all."""
-    FigureCanvasAgg(figure)
+    figure.set_dpi(160)
     with whole(path) as partial:
-        figure.savefig(partial, format="png", dpi=160, metadata={"Software": None})
+        # `savefig` would draw it twice
+        FigureCanvasAgg(figure).print_png(partial, metadata={"Software": None})
     return path
 
 
@@ -272,7 +324,7 @@ def certificate_figure(
         aspect: Height over width [1].
     """
     order, title = network
-    figure = Figure(figsize=(7.2, 7.2 * aspect), layout="constrained")
+    figure = Figure(figsize=(7.2, 7.2 * aspect))
     axis, below = figure.subplots(2, 1, sharex=True, height_ratios=[3.4, 1.0])
     minutes = table["time_s"] / 60.0
     low, high = (table[f"{order}_total_95_{side}_degC"] for side in ("low", "high"))
@@ -298,11 +350,11 @@ def certificate_figure(
     below.set_xlabel(say("time_min"))
     axis.set_ylabel(say("temperature_degC"))
     axis.margins(x=0.01)
-    axis.set_title(plain(name), loc="left", fontsize=9)
+    axis.set_title(plain(name), loc="left", fontsize=9, y=1.0)
     figure.legend(
-        handles, words, fontsize=7.5, frameon=False, ncols=5, loc="outside lower center",
+        handles, words, fontsize=7.5, frameon=False, ncols=5, loc="lower center",
         columnspacing=1.2, handlelength=1.6,
     )  # fmt: skip
-    figure.align_ylabels()
     finish([axis, below], say)
+    stack(figure, [axis, below], [0.25, GAP_IN], below=0.72)
     return figure

@@ -22,6 +22,7 @@ from ..record.motor import LIMIT_DEGC, Certificate, Instrument
 from ..results import FitResult, to_json
 from ..runs.run import CERTIFICATE, Run, certificate_of, open_run
 from ..runs.run_folder import MANIFEST, RunFolder, listed_anew
+from ..runs.stored_draws import by_name
 from ..runs.verdict import favoured, judged
 from .content import sheet_content
 from .dcc import dcc_text
@@ -66,7 +67,7 @@ def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) 
     stated = certificate_of(run) if certificate is None else certificate
     say = Texts(stated.language or LANGUAGES[0])
     model = result.models[certified]
-    values = run.draws(certified).values()
+    values = by_name(run.arrays(certified))
     draws = {name: values[name] for name, entry in model.parameters.items() if not entry.fixed}
     units = {name: entry.unit for name, entry in model.parameters.items()}
     titles = {name: each.title for name, each in result.models.items()}
@@ -171,7 +172,7 @@ def rewrite_sheet(
     if document is not None and schema is not None:
         validate(document, schema)
     # a damaged file is named before anything is written
-    opened.posterior()
+    opened.arrays()
     opened.courses()
     try:
         with writable("the sheet", folder), together(folder, "sheet") as files:

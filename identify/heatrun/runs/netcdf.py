@@ -1,36 +1,26 @@
-"""All calls of ArviZ: draws to groups with units, to NetCDF and back. Works on 0.23 and 1.x."""
+"""Draws to the groups of ArviZ with units, to NetCDF and back, and to ArviZ, 0.23 and 1.x."""
 
 from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from ..io.whole_files import stated_moment, write_whole
-from ..model.draws import PlausibleEffect, PlausibleEffects
 from ..model.network_form import WINDING
 from ..model.noise import NOISE, noise_parameters
-from ..model.parameters import Parameter, ParameterSet
 from ..posterior.posterior import Posterior
-from ..posterior.weighted import load_arviz
 from ..record.channels import body_name
-from ..record.motor import Adequacy
 from .densities import DEPENDENCE, LEFT_OUT, PRIOR, Densities
-
-ABSENT = -12.0
-"""Score of unmodelled heat in a run that was made before there was any: nothing of the loss."""
-
-SIZE, EFFECT = "maybe_missing_size", "maybe_missing"
-"""Names of the sizes of the effects behind each draw, and of the dimension over these."""
+from .stored_draws import SIZE
 
 
 def groups(posterior: Posterior, found: Densities | None = None) -> Any:
-    """Return the draws as ArviZ groups: an `InferenceData` on 0.23, a `DataTree` on 1.x.
+    """Return the draws in the groups of ArviZ, as an xarray `DataTree`.
 
     Group `posterior` holds every free parameter and those of the noise in their units (attribute
     `units`), those that each test has for itself with a dimension `test`, those that only some
@@ -43,7 +33,6 @@ def groups(posterior: Posterior, found: Densities | None = None) -> Any:
         posterior: The draws.
         found: From `densities`, which takes seconds; None for no `log_prior` and `log_likelihood`.
     """
-    arviz = load_arviz()
     tests = posterior.fit.problem.tests
     names = [test.name for test in tests]
     of_noise = noise_parameters(posterior.fit.problem.model.adequacy)
@@ -72,17 +61,21 @@ def groups(posterior: Posterior, found: Densities | None = None) -> Any:
         content["log_likelihood"] = {"winding": found.winding, "dependence": found.dependence}
         coords["window"] = list(found.windows)
         dims["winding"] = ["window"]
-    with warnings.catch_warnings():
-        # 0.23 warns when draws of a parameter outnumber its chains, which is always so here
-        warnings.simplefilter("ignore")
-        if _is_tree(arviz):
-            data = arviz.from_dict(content, coords=coords, dims=dims)
-        else:
-            # a group that this function of 0.23 does not know
-            priors = {name: content.pop(name) for name in ("log_prior",) if name in content}
-            data = arviz.from_dict(**content, coords=coords, dims=dims)
-            if priors:
-                data.add_groups(priors, coords=coords, dims=dims)
+    import xarray
+
+    known = dict(zip(("chain", "draw"), map(np.arange, posterior.vectors.shape), strict=False))
+    known |= coords
+
+    def dataset(group: str, arrays: Mapping[str, np.ndarray]) -> Any:
+        of_draws = () if group == "observed_data" else ("chain", "draw")
+        rows = {}
+        for name, values in arrays.items():
+            more = [f"{name}_dim_{n}" for n in range(np.ndim(values) - len(of_draws))]
+            rows[name] = ((*of_draws, *dims.get(name, more)), values)
+        used = {dim for axes, _ in rows.values() for dim in axes}
+        return xarray.Dataset(rows, {dim: known[dim] for dim in known if dim in used})
+
+    data = xarray.DataTree.from_dict({name: dataset(name, each) for name, each in content.items()})
     _label(data, posterior)
     return data
 
@@ -96,15 +89,6 @@ def write(posterior: Posterior, path: Path, found: Densities | None = None) -> N
     write_whole(path, _netcdf(groups(posterior, found)))
 
 
-def read(path: Path) -> Any:
-    """Return the groups of a NetCDF file, in memory.
-
-    `arviz.from_netcdf` reads the same; but to load ArviZ takes longer than all that a command does
-    with the draws of a run.
-    """
-    return from_bytes(path.read_bytes())
-
-
 def from_bytes(data: bytes) -> Any:
     """Return the groups of the bytes of a NetCDF file, in memory, as an xarray `DataTree`."""
     import xarray
@@ -113,48 +97,14 @@ def from_bytes(data: bytes) -> Any:
         return tree.load()
 
 
-def as_arviz(data: bytes) -> Any:
-    """Return the groups as ArviZ knows them: `InferenceData` on 0.23, a `DataTree` on 1.x."""
-    arviz = load_arviz()
-    tree = from_bytes(data)
-    if _is_tree(arviz):
+def as_arviz(tree: Any) -> Any:
+    """Return groups as ArviZ knows them: `InferenceData` on 0.23, a `DataTree` on 1.x."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # 0.23 announces 1.0 when it is imported
+        import arviz
+    if int(arviz.__version__.split(".")[0]) >= 1:
         return tree
     return arviz.InferenceData(**{name: group.to_dataset() for name, group in tree.items()})
-
-
-def vectors(
-    tree: Any, parameters: ParameterSet, adequacy: Adequacy
-) -> Float[np.ndarray, "chain draw all"]:
-    """Return the scores of parameters and noise of the draws in the groups of a run.
-
-    Args:
-        tree: From `read`.
-        parameters: What stands in which place.
-        adequacy: Prior of the heat.
-    """
-    group = tree["posterior"]
-    columns = []
-    for slot in parameters.slots:
-        values = np.asarray(group[slot.parameter.name], dtype=float)
-        if slot.test is not None:
-            held = [s.name for s in parameters.slots if s.parameter.name == slot.parameter.name]
-            values = values[..., held.index(slot.name)]
-        columns.append(slot.parameter.score(values))
-    columns += [_noise_scores(group, parameter) for parameter in noise_parameters(adequacy)]
-    return np.stack(columns, axis=-1)
-
-
-def plausible(tree: Any, effects: tuple[PlausibleEffect, ...]) -> PlausibleEffects | None:
-    """Return the effects behind the draws of a run, None where there are none.
-
-    Args:
-        tree: From `read`.
-        effects: As they stand in the result.
-    """
-    if not effects:
-        return None
-    size = np.asarray(tree["sample_stats"][SIZE], dtype=float)
-    return PlausibleEffects(effects, size.reshape(-1, len(effects)))
 
 
 def _plausible(posterior: Posterior) -> dict[str, np.ndarray]:
@@ -164,34 +114,13 @@ def _plausible(posterior: Posterior) -> dict[str, np.ndarray]:
     return {SIZE: size.reshape(*posterior.log_density.shape, size.shape[-1])}
 
 
-def _noise_scores(group: Any, parameter: Parameter) -> np.ndarray:
-    """Return the scores of a parameter of the noise; runs of old have no unmodelled heat."""
-    if parameter.name in group:
-        return parameter.score(np.asarray(group[parameter.name], dtype=float))
-    return np.full(np.shape(group[NOISE[0].name]), ABSENT)
-
-
-def summary(posterior: Posterior) -> Any:
-    """Return ArviZ's table of means, intervals and diagnostics."""
-    return load_arviz().summary(groups(posterior))
-
-
-def _netcdf(data: Any) -> bytes:
+def _netcdf(tree: Any) -> bytes:
     """Return the bytes of a NetCDF file: HDF5 on a full disk ends the process with a fault."""
-    import xarray
-
-    arviz = load_arviz()
-    names = () if _is_tree(arviz) else data.groups()
-    tree = data if _is_tree(arviz) else xarray.DataTree.from_dict({n: data[n] for n in names})
     packed = {"zlib": True, "complevel": 4}
     encoding = {
         group.path: {str(name): packed for name in group.data_vars} for group in tree.subtree
     }
     return bytes(tree.to_netcdf(engine="h5netcdf", encoding=encoding))
-
-
-def _is_tree(arviz: Any) -> bool:
-    return int(arviz.__version__.split(".")[0]) >= 1
 
 
 def _variables(
@@ -228,7 +157,7 @@ def _label(data: Any, posterior: Posterior) -> None:
     group.attrs["method"] = posterior.method
     group.attrs["verdict"] = posterior.sentence()
     names = ["posterior", "sample_stats", "observed_data"]
-    if hasattr(data, "log_prior"):
+    if "log_prior" in data.children:
         data["log_prior"].attrs["meaning"] = PRIOR
         data["log_likelihood"]["winding"].attrs["meaning"] = LEFT_OUT
         data["log_likelihood"]["dependence"].attrs["meaning"] = DEPENDENCE

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -23,15 +23,12 @@ import pandas as pd
 from ..errors import InputError
 from ..io.toml_text import parse_toml
 from ..model.catalogue import effects_named
-from ..model.draws import Draws, PlausibleEffect
 from ..model.loggers import Loggers
 from ..model.model import Model
 from ..model.network_text import network_of, network_text
 from ..model.parameters import Parameter, ParameterSet, collect
 from ..motor.certificate import parse_meta
 from ..motor.file import parse_motor
-from ..posterior.predict import NUM_DRAWS, Prediction, predict
-from ..posterior.virtual import reduce_driven, refuse_runaway, virtual_record
 from ..readers.joined import read_test
 from ..record.blocks import Logger
 from ..record.motor import Adequacy, Certificate, Motor
@@ -39,8 +36,12 @@ from ..record.record import Finding, Record
 from ..results import DiscoveryResult, FitResult, from_json
 from ..results.model import DescribedTest
 from ..results.values import Role, known
-from . import netcdf
+from . import stored_draws
 from .run_folder import MANIFEST, SourceFile, as_named, read_listed, refuse_changed
+
+if TYPE_CHECKING:  # what computes with a run is loaded when it does
+    from ..model.draws import Draws, PlausibleEffect
+    from ..posterior.predict import Prediction
 
 FORMAT = "heatrun-model/1"
 
@@ -289,24 +290,37 @@ class Run:
 
     def posterior(self, network: str | None = None) -> Any:
         """Return the draws of a network as an xarray `DataTree`, groups as in `idata`."""
+        from . import netcdf
+
         name = draws_name(self.choose(network))
         return _whole(self, name, lambda: netcdf.from_bytes(self.file(name)))
 
     @property
     def idata(self) -> Any:
         """The draws of the last network as ArviZ knows them."""
-        return netcdf.as_arviz(self.file(draws_name(self.choose())))
+        from . import netcdf
+
+        return netcdf.as_arviz(self.posterior())
+
+    def arrays(self, network: str | None = None) -> stored_draws.Groups:
+        """Return the draws of a network as arrays, as they are stored."""
+        name = draws_name(self.choose(network))
+        return _whole(self, name, lambda: stored_draws.groups_of(self.file(name)))
 
     def draws(self, network: str | None = None) -> Draws:
         """Return the draws of a network with all that gives them a meaning."""
+        from ..model.draws import Draws
+
         found = self.model(network)
-        tree = self.posterior(network)
+        groups = self.arrays(network)
         name = draws_name(self.choose(network))
         adequacy = found.model.adequacy
-        vectors = _whole(self, name, lambda: netcdf.vectors(tree, found.parameters, adequacy))
+        vectors = _whole(
+            self, name, lambda: stored_draws.vectors(groups, found.parameters, adequacy)
+        )
         flat = vectors.reshape(-1, vectors.shape[-1])
         effects = self._maybe_missing(self.choose(network))
-        behind = _whole(self, name, lambda: netcdf.plausible(tree, effects))
+        behind = _whole(self, name, lambda: stored_draws.plausible(groups, effects))
         loggers = self._loggers(self.choose(network))
         return Draws(found.model, self.motor, found.parameters, flat, behind, loggers)
 
@@ -317,6 +331,8 @@ class Run:
 
     def _maybe_missing(self, network: str) -> tuple[PlausibleEffect, ...]:
         """Return the effects that the draws of a network are averaged over."""
+        from ..model.draws import PlausibleEffect
+
         rows = known(self.result.models[network].maybe_missing) or ()
         ids = dict.fromkeys(row.id for row in rows)  # an event may be there once for each test
         kinds = dict(zip(ids, effects_named([*ids], str(self.path)), strict=True))
@@ -358,7 +374,7 @@ class Run:
         *,
         network: str | None = None,
         motor: Motor | None = None,
-        num_draws: int = NUM_DRAWS,
+        num_draws: int | None = None,
         seed: int = 0,
     ) -> Prediction:
         """Predict a test.
@@ -370,13 +386,16 @@ class Run:
             test: A record, or its file.
             network: Name of the network; the last one if None.
             motor: How the bench of this test measures; that of the run if None.
-            num_draws: Number of draws.
+            num_draws: Number of draws; that of `heatrun.posterior.predict.predict` if None.
             seed: Of draws, start and noise.
 
         Raises:
             InputError: If the run or the file cannot be read, a channel is missing, or the model
                 leaves the temperatures at which there is a machine.
         """
+        from ..posterior.predict import NUM_DRAWS, predict
+        from ..posterior.virtual import reduce_driven, refuse_runaway
+
         motor = motor or self.motor
         record = test if isinstance(test, Record) else read_test(Path(test), motor)
         blocks = reduce_driven(record, motor)
@@ -384,7 +403,7 @@ class Run:
         owner = self.fitted_as(record)
         if owner is not None and owner not in draws.parameters.tests:
             owner = None
-        found = predict(draws, blocks, fitted_as=owner, num_draws=num_draws, seed=seed)
+        found = predict(draws, blocks, fitted_as=owner, num_draws=num_draws or NUM_DRAWS, seed=seed)
         refuse_runaway(found, f"{record.name}, {self.path}")
         return found
 
@@ -401,6 +420,8 @@ class Run:
         Returns:
             As `heatrun.posterior.virtual.virtual_record`.
         """
+        from ..posterior.virtual import virtual_record
+
         motor = motor or self.motor
         record = test if isinstance(test, Record) else read_test(Path(test), motor)
         found = self.predict(record, network=network, motor=motor, seed=seed)

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from heatrun.attempts import refuse_wrong_sums
+from heatrun.arithmetic import refuse_wrong_sums
 from heatrun.fit.fit import (
     DISTINCT,
     NUM_STARTS,

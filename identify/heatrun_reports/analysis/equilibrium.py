@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -34,7 +35,9 @@ from heatrun.record.samples import block_means, samples, sink_channel
 from ..card import NOT_OF_THE_MACHINE
 from ..simulated import Simulated, simulate_run
 from .drive import BLOCK_S, LossSplit, Stretch, has, load_channels, split_losses, stretches
-from .steady_of_network import SteadyNetwork, steady_of_network
+
+if TYPE_CHECKING:
+    from .steady_of_network import SteadyNetwork
 
 STEADY_BLOCK_S = 60.0
 """Means that are fitted [s]."""
@@ -457,4 +460,6 @@ def _steady(simulated: Simulated | None, settled: tuple[Equilibrium, ...]) -> St
     last = of_winding[-1]
     if last.is_reached is True or not last.is_held or last.stretch is None:
         return None
+    from .steady_of_network import steady_of_network
+
     return steady_of_network(simulated.prediction, last.stretch)

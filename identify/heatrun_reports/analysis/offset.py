@@ -22,16 +22,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
 
 from heatrun.errors import InputError
 from heatrun.readers.clock_offset import correlation as residual_correlation
 from heatrun.record.record import Finding, Record
 from heatrun.record.samples import median_step, samples
+
+if TYPE_CHECKING:  # SciPy has it in a part that is slow to load
+    from scipy.interpolate import CubicSpline
 
 CLOSEST = 1e-6
 """Unexplained share of the variance [1] below which two signals count as the same."""
@@ -271,6 +273,9 @@ def _within(
 
 def _smoothed(record: Record, channel: str, width_s: float) -> CubicSpline:
     """A signal under a Gaussian, as a curve over the record's own clock."""
+    from scipy.interpolate import CubicSpline
+    from scipy.ndimage import gaussian_filter1d
+
     time_s, values = samples(record, channel)
     width = width_s / median_step(time_s)
     return CubicSpline(time_s, gaussian_filter1d(values, width, mode="nearest"))
@@ -278,6 +283,8 @@ def _smoothed(record: Record, channel: str, width_s: float) -> CubicSpline:
 
 def _width(test: Record, reference: Record, channel: str, offset_s: float, grid_s: float) -> float:
     """The widest Gaussian, in steps of the grid, that takes nothing but noise off a signal."""
+    from scipy.ndimage import gaussian_filter1d
+
     ours_s, ours = samples(test, channel)
     theirs_s, theirs = samples(reference, channel)
     first_s = max(ours_s[0], theirs_s[0] + offset_s)

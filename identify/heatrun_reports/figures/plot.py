@@ -17,7 +17,7 @@ from heatrun.record.channels import CHANNEL
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
 from heatrun.record.samples import samples
-from heatrun.reports.figures import plain
+from heatrun.reports.figures import GAP_IN, plain, stack
 
 from ..analysis.drive import bridged_steps, electrical_power, has, with_powers
 from ..analysis.operating_map import OperatingMap
@@ -34,6 +34,9 @@ WIDTH_IN = 7.2
 LEGEND_CHARACTERS, MARK_CHARACTERS = 120, 7
 """Characters of 7 pt that fit across a panel, and how many of them the mark of a label takes."""
 
+ROW_IN = 0.14
+"""Height of a line of a legend [in]."""
+
 MAX_POINTS = 3000
 """Points of a line: several per pixel of the printed width."""
 
@@ -44,7 +47,7 @@ def stacked(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
     Args:
         heights: Of each panel [in].
     """
-    figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.4), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.4))
     grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=list(heights))
     return figure, list(grid[:, 0])
 
@@ -77,18 +80,23 @@ def line(axis: Axes, time_s: np.ndarray, values: np.ndarray, label: str, number:
 
 def finish(axes: Sequence[Axes], *, is_over_time: bool = True) -> None:
     """Set what all panels share; the last one carries the time."""
+    above = []
     for axis in axes:
         axis.tick_params(labelsize=8)
         axis.spines["top"].set_visible(False)
         axis.spines["right"].set_visible(False)
         handles, labels = axis.get_legend_handles_labels()
+        above.append(GAP_IN)
         if labels:
+            num_columns = _num_columns(labels)
+            above[-1] += ROW_IN * -(-len(labels) // num_columns)
             axis.legend(
-                handles, labels, fontsize=7, frameon=False, ncols=_num_columns(labels),
+                handles, labels, fontsize=7, frameon=False, ncols=num_columns,
                 loc="lower left", bbox_to_anchor=(0.0, 0.99), borderaxespad=0.1,
             )  # fmt: skip
     if is_over_time:
         axes[-1].set_xlabel("time [min]")
+        stack(axes[0].figure, axes, above)  # pyright: ignore[reportArgumentType]
 
 
 def _num_columns(labels: Sequence[str]) -> int:

@@ -13,6 +13,7 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import BinaryIO, Literal
 
 import numpy as np
@@ -136,6 +137,9 @@ STATES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 """Switches, in lower case, as fans and relays are logged; they say nothing about the layout."""
 
 NUMBER_CELL = {sign: re.compile(pattern) for sign, pattern in NUMBER.items()}
+MOST_CELLS = 1 << 14
+"""Cells [1] that are remembered: a layout is found by looking at the same ones from all sides."""
+
 QUOTED_OR_SOLID = re.compile(r'"[^"]*"|\S+')
 
 
@@ -159,6 +163,7 @@ def split_line(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
+@lru_cache(maxsize=MOST_CELLS)
 def is_time(cell: str) -> bool:
     """Return whether a cell is a clock time or a date with a time."""
     cell = plain_clock(cell)
@@ -171,6 +176,7 @@ def is_time(cell: str) -> bool:
     )
 
 
+@lru_cache(maxsize=MOST_CELLS)
 def is_number(cell: str, decimal: str) -> bool:
     """Return whether a cell is a number under a decimal sign."""
     return NUMBER_CELL[decimal].fullmatch(bare(cell)) is not None

@@ -1,0 +1,60 @@
+"""The numbers of a parameter set, for the numerics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .parameters import Form, ParameterSet
+
+
+class Priors(eqx.Module):
+    """The numbers of a parameter set.
+
+    Attributes:
+        centre: Centre of each slot's prior [its unit], shape (parameter,).
+        sd: Its standard deviation, of the logarithm [1] or [its unit], shape (parameter,).
+        fixed: Fixed values by name, for each test.
+    """
+
+    centre: Float[Any, " parameter"]
+    sd: Float[Any, " parameter"]
+    fixed: tuple[dict[str, Float[Any, ""]], ...]
+
+    def values(
+        self, form: Form, z: Float[Array, " parameter"], test: int
+    ) -> dict[str, Float[Array, ""]]:
+        """Return the values of all parameters for one test [their units].
+
+        Args:
+            form: What stands in which slot.
+            z: Scores.
+            test: Index of the test.
+        """
+        result = dict(self.fixed[test])
+        for position, (name, transform, owner) in enumerate(form):
+            if owner is None or owner == test:
+                shift = self.sd[position] * z[position]
+                centre = self.centre[position]
+                result[name] = centre * jnp.exp(shift) if transform == "log" else centre + shift
+        return result
+
+    @classmethod
+    def of(cls, parameters: ParameterSet) -> Priors:
+        """Return centres, standard deviations, and fixed values of a parameter set."""
+        return cls(
+            centre=np.asarray([slot.parameter.centre for slot in parameters.slots]),
+            sd=np.asarray([slot.parameter.sd for slot in parameters.slots]),
+            fixed=tuple(
+                {
+                    name: np.asarray(parameter.fixed, dtype=float)
+                    for name, parameter in of_test.items()
+                    if parameter.fixed is not None
+                }
+                for of_test in parameters.by_test
+            ),
+        )

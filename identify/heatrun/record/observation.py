@@ -1,0 +1,112 @@
+"""The arrays of a reduced record that the numerics need."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lptn import Inputs
+from lptn.inputs import SIGNALS
+
+from .blocks import Blocks, length_class, with_more
+
+
+class Observation(eqx.Module):
+    """The arrays of a reduced record that the numerics need; a pytree.
+
+    Attributes:
+        inputs: Means over the steps.
+        measured: Mean reading of each block [degC], shape (row,); 0 where there is none.
+        is_observed: Which blocks hold a reading, shape (row,).
+        weight: As `Blocks.weight`.
+        position: As `Blocks.position`.
+        count: As `Blocks.count`.
+        known_variance: As `Blocks.known_variance`.
+        block_s: Length of a block [s].
+        heat: What unmodelled heat with the standard deviation of the mean loss does to the block
+            means [K], as columns whose outer product is its covariance, shape (row, column).
+        moments: As `Blocks.moments`.
+        noise_scale: Noise of the logger of each sensor over that of the first one [1], shape
+            (sensor,).
+        fitted: As `Blocks.fitted`.
+    """
+
+    inputs: Inputs
+    measured: Float[Any, " row"]
+    is_observed: Bool[Any, " row"]
+    weight: Float[Any, "row step"]
+    position: Float[Any, "row step"]
+    count: Float[Any, " row"]
+    known_variance: Float[Any, " row"]
+    block_s: Float[Any, ""]
+    heat: Float[Any, "row column"]
+    moments: Float[Any, "row moment"]
+    noise_scale: Float[Any, " sensor"]
+    fitted: tuple[str, ...] = eqx.field(static=True, default=())
+
+    @property
+    def num_sensors(self) -> int:
+        """Number of sensors, the winding's included."""
+        return 1 + len(self.fitted)
+
+    def padded(self) -> Observation:
+        """Return it with blocks without readings up to the next `length_class`.
+
+        The inputs are held there; columns of `moments` are filled up likewise, with zeros.
+        """
+        num, per_block = self.weight.shape[0] // self.num_sensors, self.weight.shape[1]
+        whole = length_class(num)
+        inputs = self.inputs
+        held = {
+            name: np.pad(np.asarray(values), (0, (whole - num) * per_block), mode="edge")
+            for name in SIGNALS
+            if (values := getattr(inputs, name)) is not None
+        }
+
+        def more(rows: Any, value: float | bool = 0.0) -> np.ndarray:
+            return with_more(np.asarray(rows), self.num_sensors, whole, value)
+
+        moments = more(self.moments)
+        columns = length_class(moments.shape[1])
+        return replace(
+            self,
+            inputs=replace(inputs, **held),
+            measured=more(self.measured),
+            is_observed=more(self.is_observed, False),
+            weight=more(self.weight),
+            position=more(self.position, 0.5),
+            count=more(self.count),
+            known_variance=more(self.known_variance),
+            heat=more(self.heat),
+            moments=np.pad(moments, ((0, 0), (0, columns - moments.shape[1]))),
+        )
+
+    @classmethod
+    def of(
+        cls,
+        test: Blocks,
+        heat: Float[np.ndarray, "row column"] | None,
+        noise_scale: Sequence[float] | None,
+    ) -> Observation:
+        """Return the arrays of a reduced record; arguments as `Blocks.observation`."""
+        heat = np.zeros((test.measured.size, 0)) if heat is None else heat
+        scale = np.ones(1 + len(test.fitted)) if noise_scale is None else np.array(noise_scale)
+        return cls(
+            inputs=test.inputs,
+            measured=np.nan_to_num(test.measured),
+            is_observed=test.is_observed,
+            weight=test.weight,
+            position=test.position,
+            count=np.asarray(test.count, dtype=float),
+            known_variance=test.known_variance,
+            block_s=np.asarray(test.block_s, dtype=float),
+            heat=heat,
+            moments=test.moments,
+            noise_scale=np.asarray(scale, dtype=float),
+            fitted=test.fitted,
+        )
