@@ -149,3 +149,8 @@ def test_what_follows_from_columns_follows_from_constants(columns, constants, ex
         assert channels.get("losses_W", np.empty(0)).size == 0
     else:
         np.testing.assert_allclose(channels["losses_W"], expected, rtol=1e-14)
+
+
+def test_a_q_current_with_none_stated_along_d_is_the_phase_current():
+    channels, _ = derive({"i_q_A": DQ["i_q_A"]}, constants={"i_d_A": 0.0})
+    np.testing.assert_allclose(channels["phase_current_A"], DQ["i_q_A"] / np.sqrt(2.0), rtol=1e-14)

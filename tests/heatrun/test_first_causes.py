@@ -7,7 +7,6 @@ import pytest
 from heat_runs import CLEAN, MOTOR, as_columns, changed, decided, every, fell_off, heat_run
 
 from heatrun.checks import check_record
-from heatrun.checks.course import cooling_constants
 from heatrun.checks.unexplained import unexplained_movement
 from heatrun.record.record import Record
 
@@ -61,17 +60,6 @@ def test_a_sensor_that_fails_early_teaches_nothing_false():
 def test_a_load_that_steps_explains_what_the_winding_does(seed):
     clean = heat_run(100 + seed, 60.0, step_s=2.0, rounding=(0.0, 0.1, 1.0, 1.0)[seed], noise=0.05)
     assert unexplained_movement(clean, MOTOR) is None
-
-
-@pytest.mark.parametrize("tau_s", [(37.0, 1040.0), (110.0, 2500.0)])
-def test_a_cool_down_tells_two_time_constants(tau_s):
-    time_s = np.arange(0.0, 3600.0, 5.0)
-    rise = sum(A * np.exp(-time_s / tau) for A, tau in zip((30.0, 50.0), tau_s, strict=True))
-    record = Record(
-        "run", {"time_s": time_s, "winding_degC": np.round(20.0 + rise, 1),
-                "ambient_degC": np.full(time_s.size, 20.0)},
-    )  # fmt: skip
-    assert cooling_constants(record, MOTOR) == pytest.approx(tau_s, rel=0.02)
 
 
 def test_a_steady_load_tells_its_rise():
