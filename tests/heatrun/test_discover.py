@@ -9,6 +9,7 @@ import json
 from contextlib import redirect_stdout
 from pathlib import Path
 
+import jsonschema
 import pytest
 from discovered import discovered
 from hidden_machines import machine
@@ -18,6 +19,7 @@ from heatrun.cli import main
 from heatrun.model.catalogue import all_effects
 from heatrun.posterior.posterior import normal_draws
 from heatrun.readers.mat5 import read_variables
+from heatrun.results.schema import schema_of
 from lptn import EFFECTS
 
 IDS = {kind.card.id for kind in EFFECTS}
@@ -86,6 +88,13 @@ def test_the_command_names_what_is_hidden_with_its_amplitude_and_writes_its_fold
     for name in ("discovery.pdf", "sheet.pdf", "fit.json", "posterior_second.nc", "manifest.json"):
         assert (folder / name).stat().st_size > 0
     assert not folder.with_name("run.partial").exists()
+
+
+def test_a_fresh_result_holds_to_the_schema_which_knows_each_field(stored):
+    schema = schema_of("discovery-2.json")
+    validator = jsonschema.Draft202012Validator(schema)
+    assert [error.message for error in validator.iter_errors(stored)] == []
+    assert set(stored) == set(schema["required"])
 
 
 def test_the_gap_is_at_the_stator_in_significant_spans(stored):

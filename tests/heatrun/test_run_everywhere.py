@@ -134,9 +134,9 @@ def test_sheet_and_export_of_a_network_with_effects(day, capsys, monkeypatch):
 
 
 @needs_octave
-@pytest.mark.parametrize("test", ["duty", "step"])
-def test_octave_integrates_the_export_of_the_run(test, day, capsys, monkeypatch):
+def test_octave_integrates_the_export_of_the_run(day, capsys, monkeypatch):
     monkeypatch.chdir(day)
+    test = "step"  # held out, so that its start is found anew
     written = json_of(capsys, "export", "run", "--to", "mat", "--test", test, "--out", test)
     said = octave(written["files"][1], day)
     table = pd.read_csv(Path(test, "network_course.csv"))

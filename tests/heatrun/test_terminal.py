@@ -1,11 +1,19 @@
-"""Results as text for the terminal."""
+"""What commands say: results as text, whole lines, help, and options in any order."""
 
 from __future__ import annotations
 
+import io
+import json
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
+from heatrun import cli
+from heatrun.commands import all_commands
+from heatrun.commands.console import EVERY_S, PROGRESS, bar, say
 from heatrun.record.record import Finding
 from heatrun.reports.terminal import discovery_text, result_text
 from heatrun.results import DiscoveryResult, FitResult, from_json
@@ -138,3 +146,116 @@ def test_what_is_missing_is_said_to_be_missing():
     assert all(line.startswith(f"  {span.test}, ") for line in lines[place + 1 : place + 7])
     assert lines[place + 7] == "  and 2 more in discovery.pdf"
     assert "alone misses" not in discovery_text(replace(stored, where=()))
+
+
+class Pieces(io.StringIO):
+    """A stream that remembers what it was given at once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.pieces: list[str] = []
+
+    def write(self, text: str) -> int:
+        self.pieces.append(text)
+        return super().write(text)
+
+
+def test_a_line_is_written_in_one_piece(monkeypatch):
+    stream = Pieces()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setenv(PROGRESS, "json")
+    say("first order: sampling")
+    with bar() as progress:
+        progress("250 steps", 0.31)
+    assert stream.pieces[0] == "· first order: sampling\n"
+    assert json.loads(stream.pieces[1]) == {"share": 0.31, "doing": "250 steps"}
+    assert len(stream.pieces) == 2
+    assert stream.pieces[1].endswith("\n")
+
+
+def test_without_a_terminal_the_time_left_is_printed_now_and_then(monkeypatch):
+    stream = Pieces()
+    now = [100.0]
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.delenv(PROGRESS, raising=False)
+    with bar(lambda: now[0]) as progress:
+        progress("first order: fitting; about 2 min left", 0.0)
+        progress("first order: fitted; about 2 min left", 0.1)
+        now[0] += EVERY_S
+        progress("second order: 500 steps; about 1 min left", 0.534)
+        now[0] += EVERY_S
+        progress("done", 1.0)
+    assert stream.pieces == [
+        "· 0 %, first order: fitting; about 2 min left\n",
+        "· 53 %, second order: 500 steps; about 1 min left\n",
+    ]
+
+
+@pytest.mark.parametrize(
+    "words", [[], *([name] for name in all_commands())], ids=lambda w: " ".join(w)
+)
+def test_help_is_printed(words, capsys):
+    with pytest.raises(SystemExit) as stop:
+        cli.main([*words, "--help"])
+    said = capsys.readouterr()
+    assert (stop.value.code, said.err) == (0, "")
+    assert " ".join(["usage: heatrun", *words]) in said.out
+    if not words:
+        assert "parameters with 95 % intervals" in said.out
+        assert all(name in said.out for name in all_commands())
+
+
+def parsed(*words: str):
+    return cli._parser().parse_args(list(words))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["export", "run", "new.csv", "--to", "mat"],
+        ["export", "run", "--to", "mat", "new.csv"],
+        ["export", "--to", "mat", "run", "new.csv"],
+        ["export", "--to=mat", "run", "--force", "new.csv"],
+        ["export", "run", "--to", "mat", "--", "new.csv"],
+    ],
+)
+def test_a_test_may_be_named_behind_an_option(words):
+    options = parsed(*words)
+    assert (options.source, options.tests, options.to) == (Path("run"), [Path("new.csv")], "mat")
+
+
+def test_a_run_alone_is_exported_as_before():
+    assert parsed("export", "run", "--to", "mat").tests == []
+
+
+@pytest.mark.parametrize(
+    ("words", "tests"),
+    [
+        (["check", "motor.toml", "a.csv", "--json", "b.csv"], ["a.csv", "b.csv"]),
+        (["calibrate", "motor.toml", "a.csv", "--quick", "b.csv", "--seed", "3"],
+         ["a.csv", "b.csv"]),
+        (["calibrate", "motor.toml", "a.csv", "--holdout", "c.csv", "--quick", "b.csv"],
+         ["a.csv", "b.csv"]),
+        (["init", "a.csv", "--out", "m.toml", "b.csv"], ["a.csv", "b.csv"]),
+        (["discover", "motor.toml", "a.csv", "--quick", "b.csv"], ["a.csv", "b.csv"]),
+        (["report", "motor.toml", "a.csv", "--type", "general", "b.csv"], ["a.csv", "b.csv"]),
+    ],
+)  # fmt: skip
+def test_so_do_the_tests_of_every_command(words, tests):
+    assert [str(test) for test in parsed(*words).tests] == tests
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["export", "run"], "required: --to"),
+        (["check", "--json"], "required: MOTOR.toml, TEST"),
+        (["check", "motor.toml", "a.csv", "--jsn"], "unrecognized arguments: --jsn"),
+        (["sheet", "run", "--dcc", "other"], "unrecognized arguments: other"),
+    ],
+)
+def test_what_is_wrong_is_said_as_before(words, said, capsys):
+    with pytest.raises(SystemExit) as end:
+        parsed(*words)
+    assert end.value.code == 2
+    assert said in capsys.readouterr().err
