@@ -163,7 +163,7 @@ def test_a_q_current_with_none_stated_along_d_is_the_phase_current():
 
 
 HEAD = '[motor]\nname = "M"\n[winding]\nphase_resistance_ohm = 0.01\n'
-TIME_S = np.arange(0.0, 3600.0, 2.0)
+TIME_S = np.arange(0.0, 3600.0, 10.0)
 RISE_K = 60.0 * (1.0 - np.exp(-TIME_S / 900.0))
 RMS_A = 100.0 * np.where(TIME_S % 1200 < 900, 1.0, 0.6)
 SPEED_RPM = np.full(TIME_S.size, 3000.0)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from discovered import discovered
-from machine_of_two_sensors import machine
+from hidden_machines import machine
 from measured_machine import measured_record
 
 from heatrun.discovery.localise import Course, Where, respond
@@ -143,13 +143,13 @@ NOISE = from_scores(jnp.zeros(4))
 
 @pytest.fixture(scope="module")
 def cooled(hidden_bench):
-    return machine(hidden_bench, ("natural_convection",), 940103, target_K=0.4)
+    return machine(hidden_bench, ("natural_convection",), 940103, stator=True, target_K=0.4)
 
 
 @pytest.fixture(scope="module")
 def bare(hidden_bench):
     """Of a machine without a hidden cause, for which no size of a cause has to be found."""
-    _, motor, tests, _ = machine(hidden_bench, (), 940103)
+    _, motor, tests, _ = machine(hidden_bench, (), 940103, stator=True)
     model = Model.of("second", motor).scaled(motor, tests)
     return Engine(Problem.of(model, motor, [model.with_bodies(test) for test in tests]))
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from machine_of_two_sensors import machine
+from hidden_machines import machine
 from scipy.integrate import quad
 from scipy.stats import norm
 
@@ -251,7 +251,7 @@ NUM_DRAWS = 40
 
 @pytest.fixture(scope="module")
 def two_sensors(hidden_bench):
-    _, motor, tests, _ = machine(hidden_bench, (), 940211)
+    _, motor, tests, _ = machine(hidden_bench, (), 940211, stator=True)
     return motor, tests
 
 
