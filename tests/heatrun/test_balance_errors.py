@@ -211,12 +211,8 @@ def record(generator):
     return measured_record(generator, profile, 81, stator=False, shaft_gain=LATE_GAIN)
 
 
-def fit_of(record, motor):
-    return fit(Problem.of(Model.of("second", motor), motor, [reduce(record, motor)]))
-
-
-def test_the_gain_is_found_and_the_parameters_are_right(record, motor, truth):
-    found = fit_of(record, motor)
+def test_the_gain_is_found_with_the_torque_and_explained_by_nothing_without(record, motor, truth):
+    found = fitted(motor, record)
     values, sd = found.values(), np.sqrt(np.diag(found.covariance))
     place = found.problem.parameters.index("shaft_power_gain")
     assert abs(values["shaft_power_gain"] - LATE_GAIN) < 3.0 * 0.01 * sd[place]
@@ -225,13 +221,10 @@ def test_the_gain_is_found_and_the_parameters_are_right(record, motor, truth):
         place = found.problem.parameters.index(name)
         off = found.z[place] - found.slots[place].parameter.score(truth[name])
         assert abs(off) < 3.0 * sd[place], name
-
-
-def test_without_the_torque_the_same_error_is_not_explained(record, motor, truth):
     channels = {name: v for name, v in record.channels.items() if name != "torque_Nm"}
-    blind, seeing = fit_of(replace(record, channels=channels), motor), fit_of(record, motor)
+    blind = fitted(motor, replace(record, channels=channels))
     assert "shaft_power_gain" not in blind.problem.parameters.names
-    assert float(blind.noise.heat) > 3.0 * float(seeing.noise.heat)
+    assert float(blind.noise.heat) > 3.0 * float(found.noise.heat)
 
 
 def test_a_map_of_losses_knows_no_mechanical_power(record, motor):

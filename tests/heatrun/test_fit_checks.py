@@ -33,7 +33,7 @@ from heatrun.posterior.identifiability import (
     check_reduction,
     reduction_error,
 )
-from heatrun.posterior.posterior import weighted_draws
+from heatrun.posterior.posterior import normal_draws
 from heatrun.posterior.predict import predict
 from heatrun.record.motor import Adequacy, Motor
 from heatrun.record.record import Record
@@ -47,12 +47,12 @@ def told(draws, id="calibration_outside_band"):
 
 
 def test_a_sound_fit_says_nothing(fitted):
-    assert not told(weighted_draws(fitted))
+    assert not told(normal_draws(fitted))
 
 
 @pytest.mark.parametrize("off", [-8.0, 8.0])
 def test_draws_elsewhere_than_the_fit_are_a_finding(fitted, off):
-    draws = weighted_draws(fitted)
+    draws = normal_draws(fitted)
     place = fitted.problem.parameters.index("Req_w")
     moved = draws.vectors.copy()
     moved[..., place] += off * np.sqrt(fitted.covariance[place, place])
@@ -66,7 +66,7 @@ def test_draws_elsewhere_than_the_fit_are_a_finding(fitted, off):
 @pytest.mark.parametrize(("off_K", "is_told"), [(0.0, False), (0.4, False), (2.0, True)])
 def test_heat_that_keeps_a_network_from_its_tests_is_a_finding(fitted, off_K, is_told):
     away = tuple(rows + off_K for rows in fitted.residual)
-    found = told(weighted_draws(replace(fitted, residual=away)), "heat_overrules_tests")
+    found = told(normal_draws(replace(fitted, residual=away)), "heat_overrules_tests")
     assert bool(found) == is_told
     for finding in found:
         reached, rmse = fitted.stats["rmse_white_K"], finding.values["rmse_K"]

@@ -18,7 +18,7 @@ from heatrun.model.scale import BODY, TAKING_PART, one_node, scale_of_tests
 from heatrun.motor.file import parse_motor
 from heatrun.posterior.fit_checks import fit_findings
 from heatrun.posterior.identifiability import extended
-from heatrun.posterior.posterior import weighted_draws
+from heatrun.posterior.posterior import normal_draws
 from heatrun.record.motor import Motor, ParameterOverride
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
@@ -67,7 +67,7 @@ def test_a_prior_that_the_tests_contradict_is_a_finding_with_both(duty, motor):
     )
     found = fit(Problem.of(Model.of("second", stated), stated, [test]))
     (finding,) = [
-        each for each in fit_findings(weighted_draws(found), []) if each.id == "prior_conflict"
+        each for each in fit_findings(normal_draws(found), []) if each.id == "prior_conflict"
     ]
     assert "Ceq_w" in finding.message
     assert "stated in the motor file" in finding.message
@@ -165,7 +165,7 @@ def test_a_short_test_is_helped_by_the_mass(short, motor, truth):
 def test_a_mass_that_the_test_contradicts_is_a_finding(duty, motor, truth):
     """Pounds, or the mass of the whole drive."""
     found = fitted_with(motor, reduce(duty, motor), mass_kg=8.0 * truth["Ceq_sr"] / BODY)
-    findings = [f for f in fit_findings(weighted_draws(found), []) if f.id == "prior_conflict"]
+    findings = [f for f in fit_findings(normal_draws(found), []) if f.id == "prior_conflict"]
     assert [f for f in findings if "Ceq_sr" in f.message and "J/(kg K)" in f.message]
 
 

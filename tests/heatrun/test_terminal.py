@@ -23,8 +23,12 @@ from heatrun.runs.run import Run
 STORED = Path(__file__).parents[1] / "stored"
 
 
-def test_a_large_capacity_has_no_exponent():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+@pytest.fixture(scope="module")
+def stored():
+    return from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+
+
+def test_a_large_capacity_has_no_exponent(stored):
     second = stored.models["second"]
     large = replace(
         second.parameters["Ceq_sr"], value=151234.0, sd=2600.0, interval_95=(146123.0, 156321.0)
@@ -36,8 +40,7 @@ def test_a_large_capacity_has_no_exponent():
     assert re.search(r"Ceq_sr +151230 J/K +95 % 146100 … 156300 ", said)
 
 
-def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand(stored):
     lines = result_text(stored, "runs/demo").splitlines()
     assert len(lines) <= 12
     assert lines[0].startswith("USABLE: Second order. ")
@@ -53,9 +56,7 @@ def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand():
     assert all(finding.id in whole for finding in stored.findings)
 
 
-def test_what_decides_a_verdict_is_never_hidden_and_comes_next():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
-
+def test_what_decides_a_verdict_is_never_hidden_and_comes_next(stored):
     def said(*findings, **change):
         second = replace(stored.models["second"], **change)
         told = replace(stored, findings=findings, models={"second": second})
@@ -87,16 +88,14 @@ def test_what_decides_a_verdict_is_never_hidden_and_comes_next():
     assert "Next: add a test with several steps of load and a cool-down" in lines
 
 
-def test_a_warning_of_the_other_network_alone_is_left_to_the_rest():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+def test_a_warning_of_the_other_network_alone_is_left_to_the_rest(stored):
     (misfit,) = (one for one in stored.findings if one.id == "misfit")
     assert "first-order" in misfit.message
     assert result_text(stored).splitlines()[-1].startswith("With -v: warnings (single_step), ")
     assert "(misfit)" in result_text(stored, verbose=True)
 
 
-def test_a_run_at_the_prompt_is_one_line():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+def test_a_run_at_the_prompt_is_one_line(stored):
     said = repr(Run(Path("results") / "runs" / "demo", stored))
     first = stored.tests[0]
     assert said.startswith(f"<Run {Path('results', 'runs', 'demo')}: {stored.motor.name}; ")
@@ -105,8 +104,7 @@ def test_a_run_at_the_prompt_is_one_line():
     assert len(said) < 300
 
 
-def test_figures_of_long_names_stand_below_each_other():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+def test_figures_of_long_names_stand_below_each_other(stored):
     second = stored.models["second"]
     entry = second.parameters["Ceq_w"]
     models = {"four": replace(second, parameters={"Ceq_tooth": entry, "Req_winding_tooth": entry})}
@@ -117,8 +115,7 @@ def test_figures_of_long_names_stand_below_each_other():
     assert len(figures) == 4
 
 
-def test_a_rating_that_was_asked_for_is_told_or_refused():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+def test_a_rating_that_was_asked_for_is_told_or_refused(stored):
     current = DerivedFigure(
         value=140.279, unit="A", sd=0.74, interval_95=(139.608, 142.139), condition="S2-30, class F"
     )
