@@ -298,7 +298,7 @@ def test_a_long_word_can_break_and_an_endless_text_ends():
     assert printed("word " * 1000).endswith("…")
 
 
-def test_long_names_are_printed_as_they_are(tmp_path, capsys):
+def test_both_prototypes_from_the_command_line_with_names_longer_than_a_line(tmp_path, capsys):
     """A long word may break anywhere; what is read, searched or copied is the name alone."""
     data = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
     name = "Test_2024_03_05_001_" + "and_again_" * 16  # longer than a line
@@ -310,29 +310,18 @@ def test_long_names_are_printed_as_they_are(tmp_path, capsys):
     told = capsys.readouterr().out
     assert "u200b" not in told
     assert name in told
-    (pdf,) = (tmp_path / "out").glob("*.pdf")
+    pdf = tmp_path / "out" / "SemiRealVsRealPrototypeValidation_2024_03_05_001.pdf"
+    report = json.loads(pdf.with_suffix(".json").read_text("utf-8"))
+    table = {row["name"]: row["value"] for row in report["table"]}
+    assert table["offset_s"] == pytest.approx(-37.4, abs=0.3)  # stamps of 0.2 and 1 s
+    assert len(report["sources"]) == 2
     pages = PdfReader(pdf).pages
     lines = "\n".join(page.extract_text() for page in pages).splitlines()
     assert not any("\u200b" in line for line in lines)
     assert "\u200b" not in str(PdfReader(pdf).metadata)
     assert name in text_of(pdf)
-    assert not any(name in line for line in lines)  # 180 characters do not fit into 176 mm
-
-
-def test_both_prototypes_from_the_command_line(tmp_path, capsys):
-    data = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
-    code = main(
-        ["report", "--type", "real", "--json", "--tolerance", "winding_degC=2",
-         "--reference", str(data / "Road_2024_03_05_001.csv.gz"), "--out", str(tmp_path),
-         str(data / "motor.toml"), str(data / "Test_2024_03_05_001.csv.gz")]
-    )  # fmt: skip
-    (report,) = json.loads(capsys.readouterr().out)["reports"]
-    assert code == 0
-    table = {row["name"]: row["value"] for row in report["table"]}
-    assert table["offset_s"] == pytest.approx(-37.4, abs=0.3)  # stamps of 0.2 and 1 s
-    assert len(report["sources"]) == 2
-    pdf = tmp_path / "SemiRealVsRealPrototypeValidation_2024_03_05_001.pdf"
     assert "biased" in text_of(pdf)
+    assert not any(name in line for line in lines)  # 180 characters do not fit into 176 mm
 
 
 @pytest.mark.usefixtures("unset")
@@ -362,6 +351,7 @@ def report(path: Path, out: Path):
     return outcome
 
 
+@pytest.mark.usefixtures("unset")
 @pytest.mark.parametrize("step", ["write_pdf", "csv_table", "to_json"])
 def test_a_full_disk_leaves_the_earlier_report_and_no_piece(step, test_file, tmp_path, monkeypatch):
     out = tmp_path / "out"
@@ -396,6 +386,7 @@ def test_a_killed_report_leaves_nothing_that_looks_like_one(test_file, tmp_path)
     assert sorted(path.name for path in out.iterdir()) == [STEM + end for end in ENDS]
 
 
+@pytest.mark.usefixtures("unset")
 def test_the_mark_that_an_earlier_version_left_is_taken_over(test_file, tmp_path):
     first = report(test_file, tmp_path / "out")
     identity = json.loads(first.json.read_text())["identity"]
@@ -406,6 +397,7 @@ def test_the_mark_that_an_earlier_version_left_is_taken_over(test_file, tmp_path
     assert sorted(path.name for path in left.iterdir()) == [STEM + end for end in ENDS]
 
 
+@pytest.mark.usefixtures("unset")
 def test_a_name_that_another_process_has_begun_is_taken_unless_it_is_the_same_report(
     test_file, tmp_path
 ):

@@ -180,7 +180,7 @@ def test_a_winding_faster_than_the_record_is_refused_in_words(command):
 
 
 def test_a_thermal_runaway_is_said(command):
-    record = simulated(1.0, 10, (0, 100))
+    record = simulated(1.0, 30, LOADS)
     current = np.where(record.time_s > 60.0, 800.0, 0.0)
     away = Record("edge", {**record.channels, "phase_current_A": current})
     code, out, _ = command(away, TRUTH)
