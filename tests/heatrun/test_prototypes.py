@@ -284,7 +284,7 @@ def test_the_part_that_the_motor_file_uses_is_compared(tmp_path):
 
 
 REFERENCE = Motor("reference", phase_resistance_ohm=0.0062)
-BIAS_K, EARLIER_S = 4.0, 25.0
+HIGH_K, EARLIER_S = 4.0, 25.0
 
 
 @pytest.fixture(scope="module")
@@ -296,7 +296,7 @@ def machine(tmp_path_factory, bench, generator):
     kept = ("time_s", "ambient_degC", "winding_degC", "speed_rpm")
     channels = {name: test[name][EARLY:] for name in kept}
     channels["time_s"] = channels["time_s"] - EARLY + EARLIER_S
-    channels["winding_degC"] = channels["winding_degC"] + BIAS_K
+    channels["winding_degC"] = channels["winding_degC"] + HIGH_K
     return run, test, Record("road", channels)
 
 
@@ -317,7 +317,7 @@ def test_the_network_is_judged_on_the_bench_and_by_its_load_on_the_road(machine)
     # the start is read to 1 K; parameters within 0.5 % of the truth
     assert abs(bench_winding.bias) < 0.6
     assert bench_winding.verdict == "agrees"
-    assert road_winding.bias - bench_winding.bias == pytest.approx(BIAS_K, abs=0.2)
+    assert road_winding.bias - bench_winding.bias == pytest.approx(HIGH_K, abs=0.2)
     assert road_winding.verdict == "biased"
     (table,) = [t for t in report.tables if t.title == "The network of the run on each prototype"]
     assert [line.name for line in table.lines] == ["winding, semi-real", "winding, real"]
@@ -360,7 +360,7 @@ def test_a_run_stands_for_the_virtual_prototype_on_the_clock_of_what_drove_it(ma
     assert offset.method == "by way of semi-real"
     assert offset.sd_s == pairs["semi-real − real"].pair.offset.sd_s > 0.0
     (winding,) = pairs["real − virtual"].judged
-    assert winding.bias == pytest.approx(BIAS_K, abs=0.6)
+    assert winding.bias == pytest.approx(HIGH_K, abs=0.6)
 
 
 def simulated(path: Path, record: Record) -> Path:

@@ -62,7 +62,8 @@ def day(tmp_path_factory, bench, generator):
         pd.DataFrame(channels).to_csv(folder / f"{name}.csv", index=False)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr(calibration, "missing", lambda *_, **__: None)
+        for name in ("find", "missing"):
+            patch.setattr(calibration, name, lambda *_, **__: None)
         patch.setattr(calibration, "sample", lambda fit, seed, **_: normal_draws(fit, seed=seed))
         patch.setattr(calibration, "check_reduction", lambda *_: (0.0, ()))
         patch.setattr(of_result, "forecast", lambda *_: {})

@@ -48,7 +48,8 @@ def found(finished_day):
     evil = replace(motor, name=HOSTILE)
     tests = [replace(duty, record=named, blocks=replace(duty.blocks, name=HOSTILE), findings=())]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibration, "missing", lambda *_, **__: None)
+        for name in ("find", "missing"):
+            patch.setattr(calibration, name, lambda *_, **__: None)
         patch.setattr(calibration, "sample", lambda fit, seed, **_: normal_draws(fit, seed=seed))
         settings = Settings(networks=["second"], method="quick", command=HOSTILE)
         return calibration.calibrate(evil, tests, settings)

@@ -262,7 +262,7 @@ def test_the_command_writes_what_it_says(tmp_path, capsys):
     assert "exists and holds another result" in capsys.readouterr().err
 
 
-AIR = 20.0
+ROOM = 20.0
 HOT = np.array([104.0, 68.0])  # winding and stator over the air [K]
 
 
@@ -275,7 +275,7 @@ def state_matrix(truth):
 def write_readings(folder, truth, first_s):
     """The reference motor's winding between two terminals, after switch-off."""
     A, time_s = state_matrix(truth), np.arange(first_s, first_s + 300.0, 15.0)
-    winding = AIR + np.array([(expm(A * t) @ HOT)[0] for t in time_s])
+    winding = ROOM + np.array([(expm(A * t) @ HOT)[0] for t in time_s])
     scatter = np.random.default_rng(4).normal(1.0, 1e-4, time_s.size)
     ohm = 0.0124 * (234.5 + winding) / (234.5 + 25.0) * scatter
     lines = [f"{t:.0f},{1e3 * R:.6f}" for t, R in zip(time_s, ohm, strict=True)]
@@ -285,7 +285,7 @@ def write_readings(folder, truth, first_s):
         text = text.replace(
             "phase_resistance_ohm", "measured_resistance_ohm = 0.0124\nphase_resistance_ohm"
         )
-        text += f"[constants]\nambient_degC = {AIR}\n[shutdown]\nrun_down_s = 0\n"
+        text += f"[constants]\nambient_degC = {ROOM}\n[shutdown]\nrun_down_s = 0\n"
         text += (
             "cold_resistance_sd = 0.0005\ncold_temperature_sd_K = 0.1\ncoefficient_sd_degC = 0.2\n"
         )
@@ -313,7 +313,7 @@ def test_a_run_brings_its_time_constants_along(day, truth, capsys):
     assert cli.main([*words, "--run", "run", "--model", "second"]) == 0
     with_run = json.loads(capsys.readouterr().out)
     low, high = with_run["winding_95_degC"]
-    assert low < AIR + HOT[0] < high
+    assert low < ROOM + HOT[0] < high
     # the readings alone leave the fast mode open
     assert with_run["extrapolation_95_K"] < 0.7 * alone["extrapolation_95_K"]
     assert "network second" in with_run["prior"]
