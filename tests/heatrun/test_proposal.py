@@ -284,7 +284,7 @@ def test_an_optimum_that_no_draw_came_near_is_noticed(rto, short, rng8):
     found = Weighted.of(drawn.vectors, evaluate(short, drawn.vectors), drawn.log_density, rto)
     assert np.all(covered(short, found))
     far = short.noise_z + 1.5 + 0.05 * rng8.standard_normal((50, short.noise_z.size))
-    aside = replace(rto, of_short=(Kernels.over(far, np.full(50, 0.02), rng8),))
+    aside = replace(rto, kernels=(Kernels.over(far, np.full(50, 0.02), rng8),))
     drawn = aside.draw(512, rng8)
     found = Weighted.of(drawn.vectors, evaluate(short, drawn.vectors), drawn.log_density, aside)
     away = replace(short, modes=short.z[None])
