@@ -48,10 +48,9 @@ NOT_QUICK = ("app/", "benchmarks/", "crosschecks/", "faults/", "fleet/", "studie
 """Folders of tests that start other programs or fit a lot."""
 
 TOGETHER = dict.fromkeys(
-    (f"heatrun/test_{name}.py" for name in (
-        "discover", "effects_search", "discover_command", "page_invariant", "missing")),
+    (f"heatrun/test_{name}.py" for name in ("discover", "effects_search", "missing")),
     "search for effects",
-)  # fmt: skip
+)
 """Files that one worker runs, for what the first has traced and compiled serves the others."""
 
 TAKEN: Counter[str] = Counter()

@@ -1,15 +1,18 @@
-"""Compiled sums against those of NumPy: one version of jaxlib has them wrong, in silence."""
+"""What the installation must be: sums as NumPy has them, and packages that import no other."""
 
 from __future__ import annotations
 
 from importlib.metadata import version
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun import arithmetic
+import heatrun
+from heatrun import arithmetic, commands
 from heatrun.arithmetic import refuse_wrong_sums, sums_of_squares
+from heatrun.cli import main
 from heatrun.effects.found import find
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
@@ -93,3 +96,24 @@ def test_wrong_sums_are_refused_by_version_and_remedy_each_time(wrong):
 def test_nothing_is_fitted_on_wrong_sums(wrong, begin):
     with pytest.raises(InputError, match="computes wrong sums"):
         begin()
+
+
+def test_names_of_other_packages_are_reached_and_unknown_ones_refused():
+    assert {"calibrate", "calibrate_fleet", "population"} <= set(dir(heatrun))
+    assert heatrun.calibrate_fleet.__module__ == "heatrun_fleet.api"
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = heatrun.nonsense
+
+
+def test_a_command_of_another_package_stands_last_in_the_help_and_runs(monkeypatch, capsys):
+    def add_parser(parsers):
+        return parsers.add_parser("weigh", help="the mass")
+
+    module = SimpleNamespace(add_parser=add_parser, run=lambda options: print("4 kg") or 0)
+    entries = [SimpleNamespace(name="weigh", load=lambda: module),
+               SimpleNamespace(name="check", load=lambda: module)]  # fmt: skip
+    monkeypatch.setattr(commands, "entry_points", lambda group: entries)
+    assert list(commands.all_commands()) == [*commands.COMMANDS, "weigh"]
+    assert commands.all_commands()["check"]() is not module  # ours are not replaced
+    assert main(["weigh"]) == 0
+    assert capsys.readouterr().out == "4 kg\n"

@@ -1,4 +1,4 @@
-"""Reports as files: names, tables, folders of tests, hostile names, files that change."""
+"""Reports as files: names, tables, folders, hostile names; there together or not at all."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import io
 import json
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +16,14 @@ import pytest
 from pypdf import PdfReader
 
 from heatrun.cli import main
+from heatrun.io.file_set import FileSet
 from heatrun.readers.joined import read_test, read_tests
 from heatrun.record.motor import Motor
 from heatrun_reports import CARDS, TEST_TYPES, job, make_report
 from heatrun_reports.command import TYPES
 from heatrun_reports.csv_table import neutral
 from heatrun_reports.document import number, printed
+from heatrun_reports.report_name import set_name
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
 HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* <script> \x1b[31m'
@@ -294,7 +298,7 @@ def test_a_long_word_can_break_and_an_endless_text_ends():
     assert printed("word " * 1000).endswith("…")
 
 
-def test_long_names_are_printed_as_they_are(tmp_path, capsys):
+def test_both_prototypes_from_the_command_line_with_names_longer_than_a_line(tmp_path, capsys):
     """A long word may break anywhere; what is read, searched or copied is the name alone."""
     data = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
     name = "Test_2024_03_05_001_" + "and_again_" * 16  # longer than a line
@@ -306,29 +310,18 @@ def test_long_names_are_printed_as_they_are(tmp_path, capsys):
     told = capsys.readouterr().out
     assert "u200b" not in told
     assert name in told
-    (pdf,) = (tmp_path / "out").glob("*.pdf")
+    pdf = tmp_path / "out" / "SemiRealVsRealPrototypeValidation_2024_03_05_001.pdf"
+    report = json.loads(pdf.with_suffix(".json").read_text("utf-8"))
+    table = {row["name"]: row["value"] for row in report["table"]}
+    assert table["offset_s"] == pytest.approx(-37.4, abs=0.3)  # stamps of 0.2 and 1 s
+    assert len(report["sources"]) == 2
     pages = PdfReader(pdf).pages
     lines = "\n".join(page.extract_text() for page in pages).splitlines()
     assert not any("\u200b" in line for line in lines)
     assert "\u200b" not in str(PdfReader(pdf).metadata)
     assert name in text_of(pdf)
-    assert not any(name in line for line in lines)  # 180 characters do not fit into 176 mm
-
-
-def test_both_prototypes_from_the_command_line(tmp_path, capsys):
-    data = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
-    code = main(
-        ["report", "--type", "real", "--json", "--tolerance", "winding_degC=2",
-         "--reference", str(data / "Road_2024_03_05_001.csv.gz"), "--out", str(tmp_path),
-         str(data / "motor.toml"), str(data / "Test_2024_03_05_001.csv.gz")]
-    )  # fmt: skip
-    (report,) = json.loads(capsys.readouterr().out)["reports"]
-    assert code == 0
-    table = {row["name"]: row["value"] for row in report["table"]}
-    assert table["offset_s"] == pytest.approx(-37.4, abs=0.3)  # stamps of 0.2 and 1 s
-    assert len(report["sources"]) == 2
-    pdf = tmp_path / "SemiRealVsRealPrototypeValidation_2024_03_05_001.pdf"
     assert "biased" in text_of(pdf)
+    assert not any(name in line for line in lines)  # 180 characters do not fit into 176 mm
 
 
 @pytest.mark.usefixtures("unset")
@@ -338,3 +331,84 @@ def test_reports_from_records_in_memory(tmp_path):
     (outcome,) = make_report("energy", CAR, [memory], tmp_path / "out")
     assert outcome.error is None
     assert np.isfinite(outcome.report.result.energy_kWh)
+
+
+STEM = "GeneralInformationTest_2022_12_07_001"
+ENDS = (".csv", ".json", ".pdf")
+
+
+@pytest.fixture
+def test_file(tmp_path):
+    path = tmp_path / "Test_2022_12_07_001.csv"
+    rows = [f"{t},100,10,36,{20 + t}" for t in (0, 10, 20, 30)]
+    head = "time_s,dc_voltage_V,dc_current_A,vehicle_speed_km_per_h,winding_degC"
+    path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def report(path: Path, out: Path):
+    (outcome,) = make_report("general", CAR, [path], out)
+    return outcome
+
+
+@pytest.mark.usefixtures("unset")
+@pytest.mark.parametrize("step", ["write_pdf", "csv_table", "to_json"])
+def test_a_full_disk_leaves_the_earlier_report_and_no_piece(step, test_file, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    assert report(test_file, out).error is None
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(job, step, full)
+    outcome = report(test_file, out)
+    assert "the report cannot be written: No space left" in str(outcome.error)
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    assert "No space left" in str(report(test_file, tmp_path / "new").error)
+    assert not list((tmp_path / "new").iterdir())
+
+
+def test_a_killed_report_leaves_nothing_that_looks_like_one(test_file, tmp_path):
+    out = tmp_path / "out"
+    program = (
+        "import os, signal, sys, pathlib\n"
+        "from heatrun.record.motor import Motor\n"
+        "from heatrun_reports import job, make_report\n"
+        "job.csv_table = lambda report: os.kill(os.getpid(), signal.SIGKILL)\n"
+        f"make_report('general', Motor('car'), [pathlib.Path({str(test_file)!r})], "
+        f"pathlib.Path({str(out)!r}))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False)
+    assert done.returncode == -9
+    assert all(path.name.startswith(".") for path in out.iterdir())
+    assert report(test_file, out).error is None
+    assert sorted(path.name for path in out.iterdir()) == [STEM + end for end in ENDS]
+
+
+@pytest.mark.usefixtures("unset")
+def test_the_mark_that_an_earlier_version_left_is_taken_over(test_file, tmp_path):
+    first = report(test_file, tmp_path / "out")
+    identity = json.loads(first.json.read_text())["identity"]
+    left = tmp_path / "left"
+    left.mkdir()
+    (left / f"{STEM}.json").write_text(json.dumps({"identity": identity}))
+    assert report(test_file, left).pdf.name == f"{STEM}.pdf"
+    assert sorted(path.name for path in left.iterdir()) == [STEM + end for end in ENDS]
+
+
+@pytest.mark.usefixtures("unset")
+def test_a_name_that_another_process_has_begun_is_taken_unless_it_is_the_same_report(
+    test_file, tmp_path
+):
+    out = tmp_path / "out"
+    other = FileSet.begin(out, set_name(STEM, ["another test"]))
+    first = report(test_file, out)
+    assert first.pdf.name == f"{STEM}-2.pdf"
+    other.drop()
+    identity = json.loads(first.json.read_text())["identity"]
+    new = tmp_path / "new"
+    same = FileSet.begin(new, set_name(STEM, identity))
+    assert report(test_file, new).pdf.name == f"{STEM}.pdf"
+    same.drop()
+    assert sorted(path.name for path in new.iterdir()) == [STEM + end for end in ENDS]

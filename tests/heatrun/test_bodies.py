@@ -79,7 +79,8 @@ def calibrated(bench_files):
     tests = load_tests(motor, [bench_files / "duty.csv"])
     settings = Settings(networks=["second"])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("heatrun.calibration.missing", lambda *_, **__: None)
+        for name in ("find", "missing"):
+            patch.setattr(f"heatrun.calibration.{name}", lambda *_, **__: None)
         patch.setattr("heatrun.runs.result.forecast", lambda _: {})
         patch.setattr(
             "heatrun.calibration.sample", lambda fit, *, seed, **_: normal_draws(fit, seed=seed)

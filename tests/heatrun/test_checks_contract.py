@@ -1,13 +1,33 @@
-"""Each check keeps silent on a clean heat run and finds its own fault where it was put."""
+"""Each check keeps silent on a clean heat run, finds its own fault, and advises what mends it."""
 
 from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from faults_of_records import FAULTS, VARIANTS
-from heat_runs import CLEAN, MOTOR, SMOOTH, heat_run, named
+from heat_runs import CLEAN, MOTOR, SMOOTH, edited, heat_run, named
 
 from heatrun.checks import CHECKS, check_record
+from heatrun.checks.advice import section_of
+from heatrun.motor.file import parse_motor
+from heatrun.readers.joined import parts_of
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
+
+LINE = re.compile(r"(\[tests\.[^\]]+\]) ((?:use|use_rows|mask) = \[\[.*?\]\])")
+CASES = {id: (id, *case[:3]) for id, case in FAULTS.items()} | VARIANTS
+
+
+@cache
+def checked(name):
+    """Return what is told of a case under its id; the record is called run."""
+    id, record, motor, _ = CASES[name]
+    return named(check_record(record, motor), id)
 
 
 @pytest.mark.parametrize(
@@ -30,10 +50,10 @@ def test_every_check_has_its_fault():
     assert {check.__name__ for check in CHECKS} == set(FAULTS)
 
 
-@pytest.mark.parametrize("id", list(FAULTS))
+@pytest.mark.parametrize("id", FAULTS)
 def test_each_check_finds_its_own_fault(id):
-    record, motor, severity, key, (low, high) = FAULTS[id]
-    found = named(check_record(record, motor), id)
+    _, _, severity, key, (low, high) = FAULTS[id]
+    found = checked(id)
     assert [f.severity for f in found if f.severity == severity], found
     finding = next(f for f in found if f.severity == severity)
     assert finding.test == "run"
@@ -45,8 +65,97 @@ def test_each_check_finds_its_own_fault(id):
     assert all(np.isfinite(list(finding.values.values())))
 
 
-@pytest.mark.parametrize("name", list(VARIANTS))
+@pytest.mark.parametrize("name", VARIANTS)
 def test_the_same_fault_in_another_form(name):
-    id, record, motor, severity = VARIANTS[name]
-    severities = {f.severity for f in named(check_record(record, motor), id)}
-    assert severities == ({severity} if severity else set())
+    severity = VARIANTS[name][3]
+    assert {f.severity for f in checked(name)} == ({severity} if severity else set())
+
+
+def advised(name):
+    """Yield the findings of a case that advise a line, with section and line."""
+    for finding in checked(name):
+        for section, line in LINE.findall(finding.remedy):
+            if "FROM" not in line:
+                yield finding, section, line
+
+
+def test_the_checks_that_can_advise_a_line_do():
+    assert {CASES[name][0] for name in CASES if any(advised(name))} >= {
+        "nan_block", "time_gap", "time_backwards",
+        "sensor_stuck", "sensor_detached", "temperature_jump",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_advised_line_does_away_with_the_finding(name):
+    _, record, motor, _ = CASES[name]
+    for finding, section, line in advised(name):
+        text = f'[motor]\nname = "M"\n{section}\n{line}\n'
+        said = replace(motor, tests=parse_motor(text.encode(), "motor.toml").tests)
+        for part in parts_of(record, said):
+            left = named(check_record(part, motor), finding.id)
+            before = (finding.values.get("from_s"), finding.where)
+            assert all((one.values.get("from_s"), one.where) != before for one in left)
+            if finding.severity == "error" and "use" in line:
+                assert all(one.severity != "error" for one in left)
+
+
+def test_a_cooling_is_used_where_losses_are_absent():
+    time_s = np.arange(0.0, 3600.0, 1.0)
+    warm = 60.0 * (1.0 - np.exp(-time_s / 600.0))
+    cool = warm[1800] * np.exp(-(time_s - 1800.0) / 600.0)
+    channels = {
+        "time_s": time_s,
+        "phase_current_A": 0.0 * time_s,
+        "losses_W": 0.0 * time_s,
+        "ambient_degC": 20.0 + 0.0 * time_s,
+        "winding_degC": 20.0 + np.where(time_s < 1800.0, warm, cool),
+    }
+    (finding,) = named(check_record(Record("t", channels), Motor("M")), "losses_absent")
+    section, line = LINE.findall(finding.remedy)[0]
+    text = f'[motor]\nname = "M"\n{section}\n{line}\n'
+    (part,) = parts_of(Record("t", channels), parse_motor(text.encode(), "motor.toml"))
+    begin_s = -600.0 * np.log(np.exp(-3.0) + 5.0 / 60.0)  # from here on it warms by 5 K
+    assert part.time_s[0] == pytest.approx(begin_s, abs=15.0)
+    assert part.time_s[-1] == time_s[-1]
+    assert not named(check_record(part, Motor("M")), "losses_absent")
+
+
+@pytest.mark.parametrize("name", ["drive", "a b", 'say "x"', "à\u2028b", "bell\x07", "rubout\x7f"])
+def test_the_advised_section_names_the_test(name):
+    header = section_of(replace(CLEAN, name=name))
+    assert tomllib.loads(header) == {"tests": {name: {}}}
+
+
+def advice_on_missing(channel: str, *blocks: tuple[float, float], masks=()) -> str:
+    record = replace(CLEAN, name="t", masks=masks)
+    for begin, end in blocks:
+        record = edited(record, channel, begin, end, np.nan)
+    (found,) = named(check_record(record, MOTOR), "nan_block")
+    assert found.severity == "error"
+    return found.remedy
+
+
+def test_missing_readings_are_left_out_by_a_mask_with_their_times():
+    said = advice_on_missing("winding_degC", (600.0, 630.0), (900.0, 940.0))
+    assert "[tests.t] mask = [[600.0, 630.0], [900.0, 939.9]] in the motor file" in said
+    both = advice_on_missing("winding_degC", (600.0, 630.0), masks=((300.0, 330.0),))
+    assert "mask = [[300.0, 330.0], [600.0, 630.0]]" in both
+
+
+def test_missing_currents_leave_the_parts_that_have_them():
+    end = float(CLEAN.time_s[-1])
+    said = advice_on_missing("phase_current_A", (600.0, 640.0), (900.0, 940.0))
+    assert "[tests.t] use = [[0.000, 599.9" in said
+    assert f", {end:.3f}]] in the motor file" in said
+    assert said.count("],") == 2
+    assert "FROM" not in said
+    late = advice_on_missing("winding_degC", (0.0, 40.0))
+    assert "use = [[4" in late
+    assert "mask" not in late
+
+
+def test_a_channel_that_is_never_there_has_no_part_to_use():
+    said = advice_on_missing("losses_W", (0.0, 1e9))
+    assert "[tests" not in said
+    assert "Export the channel again" in said

@@ -1,17 +1,41 @@
-"""What a finding says fits the record: what is known, how long it is, what is missing."""
+"""What is said of a record fits it: its first causes, what is known and what is missing."""
 
 from __future__ import annotations
 
+import ast
+import json
 from dataclasses import replace
+from pathlib import Path
 
-from heat_runs import CLEAN, LINK, MOTOR, changed, heat_run, named, without
+import numpy as np
+import pytest
+from heat_runs import (
+    CLEAN,
+    LINK,
+    MOTOR,
+    as_columns,
+    changed,
+    decided,
+    every,
+    fell_off,
+    heat_run,
+    named,
+    without,
+)
 
+import heatrun
 from heatrun.checks import check_record, excitation
 from heatrun.checks.quick_fit import quick_fit
+from heatrun.checks.suitability import other_tests
 from heatrun.checks.suspicion.which_unit import read_as
+from heatrun.checks.unexplained import unexplained_movement
+from heatrun.cli import main
+from heatrun.commands.loading import load
+from heatrun.motor.file import load_motor, parse_motor
 from heatrun.readers.joined import parts_of
+from heatrun.record.findings import FINDINGS, TITLE, page
 from heatrun.record.motor import PartsOfTest
-from heatrun.record.record import ColumnReading, Finding
+from heatrun.record.record import ColumnReading, Finding, Record
 from heatrun.record.stretch import Stretch, cut
 
 
@@ -87,3 +111,213 @@ def test_a_plain_ampere_is_not_said_to_be_stated_as_rms():
     peak = replace(current, unit="A_peak")
     assert read_as(peak) == "A_peak, as the file or [columns] states"
     assert read_as(replace(current, unit_from="assumed")) == "A_rms, assumed, no unit given"
+
+
+SLOW = every(CLEAN, 20)  # 2 s
+
+
+def errors(record: Record) -> list[str]:
+    return [one.id for one in check_record(record, MOTOR) if one.severity == "error"]
+
+
+def test_three_faults_are_three_findings():
+    record = fell_off(SLOW, 1500.0)
+    time_s = record.time_s.copy()
+    time_s[1400:] -= 2000.0
+    shaft_W = 0.6 * record["losses_W"]
+    power = (record["losses_W"] + shaft_W) / 1e3
+    struck = changed(
+        record, time_s=time_s, electrical_power_W=power, mechanical_power_W=shaft_W,
+        losses_W=power - shaft_W,
+    )  # fmt: skip
+    columns = as_columns(struck)
+    kept = tuple(one for one in columns.mapping if one.channel != "losses_W")
+    found = [
+        one for one in check_record(
+            Record("run", struck.channels, mapping=kept), MOTOR
+        ) if one.severity != "note"
+    ]  # fmt: skip
+    assert [one.id for one in found] == ["time_backwards", "unit_suspected", "sensor_detached"]
+
+
+def test_a_sensor_that_is_put_back_is_left_out_between():
+    record = fell_off(SLOW, 1500.0)
+    winding = np.where(record.time_s < 2200.0, record["winding_degC"], SLOW["winding_degC"])
+    (finding,) = [
+        one for one in check_record(changed(record, winding_degC=winding), MOTOR)
+        if one.severity == "error"
+    ]  # fmt: skip
+    assert finding.id == "sensor_detached"
+    assert "mask = [[1" in finding.remedy
+    assert finding.values["until_s"] == pytest.approx(2200.0, abs=5.0)
+
+
+def test_a_sensor_that_fails_early_teaches_nothing_false():
+    """Nine tenths of the record show air that no load warms."""
+    moved = unexplained_movement(fell_off(SLOW, 400.0), MOTOR)
+    assert moved is not None
+    assert moved.from_s == pytest.approx(400.0, abs=4.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_load_that_steps_explains_what_the_winding_does(seed):
+    clean = heat_run(100 + seed, 60.0, step_s=2.0, rounding=(0.0, 0.1, 1.0, 1.0)[seed], noise=0.05)
+    assert unexplained_movement(clean, MOTOR) is None
+
+
+def test_a_steady_load_tells_its_rise():
+    steady = np.full(SLOW.time_s.size, 82.0)
+    steady[::7] += 0.1
+    record = changed(
+        SLOW, winding_degC=steady, ambient_degC=0.0 * steady + 22.0, losses_W=0.0 * steady + 300.0,
+        phase_current_A=0.0 * steady + 90.0,
+    )  # fmt: skip
+    (finding,) = [one for one in check_record(record, MOTOR) if one.id == "no_heating"]
+    assert "60.0 K at 300 W, 0.2 K/W" in finding.message
+
+
+def test_amplitudes_are_told_once():
+    peaks = decided(changed(SLOW, phase_current_A=np.sqrt(2.0) * SLOW["phase_current_A"]))
+    told = [one for one in check_record(peaks, MOTOR) if one.severity != "note"]
+    assert [one.id for one in told] == ["losses_below_copper"]
+    assert "[A_peak]" in told[0].remedy
+
+
+def test_input_power_for_losses_is_not_told_of_the_clock_too():
+    """A small motor in a strong wind: its losses make 5 W/K and 90 s, the input power 40 W/K."""
+    time_s = np.arange(0.0, 2400.0, 2.0)
+    winding = 22.0 + 70.0 * -np.expm1(-time_s / 90.0)
+    torque = np.full(time_s.size, 3.2)
+    losses = np.full(time_s.size, 350.0)
+    shaft = torque * 8000.0 * np.pi / 30.0
+    record = as_columns(Record(
+        "run",
+        {"time_s": time_s, "winding_degC": np.round(winding, 1), "losses_W": losses + shaft,
+         "ambient_degC": np.full(time_s.size, 22.0), "torque_Nm": torque,
+         "speed_rpm": np.full(time_s.size, 8000.0)},
+    ))  # fmt: skip
+    told = {one.id for one in check_record(record, MOTOR)}
+    assert "losses_of_shaft" in told
+    assert "unit_suspected" not in told
+
+
+def test_a_sensor_below_its_housing_through_short_pulses_is_told_from_where_it_fell():
+    """Pulses of 40 s: no one of them is long enough by itself."""
+    time_s = np.arange(0.0, 3600.0)
+    loaded = time_s % 80.0 < 40.0
+    losses = np.where(loaded, 400.0, 0.0)
+    housing = 24.0 + 40.0 * -np.expm1(-time_s / 800.0)
+    swing = np.where(loaded, time_s % 80.0, 80.0 - time_s % 80.0) * 0.6
+    winding = housing + 4.0 + swing
+    off = time_s > 2000.0
+    fallen = 24.0 + (winding[2000] - 24.0) * np.exp(-(time_s[off] - 2000.0) / 25.0)
+    winding[off] = fallen
+    record = Record(
+        "run",
+        {"time_s": time_s, "winding_degC": np.round(winding, 1), "losses_W": losses,
+         "housing_degC": np.round(housing, 1), "ambient_degC": np.full(time_s.size, 24.0),
+         "phase_current_A": np.where(loaded, 120.0, 0.0)},
+    )  # fmt: skip
+    told = [one for one in check_record(record, MOTOR) if one.id == "sensor_detached"]
+    (finding,) = told
+    assert finding.values["from_s"] == pytest.approx(2000.0, abs=60.0)
+    assert "use = [[0.000, " in finding.remedy
+
+
+def test_a_shift_below_the_housing_is_told_as_the_shift_alone():
+    housing = SLOW["winding_degC"] - 5.0
+    shifted = np.where(SLOW.time_s < 1500.0, SLOW["winding_degC"], SLOW["winding_degC"] - 14.0)
+    record = changed(SLOW, winding_degC=shifted, housing_degC=housing)
+    assert errors(record) == ["temperature_jump"]
+
+
+def motor(*names: str):
+    sections = "".join(f'[tests."{name}"]\nmask = [[600, 630]]\n' for name in names)
+    return parse_motor(f'[motor]\nname = "M"\n{sections}'.encode(), "motor.toml")
+
+
+def test_a_section_of_a_given_test_or_of_its_parts_is_no_finding():
+    assert other_tests(motor(), ["duty"]) == ()
+    assert other_tests(motor("duty"), ["duty"]) == ()
+    assert other_tests(motor("duty"), ["duty_1", "duty_2"]) == ()
+
+
+@pytest.mark.parametrize("name", ["step", "run_002", "Test_2024_03_05_002"])
+def test_a_section_of_another_test_is_a_note(name):
+    (found,) = other_tests(motor(name), ["duty", "run_001", "Test_2024_03_05_001"])
+    assert found.severity == "note"
+    assert found.message.startswith(f"[tests.{name}] of the motor file is for none")
+
+
+@pytest.mark.parametrize("name", ["dtuy_90min", "Duty_90min", "duty_90min.csv", "duty-90min"])
+def test_a_mistyped_name_is_a_warning_with_the_right_one(name):
+    (found,) = other_tests(motor(name), ["duty_90min"])
+    assert found.severity == "warning"
+    assert "Did you mean [tests.duty_90min]?" in found.remedy
+
+
+def test_a_test_that_has_its_own_section_is_not_the_one_that_was_meant():
+    (found,) = other_tests(motor("step", "stepp"), ["step"])
+    assert found.severity == "note"
+
+
+@pytest.fixture
+def bench(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    record = replace(CLEAN, channels={k: v[::10] for k, v in CLEAN.channels.items()})
+    np.savetxt("duty.csv", np.stack(list(record.channels.values()), axis=1), "%.7g", ",",
+               header=",".join(record.channels), comments="")  # fmt: skip
+    text = '[motor]\nname = "M"\n[winding]\nphase_resistance_ohm = 0.0062\n'
+    (tmp_path / "motor.toml").write_text(f"{text}[tests.dutty]\nmask = [[600, 630]]\n")
+    return tmp_path
+
+
+def test_check_finds_it(bench, capsys):
+    assert main(["check", "motor.toml", "duty.csv", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    (found,) = [one for one in said["findings"] if one["id"] == "other_test"]
+    assert "[tests.duty]" in found["remedy"]
+
+
+def test_a_command_that_fits_says_it(bench, capsys):
+    load(load_motor("motor.toml"), [bench / "duty.csv"], [], as_json=False)
+    assert "[tests.dutty] of the motor file is for none of the tests" in capsys.readouterr().err
+
+
+CORE = Path(heatrun.__file__).parent
+PAGE = Path(__file__).parents[2] / "docs" / "findings.md"
+
+
+def texts(node):
+    """Yield the texts that an expression may be: of a conditional, both."""
+    for each in ast.walk(node):
+        if isinstance(each, ast.Constant) and isinstance(each.value, str):
+            yield each.value
+
+
+def ids():
+    """Yield the ids of the findings that the code of the core makes, with their place."""
+    for path in CORE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
+                named = [each.value for each in node.keywords if each.arg == "id"]
+                (id,) = named or node.args[:1]
+                if not isinstance(id, ast.Name):  # a constant of the module, or an argument
+                    test = {*texts(id.test)} if isinstance(id, ast.IfExp) else set()
+                    yield from ((each, path.name) for each in texts(id) if each not in test)
+
+
+def test_every_finding_is_in_the_register():
+    found = dict(ids())
+    assert len(found) > 50
+    assert not {id: place for id, place in found.items() if id not in FINDINGS}
+
+
+def test_the_register_holds_no_other():
+    text = "".join(path.read_text("utf-8") for path in CORE.rglob("*.py")
+                   if path.name != "findings.py")  # fmt: skip
+    assert not [id for id in FINDINGS if f'"{id}"' not in text]
+
+
+def test_the_page_is_that_of_the_register():
+    assert PAGE.read_text("utf-8") == TITLE + page(FINDINGS.items()), "run `make docs`"

@@ -79,77 +79,30 @@ def run(tmp_path, motor_file, capsys, monkeypatch):
     return call
 
 
-def header_only(table):
-    return "t,Is,Pd,Te,Tw_m\n"
-
-
-def without_current(table):
-    return table.drop(columns="Is")
-
-
-def unknown_unit(table):
-    return table.rename(columns={"Is": "Is [furlong]"})
-
-
 def nan_block(table):
     made = table.copy()
     made.loc[1000:1400, "Tw_m"] = np.nan
     return made
 
 
-def backwards(table):
-    made = table.copy()
-    made.loc[2000:, "t"] -= 500.0
-    return made
-
-
-def all_constant(table):
-    return table.assign(Tw_m=22.0)
-
-
-def negative_losses(table):
-    return table.assign(Pd=-table["Pd"])
-
-
-def three_samples(table):
-    return table.iloc[:3]
-
-
 def kelvin(table):
     return table.assign(Tw_m=table["Tw_m"] + 273.15, Te=table["Te"] + 273.15)
-
-
-def fahrenheit(table):
-    return table.assign(Tw_m=table["Tw_m"] * 1.8 + 32, Te=table["Te"] * 1.8 + 32)
-
-
-def amplitude(table):
-    # drawn for a motor whose copper loss is most of the total, so that a factor of two shows
-    current = table["Is"] * np.sqrt(2)
-    copper = 3 * table["Is"] ** 2 * 0.0062 * (234.5 + table["Tw_m"]) / 259.5
-    return table.assign(Is=current, Pd=1.25 * copper + 1.0)
 
 
 @pytest.mark.parametrize(
     ("make", "words"),
     [
         (lambda table: "", "empty"),
-        (header_only, "no line of numbers"),
+        (lambda table: "t,Is,Pd,Te,Tw_m\n", "no line of numbers"),
         (lambda table: table.to_csv(index=False).replace(",", "@"), "no line of numbers"),
-        (without_current, "phase_current_A"),
-        (unknown_unit, "furlong"),
+        (lambda table: table.drop(columns="Is"), "phase_current_A"),
+        (lambda table: table.rename(columns={"Is": "Is [furlong]"}), "furlong"),
         (nan_block, "nan_block"),
-        (backwards, "time_backwards"),
-        (all_constant, "sensor_stuck"),
-        (negative_losses, "losses_negative"),
-        (three_samples, "samples"),
+        (lambda table: table.iloc[:3], "samples"),
         (kelvin, "kelvin"),
-        (fahrenheit, "ahrenheit"),
-        (amplitude, "A_peak"),
     ],
     ids=["empty", "header_only", "wrong_delimiter", "missing_channel", "unknown_unit", "nan_block",
-         "backwards", "constant", "negative", "three_samples", "kelvin", "fahrenheit",
-         "amplitude"],
+         "three_samples", "kelvin"],
 )  # fmt: skip
 def test_bad_records_are_refused_with_reasons(make, words, run, table):
     code, out, err, left = run(make(table))

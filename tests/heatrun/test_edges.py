@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import time
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 from scipy.linalg import expm
 
 from heatrun import cli
@@ -175,7 +180,7 @@ def test_a_winding_faster_than_the_record_is_refused_in_words(command):
 
 
 def test_a_thermal_runaway_is_said(command):
-    record = simulated(1.0, 10, (0, 100))
+    record = simulated(1.0, 30, LOADS)
     current = np.where(record.time_s > 60.0, 800.0, 0.0)
     away = Record("edge", {**record.channels, "phase_current_A": current})
     code, out, _ = command(away, TRUTH)
@@ -190,3 +195,138 @@ def test_a_virtual_record_follows_the_exact_one(command, tmp_path):
     assert code == 0
     # the start is read off the first samples, and steps of 2 s smear the jumps of the load
     assert out["simulated"][0]["rmse_K"] < 0.1
+
+
+PLANT = {"Ceq_w": 60e3, "Ceq_sr": 2.4e6, "Req_w": 0.01, "Req_sr": 0.006}
+PERIOD_S, DAYS = 1800.0, 5
+LOSSES_W, OHM = (400.0, 1500.0), 0.02
+
+
+def logged(seed):
+    """Load in straight lines between samples, a constant resistance; exact at samples."""
+    rng = np.random.default_rng(seed)
+    time_s = PERIOD_S * np.arange(DAYS * 48)
+    current = np.repeat(rng.choice([0.0, 120.0, 200.0, 260.0], time_s.size // 6 + 1), 6)
+    current = np.abs(current[: time_s.size] + 5.0 * rng.standard_normal(time_s.size))
+    other = np.where(current > 50.0, LOSSES_W[1], LOSSES_W[0])
+    copper = 3.0 * OHM * current**2
+    C_w, C_s, R_w, R_s = PLANT.values()
+    A = np.zeros((6, 6))  # winding, stator over ambient; two heats and their slopes
+    A[0, :2] = [-1.0 / (C_w * R_w), 1.0 / (C_w * R_w)]
+    A[1, :2] = [1.0 / (C_s * R_w), -1.0 / (C_s * R_w) - 1.0 / (C_s * R_s)]
+    A[0, 2], A[1, 3], A[2, 4], A[3, 5] = 1.0 / C_w, 1.0 / C_s, 1.0, 1.0
+    step = expm(A * PERIOD_S)
+    state, rise = np.zeros(2), np.zeros(time_s.size)
+    for i in range(1, time_s.size):
+        heat = np.array([copper[i - 1], other[i - 1]])
+        slope = (np.array([copper[i], other[i]]) - heat) / PERIOD_S
+        state = (step @ np.concatenate([state, heat, slope]))[:2]
+        rise[i] = state[0]
+    channels = {
+        "time_s": time_s, "phase_current_A": np.sqrt(copper / (3.0 * OHM)),
+        "losses_W": copper + other, "ambient_degC": np.full(time_s.size, 25.0),
+        "winding_degC": np.round(25.0 + rise + 0.1 * rng.standard_normal(time_s.size), 1),
+    }  # fmt: skip
+    return Record("plant", channels)
+
+
+# a coefficient so large that the resistance does not change, as in the simulation
+SLOW_MOTOR = Motor("m", phase_resistance_ohm=OHM, resistance_coefficient_degC=1e9)
+
+
+def test_days_have_no_more_steps_than_half_a_day_and_shorter_records_have_short_ones():
+    days = reduce(logged(3), SLOW_MOTOR)
+    assert 7_000 < days.inputs.num_time < 9_000
+    first = replace(logged(3), channels={k: v[:20] for k, v in logged(3).channels.items()})
+    assert float(reduce(first, SLOW_MOTOR).inputs.step) == 5.0
+
+
+@pytest.mark.slow
+def test_half_hours_over_days_are_fitted():
+    found = fit(
+        Problem.of(Model.of("second", SLOW_MOTOR), SLOW_MOTOR, [reduce(logged(3), SLOW_MOTOR)])
+    )
+    sd = np.sqrt(np.diag(found.covariance))
+    for name, true in PLANT.items():
+        place = found.problem.parameters.index(name)
+        off = found.z[place] - found.slots[place].parameter.score(true)
+        assert abs(off) < 3.0 * sd[place], name
+    assert sd[found.problem.parameters.index("Req_sr")] < 0.1
+
+
+CHANNELS = (
+    "time_s", "phase_current_A", "losses_W", "ambient_degC", "coolant_degC", "winding_degC",
+    "stator_degC", "speed_rpm",
+)  # fmt: skip
+MOTORS = (
+    Motor("balance", phase_resistance_ohm=0.0062),
+    Motor("unknown resistance"),
+    Motor("map", losses="map", sink="coolant", phase_resistance_ohm=0.0062),
+)
+MILLION_LIMIT_S = 3.0
+
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+SPECIAL = st.sampled_from([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e308, -1e308, 5e-324, 20.0, 850.0])
+MODERATE = st.floats(-100.0, 1000.0)
+
+
+@st.composite
+def records(draw):
+    num = draw(st.integers(0, 80))
+    keep = draw(st.sets(st.sampled_from(CHANNELS), min_size=4)) | {"time_s"}
+    elements = draw(st.sampled_from([ANY, SPECIAL, MODERATE, ANY | SPECIAL | MODERATE]))
+    channels = {name: draw(hnp.arrays(float, num, elements=elements)) for name in sorted(keep)}
+    if draw(st.booleans()):
+        channels["time_s"] = np.arange(num) * draw(st.floats(1e-3, 100.0))
+    return Record("any", channels)
+
+
+@given(records(), st.sampled_from(MOTORS))
+def test_no_record_stops_the_checks(record, motor):
+    for finding in check_record(record, motor):
+        assert finding.severity in ("error", "warning", "note")
+        assert finding.message
+        assert finding.test == "any"
+
+
+@pytest.mark.parametrize("num", [0, 1, 2, 3])
+@pytest.mark.parametrize("value", [np.nan, np.inf, 25.0])
+def test_tiny_record_is_an_error_not_a_crash(num, value):
+    channels = {name: np.full(num, value) for name in CHANNELS}
+    channels["time_s"] = np.arange(float(num))
+    found = check_record(Record("tiny", channels), MOTORS[0])
+    assert "too_few_samples" in {f.id for f in found if f.severity == "error"}
+
+
+def test_columns_of_different_length_and_no_clock_are_errors():
+    columns = {name: np.zeros(50) for name in CHANNELS}
+    uneven = Record("uneven", columns | {"winding_degC": np.zeros(49)})
+    clockless = Record("clockless", {k: v for k, v in columns.items() if k != "time_s"})
+    for record, word in ((uneven, "winding_degC"), (clockless, "time_s")):
+        (finding,) = check_record(record, MOTORS[0])
+        assert (finding.id, finding.severity) == ("missing_channel", "error")
+        assert word in finding.message
+
+
+def test_a_million_samples_are_checked_quickly():
+    rng = np.random.default_rng(5)
+    num = 1_000_000
+    time_s = np.arange(num) * 0.1
+    current = 100.0 + 50.0 * np.sin(time_s / 300.0)
+    heat = 3.0 * 0.0062 * current**2 + 200.0
+    record = Record(
+        "long",
+        {
+            "time_s": time_s,
+            "phase_current_A": current,
+            "losses_W": heat + rng.standard_normal(num),
+            "ambient_degC": 22.0 + 0.02 * rng.standard_normal(num),
+            "winding_degC": np.round(22.0 + 100.0 * -np.expm1(-time_s / 1800.0)),
+            "speed_rpm": np.full(num, 3000.0),
+        },
+    )
+    check_record(Record("warm-up", {k: v[:1000] for k, v in record.channels.items()}), MOTORS[0])
+    # The processor's time, not the clock's: other work on the machine is not the checks' fault.
+    begin = time.process_time()
+    check_record(record, MOTORS[0])
+    assert time.process_time() - begin < MILLION_LIMIT_S

@@ -38,6 +38,7 @@ def fail(*_, **__):
 
 
 STEPS = {
+    "the search for effects": (calibration, "find"),
     "the search for missing effects": (calibration, "missing"),
     "the sampling of the posterior": (calibration, "sample"),
     "the prediction": (calibration, "predict"),

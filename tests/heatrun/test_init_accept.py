@@ -67,9 +67,9 @@ def test_the_best_candidates_hold_and_are_marked(tmp_path):
 
 
 def test_a_draft_has_at_most_forty_lines(tmp_path):
-    """Thousands of columns, and a candidate among them for each channel."""
-    many = {f"Sensor {n} [°C]": HOUSING + n for n in range(60)}
-    many |= {f"I{n} [A]": CURRENT for n in range(60)} | {f"Aux {n}": ROOM for n in range(60)}
+    """More columns than lines, and a candidate among them for each channel."""
+    many = {f"Sensor {n} [°C]": HOUSING + n for n in range(20)}
+    many |= {f"I{n} [A]": CURRENT for n in range(20)} | {f"Aux {n}": ROOM for n in range(20)}
     surveyed = [survey(named(tmp_path, many))]
     for is_accepted in (False, True):
         text = draft("m", surveyed, is_accepted=is_accepted)

@@ -1,21 +1,31 @@
-"""The motor file: what it may say, and what it may not."""
+"""The motor file: what it may say, what it may not, and the page that explains it."""
 
 from __future__ import annotations
 
+import argparse
 import hashlib
+import json
 import os
-from dataclasses import fields
+import re
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from heatrun.cli import main
+from heatrun.commands.words import LARGEST_SEED, seed
 from heatrun.errors import InputError
 from heatrun.io import toml_text
-from heatrun.motor.file import load_motor, parse_motor
+from heatrun.model.model import Model
+from heatrun.model.model_parameters import override_names, parameters
+from heatrun.motor import keys as motor_page
+from heatrun.motor.file import RANGES, UNITS, load_motor, parse_motor
+from heatrun.motor.keys import BODY_PARTS, PARAMETER_MEANINGS, SECTIONS
 from heatrun.record.motor import Adequacy, Motor, ParameterOverride
 from heatrun.runs.motor_text import motor_text
+from lptn import EFFECTS
 
 FULL = """
 [motor]
@@ -260,3 +270,131 @@ def test_the_heat_that_a_network_may_miss_is_read_and_written_back():
     assert parse_motor(motor_text(found), "m.toml").adequacy == found.adequacy
     with pytest.raises(InputError, match="between 60 and 86400 s"):
         parse_motor(text + b"heat_time_s = 20", "m.toml")
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "motor_file.md"
+HEAD = '[motor]\nname = "M"\n'
+
+
+def accepted(text: str) -> set[str]:
+    """What the reader of motor files says that it knows, where it meets a key that it does not."""
+    with pytest.raises(InputError, match="is not known") as error:
+        parse_motor(text.encode(), "motor.toml")
+    return set(re.sub(r"^(Known|Channels) are: |\.$", "", error.value.remedy).split(", "))
+
+
+def test_the_page_is_up_to_date():
+    assert PAGE.read_text(encoding="utf-8") == motor_page.page(), "run `make docs`"
+
+
+def test_every_section_that_is_accepted_is_explained():
+    names = {section.name.partition(".")[0] for section in SECTIONS}
+    assert names == accepted(f"{HEAD}[nonsense]\n")
+
+
+@pytest.mark.parametrize("section", [one for one in SECTIONS if one.keys], ids=lambda one: one.name)
+def test_every_key_that_is_accepted_is_explained(section):
+    name = section.name.replace("NAME", "Req")
+    text = f"[{name}]\nnonsense = 1\n" if name == "motor" else f"{HEAD}[{name}]\nnonsense = 1\n"
+    assert {key.name for key in section.keys} == accepted(text)
+
+
+@pytest.mark.parametrize("section", ["columns", "constants", "sensors"])
+def test_every_channel_that_is_accepted_stands_on_the_page(section):
+    text = PAGE.read_text(encoding="utf-8")
+    named = {f"`{name}`" for name in accepted(f'{HEAD}[{section}]\nnonsense = "1"\n')}
+    assert all(name in text for name in named)
+
+
+@pytest.mark.parametrize("section", [one for one in SECTIONS if one.keys], ids=lambda one: one.name)
+def test_every_example_is_accepted(section, tmp_path):
+    said = {"Req_sr": {"next_median": 0.1, "next_log_sd": 0.05}}
+    for folder in ("fleet", "bench"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "fleet" / "population.json").write_text(json.dumps({"parameters": said}))
+    where = str(tmp_path / "bench" / "motor.toml")
+    name = section.name.replace("NAME", "Req")
+    for key in section.keys:
+        head = "" if key.name == "name" else HEAD
+        lines = f"[{name}]\n" if name != "motor" or not head else ""
+        parse_motor(f"{head}{lines}{key.name} = {key.example}\n".encode(), where)
+
+
+def test_every_parameter_with_a_range_is_explained():
+    bodies = {name for name in UNITS if name.rpartition("_")[2] in BODY_PARTS}
+    bodies -= set(PARAMETER_MEANINGS)
+    assert set(UNITS) - bodies == set(PARAMETER_MEANINGS)
+
+
+def motor_file(tmp_path, text):
+    path = tmp_path / "motor.toml"
+    path.write_text(f"[motor]\nname = 'M'\n{text}\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[parameters.Ceq_w]\nfixed = 1e300", r"fixed = 1e\+300 J/K is beyond.*0.001 to 1e\+10"),
+        ("[parameters.Req_sr]\nfixed = 1e-300", "fixed = 1e-300 K/W is beyond"),
+        ("[parameters.Req_sr]\nvalue = 1e200", r"value = 1e\+200 K/W is beyond"),
+        ("[parameters.Tw_start]\nfixed = -300", "fixed = -300 degC is beyond"),
+        ("[parameters.power_gain]\nfixed = -1", "fixed = -1 is beyond"),
+        ("[parameters.sensor_offset]\nsd = 1e300", r"sd = 1e\+300 K is no standard deviation"),
+        ("[parameters.sensor_offset]\nsd = 1e-300", "sd = 1e-300 K is no standard deviation"),
+        ("[parameters.Ceq_w]\nrelative_sd = 1e300", r"relative_sd = 1e\+300 is no standard"),
+        ("[parameters.Ceq_w]\nrelative_sd = 1e-300", "relative_sd = 1e-300 is no standard"),
+    ],
+)
+def test_values_beyond_any_machine_are_refused_when_the_motor_file_is_read(tmp_path, text, message):
+    with pytest.raises(InputError, match=message) as caught:
+        load_motor(motor_file(tmp_path, text))
+    assert caught.value.remedy.startswith("Correct it")
+    assert "[parameters." in caught.value.where
+
+
+@pytest.mark.parametrize("bad", [1e300, -1e300, 1e12])
+def test_so_are_those_of_an_effect(bad, motor, blocks):
+    kind = next(kind for kind in EFFECTS if kind.card.id == "speed_cooling")
+    name = f"speed_cooling.{next(iter(kind.card.parameters))}"
+    said = ParameterOverride(fixed=bad)
+    evil = replace(motor, parameters={name: said})
+    model = replace(Model.of("second", evil), effects=(kind,))
+    with pytest.raises(InputError, match=f"is beyond what {name} is in any machine"):
+        parameters(model, evil, [blocks], searched=(kind,))
+
+
+def test_the_defaults_and_their_units_are_within_the_ranges(motor, blocks):
+    assert set(UNITS) == {name for name in override_names() if "." not in name}
+    for order in ("first", "second"):
+        (known,) = parameters(Model.of(order, motor), motor, [blocks]).by_test
+        for name, parameter in known.items():
+            low, high = RANGES[UNITS[name]]
+            assert parameter.unit == UNITS[name]
+            assert low < parameter.prior_interval_95()[0]
+            assert parameter.prior_interval_95()[1] < high
+
+
+@pytest.mark.parametrize("text", ["-5", "99999999999999999999", "1.5", "", "²", "1" * 5000, "1_0"])
+def test_a_seed_out_of_range_is_wrong_use(text, capsys):
+    for command in ("calibrate", "compare", "discover", "demo"):
+        inputs = [] if command == "demo" else ["motor.toml", "duty.csv"]
+        with pytest.raises(SystemExit) as ended:
+            main([command, *inputs, "--seed", text])
+        assert ended.value.code == 2
+        assert "expected a whole number from 0 to 4294967295" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as ended:
+        main(["simulate", "motor.toml", "run", "duty.csv", "--seed", text])
+    assert ended.value.code == 2
+
+
+def test_seeds_in_range_are_taken():
+    assert [seed("0"), seed("007"), seed(str(LARGEST_SEED))] == [0, 7, LARGEST_SEED]
+    with pytest.raises(argparse.ArgumentTypeError):
+        seed(str(LARGEST_SEED + 1))
+
+
+def test_the_range_of_the_seed_stands_in_the_help(capsys):
+    with pytest.raises(SystemExit):
+        main(["simulate", "--help"])
+    assert "from 0 to 4294967295" in " ".join(capsys.readouterr().out.split())

@@ -1,13 +1,29 @@
+"""Noise and unmodelled heat: densities against dense covariances and an independent integration."""
+
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
+
+import arviz
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import logsumexp
 
-from heatrun.fit.fit import ljung_box, low_frequency_excess
+from heatrun.fit.fit import fit, ljung_box, low_frequency_excess
 from heatrun.fit.restricted import restricted_log_likelihood
-from heatrun.model.noise import Noise, draw, log_density, variance_of_mean, whiten
+from heatrun.model.discrepancy import block_responses, heat_columns, left_out, windows
+from heatrun.model.model import Model
+from heatrun.model.noise import Noise, draw, from_scores, log_density, variance_of_mean, whiten
+from heatrun.model.problem import Problem, residuals
+from heatrun.posterior.posterior import weighted_draws
+from heatrun.record.motor import Adequacy
+from heatrun.runs import netcdf as archive
+from heatrun.runs.densities import densities
+from lptn import second_order
 
 
 @pytest.fixture
@@ -146,3 +162,184 @@ def test_restricted_likelihood_integrates_the_parameters_out(fitted):
         exact -= 0.5 * float(jnp.sum(scores**2))
         found.append(float(value) - exact)
     assert found[0] == pytest.approx(found[1], abs=1e-6)  # equal up to one constant
+
+
+@pytest.fixture(scope="module")
+def posterior(fitted):
+    return weighted_draws(fitted, seed=4)
+
+
+@pytest.fixture(scope="module")
+def opened(posterior, tmp_path_factory):
+    """The groups as written and as ArviZ itself opens them."""
+    path = tmp_path_factory.mktemp("run") / "posterior_second.nc"
+    archive.write(posterior, path, densities(posterior))
+    assert path.stat().st_size < 2_000_000
+    return arviz.from_netcdf(path)
+
+
+def without_window(blocks, mask):
+    """The record as if the blocks of a window had not been read."""
+    count = np.where(mask, blocks.count, 0.0)
+    return replace(blocks, measured=np.where(mask, blocks.measured, np.nan), count=count)
+
+
+def test_windows_hold_every_reading_once(blocks, motor):
+    gap = np.ones(blocks.measured.size, dtype=bool)
+    gap[5:30] = False
+    tests = [blocks, replace(without_window(blocks, gap), name="gapped")]
+    problem = Problem.of(Model.of("first", motor), motor, tests)
+    cut = windows(problem, 10)
+    assert cut.test.tolist() == [0] * 5 + [1] * 5
+    for test, masks in zip(tests, cut.without, strict=True):
+        left = test.is_observed & ~masks
+        np.testing.assert_array_equal(left.sum(axis=0), test.is_observed)
+        assert np.ptp(left.sum(axis=1)) <= 1
+    assert cut.to_s[0] < cut.from_s[1]
+
+
+def test_a_window_has_the_density_of_the_dense_conditional_normal_law(posterior):
+    problem = posterior.fit.problem
+    cut = windows(problem)
+    vector = posterior.flat[7]
+    found = left_out(problem, cut, vector[None])[0]
+    noise = from_scores(vector[problem.num_parameters :])
+    test = problem.data.tests[0]
+    dense = covariance(test, noise)
+    z = jnp.asarray(vector[: problem.num_parameters])
+    seen = jax.jit(lambda z: residuals(problem.structure, problem.data, z)[0])
+    residual = np.asarray(seen(z))
+    for index in (0, 11, 23):
+        rest = cut.without[0][index]
+        gone = ~rest
+        gain = np.linalg.solve(dense[np.ix_(rest, rest)], dense[np.ix_(rest, gone)])
+        law = dense[np.ix_(gone, gone)] - dense[np.ix_(gone, rest)] @ gain
+        error = residual[gone] - gain.T @ residual[rest]
+        log_det = np.linalg.slogdet(2 * np.pi * law)[1]
+        expected = -0.5 * (error @ np.linalg.solve(law, error) + log_det)
+        assert found[index] == pytest.approx(expected, abs=1e-8)
+
+
+def test_prior_and_likelihood_together_are_the_density_of_the_draws(posterior, opened):
+    prior = sum(
+        np.asarray(value, dtype=float).reshape(4000, -1).sum(axis=1)
+        for value in opened.log_prior.data_vars.values()
+    )
+    group = opened.log_likelihood
+    likelihood = np.asarray(group["winding"], dtype=float).sum(axis=-1) + group["dependence"]
+    total = np.asarray(likelihood).ravel() + prior
+    np.testing.assert_allclose(total, posterior.log_density.ravel(), atol=1e-4)  # stored as float32
+    names = set(opened.posterior.data_vars)
+    assert set(opened.log_prior.data_vars) == names
+    for name in names:
+        assert opened.log_prior[name].dims == opened.posterior[name].dims
+    assert "leave-one-window-out" in group["winding"].attrs["meaning"]
+    assert str(group["window"].values[0]).startswith("duty, ")
+
+
+def error_of(values, effective_size):
+    """The relative Monte Carlo error of the mean of positive values."""
+    return np.std(values) / np.mean(values) / np.sqrt(effective_size)
+
+
+@pytest.mark.slow
+def test_loo_of_a_written_run_is_what_refits_without_a_window_say(posterior, opened, motor):
+    with warnings.catch_warnings():
+        # of one window in 24, whose Pareto k is above 0.7
+        warnings.filterwarnings("ignore", "Estimated shape parameter of Pareto", UserWarning)
+        loo = arviz.loo(opened, var_name="winding", pointwise=True)
+    by_loo = np.asarray(loo.loo_i if hasattr(loo, "loo_i") else loo.elpd_i)
+    problem = posterior.fit.problem
+    cut = windows(problem)
+    seen = np.asarray(opened.log_likelihood["winding"], dtype=float).reshape(-1, 24)
+    for index in (5, 14):
+        assert float(loo.pareto_k[index]) < 0.5
+        record = without_window(problem.tests[0], cut.without[0][index])
+        draws = weighted_draws(fit(Problem.of(problem.model, motor, [record])), seed=6)
+        assert draws.is_sound
+        density = left_out(problem, cut, draws.flat)[:, index]
+        by_refit = logsumexp(density) - np.log(density.size)
+        errors = (
+            error_of(np.exp(density - by_refit), draws.weighted.effective_size),
+            error_of(np.exp(by_loo[index] - seen[:, index]), posterior.weighted.effective_size),
+        )
+        assert abs(by_loo[index] - by_refit) < 4 * np.hypot(*errors)
+        # and what is told apart: the density at the draws that knew the window is another
+        within = logsumexp(seen[:, index]) - np.log(4000)
+        assert within - by_refit > 4 * np.hypot(*errors)
+
+
+def sensitivity(groups, component, names=None):
+    if hasattr(arviz, "psens"):
+        return arviz.psens(groups, component=component, component_var_names=names)
+    return arviz.psense(groups, group=component, group_var_names=names)
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")  # of xarray, inside ArviZ 0.23
+def test_prior_sensitivity_tells_what_the_priors_hold(opened):
+    limit = 0.05  # Kallioinen et al., Statistics and Computing 34 (2024) 57
+    likelihood, prior = (sensitivity(opened, part) for part in ("likelihood", "prior"))
+    for name in ("noise_sd", "noise_time"):
+        assert float(likelihood[name]) > limit
+    # what is known of R(T) is the prior, and with it the width of Ceq_w; not Ceq_w's own prior
+    assert float(sensitivity(opened, "prior", ["Rs0"])["Rs0"]) > limit
+    assert float(prior["Ceq_w"]) > limit
+    assert float(sensitivity(opened, "prior", ["Ceq_w"])["Ceq_w"]) < 0.1 * limit
+
+
+C_W, C_S, R_W, R_S = 700.0, 15000.0, 0.145, 0.116
+
+
+def reading(node, course, edges):
+    """Block means of the winding for heat in a node, integrated as written down in the thesis."""
+
+    def slope(t, T):
+        heat = np.interp(t, edges, course)
+        flow = (T[0] - T[1]) / R_W
+        in_winding, in_stator = (heat, 0.0) if node == "winding" else (0.0, heat)
+        return [(in_winding - flow) / C_W, (in_stator + flow - T[1] / R_S) / C_S]
+
+    fine = np.linspace(edges[0], edges[-1], 20 * (edges.size - 1) + 1)
+    T = solve_ivp(slope, (fine[0], fine[-1]), [0.0, 0.0], t_eval=fine, rtol=1e-9, atol=1e-9,
+                  max_step=5.0).y[0]  # fmt: skip
+    return np.array([np.trapezoid(T[i : i + 21]) / 20 for i in range(0, fine.size - 1, 20)])
+
+
+def test_responses_are_those_of_an_integrated_network():
+    edges = 20.0 * np.arange(91)
+    course = np.random.default_rng(0).standard_normal((91, 1))
+    found = block_responses(second_order(C_W, C_S, R_W, R_S), ["winding"], course, 20.0)
+    assert set(found) == {"winding", "stator"}
+    for node, means in found.items():
+        exact = reading(node, course[:, 0], edges)
+        np.testing.assert_allclose(means[:, 0], exact, atol=2e-4 * np.max(np.abs(exact)))
+
+
+@pytest.mark.parametrize("said", [Adequacy(), Adequacy(unmodelled_heat=0.003, heat_time_s=600.0)])
+def test_columns_have_the_variance_of_drawn_heat(motor, blocks, said):
+    """Heat drawn as a Gauss-Markov process step by step, through the integrated network."""
+    values = {"Ceq_w": C_W, "Ceq_sr": C_S, "Req_w": R_W, "Req_sr": R_S, "Rs0": 0.006}
+    columns = heat_columns(Model.of("second", replace(motor, adequacy=said)), values, blocks)
+    rng = np.random.default_rng(1)
+    wider = said.unmodelled_heat / Adequacy().unmodelled_heat
+    loss = wider * float(np.mean(np.asarray(blocks.inputs.losses)))
+    edges = blocks.block_s * np.arange(blocks.measured.size + 1)
+    decay = np.exp(-blocks.block_s / said.heat_time_s)
+    drawn = []
+    for _ in range(150):
+        total = np.zeros(blocks.measured.size)
+        for node in ("winding", "stator"):
+            heat = [rng.standard_normal()]
+            for shock in rng.standard_normal(edges.size - 1):
+                heat.append(decay * heat[-1] + np.sqrt(1.0 - decay**2) * shock)
+            only = block_responses(
+                second_order(C_W, C_S, R_W, R_S), ["winding"], loss * np.array(heat)[:, None],
+                blocks.block_s,
+            )[node]  # fmt: skip
+            total += only[:, 0]
+        drawn.append(total)
+    late = slice(blocks.measured.size // 3, None)
+    sampled = np.mean(np.square(drawn), axis=0)[late].mean()
+    stated = np.sum(columns**2, axis=1)[late].mean()
+    # 150 records of some four independent stretches each: a sd of 6 %; 4 of them
+    assert abs(sampled / stated - 1.0) < 0.24

@@ -1,23 +1,154 @@
-"""A network from a TOML file in `check`, `compare` and `discover`, and what forbids one."""
+"""Networks of a user's own: nodes, losses by speed, and what is refused."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import asdict, replace
+from importlib.resources import files
 from pathlib import Path
 
+import jax.numpy as jnp
+import numpy as np
 import pandas as pd
 import pytest
+from turning import NETWORK, RS0, T0, TRUTH, amperes, copper, course, friction, iron, record, rpm
 
 import heatrun
 from heatrun import cli
 from heatrun.effects.engine import library
 from heatrun.errors import InputError, UsageError
+from heatrun.fit.fit import fit
 from heatrun.model.catalogue import effects_named
 from heatrun.model.model import Model
-from heatrun.model.network_text import network_named, pair_of
-from lptn import EFFECTS
+from heatrun.model.model_parameters import override_names, parameters
+from heatrun.model.network_text import (
+    BUILT_IN,
+    network_named,
+    network_of,
+    network_text,
+    networks_of,
+    pair_of,
+    read_network,
+)
+from heatrun.model.problem import Problem, predictions
+from heatrun.model.scale import Masses, scale_of_tests, scaled
+from heatrun.record.motor import Adequacy, Motor, ParameterOverride
+from heatrun.record.reduction import reduce
+from heatrun.runs.run import ModelOfRun, model_text, read_model
+from lptn import EFFECTS, CopperLosses, Drive, Inputs, SpeedLoss, heat_input, simulate
 
-FOUR = Path(__file__).with_name("four.toml").read_text("utf-8")
+FOUR = """
+[network]
+name = "four"
+nodes = ["winding", "tooth", "yoke", "rotor"]
+sinks = ["coolant"]
+links = [["winding", "tooth"], ["tooth", "yoke"], ["tooth", "rotor"], ["yoke", "coolant"]]
+losses = { copper = "winding", iron = ["tooth", "yoke"], mechanical = "rotor" }
+sensors = { winding_degC = "winding", stator_degC = "yoke" }
+effects = ["speed_cooling"]
+
+[parameters.Ceq_rotor]
+capacitance = "rotor"
+value = 4000.0
+relative_sd = 0.5
+"""
+
+
+def four():
+    return read_network(FOUR.encode(), "four.toml")
+
+
+@pytest.mark.parametrize("form", [*map(network_named, BUILT_IN), four()], ids=lambda f: f.name)
+def test_the_text_of_a_network_reads_back_to_the_same_value(form):
+    assert asdict(network_of(network_text(form), "again")) == asdict(form)
+
+
+def test_a_network_has_a_parameter_for_every_part():
+    form = four()
+    assert form.names == (
+        "Ceq_winding", "Ceq_tooth", "Ceq_yoke", "Ceq_rotor",
+        "Req_winding_tooth", "Req_tooth_yoke", "Req_tooth_rotor", "Req_yoke_coolant",
+        "share_yoke", "share_rotor",
+        "Tw_start", "T_tooth_start", "T_yoke_start", "T_rotor_start",
+    )  # fmt: skip
+    rotor = dict(form.capacitance)["rotor"]
+    assert (rotor.centre, rotor.sd) == (4000.0, np.log1p(0.5))
+    assert form.body == ("Ceq_yoke", "Req_yoke_coolant")
+    values = {p.name: jnp.asarray(2.0) for p in form.parameters}
+    network = form.build(
+        {**values, "share_yoke": jnp.asarray(0.3), "share_rotor": jnp.asarray(0.1)}
+    )
+    assert {n: round(float(s), 12) for n, s in network.share.items()} == {
+        "tooth": 0.6, "yoke": 0.3, "rotor": 0.1,
+    }  # fmt: skip
+    assert network.boundary == "coolant"
+
+
+def test_a_model_with_effects_and_fixed_values_reads_back_to_the_same_value(blocks):
+    motor = Motor(
+        "m", phase_resistance_ohm=0.0062, sink="coolant", adequacy=Adequacy(heat_time_s=600.0),
+        parameters={"Ceq_tooth": ParameterOverride(fixed=900.0),
+                    "speed_cooling.g": ParameterOverride(value=0.4, sd=0.1)},
+    )  # fmt: skip
+    with_speed = Model.of(four(), motor)
+    known = parameters(with_speed, motor, [blocks])
+    found = ModelOfRun(with_speed, known)
+    again = read_model(model_text(found), "model.toml")
+    assert again == found
+    assert again.model.effects[0].card.id == "speed_cooling"
+
+
+def test_the_second_order_from_a_file_is_the_built_in_to_the_last_bit(tmp_path, blocks, motor):
+    text = files("heatrun.model").joinpath("networks/second.toml").read_text("utf-8")
+    file = tmp_path / "mine.toml"
+    file.write_text(text.replace('name = "second"', 'name = "mine"'), "utf-8")
+    courses = []
+    for network in ("second", str(file)):
+        problem = Problem.of(Model.of(network, motor), motor, [blocks])
+        z = jnp.linspace(-0.5, 0.5, problem.num_parameters)
+        courses.append(np.asarray(predictions(problem.structure, problem.data, z)[0]))
+    assert np.array_equal(*courses)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('nodes = ["winding", ', 'nodes = ["winding", "winding", ', "different names"),
+        ('"yoke", "coolant"]]', '"yoke", "air"]]', "two different names"),
+        (', ["yoke", "coolant"]]', "]", "no path of links"),
+        ('copper = "winding"', 'copper = "coil"', "names no node"),
+        ('"rotor" }', '"shaft" }', "'shaft'"),
+        ('iron = ["tooth", "yoke"]', "iron = { tooth = 0.5, yoke = 0.4 }", "add up to 1"),
+        ('winding_degC = "winding", ', "", "winding_degC"),
+        ("sinks", "drains", "'drains' is not known"),
+        ('sinks = ["coolant"]', 'sinks = ["coolant", "air"]', "expected one"),
+        ("[parameters.Ceq_rotor]", "[parameters.Ceq_shaft]", None),
+        ("value = 4000.0", "value = -1.0", "above 0"),
+        ('capacitance = "rotor"\n', "", "Did you mean"),
+        ('"speed_cooling"', '"speed_coolin"', "speed_cooling"),
+    ],
+)
+def test_a_wrong_network_says_what_was_expected(old, new, said):
+    assert old in FOUR
+    text = FOUR.replace(old, new)
+    if said is None:  # the name of a section is free where it says whose parameter it is
+        assert "Ceq_shaft" in read_network(text.encode(), "four.toml").names
+        return
+    if said == "Did you mean":
+        text = text.replace("Ceq_rotor", "Ceq_roter")
+    with pytest.raises(InputError, match=said):
+        Model.of(read_network(text.encode(), "four.toml"), Motor("m", sink="coolant"))
+
+
+def test_networks_by_name_and_file(tmp_path):
+    (tmp_path / "four.toml").write_text(FOUR)
+    assert [form.name for form in networks_of("both")] == ["first", "second"]
+    assert [f.name for f in networks_of(f"second,{tmp_path / 'four.toml'}")] == ["second", "four"]
+    with pytest.raises(InputError, match="no network 'third'"):
+        networks_of("third")
+
+
+FOUR_TEXT = Path(__file__).with_name("four.toml").read_text("utf-8")
 PLAIN = """[motor]
 name = "bench"
 [winding]
@@ -32,10 +163,10 @@ def folder(tmp_path_factory, bench, generator):
     folder = tmp_path_factory.mktemp("own")
     (folder / "motor.toml").write_text(PLAIN)
     (folder / "cooled.toml").write_text(COOLED)
-    (folder / "four.toml").write_text(FOUR)
+    (folder / "four.toml").write_text(FOUR_TEXT)
     (folder / "known.toml").write_text(Path(__file__).with_name("four_known.toml").read_text())
     (folder / "coolant.toml").write_text(
-        FOUR.replace("[network]\n", '[network]\nsinks = ["coolant"]\n').replace(
+        FOUR_TEXT.replace("[network]\n", '[network]\nsinks = ["coolant"]\n').replace(
             '"ambient"', '"coolant"'
         )
     )
@@ -190,3 +321,159 @@ def test_discover_starts_from_a_network_of_ones_own(call, folder):
     rmse = run.predict("step.csv").rmse_K
     assert rmse == pytest.approx(found["holdout"]["rmse_after_K"], rel=1e-6)
     assert rmse < 1.0  # the sensor's noise and rounding are some tenths
+
+
+MOTOR = Motor("bench", phase_resistance_ohm=RS0)
+FORM = read_network(NETWORK.encode(), "turning.toml")
+TIME = np.arange(0.0, 6000.0, 2.0)
+
+
+def with_losses(losses, by_speed):
+    text = NETWORK.replace(
+        'losses = { copper = "winding", iron = "stator", mechanical = "rotor" }',
+        f"losses = {losses}",
+    ).replace('by_speed = ["mechanical"]', f"by_speed = {by_speed}")
+    return read_network(text.encode(), "turning.toml")
+
+
+@pytest.mark.parametrize("kind", ["balance", "map"])
+def test_simulation_meets_an_independent_integrator(kind):
+    middle = 0.5 * (TIME[1:] + TIME[:-1])
+    fine = course(np.union1d(TIME, middle))
+    at_edges, between = fine[:, ::2], fine[:, 1::2]
+    losses = iron(middle)
+    if kind == "balance":
+        losses = losses + friction(middle) + copper(middle, between[0])
+    inputs = Inputs(
+        step=2.0,
+        current_squared=jnp.asarray(amperes(middle) ** 2),
+        losses=jnp.asarray(losses),
+        ambient=jnp.full(middle.size, T0),
+        speed=jnp.asarray(rpm(middle) * np.pi / 30.0),
+    )
+    (mechanical,) = FORM.by_speed
+    trace = simulate(
+        FORM.build(TRUTH),
+        CopperLosses(Rs0=jnp.asarray(RS0), kind=kind),
+        inputs,
+        dict.fromkeys(FORM.nodes, T0),
+        effects=mechanical.build(TRUTH),
+    )
+    for node, true in zip(FORM.nodes, at_edges, strict=True):
+        np.testing.assert_allclose(trace.temperature[node], true, atol=2e-3, err_msg=node)
+    if kind == "balance":
+        total = sum(np.asarray(heat) for heat in trace.heat.values())
+        np.testing.assert_allclose(total, losses, rtol=1e-12)
+
+
+def test_of_a_balance_the_parts_are_taken_out_and_on_a_map_they_come_on_top():
+    form = with_losses(
+        '{ copper = "winding", other = "stator", iron = { stator = 0.25, rotor = 0.75 }, '
+        'mechanical = "rotor" }',
+        '["iron", "mechanical"]',
+    )
+    values = TRUTH | {"P_iron_n": 40.0, "P_iron_n2": 8.0}
+    losses = CopperLosses(Rs0=jnp.asarray(0.0))
+    drive = Drive.constant(
+        current_squared=0.0, losses=500.0, ambient=T0, speed=-2000.0 * np.pi / 30.0
+    )
+    effects = [part for loss in form.by_speed for part in loss.build(values)]
+    heat = heat_input(form.build(values), losses, drive, dict.fromkeys(form.nodes, T0),
+                      effects=effects)  # fmt: skip
+    of_iron, of_friction = 2 * 40.0 + 4 * 8.0, 2 * 30.0 + 4 * 12.0
+    assert float(heat["rotor"]) == pytest.approx(0.75 * of_iron + of_friction)
+    assert float(heat["stator"]) == pytest.approx(500.0 - 0.75 * of_iron - of_friction)
+    on_top = heat_input(form.build(values), replace(losses, kind="map"), drive,
+                        dict.fromkeys(form.nodes, T0), effects=effects)  # fmt: skip
+    assert float(on_top["stator"]) == pytest.approx(500.0 + 0.25 * of_iron)
+    at_rest = replace(drive, speed_rad=jnp.asarray(0.0))
+    still = heat_input(form.build(values), losses, at_rest, dict.fromkeys(form.nodes, T0),
+                       effects=effects)  # fmt: skip
+    assert float(still["rotor"]) == 0.0
+    with pytest.raises(ValueError, match="needs the channel speed_rpm"):
+        heat_input(form.build(values), losses, replace(drive, speed_rad=None),
+                   dict.fromkeys(form.nodes, T0), effects=[SpeedLoss(1.0, 1.0)])  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["balance", "map"])
+def test_friction_is_recovered_beside_the_network(kind):
+    motor = replace(MOTOR, losses=kind)
+    test = reduce(record(kind=kind), motor)
+    model = Model.of(FORM, motor).scaled(motor, [test])
+    found = fit(Problem.of(model, motor, [model.with_bodies(test)]))
+    for name, true in TRUTH.items():
+        slot = found.problem.parameters.index(name)
+        parameter = found.slots[slot].parameter
+        sd = float(np.sqrt(found.covariance[slot, slot]))
+        assert abs(float(found.z[slot]) - parameter.score(true)) < 3.0 * sd, name
+        assert sd * parameter.sd < 0.02, name  # of the logarithm; the prior has 1.3 and more
+
+
+def test_priors_follow_the_losses_and_the_speed_of_the_tests():
+    test = reduce(record(), MOTOR)
+    scale = scale_of_tests([test])
+    assert scale is not None
+    assert scale.fastest == pytest.approx(6.0)
+    (loss,) = scaled(FORM, scale, Masses()).by_speed
+    assert loss.linear.centre * 6.0 == pytest.approx(0.1 * scale.loss)
+    assert loss.square.centre * 36.0 == pytest.approx(0.1 * scale.loss)
+    content = network_text(FORM)
+    content["parameters"]["P_mechanical_n"] = {"value": 25.0, "relative_sd": 0.5}
+    (stated,) = scaled(network_of(content, "stated"), scale, Masses()).by_speed
+    assert stated.linear.centre == 25.0
+    assert (loss.linear.unit, loss.square.unit) == ("W", "W")
+    assert "P_mechanical_n2" in override_names(FORM)
+
+
+def test_text_reads_back_to_the_same_network():
+    for form in (
+        FORM,
+        with_losses(
+            '{ copper = "winding", other = "stator", iron = ["stator", "rotor"], '
+            "mechanical = { stator = 0.1, rotor = 0.9 } }",
+            '["mechanical", "iron"]',
+        ),
+    ):
+        again = network_of(network_text(form), "again")
+        assert again == form
+        assert again.parameters == form.parameters
+        assert again != network_of(network_text(replace(form, by_speed=())), "without")
+
+
+@pytest.mark.parametrize(
+    ("losses", "by_speed", "said"),
+    [
+        ('{ copper = "winding", iron = "stator", mechanical = "rotor" }', '["copper"]',
+         "expected a list with iron, mechanical or both"),
+        ('{ copper = "winding", iron = "stator" }', '["mechanical"]',
+         "losses do not say which node each heats"),
+        ('{ copper = "winding", iron = "stator", mechanical = "rotor" }', '["iron", "mechanical"]',
+         "none is left to take"),
+        ('{ copper = "winding", iron = "stator", mechanical = "shaft" }', '["mechanical"]',
+         "losses name 'shaft'"),
+    ],
+)  # fmt: skip
+def test_a_wrong_network_is_refused(losses, by_speed, said):
+    with pytest.raises(InputError, match=said):
+        with_losses(losses, by_speed)
+
+
+def test_a_test_without_a_speed_is_refused(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    table = pd.DataFrame(record().channels).drop(columns="speed_rpm")
+    table.to_csv("duty.csv", index=False)
+    (tmp_path / "turning.toml").write_text(NETWORK)
+    text = '[motor]\nname = "bench"\n[winding]\nphase_resistance_ohm = 0.0062\n'
+    (tmp_path / "motor.toml").write_text(text)
+    assert cli.main(["check", "motor.toml", "duty.csv", "--model", "turning.toml", "--json"]) == 1
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    (refusal,) = [f for f in findings if f["severity"] == "error"]
+    assert "the mechanical loss follows the speed" in refusal["message"]
+    assert "[columns] speed_rpm" in refusal["remedy"]
+    words = ["calibrate", "motor.toml", "duty.csv", "--model", "turning.toml", "--out", "refused"]
+    assert cli.main(words) == 1
+    assert "this test has no speed_rpm" in capsys.readouterr().err
+    assert not (tmp_path / "refused").exists()
+    (tmp_path / "motor.toml").write_text(text + "[constants]\nspeed_rpm = 3000\n")
+    assert cli.main(["check", "motor.toml", "duty.csv", "--model", "turning.toml", "--json"]) == 0

@@ -1,4 +1,4 @@
-"""Virtual, semi-real and real in one report: what was put into a record is found and judged."""
+"""Prototypes of one machine: their clocks, their network, and what they are held against."""
 
 from __future__ import annotations
 
@@ -7,15 +7,24 @@ import gzip
 import importlib.util
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pypdf import PdfReader
+from run_near_truth import FITTED, run_near_truth
 
 from heatrun.cli import main
-from heatrun.errors import UsageError
-from heatrun_reports.prototypes.prototype import parse_roles
+from heatrun.errors import InputError, UsageError
+from heatrun.motor.file import load_motor
+from heatrun.readers.read import read_record
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record, Source
+from heatrun_reports import Reference, build_report, read_reference
+from heatrun_reports.prototypes.confront import confront
+from heatrun_reports.prototypes.prototype import Prototype, parse_roles, read_prototypes
+from heatrun_reports.prototypes.report import prototypes_report
 
 PROTOTYPES = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
 BENCH = PROTOTYPES / "Test_2024_03_05_001.csv.gz"
@@ -193,3 +202,196 @@ def test_a_file_that_is_not_there_is_told_and_the_exit_code_is_1(capsys):
     code = main(["report", "--type", "prototypes", str(MOTOR), f"a={BENCH}", "b=none.csv"])
     assert code == 1
     assert "none.csv" in capsys.readouterr().err
+
+
+BARE = Motor("car")
+CLOCK = np.arange(0.0, 900.0)
+POWER = ([0, 60, 65, 200, 204, 380, 390, 520, 523, 900], [0, 0, 8, 8, -3, -3, 5, 5, 1, 1])
+SPEED = ([0, 40, 50, 150, 170, 350, 360, 600, 640, 900], [0, 0, 3, 3, 5, 5, 1, 1, 4, 4])
+TORQUE = ([0, 90, 100, 300, 304, 480, 490, 700, 703, 900], [0, 0, 50, 50, 10, 10, 80, 80, 5, 5])
+
+
+def logger(role: str, earlier_s: float, seed: int, **signals: float) -> Prototype:
+    """A prototype whose logger started earlier; each signal lags by so many seconds."""
+    rng = np.random.default_rng(seed)
+    courses = {"dc_power_W": (*POWER, 1000.0), "torque_Nm": (*TORQUE, 1.0)}
+    courses["speed_rpm"] = (*SPEED, 1000.0)
+    channels = {"time_s": CLOCK}
+    for name, lag_s in signals.items():
+        times, values, scale = courses[name]
+        course = scale * np.interp(CLOCK - earlier_s - lag_s, times, values)
+        channels[name] = course + 0.01 * scale * rng.normal(size=CLOCK.size)
+    return Prototype(role, Reference(Record(role, channels)))
+
+
+def test_ways_between_clocks_that_agree_are_no_finding():
+    both = {"dc_power_W": 0.0, "torque_Nm": 0.0}
+    shown = [
+        logger("a", 0.0, 1, **both),
+        logger("b", 20.0, 2, **both),
+        logger("c", -15.0, 3, **both),
+    ]
+    found = confront(shown, BARE)
+    # added to the clock of each to give that of a
+    assert found.shift_s["b"] == pytest.approx(-20.0, abs=0.5)
+    assert found.shift_s["c"] == pytest.approx(15.0, abs=0.5)
+    assert "clocks_do_not_close" not in {f.id for f in found.findings}
+    # from where b and c have begun, to where the first ends, on the clock of a
+    assert found.window_s == pytest.approx((15.0, 879.0), abs=1.0)
+
+
+def test_ways_between_clocks_that_contradict_each_other_are_told():
+    # by power and torque all clocks are one, but the speed of b lags by 30 s behind that of c
+    a = logger("a", 0.0, 1, dc_power_W=0.0, torque_Nm=0.0)
+    b = logger("b", 0.0, 2, dc_power_W=0.0, speed_rpm=30.0)
+    c = logger("c", 0.0, 3, torque_Nm=0.0, speed_rpm=0.0)
+    found = confront([a, b, c], BARE)
+    (told,) = [f for f in found.findings if f.id == "clocks_do_not_close"]
+    # what is added to the clock of b to give that of c
+    assert told.values["left_s"] == pytest.approx(-30.0, abs=1.0)
+
+
+def test_the_report_stands_without_a_pair_that_shares_nothing():
+    a = logger("a", 0.0, 1, dc_power_W=0.0)
+    b = logger("b", 0.0, 2, dc_power_W=0.0, torque_Nm=0.0)
+    c = logger("c", 0.0, 3, torque_Nm=0.0)
+    report = prototypes_report(BARE, (b, a, c))
+    assert report.summary.startswith("Agree in all that is judged: a − b, c − b.")
+    assert "pair_not_compared" in {f.id for f in report.findings}
+
+
+def test_records_of_different_drives_are_refused():
+    a = logger("a", 0.0, 1, dc_power_W=0.0)
+    noise = np.random.default_rng(4).normal(size=CLOCK.size)
+    other = Prototype("b", Reference(Record("b", {"time_s": CLOCK, "dc_power_W": noise})))
+    with pytest.raises(InputError, match="records of one manoeuvre"):
+        confront([a, other], BARE)
+
+
+def test_the_part_that_the_motor_file_uses_is_compared(tmp_path):
+    paths = []
+    for role, seed in (("first", 1), ("second", 2)):
+        record = logger(role, 0.0, seed, dc_power_W=0.0, torque_Nm=0.0).record
+        paths.append(tmp_path / f"{role}.csv")
+        table = np.stack(list(record.channels.values()), 1)
+        np.savetxt(paths[-1], table, delimiter=",", comments="", header=",".join(record.channels))
+    file = tmp_path / "motor.toml"
+    file.write_text('[motor]\nname = "car"\n[tests.second]\nuse = [[100, 700]]\n', "utf-8")
+    motor = load_motor(file)
+    first, second = read_prototypes([("a", paths[0]), ("b", paths[1])], motor)
+    assert first.record.duration_s == pytest.approx(899.0)
+    assert second.record.duration_s == pytest.approx(600.0, abs=1.0)
+
+
+REFERENCE = Motor("reference", phase_resistance_ohm=0.0062)
+HIGH_K, EARLIER_S = 4.0, 25.0
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory, bench, generator):
+    """A run, a test on the bench, and the road's record of it without current and losses."""
+    folder = tmp_path_factory.mktemp("network")
+    run = run_near_truth(folder / "run", REFERENCE, bench(generator.duty(600.0), seed=20))
+    test = bench(generator.duty(1800.0), seed=21, name="bench")
+    kept = ("time_s", "ambient_degC", "winding_degC", "speed_rpm")
+    channels = {name: test[name][EARLY:] for name in kept}
+    channels["time_s"] = channels["time_s"] - EARLY + EARLIER_S
+    channels["winding_degC"] = channels["winding_degC"] + HIGH_K
+    return run, test, Record("road", channels)
+
+
+EARLY = 60
+"""Samples of the bench, one a second, that the road's logger did not see."""
+
+
+def test_the_network_is_judged_on_the_bench_and_by_its_load_on_the_road(machine):
+    run, test, road = machine
+    prototypes = (Prototype("semi-real", Reference(test)), Prototype("real", Reference(road)))
+    report = prototypes_report(REFERENCE, prototypes, run=run)
+    on_bench, on_road = report.result.networks
+    assert (on_bench.driven_by, on_road.driven_by) == ("semi-real", "semi-real")
+    # the road counts 25 s where the bench counts 60 s
+    assert report.result.shift_s["real"] == pytest.approx(EARLY - EARLIER_S, abs=0.5)
+    (bench_winding,) = on_bench.temperatures
+    (road_winding,) = on_road.temperatures
+    # the start is read to 1 K; parameters within 0.5 % of the truth
+    assert abs(bench_winding.bias) < 0.6
+    assert bench_winding.verdict == "agrees"
+    assert road_winding.bias - bench_winding.bias == pytest.approx(HIGH_K, abs=0.2)
+    assert road_winding.verdict == "biased"
+    (table,) = [t for t in report.tables if t.title == "The network of the run on each prototype"]
+    assert [line.name for line in table.lines] == ["winding, semi-real", "winding, real"]
+    assert "Network of the run on real: winding biased" in report.summary
+    for drawing in report.drawings:
+        assert drawing.draw().axes
+
+
+def test_a_prototype_that_calibrated_the_run_is_told_on_the_first_line(machine):
+    run, test, road = machine
+    fitted = replace(test, sources=(Source("a.csv", FITTED),))
+    prototypes = (Prototype("semi-real", Reference(fitted)), Prototype("real", Reference(road)))
+    report = prototypes_report(REFERENCE, prototypes, run=run)
+    assert report.summary.startswith("bench is the calibration test duty of the run run")
+    assert report.summary.count("same SHA-256") == 1  # the road's record was not fitted
+    thermal = build_report("thermal", REFERENCE, fitted, run=run)
+    virtual = build_report("virtual", REFERENCE, fitted, run=run)
+    for each in (thermal, virtual):
+        assert each.summary.startswith("bench is the calibration test duty of the run run")
+    assert "SHA-256" not in build_report("thermal", REFERENCE, test, run=run).summary
+
+
+def test_a_run_stands_for_the_virtual_prototype_on_the_clock_of_what_drove_it(machine, tmp_path):
+    run, test, road = machine
+    paths = []
+    for record in (test, road):
+        path = tmp_path / f"{record.name}.csv"
+        table = np.stack(list(record.channels.values()), 1)
+        np.savetxt(path, table, delimiter=",", comments="", header=",".join(record.channels))
+        paths.append(path)
+    # the road comes first, but has no current and losses to drive the network
+    roles = [("real", paths[1]), ("virtual", run), ("semi-real", paths[0])]
+    report = prototypes_report(REFERENCE, read_prototypes(roles, REFERENCE))
+    assert report.result.base.role == "semi-real"
+    pairs = {pair.name: pair.validation for pair in report.result.pairs}
+    assert pairs["semi-real − virtual"].pair.offset.offset_s == 0.0
+    # a reader counts from the first sample, so the clock of the file begins at 0
+    assert pairs["real − virtual"].pair.offset.offset_s == pytest.approx(-EARLY, abs=0.5)
+    offset = pairs["real − virtual"].pair.offset
+    assert offset.method == "by way of semi-real"
+    assert offset.sd_s == pairs["semi-real − real"].pair.offset.sd_s > 0.0
+    (winding,) = pairs["real − virtual"].judged
+    assert winding.bias == pytest.approx(HIGH_K, abs=0.6)
+
+
+def simulated(path: Path, record: Record) -> Path:
+    """The columns of a file that `heatrun simulate` writes."""
+    columns = {**record.channels, "copper_loss_W": np.ones(record.time_s.size)}
+    columns["other_loss_W"] = columns["copper_loss_W"]
+    table = np.stack(list(columns.values()), 1)
+    np.savetxt(path, table, delimiter=",", comments="", header=",".join(columns))
+    return path
+
+
+def test_a_simulation_given_as_real_is_told_on_the_first_line(machine, tmp_path):
+    _, test, _ = machine
+    path = simulated(tmp_path / "drive.csv", test)
+    told = "drive, given as {}, is a simulation by heatrun and no measured prototype."
+    other = read_reference(path, REFERENCE)
+    real = build_report("real", REFERENCE, test, reference=other)
+    assert real.summary.startswith(told.format("the reference"))
+    virtual = build_report("virtual", REFERENCE, test, reference=other)
+    assert "given as" not in virtual.summary
+    swapped = build_report(
+        "real", REFERENCE, read_record(path, REFERENCE), reference=Reference(test)
+    )
+    assert swapped.summary.startswith(told.format("the test"))
+    prototypes = (Prototype("semi-real", Reference(test)), Prototype("real", other))
+    assert prototypes_report(REFERENCE, prototypes).summary.startswith(told.format("real"))
+
+
+def test_one_file_in_two_roles_is_told_on_the_first_line(machine):
+    _, test, _ = machine
+    known = replace(test, sources=(Source("b.csv", "b"),))
+    prototypes = (Prototype("real", Reference(known)), Prototype("real-2", Reference(known)))
+    report = prototypes_report(REFERENCE, prototypes)
+    assert report.summary.startswith("bench and bench are the same file (same SHA-256).")

@@ -1,4 +1,4 @@
-"""Derived figures against the formulas of one and two nodes, written independently."""
+"""Derived figures against the formulas of one and two nodes, with effects behind them too."""
 
 from __future__ import annotations
 
@@ -9,15 +9,20 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from msgspec import UNSET
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from heatrun import cli
+from heatrun.errors import UsageError
 from heatrun.io.texts import Texts
+from heatrun.model.draws import PlausibleEffect, PlausibleEffects
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
 from heatrun.record.blocks import Blocks
 from heatrun.record.motor import Motor, ParameterOverride
 from heatrun.reports.content import _derived
+from heatrun.runs.duties import current_at_limit, parse_duty
 from heatrun.runs.machine import machines
 from heatrun.runs.ratings_figures import derive, rates
 from lptn import CopperLosses, Drive, Network
@@ -400,3 +405,119 @@ def test_a_network_of_four_nodes_is_rated_too():
         fed = K - np.diag([k, 0.0, 0.0, 0.0])
         heat = np.array([k * (B + SINK), 0.7 * other, 0.3 * other, 0.0])
         assert float(found.rise[index]) == pytest.approx(np.linalg.solve(fed, heat)[0], rel=1e-9)
+
+
+NONE = -1
+FIGURES = ("steady_rise_K", "continuous_current_A", "time_to_limit_cold_s", "S2-30_current_A")
+
+
+def behind(effects, which, size=1.0):
+    """The draws at `TRUE`, with one effect of some behind each, or none."""
+    drawn = posterior("second", motor(), TRUE)
+    sizes = size * (np.broadcast_to(which, NUM)[:, None] == np.arange(len(effects)))
+    drawn.plausible = PlausibleEffects(tuple(effects), sizes)
+    return drawn
+
+
+def effect(name, amounts, shift=None, probability=0.9, test=None):
+    """An effect with given amounts; without it, the parameters of `shift` have other values."""
+    own = {f"{name}.{key}": value for key, value in amounts.items()}
+    nulls = {f"{name}.{key}": q.null for key, q in BY_ID[name].card.parameters.items()}
+    without = own | {k: v for k, v in nulls.items() if v is not None} | TRUE
+    return PlausibleEffect(BY_ID[name], test, probability, own | TRUE | (shift or {}), without)
+
+
+def values(drawn):
+    """The figures that are not refused."""
+    found = derive(drawn, ["S2-30"])
+    return {name: found[name].value for name in FIGURES if found[name].refused is UNSET}
+
+
+@pytest.mark.parametrize(
+    ("name", "amounts"),
+    [
+        ("ambient_recirculation", {"r": 0.02}),
+        ("ac_copper_loss", {"k": 1.0}),
+        ("speed_cooling", {"g": 0.3, "m": 0.8}),
+    ],
+)
+def test_an_effect_behind_all_draws_is_the_network_with_it(name, amounts):
+    given = effect(name, amounts)
+    known = posterior("second", motor(), TRUE | given.with_effect, effects=[name])
+    expected, found = values(known), values(behind([given], 0))
+    bare = values(posterior("second", motor(), TRUE))
+    assert abs(expected["steady_rise_K"] / bare["steady_rise_K"] - 1.0) > 0.01  # it matters
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
+def test_half_the_size_is_half_the_amount():
+    whole, half = (effect("ambient_recirculation", {"r": r}) for r in (0.02, 0.01))
+    expected, found = values(behind([half], 0)), values(behind([whole], 0, size=0.5))
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_resistance_that_the_effect_acts_on_goes_where_the_effect_has_it():
+    """In the draws it stands for its mean over the tests."""
+    moved = {"Req_sr": 0.14}
+    given = effect("speed_cooling", {"g": 0.3, "m": 0.8}, shift=moved)
+    known = posterior("second", motor(), given.with_effect, effects=["speed_cooling"])
+    assert values(behind([given], 0)) == pytest.approx(values(known), rel=1e-6)
+
+
+def test_each_draw_has_its_own_effect_or_none():
+    """A third of the draws each: alone, and with either of two effects."""
+    first = effect("ambient_recirculation", {"r": 0.02}, probability=0.3)
+    second = effect("speed_cooling", {"g": 0.3, "m": 0.8}, probability=0.3)
+    which = np.arange(NUM) % 3 - 1
+    assert NONE in which
+    low, high = derive(behind([first, second], which))["steady_rise_K"].interval_95
+    of_each = [derive(behind([first, second], index))["steady_rise_K"].value
+               for index in (NONE, 0, 1)]  # fmt: skip
+    assert (low, high) == pytest.approx((min(of_each), max(of_each)), rel=1e-9)
+
+
+def test_a_likely_effect_stands_in_the_condition():
+    told = derive(behind([effect("ambient_recirculation", {"r": 0.02})], 0))
+    assert told["steady_rise_K"].condition.endswith("with ambient_recirculation")
+    assert "recirculation" not in told["tau_slow_s"].condition  # of the network alone
+    rare = effect("ambient_recirculation", {"r": 0.02}, probability=0.2)
+    assert "recirculation" not in derive(behind([rare], 0))["steady_rise_K"].condition
+
+
+def test_an_event_of_one_test_is_none_of_the_machine():
+    name = next(k.card.id for k in BY_ID.values() if k.card.family == "event")
+    amounts = {key: 0.5 * (q.low + q.high) for key, q in BY_ID[name].card.parameters.items()}
+    drawn = behind([effect(name, amounts, test="duty")], 0)
+    assert values(drawn) == values(posterior("second", motor(), TRUE))
+
+
+def test_a_heat_capacity_alone_gives_the_closed_form():
+    """Adiabatic S2: T = T0 + R I^2 t/C, so I = sqrt((T - T0) C/(R t))."""
+    duty = parse_duty("S2-10", 1000.0)
+
+    def highest(current, duty):
+        return 20.0 + 0.02 * current**2 * duty.on_s / 600.0
+
+    found = current_at_limit(duty, highest, 155.0, 300.0, 3)
+    np.testing.assert_allclose(found, np.sqrt(135.0 * 600.0 / (0.02 * 600.0)), rtol=1e-3)
+    assert np.all(np.isinf(current_at_limit(duty, highest, 1e6, 300.0, 3)))
+
+
+def test_names_are_read():
+    duty = parse_duty("S3-40", 1800.0)
+    assert (duty.on_s, duty.off_s) == (240.0, 360.0)
+    assert duty.num_cycles * 600.0 >= 4 * 1800.0
+    for wrong in ("S3-140", "S2-0", "S1", "S2", "S2-x"):
+        with pytest.raises(UsageError, match="expected S2-MINUTES"):
+            parse_duty(wrong, 1.0)
+
+
+def test_a_wrong_rating_is_wrong_use(tmp_path, capsys):
+    from heatrun.bundled import bundled
+
+    data = bundled("synthetic")
+    words = ["calibrate", str(data / "motor.toml"), str(data / "step_30min.csv.gz"), "--rating",
+             "S9-1", "--out", str(tmp_path / "run")]  # fmt: skip
+    assert cli.main(words) == 2
+    assert "S9-1" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heatrun.errors import InputError
 from heatrun.init.survey import survey
 from heatrun.readers.read import read_record
 from heatrun.readers.text.reader import read_text
@@ -318,11 +317,3 @@ def test_the_same_header_again_is_a_restart_of_the_logger(tmp_path, member):
     assert (finding.id, finding.values["first_sample"]) == ("logger_restarted", 7)
     assert "[tests.test] use_rows = [[1, 7], [8, 12]]" in finding.remedy
     assert survey(path).findings[0].id == "logger_restarted"
-
-
-def test_another_header_among_the_data_is_refused(tmp_path):
-    lines = rows(SECONDS, "{time}\t{T}\t{I}").split("\n")
-    lines.insert(7, "t [s]\tT [degF]\tI [A]")
-    path = written(tmp_path, "t [s]\tT [degC]\tI [A]\n" + "\n".join(lines))
-    with pytest.raises(InputError, match="Line 9 holds text in every column"):
-        read_record(path)

@@ -25,8 +25,8 @@ STORED = Path(__file__).parents[1] / "stored"
 """Files as heatrun wrote them before its results were types (commit d93e2a8).
 
 `fit-1.json`: `heatrun calibrate motor.toml duty_30min.csv.gz --holdout step_90min.csv.gz --model
-both --quick --rating S2-30` on data/synthetic. `discovery-2.json`: the case of
-`test_discovery_schema.py`, a cooling step in one of two tests, with a held-out test.
+both --quick --rating S2-30` on data/synthetic. `discovery-2.json`: a cooling step
+in one of two tests, with a held-out test.
 `population-1.json`: eight machines of two suppliers, one of which does not fit, and a refused one,
 by `tests/fleet/rows_of_machines.py`; as heatrun wrote it first.
 `fleet-discovery-1.json`: three types with drawn evidence, by `machines` of

@@ -62,7 +62,8 @@ def day(tmp_path_factory, bench, generator):
         pd.DataFrame(channels).to_csv(folder / f"{name}.csv", index=False)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr(calibration, "missing", lambda *_, **__: None)
+        for name in ("find", "missing"):
+            patch.setattr(calibration, name, lambda *_, **__: None)
         patch.setattr(calibration, "sample", lambda fit, seed, **_: normal_draws(fit, seed=seed))
         patch.setattr(calibration, "check_reduction", lambda *_: (0.0, ()))
         patch.setattr(of_result, "forecast", lambda *_: {})
@@ -134,9 +135,9 @@ def test_sheet_and_export_of_a_network_with_effects(day, capsys, monkeypatch):
 
 
 @needs_octave
-@pytest.mark.parametrize("test", ["duty", "step"])
-def test_octave_integrates_the_export_of_the_run(test, day, capsys, monkeypatch):
+def test_octave_integrates_the_export_of_the_run(day, capsys, monkeypatch):
     monkeypatch.chdir(day)
+    test = "step"  # held out, so that its start is found anew
     written = json_of(capsys, "export", "run", "--to", "mat", "--test", test, "--out", test)
     said = octave(written["files"][1], day)
     table = pd.read_csv(Path(test, "network_course.csv"))

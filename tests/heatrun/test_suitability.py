@@ -1,4 +1,4 @@
-"""Whether a record will do, and what comes next: from the findings, as text and as JSON."""
+"""Whether a record will do, and what comes next; also of a test that cannot be read yet."""
 
 from __future__ import annotations
 
@@ -7,11 +7,17 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from mdf_files import signal, written
 
 from heatrun import cli
 from heatrun.checks.suitability import suitability
+from heatrun.errors import InputError
+from heatrun.readers.channel_map import require
+from heatrun.readers.read import read_record
+from heatrun.record.motor import Motor
 from heatrun.record.record import Finding
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
@@ -171,3 +177,201 @@ def test_a_motor_file_for_another_network_is_said_to_be_one(here, capsys):
     assert "will not do for a second-order calibration once" not in out
     assert "Ceq_tooth" in out.splitlines()[0]
     assert out.rstrip("\n").endswith("Then: heatrun check motor.toml duty.csv")
+
+
+MOTOR = '[motor]\nname = "M"\n[winding]\nphase_resistance_ohm = 0.0062\n'
+ROWS = [f"{100 + i % 7},{300 + i % 11},20.1,{20 + 0.1 * i:.1f},{i % 2}" for i in range(60)]
+HEAD = "Is [A],Pd [W],Te [degC],T_Mot [degC],Pump [bar]"
+
+
+@pytest.fixture
+def at_hand(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("motor.toml").write_text(MOTOR)
+    return tmp_path
+
+
+def without_times(path: Path) -> None:
+    path.write_text("\n".join([HEAD, *ROWS]))
+
+
+def of_strange_names(path: Path) -> None:
+    times = np.arange(0.0, 60.0, 0.5)
+    written(path, ("Logger", [signal("T_Mot", 20.0 + times, times, "°C"),
+                              signal("Pump", 0.0 * times, times, "bar")]))  # fmt: skip
+
+
+def test_a_measurement_of_unknown_names_lists_them_and_says_what_comes_next(at_hand, capsys):
+    of_strange_names(at_hand / "rec.mf4")
+    code, out = said(capsys, "rec.mf4")
+    assert code == 1
+    assert "No channel claims, in rec: T_Mot, Pump" in out
+    assert "No channel of the file is known" in out
+    assert "it has no losses_W, ambient_degC, winding_degC." in out
+    assert out.endswith(
+        "Next: name the missing channels in motor.toml (heatrun init rec.mf4 --out draft.toml "
+        "proposes), then: heatrun check motor.toml rec.mf4\n"
+    )
+
+
+def test_a_text_without_times_shows_what_was_read_and_what_was_not(at_hand, capsys):
+    without_times(at_hand / "log.csv")
+    code, out = said(capsys, "log.csv", "-v")
+    assert code == 1
+    assert "No channel claims, in log: T_Mot [degC], Pump [bar]" in out
+    rows = {line.split()[0]: line.split()[1] for line in out.splitlines() if line.startswith("  ")}
+    assert rows["phase_current_A"] == "Is"
+    assert 'time_s = "rate 10 Hz"' in out
+    assert "it has no time_s, winding_degC." in out
+    assert out.splitlines()[-1].startswith("Next: name the missing channels in motor.toml")
+
+
+def test_what_the_motor_file_names_is_claimed_and_other_tests_are_checked(at_hand, capsys):
+    without_times(at_hand / "log.csv")
+    (at_hand / "good.csv").write_text(
+        "\n".join([f"t [s],{HEAD}", *(f"{i},{row}" for i, row in enumerate(ROWS))])
+    )
+    (at_hand / "motor.toml").write_text(MOTOR + '[columns]\nwinding_degC = "T_Mot"\n')
+    code, out = said(capsys, "log.csv", "good.csv", "--json")
+    assert code == 1
+    content = json.loads(out)
+    assert {"findings", "tests", "unclaimed", "suitability", "next"} == set(content)
+    assert content["unclaimed"] == {"log": ["Pump [bar]"], "good": ["Pump [bar]"]}
+    (unread,) = [one for one in content["findings"] if one["id"] == "not_read"]
+    assert (unread["test"], unread["severity"]) == ("log", "error")
+    assert "no time column" in unread["message"]
+    assert content["suitability"][0]["sentence"].endswith("it has no time_s.")
+    assert "heatrun check motor.toml log.csv good.csv" in content["next"]
+
+
+def test_a_wrong_line_of_columns_is_said_beside_the_columns_that_are_free(at_hand, capsys):
+    without_times(at_hand / "log.csv")
+    columns = '[columns]\nwinding_degC = "T_Mto"\ntime_s = "rate 1 Hz"\nlosses_W = "Pd [degC]"\n'
+    (at_hand / "motor.toml").write_text(MOTOR + columns)
+    code, out = said(capsys, "log.csv")
+    assert code == 1
+    assert "No channel claims, in log: Pd [W], T_Mot [degC], Pump [bar]" in out
+    assert "'T_Mto' for winding_degC" in out
+    assert "Did you mean" in out
+    assert "column 'Pd [W]' as losses_W" in out  # the second fault, said at once
+    assert "Next: " in out.splitlines()[-1]
+
+
+def test_what_is_no_table_stays_an_error(at_hand, capsys):
+    (at_hand / "notes.csv").write_text("nothing of use\n")
+    assert said(capsys, "notes.csv") == (1, "")
+    assert cli.main(["check", "motor.toml", "none.csv"]) == 1
+    assert "none.csv" in capsys.readouterr().err
+
+
+BENCH = Path(__file__).parents[3] / "shared" / "bench"
+needs_bench = pytest.mark.skipif(not BENCH.is_dir(), reason="measured records are not here")
+CONTROLLER = "Voltage (V),Current (A),Temperature (C),eRPM,Motor Duty,Phase Current (A),Power (W)"
+
+
+def write(tmp_path: Path, header: str, *rows: str) -> Path:
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path
+
+
+def test_a_phase_current_of_zeros_is_not_recorded(tmp_path):
+    path = write(tmp_path, CONTROLLER, "60,2,24,900,3,0,120", "60,3,25,950,3,0,180")
+    record = read_record(path, rate_Hz=10)
+    assert set(record.channels) == {
+        *("time_s", "dc_voltage_V", "dc_current_A", "dc_power_W", "controller_degC")
+    }
+    assert [finding.id for finding in record.findings] == ["not_recorded"]
+    assert any("eRPM" in note and "electrical" in note for note in record.notes)
+    measured = write(tmp_path, CONTROLLER, "60,2,24,900,3,0,120", "60,3,25,950,3,7,180")
+    assert read_record(measured, rate_Hz=10)["phase_current_A"].tolist() == [0.0, 7.0]
+    asked = Motor("M", columns={"phase_current_A": "Phase Current"})
+    path = write(tmp_path, CONTROLLER, "60,2,24,900,3,0,120", "60,3,25,950,3,0,180")
+    assert read_record(path, asked, rate_Hz=10)["phase_current_A"].tolist() == [0.0, 0.0]
+
+
+def test_a_file_without_time_needs_a_rate(tmp_path):
+    path = write(tmp_path, "winding_degC,P", "20,1", "21,2", "22,3")
+    with pytest.raises(InputError, match="no time column") as caught:
+        read_record(path)
+    assert 'time_s = "rate 10 Hz"' in caught.value.remedy
+    assert read_record(path, rate_Hz=4).time_s.tolist() == [0.0, 0.25, 0.5]
+    motor = Motor("M", columns={"time_s": "rate 10 Hz"})
+    assert read_record(path, motor).time_s.tolist() == [0.0, 0.1, 0.2]
+    for rate in (0.0, -1.0, float("nan")):
+        with pytest.raises(InputError, match="above 0 Hz"):
+            read_record(path, rate_Hz=rate)
+
+
+def test_a_rate_never_replaces_a_measured_time(tmp_path):
+    path = write(tmp_path, "time_s,winding_degC", "0,20", "2,21")
+    with pytest.raises(InputError, match="has a time column"):
+        read_record(path, rate_Hz=10)
+    record = read_record(path, Motor("M", columns={"time_s": "rate 10 Hz"}))
+    assert record.time_s.tolist() == [0.0, 2.0]
+    assert any("rate in [columns] is not used" in note for note in record.notes)
+
+
+def test_the_record_of_a_plain_file(tmp_path):
+    header = "phase_current_A,time_s,winding_degC,spare"
+    path = write(tmp_path, header, "1,5,20,7", ",4,nan,7", "3,6.5,x,7", "4,7,22,7", "5,8,23,7")
+    record = read_record(path)
+    assert next(iter(record.channels)) == "time_s"
+    assert record.time_s.tolist() == [0.0, -1.0, 1.5, 2.0, 3.0]  # backwards stays
+    assert np.isnan(record["winding_degC"]).tolist() == [False, True, True, False, False]
+    assert record.unused == ("spare",)
+    assert any("at 5 s in the file" in note for note in record.notes)
+    assert [(finding.id, finding.test) for finding in record.findings] == [
+        ("unreadable_cells", "run")
+    ]
+    (source,) = record.sources
+    assert len(source.sha256) == 64
+    assert all(values.dtype == np.float64 for values in record.channels.values())
+    assert read_record(path, name="first").name == "first"
+
+
+def test_a_time_column_without_times_is_refused(tmp_path):
+    path = write(tmp_path, "time_s,winding_degC,P", "nan,20,1", "nan,21,2")
+    with pytest.raises(InputError, match="time"):
+        read_record(path)
+
+
+def test_what_a_fit_needs_is_named(tmp_path):
+    record = read_record(write(tmp_path, "time_s,winding_degC,Pv", "0,20,1", "1,21,2"))
+    with pytest.raises(InputError, match="Missing: phase_current_A") as caught:
+        require(record)
+    assert "not used: Pv" in caught.value.problem
+    assert '[columns] phase_current_A = "COLUMN [A]"' in caught.value.remedy
+    require(record, ["time_s", "winding_degC"])
+
+
+@needs_bench
+def test_measured_car_motor():
+    record = read_record(BENCH / "paderborn_profile24_heatrun_2p5s.csv.gz")
+    require(record)
+    assert record.name == "paderborn_profile24_heatrun_2p5s"
+    assert record.unused == ()
+    assert record.time_s.size == 3003
+    loaded = (record.time_s > 2000) & (record.time_s < 4300)
+    unloaded = record.time_s > 5000
+    # The README beside the file: 3.3 to 3.7 kW loaded, "1.5 kW" (two digits) unloaded
+    assert 3300 < np.median(record["losses_W"][loaded]) < 3700
+    assert 1400 < np.median(record["losses_W"][unloaded]) < 1650
+
+
+@needs_bench
+@pytest.mark.parametrize("run", ["Run2-Throttle100", "Run3-Throttle48", "Run13-Throttle8"])
+def test_measured_small_motor(run):
+    (logger,) = (BENCH / "tass" / run).glob("DAQ_*.csv")
+    (controller,) = (BENCH / "tass" / run).glob("Export_*.csv")
+    temperatures = read_record(logger)
+    assert set(temperatures.channels) == {"time_s", "winding_degC", "stator_degC", "ambient_degC"}
+    (count,) = (note for note in temperatures.notes if "Sample Count" in note)
+    assert temperatures.time_s.size == int(count.split()[-1])
+    assert (np.diff(temperatures.time_s) > 0).all()
+    assert temperatures.findings == ()
+    with pytest.raises(InputError, match="no time column"):
+        read_record(controller)
+    power = read_record(controller, rate_Hz=10)
+    assert "phase_current_A" not in power
+    assert np.median(power["dc_power_W"]) > 0

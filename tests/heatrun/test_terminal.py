@@ -1,11 +1,19 @@
-"""Results as text for the terminal."""
+"""What commands say: results as text, whole lines, help, and options in any order."""
 
 from __future__ import annotations
 
+import io
+import json
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
+from heatrun import cli
+from heatrun.commands import all_commands
+from heatrun.commands.console import EVERY_S, PROGRESS, bar, say
 from heatrun.record.record import Finding
 from heatrun.reports.terminal import discovery_text, result_text
 from heatrun.results import DiscoveryResult, FitResult, from_json
@@ -15,8 +23,12 @@ from heatrun.runs.run import Run
 STORED = Path(__file__).parents[1] / "stored"
 
 
-def test_a_large_capacity_has_no_exponent():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+@pytest.fixture(scope="module")
+def stored():
+    return from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+
+
+def test_a_large_capacity_has_no_exponent(stored):
     second = stored.models["second"]
     large = replace(
         second.parameters["Ceq_sr"], value=151234.0, sd=2600.0, interval_95=(146123.0, 156321.0)
@@ -28,8 +40,7 @@ def test_a_large_capacity_has_no_exponent():
     assert re.search(r"Ceq_sr +151230 J/K +95 % 146100 … 156300 ", said)
 
 
-def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand(stored):
     lines = result_text(stored, "runs/demo").splitlines()
     assert len(lines) <= 12
     assert lines[0].startswith("USABLE: Second order. ")
@@ -45,9 +56,7 @@ def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand():
     assert all(finding.id in whole for finding in stored.findings)
 
 
-def test_what_decides_a_verdict_is_never_hidden_and_comes_next():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
-
+def test_what_decides_a_verdict_is_never_hidden_and_comes_next(stored):
     def said(*findings, **change):
         second = replace(stored.models["second"], **change)
         told = replace(stored, findings=findings, models={"second": second})
@@ -79,16 +88,14 @@ def test_what_decides_a_verdict_is_never_hidden_and_comes_next():
     assert "Next: add a test with several steps of load and a cool-down" in lines
 
 
-def test_a_warning_of_the_other_network_alone_is_left_to_the_rest():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+def test_a_warning_of_the_other_network_alone_is_left_to_the_rest(stored):
     (misfit,) = (one for one in stored.findings if one.id == "misfit")
     assert "first-order" in misfit.message
     assert result_text(stored).splitlines()[-1].startswith("With -v: warnings (single_step), ")
     assert "(misfit)" in result_text(stored, verbose=True)
 
 
-def test_a_run_at_the_prompt_is_one_line():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+def test_a_run_at_the_prompt_is_one_line(stored):
     said = repr(Run(Path("results") / "runs" / "demo", stored))
     first = stored.tests[0]
     assert said.startswith(f"<Run {Path('results', 'runs', 'demo')}: {stored.motor.name}; ")
@@ -97,8 +104,7 @@ def test_a_run_at_the_prompt_is_one_line():
     assert len(said) < 300
 
 
-def test_figures_of_long_names_stand_below_each_other():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+def test_figures_of_long_names_stand_below_each_other(stored):
     second = stored.models["second"]
     entry = second.parameters["Ceq_w"]
     models = {"four": replace(second, parameters={"Ceq_tooth": entry, "Req_winding_tooth": entry})}
@@ -109,8 +115,7 @@ def test_figures_of_long_names_stand_below_each_other():
     assert len(figures) == 4
 
 
-def test_a_rating_that_was_asked_for_is_told_or_refused():
-    stored = from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+def test_a_rating_that_was_asked_for_is_told_or_refused(stored):
     current = DerivedFigure(
         value=140.279, unit="A", sd=0.74, interval_95=(139.608, 142.139), condition="S2-30, class F"
     )
@@ -138,3 +143,143 @@ def test_what_is_missing_is_said_to_be_missing():
     assert all(line.startswith(f"  {span.test}, ") for line in lines[place + 1 : place + 7])
     assert lines[place + 7] == "  and 2 more in discovery.pdf"
     assert "alone misses" not in discovery_text(replace(stored, where=()))
+
+
+class Pieces(io.StringIO):
+    """A stream that remembers what it was given at once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.pieces: list[str] = []
+
+    def write(self, text: str) -> int:
+        self.pieces.append(text)
+        return super().write(text)
+
+
+def test_a_line_is_written_in_one_piece(monkeypatch):
+    stream = Pieces()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setenv(PROGRESS, "json")
+    say("first order: sampling")
+    with bar() as progress:
+        progress("250 steps", 0.31)
+    assert stream.pieces[0] == "· first order: sampling\n"
+    assert json.loads(stream.pieces[1]) == {"share": 0.31, "doing": "250 steps"}
+    assert len(stream.pieces) == 2
+    assert stream.pieces[1].endswith("\n")
+
+
+def test_without_a_terminal_the_time_left_is_printed_now_and_then(monkeypatch):
+    stream = Pieces()
+    now = [100.0]
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.delenv(PROGRESS, raising=False)
+    with bar(lambda: now[0]) as progress:
+        progress("first order: fitting; about 2 min left", 0.0)
+        progress("first order: fitted; about 2 min left", 0.1)
+        now[0] += EVERY_S
+        progress("second order: 500 steps; about 1 min left", 0.534)
+        now[0] += EVERY_S
+        progress("done", 1.0)
+    assert stream.pieces == [
+        "· 0 %, first order: fitting; about 2 min left\n",
+        "· 53 %, second order: 500 steps; about 1 min left\n",
+    ]
+
+
+@pytest.mark.parametrize(
+    "words", [[], *([name] for name in all_commands())], ids=lambda w: " ".join(w)
+)
+def test_help_is_printed(words, capsys):
+    with pytest.raises(SystemExit) as stop:
+        cli.main([*words, "--help"])
+    said = capsys.readouterr()
+    assert (stop.value.code, said.err) == (0, "")
+    assert " ".join(["usage: heatrun", *words]) in said.out
+    if not words:
+        assert "parameters with 95 % intervals" in said.out
+        assert all(name in said.out for name in all_commands())
+
+
+def parsed(*words: str):
+    return cli._parser().parse_args(list(words))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["export", "run", "new.csv", "--to", "mat"],
+        ["export", "run", "--to", "mat", "new.csv"],
+        ["export", "--to", "mat", "run", "new.csv"],
+        ["export", "--to=mat", "run", "--force", "new.csv"],
+        ["export", "run", "--to", "mat", "--", "new.csv"],
+    ],
+)
+def test_a_test_may_be_named_behind_an_option(words):
+    options = parsed(*words)
+    assert (options.source, options.tests, options.to) == (Path("run"), [Path("new.csv")], "mat")
+
+
+def test_a_run_alone_is_exported_as_before():
+    assert parsed("export", "run", "--to", "mat").tests == []
+
+
+@pytest.mark.parametrize(
+    ("words", "tests"),
+    [
+        (["check", "motor.toml", "a.csv", "--json", "b.csv"], ["a.csv", "b.csv"]),
+        (["calibrate", "motor.toml", "a.csv", "--quick", "b.csv", "--seed", "3"],
+         ["a.csv", "b.csv"]),
+        (["calibrate", "motor.toml", "a.csv", "--holdout", "c.csv", "--quick", "b.csv"],
+         ["a.csv", "b.csv"]),
+        (["init", "a.csv", "--out", "m.toml", "b.csv"], ["a.csv", "b.csv"]),
+        (["discover", "motor.toml", "a.csv", "--quick", "b.csv"], ["a.csv", "b.csv"]),
+        (["report", "motor.toml", "a.csv", "--type", "general", "b.csv"], ["a.csv", "b.csv"]),
+    ],
+)  # fmt: skip
+def test_so_do_the_tests_of_every_command(words, tests):
+    assert [str(test) for test in parsed(*words).tests] == tests
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["export", "run"], "required: --to"),
+        (["check", "--json"], "required: MOTOR.toml, TEST"),
+        (["check", "motor.toml", "a.csv", "--jsn"], "unrecognized arguments: --jsn"),
+        (["sheet", "run", "--dcc", "other"], "unrecognized arguments: other"),
+    ],
+)
+def test_what_is_wrong_is_said_as_before(words, said, capsys):
+    with pytest.raises(SystemExit) as end:
+        parsed(*words)
+    assert end.value.code == 2
+    assert said in capsys.readouterr().err
+
+
+SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
+MOTOR, DUTY = (str(SYNTHETIC / name) for name in ("motor.toml", "duty_30min.csv.gz"))
+
+COMPUTING, DRAWING = {"jax", "equinox", "lptn", "scipy", "arviz", "xarray"}, {"matplotlib", "PIL"}
+"""Packages that take long to load."""
+
+
+@pytest.mark.parametrize(
+    ("words", "spared"),
+    [
+        (["--help"], COMPUTING | DRAWING | {"numpy", "pandas"}),
+        (["check", MOTOR, DUTY], COMPUTING | DRAWING),
+        (["init", DUTY, "--out", "draft.toml"], COMPUTING | DRAWING),
+        (["report", "--type", "thermal", MOTOR, DUTY, "--out", "."], COMPUTING),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
+)
+def test_what_a_command_has_no_use_for_is_not_loaded(words, spared, tmp_path):
+    said = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "heatrun.cli", *words],
+        cwd=tmp_path, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    loaded = {line.split("|")[-1].strip().split(".")[0] for line in said.stderr.splitlines()}
+    assert "heatrun" in loaded
+    assert not loaded & spared

@@ -1,14 +1,32 @@
-"""Sentences of the product use the terms of the field, one word for each idea."""
+"""Sentences of the product use the terms of the field; sheets and reports in three languages."""
 
 from __future__ import annotations
 
 import ast
+import json
 import re
+from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
+import pandas as pd
 import pytest
+from pypdf import PdfReader
 
 import heatrun
+from heatrun.checks.suitability import DOUBTS
+from heatrun.io.texts import FIELD, LANGUAGES, Texts, table
+from heatrun.model.network_text import SHIPPED, network_named
+from heatrun.motor.file import load_motor
+from heatrun.record.motor import Certificate
+from heatrun.record.record import Finding
+from heatrun.reports.content import LABELS, sheet_content
+from heatrun.reports.pdf import write_pdf
+from heatrun.results import FitResult, from_json
+from heatrun.runs.verdict import USES
+from heatrun_reports import job, make_report
+from heatrun_reports.document import document_content
+from lptn.effects import EFFECTS
 
 ROOT = Path(heatrun.__file__).parents[1]
 ROOMS = (
@@ -80,3 +98,176 @@ def test_the_words_are_found_where_they_stand(tmp_path):
     file = tmp_path / "said.py"
     file.write_text('"""The ranges."""\nsaid = f"the {2} ranges "  \\\n    "are wide"\n')
     assert sentences(file) == [(2, "the {} ranges are wide")]
+
+
+HEATRUN = Path(str(resources.files("heatrun")))
+STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
+STATES_ENGLISH = (
+    "runs/verdict.py", "runs/duties.py", "runs/machine.py", "runs/ratings_figures.py",
+)  # fmt: skip
+"""Where the sentences are made that a run states in English."""
+
+
+@pytest.fixture(scope="module")
+def result():
+    text = STORED.read_text(encoding="utf-8").replace(" degC", " °C")  # as conditions are now
+    return from_json(text.encode(), FitResult, "fit.json", str(STORED))
+
+
+def test_every_text_stands_in_all_languages_with_the_same_fields():
+    for key, row in table().items():
+        assert len(row) == len(LANGUAGES), key
+        fields = [set(re.findall(r"\{(\w+)", text)) for text in row]
+        assert fields[0] == fields[1] == fields[2], key
+        assert all(row) or key in ("findings_in_english", "rest_in_english"), key
+
+
+def test_every_text_that_a_page_asks_for_is_in_the_table():
+    asked = set(LABELS)
+    modules = (*HEATRUN.glob("reports/**/*.py"), *HEATRUN.parent.glob("heatrun_reports/**/*.py"))
+    for path in [*modules, HEATRUN / "reports/templates/sheet.typ"]:
+        text = path.read_text(encoding="utf-8")
+        asked |= set(re.findall(r"\bsay\(\s*\"(\w+)\"", text))
+        if path.suffix == ".typ":
+            assert set(re.findall(r"\bt\.([a-zA-Z]\w+)", text)) <= set(LABELS)
+    assert len(asked) > 80
+    assert asked <= set(table())
+
+
+def _words(path: Path) -> set[str]:
+    """Return what stands between the fields of the texts of a module.
+
+    Docstrings, what is raised, and shapes of arrays are left out.
+    """
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    raised = {id(n) for node in ast.walk(tree) if isinstance(node, ast.Raise | ast.Subscript)
+              for n in ast.walk(node)}  # fmt: skip
+    said = [node for node in ast.walk(tree)
+            if id(node) not in raised and not isinstance(node, ast.Expr)]  # fmt: skip
+    texts = [each for node in said for each in ast.iter_child_nodes(node)
+             if isinstance(each, ast.Constant) and isinstance(each.value, str)]  # fmt: skip
+    found = {text.value.strip(" .,:;()") for text in texts}
+    return {text for text in found if text.count(" ") >= 2}
+
+
+@pytest.mark.parametrize("module", STATES_ENGLISH)
+def test_what_a_run_states_in_english_is_in_the_table(module):
+    english = [FIELD.sub("{}", row[0]) for row in table().values()]
+    words = _words(HEATRUN / module)
+    assert words
+    pieces = {piece for text in words for piece in text.split(", ")}
+    lacking = {text for text in pieces if not any(text in row for row in english)}
+    assert not lacking
+
+
+def test_meanings_and_names_of_the_networks_and_effects_are_in_the_table():
+    forms = [network_named(name) for name in SHIPPED]
+    stated = [*USES.values(), *DOUBTS.values(), *(form.title for form in forms)]
+    stated += [p.meaning for form in forms for p in form.parameters]
+    stated += [q.meaning for kind in EFFECTS for q in kind.card.parameters.values()]
+    for language in LANGUAGES[1:]:
+        say = Texts(language)
+        for text in stated:
+            assert say.again(text) != text, text
+        assert not say.unknown
+
+
+def variants(result):
+    """Results whose pages say what pages can say."""
+    model = result.models["second"]
+    name = result.tests[0].name
+
+    def with_model(**changes):
+        models = {**result.models, "second": replace(model, **changes)}
+        return replace(result, models=models)
+
+    def told(*findings):
+        return replace(result, findings=findings)
+
+    weak = {n: replace(p, identifiability="weak") for n, p in model.parameters.items()}
+    lost = {n: replace(p, identifiability="not identifiable") for n, p in model.parameters.items()}
+    yield result
+    yield replace(result, verdict=replace(result.verdict, order="first"))
+    yield replace(result, verdict=replace(result.verdict, order="undecided"))
+    yield replace(result, verdict=replace(result.verdict, log_bayes_factor=3.0))
+    yield with_model(result="not_converged")
+    yield with_model(parameters=weak)
+    yield with_model(parameters={**model.parameters, "Ceq_w": lost["Ceq_w"]})
+    yield with_model(parameters=lost)
+    yield with_model(posterior=replace(model.posterior, is_sound=False))
+    yield with_model(residuals=tuple(replace(row, rmse_K=15.0) for row in model.residuals))
+    yield with_model(residuals=tuple(replace(row, coverage_95=0.5) for row in model.residuals))
+    yield told(Finding("simulated_by_heatrun", "warning", "It was.", test=name))
+    yield told(*(Finding(id, "warning", "Odd.", test=name) for id in DOUBTS))
+    yield told(Finding("missing_effect", "warning", "It lacks one."),
+               Finding("step_failed", "error", "It failed."))  # fmt: skip
+    yield told(Finding("prior_conflict", "warning", "Far.", values={"Rs0": 1.0, "prior_sd": 5.0}))
+
+
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_a_page_says_nothing_in_english(result, language):
+    say = Texts(language)
+    for each in variants(result):
+        sheet_content(each, Certificate(), say)
+    assert not say.unknown
+
+
+def test_numbers_have_the_decimal_sign_of_the_language(result, tmp_path):
+    stated = Certificate(number="7.5", language="de")
+    content = sheet_content(result, stated)
+    page = content["certificate"]
+    assert page["parameters"][2][2] == "0,1448 ± 0,0032 K/W"
+    assert ["Zertifikat Nr.", "7.5"] in page["identification"]
+    assert not re.search(r"\d\.\d", json.dumps([content["tests"], content["residuals"],
+                                              content["derived"], page["reasons"]]))  # fmt: skip
+    text = PdfReader(write_pdf(content, [], tmp_path / "sheet.pdf")).pages[0].extract_text()
+    assert "Wärmekapazität der Wicklung" in text
+    assert "Seite 1 von" in text
+    italian = sheet_content(result, replace(stated, language="it"))
+    assert "0,1448 ± 0,0032 K/W" in json.dumps(italian, ensure_ascii=False)
+
+
+def test_findings_in_english_are_called_so_in_the_language(result):
+    finding = Finding("odd", "warning", "Something is odd.")
+    odd = replace(result, findings=(finding,))
+    assert "englischer Sprache" in sheet_content(odd, Certificate(language="de"))["after_findings"]
+    assert sheet_content(odd, Certificate())["after_findings"] == ""
+    assert sheet_content(odd, Certificate(language="it"))["graver"] == [
+        ["avviso", "Something is odd."]
+    ]
+
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+ROAD = [DATA / "prototypes" / f"{name}_2024_03_05_001.csv.gz" for name in ("Test", "Road")]
+
+
+@pytest.mark.parametrize("kind", ["general", "energy", "thermal", "real", "energy of a pump"])
+def test_titles_labels_heads_and_captions_of_reports_are_in_the_table(kind, tmp_path, monkeypatch):
+    if kind != "general":  # one page is set, that of the others is not
+        monkeypatch.setattr(job, "write_pdf", lambda _, __, path, ___: path.write_bytes(b"%PDF"))
+    motor = load_motor(DATA / "prototypes" / "motor.toml")
+    reference = ROAD[1] if kind == "real" else None
+    tests = ROAD[:1]
+    if "pump" in kind:  # no vehicle
+        tests = [tmp_path / "pump.csv"]
+        table = pd.read_csv(ROAD[0]).drop(columns="vehicle_speed_km_per_h")
+        table.to_csv(tests[0], index=False)
+        motor = replace(motor, gear_ratio=None, wheel_radius_m=None)
+    asked = kind.split(" ")[0]
+    (made,) = make_report(asked, motor, tests, tmp_path, reference=reference, language="it")
+    english, said = (
+        document_content(made.report, made.content, Texts(each)) for each in ("en", "it")
+    )
+    pairs = [(english[key], said[key]) for key in ("title", "heading")]
+    pairs += [(one[0], other[0]) for one, other in zip(english["rows"], said["rows"], strict=True)]
+    pairs += zip(english["captions"], said["captions"], strict=True)
+    for one, other in zip(english["tables"], said["tables"], strict=True):
+        heads = zip([one["title"], *one["head"]], [other["title"], *other["head"]], strict=True)
+        lines = zip(one["lines"], other["lines"], strict=True)
+        pairs += [*heads, *((a[0], b[0]) for a, b in lines)]
+    same = {a for a, b in pairs if a == b and not re.fullmatch(r"\d+ … \d+ %", a)}
+    assert same <= {"", "RMSE"}
+    if kind == "general":
+        text = "".join(page.extract_text() for page in PdfReader(made.pdf).pages)
+        assert "pagina 1 di" in text
+        assert "senza traduzione" in " ".join(text.split())

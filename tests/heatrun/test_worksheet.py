@@ -1,16 +1,24 @@
-"""The published worksheet, cell by cell, as decimal strings."""
+"""The published worksheet cell by cell, the printed first order, and every command of the page."""
 
 from __future__ import annotations
 
 import csv
+import re
+import shlex
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+from heatrun.cli import _parser
 from heatrun.errors import InputError
+from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from heatrun.reports.worksheet import Worksheet, WorksheetConstants, fill_worksheet
+from heatrun.simulation import simulate_values
+from heatrun_reports.prototypes.prototype import parse_roles
 
 THESIS = Path(__file__).parents[2] / "data" / "thesis"
 COMPUTED = {
@@ -115,3 +123,88 @@ def test_a_resistance_that_is_none_is_refused(resistance: float) -> None:
 def test_a_reference_below_the_resistance_law_is_refused() -> None:
     with pytest.raises(InputError, match=r"phase_reference_degC: .* above -234\.5 degC"):
         WorksheetConstants(20.0, 0.0062, phase_reference_degC=-250.0)
+
+
+MOTOR = Motor("IPM-SynRel 2022", phase_resistance_ohm=0.0062)
+CURRENT_A, LOSSES_W, AMBIENT_DEGC = 74.2, 521.0, 19.3577
+"""The working point of the worksheet, which the first test is held at."""
+
+
+@pytest.fixture(scope="module")
+def constants():
+    return tomllib.loads((THESIS / "constants.toml").read_text("utf-8"))
+
+
+@pytest.fixture(scope="module")
+def held() -> Record:
+    time_s = np.arange(0.0, 5401.0, 1.0)
+    return Record(
+        "held",
+        {
+            "time_s": time_s,
+            "phase_current_A": np.full(time_s.size, CURRENT_A),
+            "losses_W": np.full(time_s.size, LOSSES_W),
+            "ambient_degC": np.full(time_s.size, AMBIENT_DEGC),
+        },
+    )
+
+
+def second_order(constants, seconds: list[float]) -> np.ndarray:
+    """The winding of the printed second order, by scipy."""
+    p = constants["second_order"]
+
+    def rates(_, T):
+        joule = 3.0 * CURRENT_A**2 * 0.0062 * (234.5 + T[0]) / (234.5 + 25.0)
+        down = (T[0] - T[1]) / p["Req_w"]
+        rest = LOSSES_W - joule + down - (T[1] - AMBIENT_DEGC) / p["Req_sr"]
+        return [(joule - down) / p["Ceq_w"], rest / p["Ceq_sr"]]
+
+    start = [AMBIENT_DEGC, AMBIENT_DEGC]
+    return solve_ivp(rates, (0.0, 5400.0), start, t_eval=seconds, rtol=1e-9, atol=1e-9).y[0]
+
+
+def test_the_printed_first_order_is_five_kelvin_low_after_a_minute(constants, held):
+    seconds = [60.0, 300.0, 5399.0]
+    second = second_order(constants, seconds)
+    one = constants["first_order"]
+    tau_s = one["Ceq"] * one["Req"]
+    first = AMBIENT_DEGC + LOSSES_W * one["Req"] * (1.0 - np.exp(-np.array(seconds) / tau_s))
+    # as data/thesis/README.md says
+    assert first - second == pytest.approx([-4.8, -9.4, -9.8], abs=0.05)
+    made = simulate_values(MOTOR, one, held, "first")
+    # rows are means over steps of 2 s: the curvature in them is far below 0.05 K
+    ours = np.interp(seconds, made["time_s"], made["winding_degC"])
+    assert ours == pytest.approx(first, abs=0.05)
+
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "thesis_commands.md").read_text("utf-8")
+FOLDERS = {"$P": "data/synthetic/prototypes", "$D": "data/synthetic", "$O": "results/runs/thesis"}
+
+
+def commands() -> list[str]:
+    """The commands of the page that are written out."""
+    found = [text for text in re.findall(r"`([^`\n]+)`", PAGE) if re.match(r"heatrun \S+ \S", text)]
+    return [text for text in dict.fromkeys(found) if "…" not in text and "\\|" not in text]
+
+
+@pytest.mark.parametrize("text", [c for c in commands() if "--help" not in c])
+def test_the_command_is_taken_and_its_bundled_files_are_there(text):
+    for name, folder in FOLDERS.items():
+        text = text.replace(name, folder)
+    words = shlex.split(text)[1:]
+    options = _parser().parse_args(words)
+    if getattr(options, "kind", "") == "prototypes":
+        assert len(parse_roles([str(test) for test in options.tests])) == 3
+    for word in words:
+        path = word.partition("=")[2] or word
+        if path.startswith("data/"):
+            assert (ROOT / path).exists(), path
+
+
+def test_every_numbered_part_of_the_three_chapters_has_its_rows():
+    parts = ["Chapter 2", "Chapter 3", *(f"4.{n} " for n in range(1, 7))]
+    for part in parts:
+        (rows,) = re.findall(rf"^## {re.escape(part)}.*?\n(.*?)(?=^## |\Z)", PAGE, re.S | re.M)
+        assert rows.count("\n| ") >= 3, part
+    assert PAGE.count("*not covered*") >= 3  # what is not is said

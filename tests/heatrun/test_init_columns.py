@@ -1,0 +1,440 @@
+"""Which columns `heatrun init` offers for a channel, in which order, and what stands above them."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+from drafted import (
+    BEARING,
+    CURRENT,
+    HOUSING,
+    LOSSES,
+    ROOM,
+    TIME_S,
+    WINDING,
+    ZERO,
+    named,
+    note_on,
+    offered,
+    text_of,
+)
+from mdf_files import signal, written
+
+from heatrun.init.draft import choices, draft
+from heatrun.init.gaps import gaps
+from heatrun.init.survey import survey
+from heatrun.motor.file import parse_motor
+from heatrun.readers.joined import read_test
+
+BASE = {"time_s": TIME_S, "losses_W": LOSSES}
+CHANNELS = {
+    "CH1 [degC]": ZERO + 21.0,
+    "CH2 [degC]": BEARING,
+    "CH3 [degC]": ROOM,
+    "CH4 [degC]": HOUSING,
+    "CH5 [degC]": WINDING,
+    "CH6 [degC]": ZERO,
+}
+
+
+def test_the_temperature_that_moves_the_most_is_first_for_the_winding(tmp_path):
+    text = text_of(named(tmp_path, BASE | CHANNELS))
+    assert offered(text, "winding_degC") == [
+        *("CH5 [degC]", "CH4 [degC]", "CH2 [degC]", "CH3 [degC]", "CH1 [degC]")
+    ]
+    assert "moves by 66 K, the most" in note_on(text, 'winding_degC = "CH5')
+    assert "stays" in note_on(text, 'winding_degC = "CH3')
+
+
+def test_a_machine_that_cools_moves_as_well(tmp_path):
+    columns = {"CH1 [degC]": ROOM, "CH2 [degC]": HOUSING[::-1], "CH3 [degC]": WINDING[::-1]}
+    text = text_of(named(tmp_path, BASE | columns))
+    assert offered(text, "winding_degC")[0] == "CH3 [degC]"
+
+
+def test_the_coldest_that_stays_is_first_for_the_ambient(tmp_path):
+    text = text_of(named(tmp_path, BASE | CHANNELS))
+    sides = offered(text, "ambient_degC")
+    assert sides == [f"CH{n} [degC]" for n in (3, 2, 1, 4, 5)]
+    assert "the coldest" in note_on(text, 'ambient_degC = "CH3')
+    # a channel of zeros is no room
+    assert "ambient_degC = 0.0" not in text
+    assert "ambient_degC = 21.0" in text
+
+
+def test_a_phase_current_is_never_negative_and_varies(tmp_path):
+    signed = np.where(CURRENT > 50.0, -20.0, 3.0)
+    columns = {"CH1 [A]": ZERO + 2.5, "CH2 [A]": signed, "CH3 [A]": CURRENT, "CH4 [A]": CURRENT / 9}
+    text = text_of(named(tmp_path, BASE | columns))
+    sides = offered(text, "phase_current_A")
+    assert sides == ["CH3 [A]", "CH4 [A]", "CH2 [A]", "CH1 [A]"]
+    assert "negative" in note_on(text, "CH2 [A]")
+    assert "throughout" in note_on(text, "CH1 [A]")
+
+
+def test_a_name_goes_before_values_unless_they_contradict_it(tmp_path):
+    hot = 22.0 + 2.0 * (WINDING - 22.0)
+    columns = {"Brake [degC]": hot, "T_Wckl [degC]": WINDING, "T_Raum [degC]": ROOM}
+    text = text_of(named(tmp_path, BASE | columns))
+    assert offered(text, "winding_degC")[0] == "T_Wckl [degC]"
+    columns["T_Wckl [degC]"] = ZERO + 21.0
+    text = text_of(named(tmp_path, BASE | columns))
+    assert offered(text, "winding_degC") == ["Brake [degC]", "T_Wckl [degC]"]
+
+
+def test_an_open_thermocouple_is_no_winding(tmp_path):
+    broken = ZERO + 1372.0
+    broken[:3] = 20.0, 800.0, 1300.0
+    columns = {"CH1 [degC]": broken, "CH2 [degC]": WINDING}
+    text = text_of(named(tmp_path, BASE | columns))
+    assert offered(text, "winding_degC") == ["CH2 [degC]", "CH1 [degC]"]
+    assert "outside" in note_on(text, 'winding_degC = "CH1')
+
+
+def test_units_do_not_change_the_order(tmp_path):
+    columns = {"CH1 [degF]": HOUSING * 1.8 + 32.0, "CH2 [K]": WINDING + 273.15, "CH3 [degC]": ROOM}
+    text = text_of(named(tmp_path, BASE | columns))
+    assert offered(text, "winding_degC") == ["CH2 [K]", "CH1 [degF]", "CH3 [degC]"]
+    assert offered(text, "ambient_degC")[0] == "CH3 [degC]"
+
+
+def test_what_does_not_grow_is_no_time(tmp_path):
+    columns = {"Zeitkonstante [s]": WINDING, "Laufzeit [s]": TIME_S[::-1], "Messzeit [s]": TIME_S}
+    text = text_of(named(tmp_path, columns | {"losses_W": LOSSES}))
+    assert offered(text, "time_s")[0] in ("Messzeit [s]", "Zeitkonstante [s]")
+    assert offered(text, "time_s")[-1] == "Laufzeit [s]"
+
+
+def test_a_short_cold_record_says_nothing_of_the_order(tmp_path):
+    columns = {"CH1 [degC]": ROOM, "T_Wckl [degC]": ZERO + 22.0}
+    columns["T_Wckl [degC]"][5] = 23.0
+    text = text_of(named(tmp_path, BASE | columns))
+    assert offered(text, "winding_degC")[0] == "T_Wckl [degC]"
+
+
+WITH_CURRENT = {
+    "time_s": TIME_S,
+    "losses_W": LOSSES,
+    "phase_current_A": CURRENT,
+    "ambient_degC": ROOM,
+}
+UVW = (WINDING + 1.5, WINDING, WINDING - 1.0)
+
+
+def taken(text: str, channel: str, side: str) -> str:
+    """Remove the # in front of a line."""
+    line = f'{channel} = "{side}"'
+    assert f"# {line}" in text
+    return text.replace(f"# {line}", line, 1)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("T_U [degC]", "T_V [degC]", "T_W [degC]"),
+        ("Wicklung U [degC]", "Wicklung V [degC]", "Wicklung W [degC]"),
+        ("PT100_1 [degC]", "PT100_2 [degC]", "PT100_3 [degC]"),
+        ("Winding L1 (°C)", "Winding L2 (°C)", "Winding L3 (°C)"),
+        ("TwU [degC]", "TwV [degC]", "TwW [degC]"),
+        ("T1 [K]", "T2 [K]", "T3 [K]"),
+    ],
+)
+def test_the_mean_of_the_phases_is_first_for_the_winding(tmp_path, names):
+    shift = 273.15 if "[K]" in names[0] else 0.0
+    columns = {name: values + shift for name, values in zip(names, UVW, strict=True)}
+    path = named(tmp_path, {"PT100_4 [degC]": BEARING} | WITH_CURRENT | columns)
+    text = text_of(path)
+    side = offered(text, "winding_degC")[0]
+    assert side == f"mean({', '.join(name.rpartition(' ')[0] for name in names)})"
+    motor = parse_motor(taken(text, "winding_degC", side).encode(), "motor.toml")
+    found = read_test(path, motor)["winding_degC"]
+    np.testing.assert_allclose(found, np.mean(UVW, axis=0), atol=1e-2)
+
+
+def test_the_unit_of_bare_names_stands_behind_the_mean(tmp_path):
+    names = ("coil_U", "coil_V", "coil_W")
+    path = named(tmp_path, WITH_CURRENT | dict(zip(names, UVW, strict=True)))
+    text = text_of(path)
+    assert offered(text, "winding_degC")[0] == "mean(coil_U, coil_V, coil_W) [degC]"
+    motor = taken(text, "winding_degC", "mean(coil_U, coil_V, coil_W) [degC]")
+    assert "winding_degC" in read_test(path, parse_motor(motor.encode(), "motor.toml"))
+
+
+def test_the_same_letters_of_other_things_are_no_phases(tmp_path):
+    """Umgebung, Vorlauf and Wicklung: T_U, T_V and T_W of a German bench."""
+    columns = {"T_U [degC]": ROOM, "T_V [degC]": BEARING, "T_W [degC]": WINDING}
+    del (base := dict(WITH_CURRENT))["ambient_degC"]
+    text = text_of(named(tmp_path, base | columns))
+    assert "mean(" not in text.split("\n[columns]\n")[1]
+    assert offered(text, "winding_degC")[0] == "T_W [degC]"
+    assert offered(text, "ambient_degC")[0] == "T_U [degC]"
+
+
+def test_a_loose_sensor_is_not_averaged(tmp_path):
+    columns = dict(zip(("T_U [degC]", "T_V [degC]", "T_W [degC]"), UVW, strict=True))
+    columns["T_V [degC]"] = HOUSING
+    text = text_of(named(tmp_path, WITH_CURRENT | columns))
+    assert "mean(" not in text.split("\n[columns]\n")[1]
+
+
+def test_three_of_the_housing_do_not_go_before_the_winding(tmp_path):
+    columns = {f"T{n} [degC]": HOUSING + n / 10 for n in (1, 2, 3)} | {"T4 [degC]": WINDING}
+    sides = offered(text_of(named(tmp_path, WITH_CURRENT | columns)), "winding_degC")
+    assert sides[:2] == ["T4 [degC]", "mean(T1, T2, T3)"]
+
+
+def test_three_phase_currents_are_one(tmp_path):
+    columns = {f"I{n} [A]": CURRENT * (0.99 + 0.01 * n) for n in (1, 2, 3)}
+    base = {name: values for name, values in WITH_CURRENT.items() if name != "phase_current_A"}
+    path = named(tmp_path, base | columns | {"winding_degC": WINDING})
+    text = text_of(path)
+    assert offered(text, "phase_current_A")[0] == "mean(I1, I2, I3)"
+
+
+def test_channels_of_a_measurement_file_are_averaged_too(tmp_path):
+    time = TIME_S
+    logged = [signal(f"TC_Wdg_{p}", v, time, "°C") for p, v in zip("UVW", UVW, strict=True)]
+    drive = [signal(name, v, time, "") for name, v in WITH_CURRENT.items() if name != "time_s"]
+    path = tmp_path / "bench.mf4"
+    written(path, ("Logger", logged), ("Drive", drive))
+    text = text_of(path)
+    side = "mean(TC_Wdg_U, TC_Wdg_V, TC_Wdg_W)"
+    assert offered(text, "winding_degC")[0] == side
+    motor = parse_motor(taken(text, "winding_degC", side).encode(), "motor.toml")
+    assert "winding_degC" in read_test(path, motor)
+
+
+WITH_WINDING = {"time_s": TIME_S, "losses_W": LOSSES, "ambient_degC": ROOM, "winding_degC": WINDING}
+CONTROLLER = {
+    "Time (s)": TIME_S,
+    "Voltage (V)": ZERO + 60.0,
+    "Current (A)": CURRENT / 3.0,
+    "Temperature (C)": BEARING,
+    "eRPM": CURRENT * 40.0,
+    "Motor Duty": ZERO + 3.0,
+    "Phase Current (A)": ZERO,
+    "Power (W)": CURRENT * 20.0,
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["eRPM", "ERPM", "erpm (1/min)", "Speed [eRPM]", "el. speed [rpm]", "n_el [1/min]",
+     "Elektrische Drehzahl [1/min]", "omega_e [rad/s]", "electrical speed", "giri elettrici [rpm]"],
+)  # fmt: skip
+def test_an_electrical_speed_is_not_offered_as_the_shafts(tmp_path, name):
+    text = text_of(named(tmp_path, WITH_WINDING | {name: CURRENT * 40.0}))
+    assert offered(text, "speed_rpm") == []
+    assert "pole pairs" in note_on(text, f"#   {name.partition(' [')[0]}")
+
+
+@pytest.mark.parametrize("name", ["n [rpm]", "Drehzahl [1/min]", "el motor speed [rpm]", "wheel"])
+def test_a_shafts_speed_still_is(tmp_path, name):
+    found = survey(named(tmp_path, WITH_WINDING | {name: CURRENT * 40.0}))
+    assert ("speed_rpm" in found.channels) == (name != "wheel")
+
+
+def test_a_speed_in_hertz_says_why_it_is_none(tmp_path):
+    text = text_of(named(tmp_path, WITH_WINDING | {"speed [Hz]": CURRENT}))
+    assert offered(text, "speed_rpm") == []
+    assert "electrical or the mechanical frequency" in text
+
+
+def test_what_a_speed_controller_did_not_record_is_not_offered(tmp_path):
+    path = named(tmp_path, CONTROLLER)
+    text = text_of(path)
+    assert offered(text, "phase_current_A") == offered(text, "speed_rpm") == []
+    assert "0 A throughout" in note_on(text, "Phase Current")
+    assert "pole pairs" in note_on(text, "eRPM")
+    assert "no speed and no torque" in note_on(text, "Motor Duty")
+    (gap,) = [one for one in gaps([survey(path)]) if one.channel == "phase_current_A"]
+    assert "'Phase Current (A)' of test.csv holds 0 throughout" in gap.sentence
+    assert "No column has" not in gap.sentence
+
+
+@pytest.mark.parametrize("name", ["phase_current_A", "Iph [A]"])
+@pytest.mark.parametrize("is_empty", [False, True])
+def test_a_silent_column_is_told_and_not_taken_for_the_current(tmp_path, name, is_empty):
+    path = tmp_path / "test.mat"
+    values = ZERO + np.nan if is_empty else ZERO
+    scipy.io.savemat(path, {**WITH_WINDING, name.partition(" ")[0]: values})
+    found = survey(path)
+    assert "phase_current_A" not in found.channels
+    text = text_of(path)
+    assert "1. [winding]" in text
+    assert "2. [columns] phase_current_A" in text
+    assert offered(text, "phase_current_A") == []
+    wanted = "no values" if is_empty else "0 throughout"
+    assert wanted in " ".join(text.replace("\n# ", " ").split())
+
+
+def test_a_silent_channel_of_a_measurement_file_is_told(tmp_path):
+    logged = [signal(name, v, TIME_S, "") for name, v in WITH_WINDING.items() if name != "time_s"]
+    path = tmp_path / "bench.mf4"
+    written(path, ("Logger", [*logged, signal("phase_current_A", ZERO, TIME_S, "A")]))
+    assert "phase_current_A" not in survey(path).channels
+    assert "holds 0 throughout" in " ".join(text_of(path).replace("\n# ", " ").split())
+
+
+def test_a_cooling_record_beside_a_heat_run_leaves_nothing_missing(tmp_path):
+    hot = named(tmp_path, WITH_WINDING | {"phase_current_A": CURRENT})
+    cold = named(tmp_path, WITH_WINDING | {"phase_current_A": ZERO, "losses_W": ZERO}, "cold.csv")
+    found = [survey(hot), survey(cold)]
+    assert [one.place for one in gaps(found)] == ["[winding] phase_resistance_ohm"]
+    assert "0 throughout" in note_on(text_of(hot, cold), "phase_current_A from column")
+
+
+def test_two_columns_of_one_name_are_told_apart(tmp_path):
+    """The printed worksheet has `Ieq DC` twice, in A and in V of another circuit."""
+    from openpyxl import Workbook
+
+    book = Workbook()
+    sheet = book.active
+    assert sheet is not None
+    sheet.append(["t", "Ieq DC", "Ieq DC"])
+    sheet.append(["[s]", "[A]", "[A]"])
+    for second in range(20):
+        sheet.append([second, second, 100 + second])
+    book.save(tmp_path / "test.xlsx")
+    free = survey(tmp_path / "test.xlsx").free
+    assert [(one.low, one.high) for one in free] == [(0.0, 19.0), (100.0, 119.0)]
+
+
+@pytest.mark.parametrize(
+    ("column", "is_offered"),
+    [("P_el [W]", True), ("coppia [Nm]", False), ("P_mech [kW]", False), ("n [1/min]", False)],
+)
+def test_a_shaft_that_stands_is_offered_where_none_was_recorded(tmp_path, column, is_offered):
+    columns = {name: WITH_WINDING[name] for name in WITH_WINDING if name != "losses_W"}
+    text = text_of(named(tmp_path, columns | {column: CURRENT}))
+    assert ("0 where the rotor stands" in text) == is_offered
+
+
+COMPLETE = {
+    "time_s": TIME_S,
+    "losses_W": LOSSES,
+    "ambient_degC": ROOM,
+    "winding_degC": WINDING,
+    "phase_current_A": CURRENT,
+}
+
+
+def winding(text: str) -> dict[str, float]:
+    """Return what [winding] would say if its drafted lines were confirmed."""
+    part = text.split("\n[winding]\n")[1].split("\n\n")[0]
+    keys = ("phase_resistance_ohm", "reference_temperature_degC")
+    lines = [line.removeprefix("# ") for line in part.split("\n") if " = " in line]
+    said = [line for line in lines if line.startswith(keys) and "  # from" in line]
+    return tomllib.loads("\n".join(said))
+
+
+WORKSHEET = (
+    "DATI PER LA STIMA DEI PARAMETRI TERMICI\n"
+    "Tamb med: 19,3577 °C Ceq, w: 666,75 J/K\n"
+    "Ro rif: 1 ohm Rs: 0,0062 ohm Ceq, sr: 15060,1 J/K\n"
+    "To rif: 20 °C Ts: 25 °C Req, w: 0,14485 K/W\n"
+    "B: 234,5 °C Req, sr: 0,11625 K/W\n\n"
+)
+
+
+def test_the_head_of_the_worksheet_gives_the_phase_resistance(tmp_path):
+    path = named(tmp_path, COMPLETE, head=WORKSHEET)
+    text = text_of(path)
+    assert winding(text) == {"phase_resistance_ohm": 0.0062, "reference_temperature_degC": 25.0}
+    # a proposal: nothing is set
+    assert "\nphase_resistance_ohm" not in text
+    assert "put in the number, such as 0.0062" not in text
+    (gap,) = gaps([survey(path)])
+    assert "0.0062 Ω" in gap.sentence
+
+
+@pytest.mark.parametrize(
+    ("line", "ohm", "degC"),
+    [
+        ("Rs: 0.0062 ohm", 0.0062, None),
+        ("Rs;0,0062;ohm", 0.0062, None),
+        ("Rs [mOhm];6,2", 0.0062, None),
+        ("Phasenwiderstand R20 = 6,2 mΩ", 0.0062, 20.0),
+        ("Phase resistance (25 °C): 0.0062 Ω", 0.0062, 25.0),
+        ("R_ph = 6.2e-3 Ohm @ 22.5 °C", 0.0062, 22.5),
+        ("# Stator resistance: 6.2 mohm at 25 degC", 0.0062, 25.0),
+        ("Resistenza di fase: 0,0062 ohm a 20 °C", 0.0062, 20.0),
+        ("Strangwiderstand bei 20 °C: 0,0062 Ohm", 0.0062, 20.0),
+    ],
+)
+def test_forms_of_a_stated_resistance(tmp_path, line, ohm, degC):
+    said = winding(text_of(named(tmp_path, COMPLETE, head=f"Title\n{line}\n\n")))
+    assert said.pop("phase_resistance_ohm") == pytest.approx(ohm, rel=1e-12)
+    assert said == ({} if degC is None else {"reference_temperature_degC": degC})
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Ro rif: 1 ohm",
+        "R_UV = 0.0124 ohm",
+        "Phase resistance line-to-line: 0.0124 ohm",
+        "Klemmenwiderstand 12,4 mOhm",
+        "Isolation: 500 MOhm",
+        "Rs232: 9600",
+        "Rs: 0 ohm",
+        "Shunt Rs1 0.001",
+        "Insulation resistance Rs: 500 MOhm",
+    ],
+)
+def test_other_resistances_are_not_offered(tmp_path, line):
+    text = text_of(named(tmp_path, COMPLETE, head=f"Title\n{line}\n\n"))
+    assert winding(text) == {}
+    assert "# phase_resistance_ohm =    # put in the number" in text
+
+
+def test_two_values_are_both_offered(tmp_path):
+    text = text_of(named(tmp_path, COMPLETE, head="Rs: 0.0062 ohm\nR_ph: 0.0071 ohm\n\n"))
+    assert text.count("# phase_resistance_ohm = 0.00") == 2
+
+
+def test_a_scalar_of_a_mat_file_is_offered(tmp_path):
+    path = tmp_path / "test.mat"
+    scipy.io.savemat(path, {**COMPLETE, "Rs": 0.0062, "Tref": 25.0})
+    said = winding(text_of(path))
+    assert said == {"phase_resistance_ohm": 0.0062, "reference_temperature_degC": 25.0}
+
+
+@pytest.fixture
+def surveys(tmp_path: Path):
+    """A record whose logger has no name for two of its sensors."""
+    t = np.arange(0.0, 3600.0, 20.0)
+    load = np.where(t < 1800.0, 1.0, 0.0)
+    warm = np.cumsum(load - 0.5) * 0.4
+    columns = {"time [s]": t, "I_ph": 80.0 * load, "Losses [W]": 500.0 * load + 1.0,
+               "Room [°C]": 21.0 + 0.001 * t,
+               "Probe 7": 25.0 + warm, "Probe 8": 22.0 + 0.2 * warm}  # fmt: skip
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    text = "\n".join((",".join(columns), *(",".join(f"{v:.3f}" for v in row) for row in rows)))
+    path = tmp_path / "run.csv"
+    path.write_text(text)
+    return [survey(path)]
+
+
+def test_a_column_is_offered_where_unit_and_name_allow_it(surveys):
+    found = {each.channel: each for each in choices(surveys)}
+    assert list(found)[:5] == ["time_s", "phase_current_A", "losses_W", "ambient_degC",
+                               "winding_degC"]  # fmt: skip
+    assert next(iter(found["losses_W"].sides)) == "Losses [W]"
+    assert {"Probe 7 [degC]", "Probe 8 [degC]", "Room [°C]"} <= set(found["winding_degC"].sides)
+    assert not any("Losses" in side for side in found["winding_degC"].sides)
+    assert "I_ph [degC]" not in found["winding_degC"].sides
+
+
+def test_what_is_chosen_stands_in_the_draft(surveys):
+    chosen = {"winding_degC": "Probe 8 [degC]", "losses_W": "none", "time_s": "time [s]"}
+    text = draft("m", surveys, is_accepted=True, columns=chosen)
+    motor = parse_motor(text.encode(), "m")
+    assert motor.columns["winding_degC"] == "Probe 8 [degC]"
+    assert motor.columns["losses_W"] == "none"
+    unchanged = parse_motor(draft("m", surveys, is_accepted=True).encode(), "m")
+    assert "losses_W" not in unchanged.columns
