@@ -21,8 +21,8 @@ from bench_machines import (
     Machine,
     bench_record,
     cooling_record,
+    in_turn,
 )
-from in_turn import in_turn
 
 from heatrun.checks import check_record
 from heatrun.checks.sensor import falls_at_once

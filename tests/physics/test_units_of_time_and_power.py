@@ -9,8 +9,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench_machines import DUTIES, LARGE, MACHINES, SERVO, STANDARD, bench_record, cooling_record
-from in_turn import in_turn
+from bench_machines import (
+    DUTIES,
+    LARGE,
+    MACHINES,
+    SERVO,
+    STANDARD,
+    bench_record,
+    cooling_record,
+    in_turn,
+)
 from test_units_by_physics import FIVE, as_read, asked, made, motor_of, supposed
 
 from heatrun.checks import check_record
