@@ -155,11 +155,7 @@ def _integrate(
 
 
 def drawn_machine(number: int) -> Machine:
-    """Return a machine between 50 g and 2 t in still or moving air.
-
-    Args:
-        number: Seed.
-    """
+    """Return a machine between 50 g and 2 t in still or moving air."""
     rng = np.random.default_rng(4700 + number)
     mass = 10.0 ** rng.uniform(-1.3, 3.3)  # kg, of 430 J/(kg K)
     tau = rng.uniform(900.0, 2200.0) * (mass / 10.0) ** 0.3
@@ -178,12 +174,9 @@ def drawn_machine(number: int) -> Machine:
 
 
 def drawn_record(machine: Machine, seed: int, *, slow: bool = False) -> dict[str, np.ndarray]:
-    """Return a test of levels drawn by chance, as `bench_machines.bench_record`.
+    """Return a test of levels drawn by chance, as `bench_record`.
 
-    Args:
-        machine: As drawn.
-        seed: Of the levels and the noise.
-        slow: Turn at a few per cent of the speed, where the inverter takes most of the power.
+    A slow one turns at a few per cent of the speed, where the inverter takes most of the power.
     """
     rng = np.random.default_rng(seed)
     time_s = np.arange(0.0, machine.minutes * 60.0, machine.step_s)
@@ -213,13 +206,7 @@ def drawn_record(machine: Machine, seed: int, *, slow: bool = False) -> dict[str
 
 
 def in_turn(cases: Iterable[Any], machines: Sequence[Machine], *, num: int = 2) -> list[Any]:
-    """Return parameters (case, machine): each case on the next `num` machines, the rest slow.
-
-    Args:
-        cases: A value each, or a tuple of values.
-        machines: Each has its turn as often as the others.
-        num: Machines for a case.
-    """
+    """Return parameters (case, machine): each case on the next `num` machines, the rest slow."""
     found = []
     for place, case in enumerate(cases):
         values = case if isinstance(case, tuple) else (case,)

@@ -46,14 +46,7 @@ SAID = ("identified", "weak", "not identifiable")
 
 
 def table(rows: Sequence[Row], command: str, seed: int, planned: int) -> str:
-    """Return the tables in Markdown.
-
-    Args:
-        rows: The cases.
-        command: How they were run.
-        seed: The first.
-        planned: Number of cases of the whole study.
-    """
+    """Return the tables in Markdown."""
     done = [row for row in rows if row["exit_code"] == 0]
     refused = [row for row in rows if _is_refused(row)]
     broken = [row for row in rows if row["exit_code"] is None]

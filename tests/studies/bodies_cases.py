@@ -74,12 +74,7 @@ REST_S = 60.0
 
 
 def jobs(first_seed: int, repeats: int) -> list[dict[str, Any]]:
-    """Return all cases in the order in which they are run, which is by chance.
-
-    Args:
-        first_seed: Seed of the first.
-        repeats: Records of each kind, at least.
-    """
+    """Return all cases in the order in which they are run, which is by chance."""
     named = [
         (kind, variant)
         for kind, variants in KINDS.items()

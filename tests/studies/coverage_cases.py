@@ -139,13 +139,7 @@ class Case:
 
 
 def make_case(cell: Cell, seed: int, index: int) -> Case:
-    """Return record `index` of a cell.
-
-    Args:
-        cell: What is drawn.
-        seed: Of the study.
-        index: Number of the record.
-    """
+    """Return record `index` of a cell."""
     of_motor, of_plan, of_errors, of_test, of_held_out = np.random.default_rng([seed, index]).spawn(
         5
     )

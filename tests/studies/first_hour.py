@@ -337,11 +337,7 @@ def main() -> int:
 
 
 def table(content: Mapping[str, Any]) -> str:
-    """Return the page of the study.
-
-    Args:
-        content: Rows, and what they were made with.
-    """
+    """Return the page of the study."""
     rows, seeds = content["rows"], content["seeds"]
     made = ", ".join(f"{name} {seed}" for name, seed in seeds.items())
     lines = [

@@ -104,11 +104,7 @@ def run(case: Row, cache: Path | None = None) -> Row:
 def evidence_of_fleet(
     tests: Sequence[Sequence[dict[str, np.ndarray]]],
 ) -> tuple[list[str], list[Evidence]]:
-    """Return names and evidence of the machines whose fit converged.
-
-    Args:
-        tests: By machine, by test: columns of the record.
-    """
+    """Return names and evidence of the machines whose fit converged."""
     problems = []
     for own in tests:
         reduced = [reduce(Record(f"test {i}", columns), MOTOR) for i, columns in enumerate(own)]
