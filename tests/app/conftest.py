@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import importlib.util
 import json
 import os
 import re
@@ -263,13 +262,9 @@ def served_class() -> type[Served]:
 
 
 @pytest.fixture(scope="session")
-def wire():
+def wire(loaded):
     """The client that sends what it likes: `ask`, `upgrade`, `Tab`."""
-    file = Path(__file__).with_name("wire.py")
-    spec = importlib.util.spec_from_file_location("heatrun_tests_wire", file)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded("heatrun_tests_wire", Path(__file__).with_name("wire.py"))
 
 
 @pytest.fixture(scope="session")

@@ -80,9 +80,9 @@ def in_child(job) -> int:
 def killed_in_turn(
     folder: Path, name: str, begin: Callable[[Path], None], work: Callable[[Path], object]
 ) -> Iterator[tuple[Path, int, int]]:
-    """Begin a home and work in it, killed before its n-th file operation, until none is left.
+    """Begin a home and work in it, killed before its n-th file operation, until it is not killed.
 
-    Yields the home, n, and the status that the work ended with, 0 the last time.
+    Yields the home, n, and the status that the work ended with.
     """
     for number in count(1):
         home = folder / f"{name}_{number}"
@@ -95,7 +95,7 @@ def killed_in_turn(
         status = in_child(killed)
         yield home, number, status
         shutil.rmtree(home)
-        if status == 0:
+        if status != -signal.SIGKILL:
             return
 
 

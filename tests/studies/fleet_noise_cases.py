@@ -16,12 +16,14 @@ from fleet_cases import (
     OHM,
     SAMPLE_S,
     Fleet,
-    REFERENCE_degC,
     ROOM_degC,
     courses,
     draw_fleet,
     slowly,
     write_bench,
+)
+from fleet_cases import (
+    MOTOR as TYPE,
 )
 
 NOISE = ("noise_sd", "noise_time", "noise_white", "unmodelled_heat")
@@ -51,14 +53,7 @@ HEAT_S = (400.0, 900.0)
 
 STAIR_S = 480.0
 
-MOTOR = f"""[motor]
-name = "simulated type"
-[winding]
-phase_resistance_ohm = {OHM}
-reference_temperature_degC = {REFERENCE_degC}
-[columns]
-speed_rpm = "n"
-"""
+MOTOR = f'{TYPE}[columns]\nspeed_rpm = "n"\n'
 
 
 @dataclass(frozen=True)
