@@ -296,7 +296,8 @@ def _better(rows: Sequence[Row]) -> str:
         for alone, sister in zip(row["next"]["alone"], row["next"]["sisters"], strict=True)
         if "error" in alone and "error" in sister
     ]
-    ratio, low, high, mark = times_better(*np.array(pairs).T, TIMES_BETTER)
+    alone, sister = np.array(pairs).T
+    ratio, low, high, mark = times_better(alone, sister, TIMES_BETTER)
     return (
         f"RMSE of Req_sr, alone over with sisters: {ratio:.1f} ({low:.1f}…{high:.1f}); at least "
         f"{TIMES_BETTER:.0f}: {mark}."
