@@ -12,6 +12,7 @@ import shutil
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -180,17 +181,25 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> OneWorkerFor
 
 
 @pytest.fixture(scope="session")
-def generator() -> ModuleType:
-    """The simulated bench of `data/synthetic`, which is no part of the installed packages."""
+def loaded() -> Callable[[str, Path], ModuleType]:
+    """Load a file that is no part of the installed packages, under a name."""
+
+    def load(name: str, path: Path) -> ModuleType:
+        spec = importlib.util.spec_from_file_location(name, path)
+        assert spec is not None
+        assert spec.loader is not None
+        sys.modules[name] = module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    return load
+
+
+@pytest.fixture(scope="session")
+def generator(loaded) -> ModuleType:
+    """The simulated bench of `data/synthetic`."""
     folder = Path(__file__).parents[1] / "data" / "synthetic" / "generator"
-    name = "synthetic_bench"
-    spec = importlib.util.spec_from_file_location(name, folder / "__init__.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
+    return loaded("synthetic_bench", folder / "__init__.py")
 
 
 @pytest.fixture(scope="session")

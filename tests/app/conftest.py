@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import gzip
 import json
 import os
 import re
@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -162,10 +163,21 @@ class Served:
             self.process.wait()
 
 
+@cache
+def _second_by_second(name: str) -> bytes:
+    """Return a bundled test with every tenth of its samples: the checks of a page take their time.
+
+    That page and download hold a faster one is seen in `test_view_browser.py`.
+    """
+    lines = gzip.decompress((DATA / name).read_bytes()).splitlines(keepends=True)
+    return gzip.compress(b"".join([lines[0], *lines[1::10]]), mtime=0)
+
+
 def _fill(where: Path) -> Path:
     where.mkdir()
-    for name in ("motor.toml", "duty_30min.csv.gz", "step_30min.csv.gz"):
-        shutil.copy(DATA / name, where / name)
+    shutil.copy(DATA / "motor.toml", where)
+    for name in ("duty_30min.csv.gz", "step_30min.csv.gz"):
+        (where / name).write_bytes(_second_by_second(name))
     return where
 
 
@@ -250,13 +262,9 @@ def served_class() -> type[Served]:
 
 
 @pytest.fixture(scope="session")
-def wire():
+def wire(loaded):
     """The client that sends what it likes: `ask`, `upgrade`, `Tab`."""
-    file = Path(__file__).with_name("wire.py")
-    spec = importlib.util.spec_from_file_location("heatrun_tests_wire", file)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded("heatrun_tests_wire", Path(__file__).with_name("wire.py"))
 
 
 @pytest.fixture(scope="session")

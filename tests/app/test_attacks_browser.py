@@ -88,11 +88,11 @@ def test_nothing_is_loaded_into_a_page_of_a_stranger(foreign, served):
 
 def test_the_page_stands_in_no_frame(foreign, served):
     foreign.evaluate(
-        """(target) => { const frame = document.createElement("iframe");
-           frame.src = target; document.body.append(frame); }""",
+        """(target) => new Promise((loaded) => { const frame = document.createElement("iframe");
+           frame.onload = loaded; frame.src = target; document.body.append(frame); })""",
         served.url,
     )
-    foreign.wait_for_timeout(3000)
+    foreign.wait_for_timeout(300)
     texts = [frame.content() for frame in foreign.frames[1:]]
     assert texts
     assert not any("bokeh" in text for text in texts)

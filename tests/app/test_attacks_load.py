@@ -112,8 +112,9 @@ def test_uploads_of_all_pages_share_one_limit(serve, wire):
         tab.close()
 
 
-def test_connections_that_say_nothing_are_cut(served, wire):
-    parts = urlsplit(served.url)
+def test_connections_that_say_nothing_are_cut(serve):
+    waits = {f"heatrun_view.server.serving:{name}": 2.0 for name in ("HEADER_S", "BODY_S")}
+    parts = urlsplit(serve(constants=waits).url)
     address = (parts.hostname, parts.port)
     silent = socket.create_connection(address, timeout=CUT_S)
     half = socket.create_connection(address, timeout=CUT_S)

@@ -38,6 +38,7 @@ def test_no_module_is_imported_for_a_request(served, wire, module):
 NOTHING = (
         "/autoload.js?bokeh-autoload-element=1", "/metadata", "/index", "/admin", "/rest",
         "/liveness", "/files", "/static/", "/static/js/", "/static/js/compiler.js",
+        "/static/../../motor.toml",
         "/static/extensions/panel/", "/static/extensions/panel/panel.json",
         "/static/extensions/panel/../__init__.py",
         "/static/extensions/panel/bundled/theme/../../../__init__.py",
@@ -80,9 +81,12 @@ def test_other_hosts_are_refused_everywhere(served, wire, host):
      "http://localhost:{}", "http://127.0.0.1:{}.evil.example", ""],
 )  # fmt: skip
 def test_other_origins_are_refused_everywhere(served, wire, origin):
-    named = origin.format(_port(served))
+    named = {"Origin": origin.format(_port(served))}
     for path in PLACES:
-        assert wire.ask(served.url, path, {"Origin": named})[0] == 403, path
+        assert wire.ask(served.url, path, named)[0] == 403, path
+    connection, head = wire.upgrade(served.url, "token", named)
+    connection.close()
+    assert " 403 " in head.split("\r\n")[0]
 
 
 @pytest.mark.parametrize("site", ["cross-site", "same-site", "", "NONE", "other"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-QUICK_S = 3.0
+QUICK_S = 1.5
 """Many times what the reading of a short test takes."""
 PATIENCE_S = 300.0
 

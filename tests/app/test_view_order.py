@@ -12,7 +12,7 @@ from typing import Any
 HEAD = "time_s,phase_current_A,losses_W,ambient_degC,winding_degC\n"
 NUM_PULLS = 40
 """Copies of the page, more than the connection's buffers hold."""
-LOOKS_S = 4.0
+LOOKS_S = 2.5
 """The page looks at its files once a second: some looks [s]."""
 BUFFER_BYTES = 1 << 16
 """What the browser's end holds; from a smaller one the kernels' waits grow to half a minute."""

@@ -8,10 +8,10 @@ import time
 
 import pytest
 
-LOOK_S = 2.0
+LOOK_S = 1.25
 NUM_PULLS = 40
 BUFFER_BYTES = 1 << 16
-PAUSE_S = 0.25
+PAUSE_S = 0.15
 """Between two copies of the page: all of them take several looks."""
 
 

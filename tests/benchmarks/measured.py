@@ -58,12 +58,7 @@ def heatrun(
 
 
 def environment(cache: Path, tree: Path = ROOT) -> dict[str, str]:
-    """Return the environment of the processes of a tree.
-
-    Args:
-        cache: Where compilations are kept.
-        tree: Whose packages are run.
-    """
+    """Return the environment of the processes of a tree."""
     paths = os.pathsep.join(str(tree / part) for part in ("identify", "models"))
     own = {**os.environ, "PYTHONPATH": paths, "XDG_CACHE_HOME": str(cache),
            "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip

@@ -1,4 +1,4 @@
-"""The benchmark in small: the rivals agree, and the table comes out."""
+"""The benchmark in small: the rivals agree, and the table says what was missed, by how much."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from rows import Row, duration, markdown
 
 
 def run(*words):
@@ -34,3 +38,18 @@ def test_the_whole_benchmark_runs_in_small():
     for what in ("complete fit, warm", "emcee 64 x 2000 on blocks", "samples, likelihood of 1,",
                  "--help of the slowest command"):  # fmt: skip
         assert f"| {what}" in table
+
+
+def test_a_missed_target_says_by_how_much():
+    table = markdown([Row("Fit", "warm", 0.15, "s", 0.1), Row("Fit", "ratio", 0.5, "1", 1.0)])
+    assert "| warm | 150 ms |  | ≤ 100 ms | **MISSED by 50 %** |" in table
+    assert "| ratio | 0.5 |  | ≤ 1 | met |" in table
+
+
+def test_a_row_without_a_target_has_no_verdict():
+    assert "| x | 3 MB |  |  |  |" in markdown([Row("Memory", "x", 3.0, "MB")])
+
+
+def test_times_come_with_a_fitting_unit():
+    assert [duration(t) for t in (2e-5, 2e-3, 2.0, 600.0, 72_000.0)] == [
+        "20 µs", "2 ms", "2 s", "10 min", "20 h"]  # fmt: skip

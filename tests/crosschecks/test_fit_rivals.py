@@ -29,6 +29,8 @@ def test_the_dense_covariance_is_that_of_the_filter(found):
     dense = fits.covariance(blocks, float(noise.sd), float(noise.time), float(noise.white))
     heat = fits.heat_of(found)
     dense += heat @ heat.T
-    ours = float(log_density(found.residual[0], noise, found.problem.data.tests[0]))
+    ours = float(
+        log_density(blocks.lengthened(found.residual[0]), noise, found.problem.data.tests[0])
+    )
     theirs = multivariate_normal(cov=dense).logpdf(found.residual[0])
     assert ours == pytest.approx(float(np.asarray(theirs)), rel=1e-10)  # two exact formulas

@@ -156,11 +156,13 @@ def supervise(options: argparse.Namespace) -> int:
                  "--worker", str(number), "--until", str(options.until)]  # fmt: skip
         workers.append(subprocess.Popen(words, env=environment, start_new_session=True))
     try:
+        minutes = 1
         while any(worker.poll() is None for worker in workers):
-            time.sleep(5.0)
-            if int(time.monotonic() - began) % 60 < 5:
-                said = f"{num_kills(tally.rows())} signals, {time.monotonic() - began:.0f} s"
+            time.sleep(0.2)
+            if time.monotonic() - began > 60.0 * minutes:
+                said = f"{num_kills(tally.rows())} signals, {minutes} min"
                 print(said, file=sys.stderr, flush=True)
+                minutes += 1
     finally:
         for worker in workers:
             if worker.poll() is None:

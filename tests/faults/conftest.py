@@ -1,7 +1,21 @@
 from __future__ import annotations
 
+import json
+import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 # the campaign stands beside its tests as plain scripts
 sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture(scope="module")
+def outcomes(request, tmp_path_factory):
+    """What the script of a file of tests prints, which kills before each file operation."""
+    script = Path(__file__).with_name(request.module.SCRIPT)
+    words = [sys.executable, str(script), str(tmp_path_factory.mktemp("kills"))]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)

@@ -13,6 +13,8 @@ import os
 import shutil
 import signal
 import sys
+from collections.abc import Callable, Iterator
+from itertools import count
 from pathlib import Path
 
 import emcee
@@ -75,6 +77,28 @@ def in_child(job) -> int:
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
+def killed_in_turn(
+    folder: Path, name: str, begin: Callable[[Path], None], work: Callable[[Path], object]
+) -> Iterator[tuple[Path, int, int]]:
+    """Begin a home and work in it, killed before its n-th file operation, until it is not killed.
+
+    Yields the home, n, and the status that the work ended with.
+    """
+    for number in count(1):
+        home = folder / f"{name}_{number}"
+        begin(home)
+
+        def killed(home=home, last=number):
+            sys.addaudithook(Countdown(home, last))
+            work(home)
+
+        status = in_child(killed)
+        yield home, number, status
+        shutil.rmtree(home)
+        if status != -signal.SIGKILL:
+            return
+
+
 def state_of(path: Path) -> str:
     """Return whose whole run lies at a place, `"nothing"`, or `"torn"`."""
     if not path.exists():
@@ -98,40 +122,29 @@ def main(folder: Path) -> None:
     """Kill at every operation, with and without an earlier run at the place; print what came."""
     outcomes = []
     for earlier in ("", "old"):
-        number = 0
-        while True:
-            number += 1
-            home = folder / f"{earlier or 'none'}_{number}"
-            path = home / "run"
+
+        def begin(home, earlier=earlier):
             if earlier:
-                small_run(path, earlier)
-            count = Countdown(home, number)
+                small_run(home / "run", earlier)
 
-            def killed(path=path, count=count):
-                sys.addaudithook(count)
-                small_run(path, "new")
-
-            status = in_child(killed)
-            after = state_of(path)
-            kept = len(list((home / "run.partial").rglob("chunk_*.npz")))
-            resumed = in_child(lambda path=path: small_run(path, "new"))
-            left = sorted(p.name for p in home.iterdir())
+        turns = killed_in_turn(
+            folder, earlier or "none", begin, lambda home: small_run(home / "run", "new")
+        )
+        for home, number, status in turns:
+            path = home / "run"
             outcomes.append(
                 {
                     "earlier": earlier,
                     "operation": number,
                     "status": status,
-                    "after": after,
-                    "chunks": kept,
-                    "resumed": resumed,
+                    "after": state_of(path),
+                    "chunks": len(list((home / "run.partial").rglob("chunk_*.npz"))),
+                    "resumed": in_child(lambda path=path: small_run(path, "new")),
                     "finally": state_of(path),
-                    "left": left,
+                    "left": sorted(p.name for p in home.iterdir()),
                     "fit": (path / "fit.json").read_text(),
                 }
             )
-            shutil.rmtree(home)
-            if status == 0:
-                break
     print(json.dumps(outcomes))
 
 

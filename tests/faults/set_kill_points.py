@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import shutil
 import sys
 from pathlib import Path
 
-from kill_points import Countdown, in_child
+from kill_points import in_child, killed_in_turn
 
 from heatrun.io.file_set import READY, names_begun, together
 
@@ -34,48 +33,36 @@ def main(home: Path) -> None:
     """Kill at every operation, with and without an earlier set at the place; print what came."""
     outcomes = []
     for earlier in (None, "old"):
-        number = 0
-        while True:
-            number += 1
-            folder = home / f"{earlier}_{number}"
+
+        def begin(folder, earlier=earlier):
             (folder / FOREIGN).parent.mkdir(parents=True)
             (folder / FOREIGN).write_text("mine")
             if earlier is not None:
                 write(folder, earlier)
-            count = Countdown(folder, number)
 
-            def killed(folder=folder, count=count):
-                sys.addaudithook(count)
-                write(folder, "new")
-
-            status = in_child(killed)
-            after = words_in(folder)
-            is_ready = any(path.name.endswith(READY) for path in folder.iterdir())
+        turns = killed_in_turn(home, str(earlier), begin, lambda folder: write(folder, "new"))
+        for folder, _, status in turns:
 
             def start(folder=folder):
                 with together(folder, "another"):
                     assert names_begun(folder, "report") == []
 
-            started = in_child(start)
-            settled = words_in(folder)
-            left = sorted(
-                str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()
-            )
             outcomes.append(
                 {
                     "earlier": earlier,
                     "status": status,
-                    "after": after,
-                    "is_ready": is_ready,
-                    "started": started,
-                    "settled": settled,
-                    "left": left,
+                    "after": words_in(folder),
+                    "is_ready": any(path.name.endswith(READY) for path in folder.iterdir()),
+                    "started": in_child(start),
+                    "settled": words_in(folder),
+                    "left": sorted(
+                        str(path.relative_to(folder))
+                        for path in folder.rglob("*")
+                        if path.is_file()
+                    ),
                     "hidden": [path.name for path in folder.iterdir() if path.name[0] == "."],
                 }
             )
-            shutil.rmtree(folder)
-            if status == 0:
-                break
     print(json.dumps(outcomes))
 
 

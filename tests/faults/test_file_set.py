@@ -2,31 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
 import sys
 import threading
-from pathlib import Path
 
 import pytest
 
 from heatrun.io.file_set import FileSet, names_begun, together
 from heatrun.io.whole_files import undisturbed
 
-NUM_FILES = 5
-
-
-@pytest.fixture(scope="module")
-def outcomes(tmp_path_factory):
-    script = Path(__file__).with_name("set_kill_points.py")
-    folder = tmp_path_factory.mktemp("kills")
-    done = subprocess.run(
-        [sys.executable, str(script), str(folder)], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+NUM_FILES, SCRIPT = 5, "set_kill_points.py"
 
 
 def test_every_operation_was_killed_and_the_last_set_was_not(outcomes):

@@ -2,23 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
-from pathlib import Path
-
-import pytest
-
-
-@pytest.fixture(scope="module")
-def outcomes(tmp_path_factory):
-    script = Path(__file__).with_name("kill_points.py")
-    folder = tmp_path_factory.mktemp("kills")
-    done = subprocess.run(
-        [sys.executable, str(script), str(folder)], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+SCRIPT = "kill_points.py"
 
 
 def test_every_operation_was_killed_and_the_last_run_was_not(outcomes):

@@ -11,7 +11,7 @@ from fleet_machines import machine
 
 from heatrun.fit.fit import delays, fit
 from heatrun.fit.restricted import polished_noise
-from heatrun.model.problem import Problem, linearise, whitened
+from heatrun.model.problem import Problem, whitened
 from heatrun.record.motor import ParameterOverride
 from heatrun_fleet.batch.fit import fit_batch, fits
 from heatrun_fleet.batch.layout import NotBatched, bucket, key_of, pack
@@ -70,7 +70,7 @@ def test_residuals_and_slopes_are_those_of_one_machine(short):
     (group,) = machines.groups
     found = residuals(key.structure, machines, jnp.asarray(z), group)
     for lane, problem in enumerate(short):
-        residual, jacobian = linearise(problem.structure, problem.data, jnp.asarray(z[:, lane]))
+        residual, jacobian = problem.linearised(z[:, lane])
         num = residual.shape[0]
         of_residual, of_jacobian = (np.asarray(each)[..., lane] for each in found)
         np.testing.assert_allclose(of_residual[:num], residual, rtol=0.0, atol=1e-9)
@@ -100,8 +100,8 @@ def test_a_late_reading_is_that_of_one_machine(slow, late_s):
     found = residuals(key.structure, machines, jnp.asarray(z), group)
     by_test = [np.split(np.asarray(rows), len(group.tests), axis=-1) for rows in found]
     for lane, problem in enumerate(slow):
-        residual, jacobian = linearise(problem.structure, problem.data, jnp.asarray(z[:, lane]))
-        rows = zip(*(problem.split(np.asarray(each)) for each in (residual, jacobian)), strict=True)
+        residual, jacobian = problem.linearised(z[:, lane])
+        rows = zip(*(problem.split(each) for each in (residual, jacobian)), strict=True)
         for test, (of_residual, of_jacobian) in enumerate(rows):
             num = of_residual.shape[0]
             np.testing.assert_allclose(

@@ -138,18 +138,6 @@ def test_the_table_is_what_its_schema_says(known):
         assert given < alone
 
 
-def test_the_next_machine_takes_its_priors_from_the_folder(known):
-    folder = known[1]
-    text = f'[motor]\nname = "next"\n[population]\nrun = "{folder.name}"\n'
-    motor = parse_motor(text.encode(), str(folder.parent / "motor.toml"))
-    said = known[0].result.parameters["Req_sr"]
-    assert motor.parameters["Req_sr"].value == said.next_median
-    low, high = said.next_interval_95
-    assert low < said.next_median < high
-    log_sd = np.log1p(motor.parameters["Req_sr"].relative_sd)
-    assert log_sd == pytest.approx(said.next_log_sd)
-
-
 def test_the_folder_of_several_types_is_refused_with_their_names(known):
     folder = known[1].parent
     text = f'[motor]\nname = "next"\n[population]\nrun = "../{folder.name}"\n'

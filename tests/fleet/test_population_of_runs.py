@@ -92,6 +92,8 @@ def test_the_next_machine_takes_its_priors_from_the_type(known):
     assert motor.parameters["Ceq_sr"].value == pytest.approx(said["Ceq_sr"]["next_median"])
     sd = np.log1p(motor.parameters["Ceq_sr"].relative_sd)
     assert sd == pytest.approx(said["Ceq_sr"]["next_log_sd"])
+    low, high = said["Ceq_sr"]["next_interval_95"]
+    assert low < motor.parameters["Ceq_sr"].value < high
     # wider than the machines, for one in a few may be something else; narrower than no knowledge
     assert SPREAD < sd < 0.4
     assert motor.parameters["Req_w"].fixed == 0.15

@@ -23,7 +23,7 @@ from heatrun.fit.fit import fit
 from heatrun.model.catalogue import all_effects
 from heatrun.model.model import Model
 from heatrun.model.noise import from_scores
-from heatrun.model.problem import Problem, linearise
+from heatrun.model.problem import Problem
 from heatrun.record.motor import Adequacy
 from heatrun.record.reduction import reduce
 from heatrun.reports.discovery import parameter_row
@@ -54,7 +54,7 @@ def test_all_effects_at_their_null_are_the_base_model(engine, base, fitted):
     columns = [names.index(slot.name) for slot in fitted.slots]
     residual, jacobian = engine.linearise(z, columns)
     problem = fitted.problem
-    expected, slopes = linearise(problem.structure, problem.data, jnp.asarray(fitted.z))
+    expected, slopes = problem.linearised(fitted.z)
     # general against affine step: both third order, equal to rounding; nulls within 1e-8 K
     np.testing.assert_allclose(residual, expected, atol=1e-7)
     np.testing.assert_allclose(jacobian, slopes, atol=1e-6)

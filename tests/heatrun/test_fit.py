@@ -13,7 +13,7 @@ from heatrun.fit.fit import fit
 from heatrun.fit.restricted import whiten_fit
 from heatrun.model.model import Model
 from heatrun.model.model_parameters import parameters
-from heatrun.model.problem import Problem, linearise, log_posterior, residuals
+from heatrun.model.problem import Problem, log_posterior, residuals
 from heatrun.record.motor import Motor, ParameterOverride
 from heatrun.record.reduction import reduce
 
@@ -62,12 +62,12 @@ def test_several_tests_share_the_network_and_not_the_start(bench, generator, mot
 
 def test_jacobian_agrees_with_differences(fitted):
     problem = fitted.problem
-    _, jacobian = linearise(problem.structure, problem.data, jnp.asarray(fitted.z))
+    _, jacobian = problem.linearised(fitted.z)
 
     @jax.jit
     @jax.vmap
     def seen(z):
-        return residuals(problem.structure, problem.data, z)[0]
+        return residuals(problem.structure, problem.data, z)[0][: jacobian.shape[0]]
 
     steps = 1e-5 * np.eye(problem.num_parameters)
     ahead, behind = seen(fitted.z + steps), seen(fitted.z - steps)
@@ -169,10 +169,11 @@ def test_the_mass_around_an_optimum_is_that_of_the_linear_model(fitted):
     problem, noise_z = fitted.problem, fitted.noise_z
 
     def mass(z, by):
-        residual, jacobian = linearise(problem.structure, problem.data, jnp.asarray(z))
+        residual, jacobian = problem.linearised(z)
         if by == "heatrun":
-            return float(fit_module._log_mass(problem.data, noise_z, z, residual, jacobian))
-        white = whiten_fit(problem, noise_z, np.asarray(residual), np.asarray(jacobian))
+            rows = map(problem.lengthened, (residual, jacobian))
+            return float(fit_module._log_mass(problem.data, noise_z, z, *rows))
+        white = whiten_fit(problem, noise_z, residual, jacobian)
         value, slope = np.concatenate(white.residuals), white.jacobian
         precision = slope.T @ slope + np.eye(z.size)
         gradient = slope.T @ value + z

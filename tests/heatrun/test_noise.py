@@ -142,6 +142,11 @@ def test_drawn_noise_whitens_to_white(observation):
     assert ljung_box(drifting) < 1e-3
 
 
+def observed(fitted):
+    """The one test of a fit, without the blocks that lengthen it."""
+    return fitted.problem.tests[0].observation(fitted.problem.heat[0])
+
+
 def test_restricted_likelihood_integrates_the_parameters_out(fitted):
     """Against the dense Gaussian marginal: residual ~ N(J z, V + J J')."""
     problem = fitted.problem
@@ -151,12 +156,11 @@ def test_restricted_likelihood_integrates_the_parameters_out(fitted):
     for shift in (0.0, 0.4):
         scores = noise_z + shift
         value = restricted_log_likelihood(
-            problem.data, scores, jnp.asarray(fitted.z), jnp.asarray(residual),
-            jnp.asarray(jacobian),
-        )  # fmt: skip
+            problem.data, scores, fitted.z, *map(problem.lengthened, (residual, jacobian))
+        )
         from heatrun.model.noise import from_scores
 
-        V = covariance(problem.data.tests[0], from_scores(scores))
+        V = covariance(observed(fitted), from_scores(scores))
         centred = residual - jacobian @ fitted.z  # at z = 0 of the linear model
         exact = log_normal(centred, V + jacobian @ jacobian.T)
         exact -= 0.5 * float(jnp.sum(scores**2))
@@ -204,11 +208,10 @@ def test_a_window_has_the_density_of_the_dense_conditional_normal_law(posterior)
     vector = posterior.flat[7]
     found = left_out(problem, cut, vector[None])[0]
     noise = from_scores(vector[problem.num_parameters :])
-    test = problem.data.tests[0]
-    dense = covariance(test, noise)
+    dense = covariance(observed(posterior.fit), noise)
     z = jnp.asarray(vector[: problem.num_parameters])
     seen = jax.jit(lambda z: residuals(problem.structure, problem.data, z)[0])
-    residual = np.asarray(seen(z))
+    residual = problem.own(seen(z))
     for index in (0, 11, 23):
         rest = cut.without[0][index]
         gone = ~rest

@@ -116,11 +116,6 @@ def inputs_of(record, num=None, group=1, unequal=False):
 
 
 @pytest.fixture(scope="session")
-def inputs(record):
-    return inputs_of(record)
-
-
-@pytest.fixture(scope="session")
 def short(record):
     """The first 240 s as means over 2 s, where gradients by finite differences are cheap."""
     return inputs_of(record, 2400, group=20)

@@ -69,7 +69,7 @@ def test_an_ambient_drift_is_the_sink_of_the_drives_instant(network):
 @pytest.mark.parametrize("law", ["time_shift", "sensor_lag"])
 def test_an_effect_on_the_sensor_does_not_enter(law, network):
     values = {"time_shift": {"d": 9.0}, "sensor_lag": {"tau": 20.0}}[law]
-    losses = CopperLosses(Rs0=jnp.asarray(RS0))
+    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
     start = {"winding": SINK, "stator": SINK}
 
     def both(effects):

@@ -20,11 +20,6 @@ def inputs_of(step, num=10):
     return Inputs(step=jnp.asarray(step), current_squared=ones, losses=ones, ambient=20.0 * ones)
 
 
-def test_too_long_a_step_is_refused(network, losses, start):
-    with pytest.raises(ValueError, match="finer grid"):
-        lptn.simulate(network, losses, inputs_of(100.0), start)
-
-
 @pytest.mark.parametrize("step", [0.0, -1.0, float("nan")])
 def test_a_step_of_no_length_is_refused(step, network, losses, start):
     with pytest.raises(ValueError, match="must increase"):

@@ -53,24 +53,6 @@ def test_second_order_agrees_with_scipy(network, losses, short, start):
     assert float(exact.temperature["stator"][-1]) == pytest.approx(T[1], abs=1e-8)
 
 
-@pytest.fixture(scope="module")
-def exact(network, losses, inputs):
-    return reference(network, losses, inputs, {"winding": 22.0, "stator": 20.0})
-
-
-def test_fast_path_agrees_with_reference_at_10_hz(network, losses, inputs, start, exact):
-    fast = simulate(network, losses, inputs, start)
-    assert np.max(fast.reading) < 160.0
-    # the project's target; the method itself errs by (h/tau)^3/24 of a change, far less
-    assert np.max(np.abs(np.subtract(fast.reading, exact.reading))) < 1e-6
-
-
-def test_two_second_means_agree_with_the_full_rate(network, losses, regroup, start, exact):
-    coarse = simulate(network, losses, regroup(group=20), start)
-    at_edges = np.asarray(exact.reading)[::20][: coarse.reading.size]
-    assert np.max(np.abs(np.asarray(coarse.reading) - at_edges)) < 1e-3
-
-
 def test_affine_and_general_steps_are_the_same(network, regroup, start):
     losses = CopperLosses(
         Rs0=jnp.asarray(0.0062),
@@ -104,6 +86,8 @@ def test_energy_is_conserved_in_every_interval(network, kind, short, start):
     total = np.add(trace.copper_loss, trace.other_loss)
     expected = short.losses if kind == "balance" else np.add(short.losses, trace.copper_loss)
     np.testing.assert_allclose(total, expected, rtol=1e-12)
+    np.testing.assert_allclose(trace.heat["winding"], trace.copper_loss)
+    np.testing.assert_allclose(trace.heat["stator"], trace.other_loss)
 
 
 def test_steady_state_is_the_closed_form_with_feedback(network):
@@ -119,15 +103,6 @@ def test_steady_state_is_the_closed_form_with_feedback(network):
     assert float(trace.flow["winding", "stator"][-1]) == pytest.approx(
         float(trace.copper_loss[-1]), rel=1e-8
     )
-
-
-def test_feedback_above_the_limit_runs_away():
-    network = second_order(600.0, 1e4, 0.3, 0.3)
-    losses = CopperLosses(Rs0=jnp.asarray(0.02), kind="map")
-    inputs = constant(2.0, current=200.0)
-    T = simulate(network, losses, inputs, {"winding": 20.0, "stator": 20.0})
-    rise = np.diff(T.temperature["winding"])
-    assert float(rise[-1]) > float(rise[2000]) > 0.0
 
 
 def test_scale_of_the_losses_is_not_visible_in_temperatures(network, losses, short, start):

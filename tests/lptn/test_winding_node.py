@@ -6,7 +6,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from compiled import reading, simulate
-from scipy.integrate import solve_ivp
 
 import lptn
 from lptn import EFFECTS, CopperLosses
@@ -48,30 +47,6 @@ def test_the_first_order_with_it_is_the_second(loss_kind, short):
     np.testing.assert_allclose(
         found.flow["winding", "stator"], second.flow["winding", "stator"], rtol=0.0, atol=1e-7
     )
-
-
-def test_it_is_two_nodes_integrated_by_scipy(short, losses):
-    """The network by hand, without any code of ours."""
-    squared, total, ambient = (np.asarray(v) for v in (
-        short.current_squared, short.losses, short.ambient))  # fmt: skip
-    step = float(short.step)
-    T = np.array([21.0, 21.0])
-    course = [T[0]]
-    for I2, P, T0 in zip(squared, total, ambient, strict=True):
-
-        def slope(_, T, I2=I2, P=P, T0=T0):
-            copper = 3.0 * I2 * 0.0062 * (234.5 + T[0]) / (234.5 + 25.0)
-            across = (T[0] - T[1]) / Req_w
-            return [
-                (copper - across) / Ceq_w,
-                (P - copper + across - (T[1] - T0) / Req_sr) / Ceq_sr,
-            ]
-
-        T = solve_ivp(slope, (0.0, step), T, rtol=1e-10, atol=1e-10).y[:, -1]
-        course.append(T[0])
-    found = reading(ONE, losses, short, START, effects=[build(WindingNode, SAME, ONE)])
-    # steps of 2 s against a winding of 93 s: (h/tau)^3/24 of 15 K
-    np.testing.assert_allclose(found, course, rtol=0.0, atol=2e-4)
 
 
 @beside

@@ -2,15 +2,18 @@
 
 Winding, stator with housing, and rotor; Euler steps short against the fastest of them. The figures
 of each machine are those of a data sheet of its size: mass of copper and iron times their heat
-capacity, losses and temperature rise at the rated load, speed and torque of the shaft.
+capacity, losses and temperature rise at the rated load, speed and torque of the shaft. Others are
+drawn by chance from the laws of size.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+import pytest
 
 B_COPPER = 234.5
 
@@ -149,3 +152,67 @@ def _integrate(
             r += dt * (0.2 * iron[i] - across) / m.C_rotor
             s += dt * (0.8 * iron[i] + out + across - (s - sink[i]) / m.R_sink) / m.C_stator
     return winding, copper
+
+
+def drawn_machine(number: int) -> Machine:
+    """Return a machine between 50 g and 2 t in still or moving air."""
+    rng = np.random.default_rng(4700 + number)
+    mass = 10.0 ** rng.uniform(-1.3, 3.3)  # kg, of 430 J/(kg K)
+    tau = rng.uniform(900.0, 2200.0) * (mass / 10.0) ** 0.3
+    C, G = 430.0 * mass, 430.0 * mass / tau
+    losses = G * rng.uniform(40.0, 90.0)
+    copper = rng.uniform(0.25, 0.7) * losses
+    efficiency = rng.uniform(0.6, 0.97) if mass > 1.0 else rng.uniform(0.5, 0.85)
+    speed, current = 10.0 ** rng.uniform(2.5, 4.2), 10.0 ** rng.uniform(-0.5, 2.7)
+    torque = losses * efficiency / (1.0 - efficiency) / (speed * np.pi / 30.0)
+    return Machine(
+        f"{mass:.3g} kg", 0.08 * C, 0.6 * C, 0.32 * C, 0.35 / G * rng.uniform(0.5, 1.2), 1.5 / G,
+        1.0 / G, copper / 3.6 / current**2, current, losses - copper, speed, torque,
+        sink_degC=rng.uniform(8.0, 34.0), step_s=max(0.2, tau / 1500.0),
+        minutes=tau * rng.uniform(0.5, 4.0) / 60.0,
+    )  # fmt: skip
+
+
+def drawn_record(machine: Machine, seed: int, *, slow: bool = False) -> dict[str, np.ndarray]:
+    """Return a test of levels drawn by chance, as `bench_record`.
+
+    A slow one turns at a few per cent of the speed, where the inverter takes most of the power.
+    """
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(0.0, machine.minutes * 60.0, machine.step_s)
+    count = int(rng.integers(1, 7))
+    part = np.arange(time_s.size) * count // time_s.size
+    load, turning = rng.uniform(0.3, 1.15, count)[part], rng.uniform(0.25, 1.0, count)[part]
+    turning = turning * (rng.uniform(0.01, 0.12) if slow else 1.0)
+    current, speed = load * machine.current, turning * machine.speed
+    iron = machine.iron_W * turning**1.4
+    sink = machine.sink_degC + 0.3 * np.sin(time_s / 3000.0)
+    start = machine.sink_degC + rng.uniform(-1.5, 1.5)
+    winding, copper = _integrate(machine, time_s, current, iron, sink, start=start)
+    torque = machine.torque * load
+    losses = copper + iron
+    used = torque * speed * np.pi / 30.0 + losses
+    noise = 2e-3 * rng.standard_normal((3, time_s.size))
+    return {
+        "time_s": time_s,
+        "phase_current_A": current * (1.0 + noise[0]),
+        "losses_W": losses * (1.0 + noise[1]),
+        "ambient_degC": np.round(sink, 1),
+        "winding_degC": np.round(winding + 50.0 * noise[2], 1),
+        "speed_rpm": speed,
+        "torque_Nm": torque,
+        "dc_power_W": used * rng.uniform(1.02, 1.15) + rng.uniform(0.05, 0.6) * copper,
+    }
+
+
+def in_turn(cases: Iterable[Any], machines: Sequence[Machine], *, num: int = 2) -> list[Any]:
+    """Return parameters (case, machine): each case on the next `num` machines, the rest slow."""
+    found = []
+    for place, case in enumerate(cases):
+        values = case if isinstance(case, tuple) else (case,)
+        turns = {(place * num + turn) % len(machines) for turn in range(num)}
+        for index, machine in enumerate(machines):
+            marks = () if index in turns else (pytest.mark.slow,)
+            name = values[0] if isinstance(values[0], str) else f"case{place}"
+            found.append(pytest.param(*values, machine, marks=marks, id=f"{name}-{machine.name}"))
+    return found

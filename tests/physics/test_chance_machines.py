@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from chance_machines import drawn_machine, drawn_record
+from bench_machines import drawn_machine, drawn_record
 from test_units_by_physics import as_read, asked, motor_of, supposed
 from test_units_of_time_and_power import DRIVE, FIVE, SHAFT
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from test_units_by_physics import checked
 
-from heatrun.checks import check_record
 from heatrun.checks.suitability import doubts
 from heatrun.record.motor import Motor
 from heatrun.record.record import ColumnReading, Record
@@ -46,7 +46,7 @@ def block(watts, tau_s, *, rise_K=60.0, minutes=120.0):
 
 def found(columns, id, unit_from="name", motor=None, decided=()):
     motor = motor or Motor("block", losses="balance")
-    return [f for f in check_record(record_of(columns, unit_from, decided), motor) if f.id == id]
+    return checked(record_of(columns, unit_from, decided), motor, id)
 
 
 def test_a_block_of_half_a_megawatt_is_warned_of_and_not_refused():

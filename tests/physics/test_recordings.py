@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from test_units_by_physics import checked
 
-from heatrun.checks import check_record
 from heatrun.motor.file import load_motor
 from heatrun.readers.align import join
 from heatrun.readers.read import read_record
@@ -19,7 +19,7 @@ MEASURED = pytest.mark.skipif(not SHARED.is_dir(), reason="the measured records 
 
 
 def asked(record, motor):
-    return [f.sentence() for f in check_record(record, motor) if f.id == "unit_suspected"]
+    return [finding.sentence() for finding in checked(record, motor, "unit_suspected")]
 
 
 @pytest.mark.parametrize("name", BUNDLED, ids=str)

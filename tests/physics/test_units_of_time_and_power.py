@@ -9,11 +9,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench_machines import DUTIES, LARGE, MACHINES, SERVO, STANDARD, bench_record, cooling_record
-from in_turn import in_turn
-from test_units_by_physics import FIVE, as_read, asked, made, motor_of, supposed
+from bench_machines import (
+    DUTIES,
+    LARGE,
+    MACHINES,
+    SERVO,
+    STANDARD,
+    bench_record,
+    cooling_record,
+    in_turn,
+)
+from test_units_by_physics import FIVE, as_read, asked, checked, made, motor_of, supposed
 
-from heatrun.checks import check_record
 from heatrun.record.record import Record
 
 SHAFT = (*FIVE, "speed_rpm", "torque_Nm")
@@ -132,8 +139,7 @@ def test_a_creeping_clock_names_milliseconds_unless_its_unit_is_stated(unit_from
     # half an hour a sample: a slow logger as well as one of two seconds in milliseconds
     columns = {name: values[:: len(values) // 300] for name, values in made(LARGE, "steps").items()}
     columns["time_s"] = np.arange(columns["time_s"].size) * 1800.0
-    found = check_record(as_read(columns, unit_from=unit_from), motor_of(LARGE))
-    (told,) = [f for f in found if f.id == "sampling"]
+    (told,) = checked(as_read(columns, unit_from=unit_from), motor_of(LARGE), "sampling")
     assert told.severity == "warning"
     assert ('time_s = "column of time_s [ms]"' in told.message) is is_named
 
@@ -162,7 +168,7 @@ def test_a_winding_in_fahrenheit_is_named_where_the_load_is_on_from_the_start(
     columns = in_hall(start_of(made(machine, "steps"), 1e9), hall_K)
     true = columns["winding_degC"] + sensors_K
     record = as_read({**columns, "winding_degC": 1.8 * true + 32.0})
-    found = [f for f in check_record(record, motor_of(machine)) if f.id == "units_temperature"]
+    found = checked(record, motor_of(machine), "units_temperature")
     assert [f.severity for f in found] == ["warning"]
     assert 'winding_degC = "column of winding_degC [degF]"' in found[0].remedy
 
@@ -172,8 +178,7 @@ def test_a_hot_start_is_no_fahrenheit_where_the_winding_cools_again(machine):
     # 72 degC is 22 degC in Fahrenheit, which is the ambient here
     columns = start_of(started_hot(machine, 71.6, "load and cool-down"), 1e9)
     for record in (columns, cooling_record(machine)):
-        found = check_record(as_read(record), motor_of(machine))
-        assert not [f for f in found if f.id == "units_temperature"]
+        assert not checked(as_read(record), motor_of(machine), "units_temperature")
 
 
 @pytest.mark.parametrize(
@@ -192,8 +197,7 @@ def test_a_winding_in_tenths_of_degrees_is_named(scale, is_decided, severity, ha
     columns = in_hall(made(machine, "steps"), hall_K)
     columns["winding_degC"] = scale * columns["winding_degC"]
     record = as_read(columns, unit_from="stated", is_decided=is_decided)
-    found = check_record(record, motor_of(machine))
-    told = [f for f in found if f.id == "units_temperature"]
+    told = checked(record, motor_of(machine), "units_temperature")
     assert [f.severity for f in told] == [severity]
     assert ("only a warning" in told[0].remedy) == (severity == "error")
     assert f"Divide the column by {scale:.0f}" in told[0].remedy
@@ -202,8 +206,7 @@ def test_a_winding_in_tenths_of_degrees_is_named(scale, is_decided, severity, ha
 def test_ambient_in_fahrenheit_is_named_where_the_load_is_on_from_the_start():
     columns = start_of(made(STANDARD, "steps"), 1e9)
     columns["ambient_degC"] = 1.8 * (columns["ambient_degC"] + 1.5) + 32.0
-    found = check_record(as_read(columns), motor_of(STANDARD))
-    told = [f for f in found if f.id == "units_temperature"]
+    told = checked(as_read(columns), motor_of(STANDARD), "units_temperature")
     assert 'ambient_degC = "column of ambient_degC [degF]"' in told[0].remedy
 
 

@@ -13,6 +13,7 @@ from coverage_bench import (
     HELD_OUT,
     KINDS,
     PERIOD_S,
+    READING_S,
     Errors,
     HiddenHeat,
     SensorNoise,
@@ -21,9 +22,11 @@ from coverage_bench import (
     run_test,
     time_constants,
 )
-from coverage_bound import bound
 
 import heatrun.runtime  # noqa: F401  (settings of JAX before its first use)
+
+# isort: split
+
 from heatrun.fit.fit import fit
 from heatrun.fit.fit_result import Fit
 from heatrun.model.model import Model
@@ -135,13 +138,7 @@ class Case:
 
 
 def make_case(cell: Cell, seed: int, index: int) -> Case:
-    """Return record `index` of a cell.
-
-    Args:
-        cell: What is drawn.
-        seed: Of the study.
-        index: Number of the record.
-    """
+    """Return record `index` of a cell."""
     of_motor, of_plan, of_errors, of_test, of_held_out = np.random.default_rng([seed, index]).spawn(
         5
     )
@@ -341,3 +338,58 @@ def _judged(
         "share_95": prediction.coverage_95(),
         "share_50": float(np.mean((held_out.measured >= low) & (held_out.measured <= high))),
     }
+
+
+def bound(
+    problem: Problem,
+    true: Mapping[str, float],
+    noise: SensorNoise,
+    start_degC: tuple[float, float],
+) -> dict[str, float]:
+    """Return the smallest standard deviation of the logarithm of each network parameter [1].
+
+    Args:
+        problem: Model and the one test.
+        true: True values by parameter name.
+        noise: True noise; its variance counts, not its tails.
+        start_degC: True temperatures of winding and stator at the start.
+
+    Reference: H. L. Van Trees, Detection, Estimation, and Modulation Theory, part I, section 2.4
+        (the bound with prior information).
+    """
+    starts = dict(zip(("Tw_start", "Tsr_start"), start_degC, strict=True))
+    slots = problem.parameters.slots
+    known = {**true, **starts}
+    z = np.array(
+        [float(slot.parameter.score(known.get(slot.parameter.name, 0.0))) for slot in slots]
+    )
+    _, jacobian = problem.linearised(z)
+    factor = np.linalg.cholesky(covariance(problem.tests[0], noise))
+    columns = np.linalg.solve(factor, jacobian[problem.is_observed])
+    spread = np.linalg.inv(columns.T @ columns + np.eye(z.size))
+    names = problem.parameters.names
+    return {
+        name: float(np.sqrt(spread[at, at]) * slots[at].parameter.sd)
+        for name in NETWORK
+        for at in [names.index(name)]
+    }
+
+
+def covariance(test: Blocks, noise: SensorNoise) -> np.ndarray:
+    """Return the exact covariance of the observed block means [K^2], shape (block, block).
+
+    The mean of an Ornstein-Uhlenbeck process over a block is correlated with that over another by
+    the decay between their samples, summed over both.
+    """
+    num = round(test.block_s / READING_S)
+    keep = float(np.exp(-READING_S / noise.time_s))
+    sample = np.arange(num)
+    size = int(np.sum(test.is_observed))
+    within = float(np.mean(keep ** np.abs(sample[:, None] - sample)))
+    lag = np.abs(np.arange(size)[:, None] - np.arange(size))
+    between = float(np.mean(keep ** sample[::-1])) * float(np.mean(keep ** (sample + 1)))
+    correlation = np.where(lag == 0, within, between * keep ** (num * np.maximum(lag - 1, 0)))
+    white = noise.white_sd_K**2 / READING_S + noise.resolution_K**2 / 12.0
+    level = np.where(test.time[test.is_observed] > 0.5 * test.duration_s, noise.grows, 1.0)
+    drift = noise.sd_K**2 * correlation + white / num * np.eye(size)
+    return level[:, None] * drift * level

@@ -8,101 +8,180 @@ below 50000 were used to set thresholds; reports use seeds from 110000 on, once 
 
 from __future__ import annotations
 
-import argparse
-import json
-import multiprocessing
-import platform
 import sys
-import time
 from collections import Counter
-from importlib.metadata import version
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-
 sys.path.insert(0, str(Path(__file__).parent))
 
-from discovery_gates import claims, gates, hidden_effects, is_right
-from study_runs import rows_done
+import numpy as np
+from discovery_cases import jobs, run
+from gate_rows import heads, limits_95
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from study_runs import Row, options_of, run_study, write_rows
 
 REPORTING_SEED = 110_000
 
 
+WINDING = "winding_node"
+WORSE_SHARE, WORSE_K = 0.10, 0.05
+"""A held-out error that grows by less than these counts as the same, as in the command."""
+
+
+def is_right(row: Row, effect: str) -> str:
+    """Return `"exact"`, `"in set"` or `"missed"` for a hidden effect."""
+    wanted = None if row["only_test"] is None else f"test_{row['only_test'] + 1}"
+    found = [n for n in row["named"] if wanted is None or n["test"] in (None, wanted)]
+    if any(named["id"] == effect for named in found):
+        return "exact"
+    if any(effect in named["equivalents"] for named in found):
+        return "in set"
+    return "missed"
+
+
+def claims(row: Row) -> bool:
+    """Whether a name is claimed."""
+    return row["verdict"] in ("named", "ambiguous")
+
+
+def hidden_effects(row: Row) -> tuple[str, ...]:
+    """Return what the discovery is to name: from one node, the winding as well."""
+    beside = (WINDING,) if row["group"] == "one node" else ()
+    return (*beside, *row["hidden"])
+
+
+def all_right(row: Row) -> bool:
+    """Whether everything hidden is named, or in the stated sets."""
+    return claims(row) and all(is_right(row, effect) != "missed" for effect in hidden_effects(row))
+
+
+def gates(rows: Sequence[Row]) -> list[Row]:
+    """Return each gate with what was measured, in how many cases, and its 95 % limits."""
+    group = {name: [r for r in rows if r["group"] == name] for name in {r["group"] for r in rows}}
+
+    def of(name: str) -> list[Row]:
+        return group.get(name, [])
+
+    shown = [
+        r for r in (*of("effect"), *of("event"))
+        if r["is_visible"] and r["verdict"] != "none" and r["misfit_K"] > 0.5 * r["noise_K"]
+    ]  # fmt: skip
+    unknown = [r for r in of("unknown") if r["is_visible"]]
+    right = [is_right(r, r["hidden"][0]) if claims(r) else "missed" for r in shown]
+    sizes = [1 + len(named["equivalents"]) for r in shown if claims(r) for named in r["named"]]
+    closed = [_closed(r) for r in shown if claims(r) and _is_open(r)]
+    bare = [r for r in of("one node") if not r["hidden"]]
+    beside = [r for r in of("one node") if r["hidden"]]
+    traced = [r for r in of("trace") if r["verdict"] == "adequate"]
+    warm = sorted(rows, key=lambda r: r["place"])[1:]
+    return [
+        _share("tracebacks, or no result written", "0", "≤ 0 %",
+               (r["exit_code"] != 0 or r["verdict"] == "none" for r in rows)),
+        _share("any effect claimed on clean records", "≤ 5 %", "≤ 5 %",
+               (claims(r) for r in of("clean"))),
+        _share("visible effects: named rightly, or in the stated set", "≥ 95 %", "≥ 95 %",
+               (r != "missed" for r in right)),
+        _share("visible effects: exact", "≥ 85 %", "≥ 85 %", (r == "exact" for r in right)),
+        _figure("mean size of the stated set", "≤ 2", sizes, np.mean),
+        _share("unknown cause: flagged unexplained", "≥ 90 %", "≥ 90 %",
+               (r["verdict"] == "unexplained" for r in unknown)),
+        _share("unknown cause: wrongly named without a flag", "≤ 10 %", "≤ 10 %",
+               (claims(r) for r in unknown)),
+        _share("two effects at once: both named", "≥ 75 %", "≥ 75 %",
+               (all_right(r) for r in of("pair"))),
+        _share("from the first order: the winding named", "≥ 95 %", "≥ 95 %",
+               (all_right(r) for r in bare)),
+        _share("from the first order, a second effect beside it: both named", "≥ 75 %", "≥ 75 %",
+               (all_right(r) for r in beside)),
+        _share("cause in one test of several: another name without a flag", "≤ 10 %", "≤ 10 %",
+               (claims(r) and not all_right(r) for r in of("in one test"))),
+        _share("traces: named, or in the stated set", "–", "≥ 0 %",
+               (any(r["hidden"][0] in (t["id"], *t["equivalents"]) for t in r["traces"])
+                for r in traced)),
+        _share("effects added that make the held-out error worse", "0", "≤ 0 %",
+               (_is_worse(r) for r in rows if r["holdout"] and r["named"])),
+        _figure("held-out gap closed, relative to a perfect model, median", "≥ 0.95", closed,
+                np.median),
+        _share("share of cases in which it is at least 0.8", "≥ 95 %", "≥ 95 %",
+               (v >= 0.8 for v in closed)),
+        _figure("longest command in a warm process, processor time [s]", "≤ 60",
+                [r["processor_s"] for r in warm], np.max),
+    ]  # fmt: skip
+
+
+def _closed(row: Row) -> float:
+    """Return the gap closed in mean squares, relative to a perfect model's [1]."""
+    before, after = (row["holdout"][f"rmse_{name}_K"] ** 2 for name in ("before", "after"))
+    return (before - after) / (before - row["floor_K"] ** 2)
+
+
+def _is_open(row: Row) -> bool:
+    """Whether there is a gap on the held-out test that a perfect model would close."""
+    held_out = row["holdout"]
+    return held_out and held_out["rmse_before_K"] ** 2 - row["floor_K"] ** 2 > 0.1**2
+
+
+def _is_worse(row: Row) -> bool:
+    before, after = (row["holdout"][f"rmse_{name}_K"] for name in ("before", "after"))
+    return after > before + max(WORSE_K, WORSE_SHARE * before, 0.5 * row["noise_K"])
+
+
+def _share(what: str, wanted: str, rule: str, values: Iterable[Any]) -> Row:
+    """Return a gate on a share, with its Clopper-Pearson limits."""
+    listed = [bool(value) for value in values]
+    count, num = sum(listed), len(listed)
+    rate, limits = (count / num, list(limits_95(count, num))) if num else (None, None)
+    is_proven = limits is not None and all(_keeps(rule, each) for each in limits)
+    holds = None if rate is None or wanted == "–" else _keeps(rule, rate)
+    return {"what": what, "gate": wanted, "kind": "share", "measured": rate, "count": count,
+            "cases": num, "limits_95": limits, "is_proven": is_proven, "holds": holds}  # fmt: skip
+
+
+def _keeps(rule: str, share: float) -> bool:
+    limit = float(rule.split()[1]) / 100.0
+    return share <= limit if rule.startswith("≤") else share >= limit
+
+
+def _figure(what: str, wanted: str, values: Sequence[float], reduce: Any) -> Row:
+    """Return a gate on a figure."""
+    value = float(reduce(values)) if len(values) else None
+    limit = float(wanted.split()[1])
+    holds = None if value is None else value <= limit if "≤" in wanted else value >= limit
+    return {"what": what, "gate": wanted, "kind": "figure", "measured": value, "cases": len(values),
+            "limits_95": None, "is_proven": bool(len(values)), "holds": holds}  # fmt: skip
+
+
 def main() -> None:
     """Run the study."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=REPORTING_SEED)
-    parser.add_argument("--repeats", type=int, default=1, help="machines for each cause")
-    parser.add_argument("--clean", type=int, default=8)
-    parser.add_argument("--unknown", type=int, default=4, help="causes outside the catalogue")
-    parser.add_argument("--pairs", type=int, default=4, help="machines with two effects")
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument(
-        "--minutes",
-        type=float,
-        default=float("inf"),
-        help="no case is begun after this; the order of the cases is by chance",
-    )
-    parser.add_argument(
-        "--resume",
-        action="store_true",
-        help="go on after the cases that study.json in --out has of this seed",
-    )
-    parser.add_argument("--out", type=Path, default=Path("results") / "discovery")
-    options = parser.parse_args()  # fmt: skip
-    from discovery_cases import jobs
-
+    counts = {"repeats": 1, "clean": 8, "unknown": 4, "pairs": 4}
+    parser = options_of(__doc__, "discovery", REPORTING_SEED, **counts)
+    parser.add_argument("--resume", action="store_true", help="go on behind the rows in --out")
+    options = parser.parse_args()
     listed = jobs(options.seed, options.repeats, options.clean, options.unknown, options.pairs)
-    options.out.mkdir(parents=True, exist_ok=True)
-    begin = time.monotonic()
-    rows = rows_done(options.out / "study.json", options.seed) if options.resume else []
-    rows.sort(key=lambda row: row["place"])
-    context = multiprocessing.get_context("spawn")  # JAX must not be forked
-    with context.Pool(options.processes) as pool:
-        for first in range(len(rows), len(listed), options.processes):
-            if time.monotonic() - begin > 60.0 * options.minutes:
-                break
-            for row in pool.map(_run, listed[first : first + options.processes], 1):
-                rows.append({**row, "place": len(rows)})
-                print(f"{len(rows)}/{len(listed)} {row['order']} {row['group']} "
-                      f"{'+'.join(row['hidden']) or 'nothing'}: {row['verdict']} "
-                      f"{[n['id'] for n in row['named']]} {row['seconds']:.0f} s "
-                      f"{row['failure'][-200:]}", flush=True)  # fmt: skip
-            write(rows, options.out, " ".join(sys.argv), options.seed, len(listed))
+
+    def said(row: Row) -> str:
+        hidden, names = "+".join(row["hidden"]) or "nothing", [n["id"] for n in row["named"]]
+        words = f"{row['order']} {row['group']} {hidden}: {row['verdict']} {names}"
+        return f"{words} {row['seconds']:.0f} s {row['failure'][-200:]}"
+
+    def write(rows: list[Row]) -> None:
+        for row in rows:  # the first one that was finished began cold
+            row.setdefault("place", sum("place" in each for each in rows))
+        command = " ".join(sys.argv)
+        found = gates(rows)
+        write_rows(options.out / "study.json", rows, seed=options.seed, planned=len(listed),
+                   gates=found)  # fmt: skip
+        text = table(rows, found, command, options.seed, len(listed))
+        (options.out / "table.md").write_text(text, encoding="utf-8")
+        _confusion(rows, options.out / "confusion.png")
+
+    run_study(options, listed, run, write, said=said, goes_on=options.resume, tasks=10**6)
 
 
-def _run(job: dict[str, Any]) -> dict[str, Any]:
-    from discovery_cases import run
-
-    return run(job)
-
-
-def write(rows: list[dict[str, Any]], out: Path, command: str, seed: int, planned: int) -> None:
-    """Write rows, table and figure."""
-    rows = sorted(rows, key=lambda row: row["seed"])
-    packages = ("heatrun", "jax", "numpy", "scipy", "optimistix")
-    found = gates(rows)
-    content = {
-        "command": command,
-        "seed": seed,
-        "planned": planned,
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in packages},
-        "gates": found,
-        "rows": rows,
-    }
-    (out / "study.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    text = table(rows, found, command, seed, planned)
-    (out / "table.md").write_text(text, encoding="utf-8")
-    _confusion(rows, out / "confusion.png")
-
-
-def table(
-    rows: list[dict[str, Any]], found: list[dict[str, Any]], command: str, seed: int, planned: int
-) -> str:
+def table(rows: list[Row], found: list[Row], command: str, seed: int, planned: int) -> str:
     """Return the tables in Markdown."""
     lines = [
         "# Discovery on benches with hidden causes",
@@ -114,8 +193,7 @@ def table(
         "size, staircase and drive cycle of 2 h each at 1 Hz for calibration, another staircase "
         "held out; visible misfit 0.3…1.5 K.",
         "",
-        "| what | gate | measured | cases | 95 % limits | |",
-        "|---|---|---|---|---|---|",
+        *heads("what | gate | measured | cases | 95 % limits | "),
     ]
     for gate in found:
         value, limits = gate["measured"], gate["limits_95"]
@@ -126,10 +204,9 @@ def table(
         met = "met" if gate["is_proven"] else "met, too few cases to show it"
         mark = "–" if gate["holds"] is None else met if gate["holds"] else "**missed**"
         lines.append(f"| {gate['what']} | {gate['gate']} | {text} | {cases} | {spread} | {mark} |")
-    head = ("from", "hidden", "cases", "exact", "in set", "missed", "verdicts", "set size",
-            "also named", "traces", "rejected by held-out test")  # fmt: skip
-    lines += ["", f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
-    groups: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
+    lines += ["", *heads("from | hidden | cases | exact | in set | missed | verdicts | set size | "
+                         "also named | traces | rejected by held-out test")]  # fmt: skip
+    groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         key = (row["order"], row["group"], row["only_test"], *row["hidden"])
         groups.setdefault(key, []).append(row)
@@ -145,7 +222,7 @@ def table(
     return "\n".join(lines)
 
 
-def _line(members: list[dict[str, Any]]) -> str:
+def _line(members: list[Row]) -> str:
     first = members[0]
     verdicts = Counter(row["verdict"] for row in members)
     told = ", ".join(f"{count} {word}" for word, count in verdicts.most_common())
@@ -180,7 +257,7 @@ def _counted(names: Counter[str]) -> str:
     return ", ".join(f"{name} ({count})" for name, count in names.most_common()) or "–"
 
 
-def _confusion(rows: list[dict[str, Any]], path: Path) -> None:
+def _confusion(rows: list[Row], path: Path) -> None:
     """Draw what was found for what was hidden."""
     chosen = [row for row in rows if len(row["hidden"]) <= 1 and row["order"] == "second"]
     hidden = list(dict.fromkeys(row["hidden"][0] if row["hidden"] else "nothing" for row in chosen))

@@ -6,12 +6,9 @@ Each case is written to disk as a bench would leave it (CSV files and a motor fi
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 import tempfile
 import time
-import traceback
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,6 +17,7 @@ from unittest.mock import patch
 import numpy as np
 import pandas as pd
 from bench_package import hidden_bench, write_motor
+from study_runs import command
 
 SHOWN = (
     "natural_convection", "speed_cooling", "fan_cooling", "cooling_step", "coolant_sink",
@@ -107,10 +105,11 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         folder = Path(name)
         arguments = write_bench(case, folder, job["order"])
         wall, processor = time.perf_counter(), time.process_time()
-        code, failure = command(arguments)
+        with shorter():
+            code, said = command(arguments)
         row |= {
             "exit_code": code,
-            "failure": failure,
+            "failure": "" if code == 0 else said[-800:],
             "seconds": time.perf_counter() - wall,
             "processor_s": time.process_time() - processor,
         }
@@ -135,27 +134,16 @@ def write_bench(case: Any, folder: Path, order: str) -> list[str]:
     ]  # fmt: skip
 
 
-def command(arguments: list[str]) -> tuple[int | None, str]:
-    """Return the exit code of `heatrun` and what it failed with, empty if it did not.
-
-    A traceback is a result of the study, not its end.
-    """
-    from heatrun.cli import main
+def shorter() -> Any:
+    """Return the context in which chains and draws of `heatrun discover` are short."""
     from heatrun.posterior.posterior import sample
     from heatrun.posterior.predict import predict
 
-    shorter = patch.multiple(
+    return patch.multiple(
         "heatrun.calibration",
         sample=partial(sample, most_steps=MOST_STEPS),
         predict=partial(predict, num_draws=NUM_DRAWS),
     )
-    out, said = io.StringIO(), io.StringIO()
-    with shorter, contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
-        try:
-            code = main(arguments)
-        except Exception:
-            return None, traceback.format_exc(limit=-4)
-    return code, "" if code == 0 else said.getvalue()[-800:]
 
 
 def described(result: dict[str, Any] | None) -> dict[str, Any]:

@@ -6,7 +6,7 @@ machines at once, and written as the text files that a bench would leave.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -123,9 +123,7 @@ def write_fleet(fleet: Fleet, folder: Path, seed: int) -> Path:
         folder: Where they go; made.
         seed: Random seed of loads, instruments and noise.
     """
-    (folder / "tests").mkdir(parents=True)
-    (folder / "motor.toml").write_text(MOTOR)
-    rows = ["machine,type,test,supplier"]
+    rows, tests = [], []
     for place, name in enumerate(fleet.machines):
         supplier = "south" if fleet.is_south[place] else "north"
         rows.append(f"{name},simulated,tests/{name}.csv,{supplier}")
@@ -133,17 +131,33 @@ def write_fleet(fleet: Fleet, folder: Path, seed: int) -> Path:
         places = np.flatnonzero(fleet.minutes == minutes)
         rng = np.random.default_rng([seed, 2, round(minutes)])
         columns = readings(np.exp(fleet.logs[places]), minutes, rng)
-        for row, place in enumerate(places):
-            table = np.stack([column[row] for column in columns.values()], axis=1)
-            np.savetxt(
-                folder / "tests" / f"{fleet.machines[place]}.csv", table, "%.6g", ",",
-                header=",".join(columns), comments="",
-            )  # fmt: skip
-    (folder / "machines.csv").write_text("\n".join(rows) + "\n")
+        tests += [(fleet.machines[place], {name: column[row] for name, column in columns.items()})
+                  for row, place in enumerate(places)]  # fmt: skip
+    return write_bench(folder, MOTOR, "simulated", ["machine,type,test,supplier", *rows], tests)
+
+
+def write_bench(
+    folder: Path, motor: str, fleet: str, table: Sequence[str],
+    tests: Iterable[tuple[str, Mapping[str, np.ndarray]]],
+) -> Path:  # fmt: skip
+    """Write motor file, tests, table of machines and fleet file; return the last.
+
+    Args:
+        folder: Where they go; made.
+        motor: Text of the motor file.
+        fleet: Its name.
+        table: Lines of the table of machines.
+        tests: Name and columns of each.
+    """
+    (folder / "tests").mkdir(parents=True, exist_ok=True)
+    (folder / "motor.toml").write_text(motor)
+    for name, columns in tests:
+        values = np.stack(list(columns.values()), axis=1)
+        np.savetxt(folder / "tests" / f"{name}.csv", values, "%.6g", ",",
+                   header=",".join(columns), comments="")  # fmt: skip
+    (folder / "machines.csv").write_text("\n".join(table) + "\n")
     path = folder / "FLEET.toml"
-    path.write_text(
-        '[fleet]\nname = "simulated"\nmotor = "motor.toml"\nmanifest = "machines.csv"\n'
-    )
+    path.write_text(f'[fleet]\nname = "{fleet}"\nmotor = "motor.toml"\nmanifest = "machines.csv"\n')
     return path
 
 

@@ -9,16 +9,15 @@ out, and the fleet searched as `heatrun fleet --discover` does. It goes on where
 
 from __future__ import annotations
 
-import argparse
 import pickle
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import fleet_of_hidden_causes as hidden_fleet
 import numpy as np
-from discovery_gates import limits_95
-from study_runs import rows_done, write_rows
+from gate_rows import limits_95
+from study_runs import Row, options_of, run_study, write_rows
 
 from heatrun.fit.fit import fit
 from heatrun.fit.fit_result import RESULT, Fit
@@ -33,7 +32,6 @@ from heatrun_fleet.batch.fit import fit_batch
 from heatrun_fleet.shared_effects.job import discover_type
 from heatrun_fleet.shared_effects.pooled import Evidence, evidence_of
 
-OUT = Path(__file__).parents[2] / "results" / "fleet"
 COMMAND = "make study-fleet-discovery"
 FIRST_SEED = 130_000
 VISIBLE_K = 0.1
@@ -53,7 +51,7 @@ MOTOR = Motor(
 )
 
 
-def cases(clean: int, hidden: int, large: int, off: int, unknown: int) -> list[dict[str, Any]]:
+def cases(clean: int, hidden: int, large: int, off: int, unknown: int) -> list[Row]:
     """Return the fleets of the study, the kinds in turn."""
     kinds: list[tuple[str, str, int, int]] = [("clean", "", NUM, clean)]
     kinds += [("hidden", name, NUM, hidden) for name in hidden_fleet.EFFECTS]
@@ -70,7 +68,7 @@ def cases(clean: int, hidden: int, large: int, off: int, unknown: int) -> list[d
     return sorted(rows, key=lambda row: (row["at"], row["seed"]))
 
 
-def run(case: dict[str, Any], cache: Path | None = None) -> dict[str, Any]:
+def run(case: Row, cache: Path | None = None) -> Row:
     """Return the row of a fleet."""
     amplitude, bench = 0.0, {}
     hidden = case["name"] if case["kind"] in ("hidden", "unknown") else ""
@@ -106,11 +104,7 @@ def run(case: dict[str, Any], cache: Path | None = None) -> dict[str, Any]:
 def evidence_of_fleet(
     tests: Sequence[Sequence[dict[str, np.ndarray]]],
 ) -> tuple[list[str], list[Evidence]]:
-    """Return names and evidence of the machines whose fit converged.
-
-    Args:
-        tests: By machine, by test: columns of the record.
-    """
+    """Return names and evidence of the machines whose fit converged."""
     problems = []
     for own in tests:
         reduced = [reduce(Record(f"test {i}", columns), MOTOR) for i, columns in enumerate(own)]
@@ -125,33 +119,33 @@ def evidence_of_fleet(
     return names, evidence
 
 
-def is_named(row: dict[str, Any]) -> bool:
+def is_named(row: Row) -> bool:
     """Whether the hidden effect is named, or is in the stated set."""
     claims = [e for e in row["effects"] if e["is_beyond_instruments"]]
     return any(row["name"] in (e["id"], *e["equivalents"]) for e in claims)
 
 
-def is_exact(row: dict[str, Any]) -> bool:
+def is_exact(row: Row) -> bool:
     """Whether the hidden effect is named first, and not with others in its place."""
     return bool(row["effects"]) and row["effects"][0]["id"] == row["name"] and not (
         row["effects"][0]["equivalents"]
     )  # fmt: skip
 
 
-def has_more(row: dict[str, Any]) -> bool:
+def has_more(row: Row) -> bool:
     """Whether a second effect is claimed beside the hidden one."""
     return len(row["effects"]) > 1
 
 
-def is_claimed(row: dict[str, Any]) -> bool:
+def is_claimed(row: Row) -> bool:
     """Whether an effect is claimed as one: beyond instruments, and the catalogue explains it."""
     return row["verdict"] in ("named", "ambiguous")
 
 
-def table(rows: list[dict[str, Any]]) -> list[str]:
+def table(rows: list[Row]) -> list[str]:
     """Return the lines of the page's tables."""
 
-    def line(label: str, some: list[dict[str, Any]], *counts: int) -> str:
+    def line(label: str, some: list[Row], *counts: int) -> str:
         said = []
         for hits in counts:
             low, high = limits_95(hits, len(some))
@@ -196,11 +190,10 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def write(rows: list[dict[str, Any]], planned: int) -> None:
+def write(rows: list[Row], out: Path, planned: int) -> None:
     """Write the figures and the page."""
-    OUT.mkdir(parents=True, exist_ok=True)
     write_rows(
-        OUT / "discovery.json", to_plain(rows), seed=FIRST_SEED, planned=planned, command=COMMAND
+        out / "discovery.json", to_plain(rows), seed=FIRST_SEED, planned=planned, command=COMMAND
     )
     size = [e["size"]["value"] / row["amplitude"] for row in rows if row["kind"] == "hidden"
             for e in row["effects"] if e["id"] == row["name"]]  # fmt: skip
@@ -224,34 +217,25 @@ def write(rows: list[dict[str, Any]], planned: int) -> None:
             f"Found sizes over hidden ones (other laws than the catalogue's): {np.min(size):.2f} "
             f"to {np.max(size):.2f}, median {np.median(size):.2f}."
         )
-    (OUT / "discovery.md").write_text("\n".join(page) + "\n")
+    (out / "discovery.md").write_text("\n".join(page) + "\n")
 
 
 def main() -> None:
-    """Run what is left of the study."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    """Run what is left of the study, so many fleets of each kind."""
+    counts = {"clean": 120, "hidden": 6, "large": 2, "off": 6, "unknown": 3}
+    parser = options_of(__doc__, "fleet", FIRST_SEED, **counts)
     parser.add_argument("--cache", type=Path, help="folder that keeps the machines' evidence")
-    parser.add_argument("--clean", type=int, default=120, help="fleets without any effect")
-    parser.add_argument("--hidden", type=int, default=6, help="fleets for each effect")
-    parser.add_argument("--large", type=int, default=2, help="large ones for each effect")
-    parser.add_argument("--off", type=int, default=6, help="fleets for each instrument")
-    parser.add_argument("--unknown", type=int, default=3, help="for each cause of no catalogue")
+    parser.set_defaults(processes=0)
     options = parser.parse_args()
     configure()
-    path = OUT / "discovery.json"
-    rows = rows_done(path, FIRST_SEED)
-    done = {row["seed"] for row in rows}
-    listed = list(cases(options.clean, options.hidden, options.large, options.off,
-                        options.unknown))  # fmt: skip
-    for case in listed:
-        if case["seed"] in done:
-            continue
-        row = run(case, options.cache)
-        rows.append(row)
-        write(rows, len(listed))
-        said = [effect["id"] for effect in row["effects"]]
-        print(row["kind"], row["name"], row["num"], row["verdict"], said, flush=True)
-    write(rows, len(listed))
+    listed = cases(*(getattr(options, name) for name in counts))
+
+    def said(row: Row) -> str:
+        effects = [effect["id"] for effect in row["effects"]]
+        return f"{row['kind']} {row['name']} {row['num']} {row['verdict']} {effects}"
+
+    run_study(options, listed, partial(run, cache=options.cache), said=said, named="discovery.json",
+              write=lambda rows: write(rows, options.out, len(listed)))  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -16,11 +16,14 @@ from fleet_cases import (
     OHM,
     SAMPLE_S,
     Fleet,
-    REFERENCE_degC,
     ROOM_degC,
     courses,
     draw_fleet,
     slowly,
+    write_bench,
+)
+from fleet_cases import (
+    MOTOR as TYPE,
 )
 
 NOISE = ("noise_sd", "noise_time", "noise_white", "unmodelled_heat")
@@ -50,14 +53,7 @@ HEAT_S = (400.0, 900.0)
 
 STAIR_S = 480.0
 
-MOTOR = f"""[motor]
-name = "simulated type"
-[winding]
-phase_resistance_ohm = {OHM}
-reference_temperature_degC = {REFERENCE_degC}
-[columns]
-speed_rpm = "n"
-"""
+MOTOR = f'{TYPE}[columns]\nspeed_rpm = "n"\n'
 
 
 @dataclass(frozen=True)
@@ -120,25 +116,15 @@ def write_noisy_fleet(
         places: Of the machines that are tested.
         motor: Further sections of the motor file.
     """
-    (folder / "tests").mkdir(parents=True)
     has_effect = fleet.share_median > 0.0 and "[population]" not in motor
     effects = f'[model]\neffects = ["{EFFECT}"]\n' if has_effect else ""
-    (folder / "motor.toml").write_text(MOTOR + effects + motor)
     rng = np.random.default_rng([seed, 4, round(minutes)])
     columns = _readings(fleet, np.array(places), minutes, rng)
-    rows = ["machine,type,test"]
-    for row, place in enumerate(places):
-        name = fleet.machines.machines[place]
-        rows.append(f"{name},simulated,tests/{name}.csv")
-        table = np.stack([column[row] for column in columns.values()], axis=1)
-        np.savetxt(folder / "tests" / f"{name}.csv", table, "%.6g", ",",
-                   header=",".join(columns), comments="")  # fmt: skip
-    (folder / "machines.csv").write_text("\n".join(rows) + "\n")
-    path = folder / "FLEET.toml"
-    path.write_text(
-        '[fleet]\nname = "simulated"\nmotor = "motor.toml"\nmanifest = "machines.csv"\n'
-    )
-    return path
+    names = [fleet.machines.machines[place] for place in places]
+    table = ["machine,type,test", *(f"{name},simulated,tests/{name}.csv" for name in names)]
+    tests = [(machine, {name: column[row] for name, column in columns.items()})
+             for row, machine in enumerate(names)]  # fmt: skip
+    return write_bench(folder, MOTOR + effects + motor, "simulated", table, tests)
 
 
 def _readings(

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from bench_package import bench, hidden_bench
+from fleet_cases import write_bench
 
 TRUTH = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
 """Centre of the type: J/K, J/K, K/W, K/W."""
@@ -306,19 +307,10 @@ def amplitude_of(effect: str, visible_K: float) -> float:
 
 def write(found: Fleet, folder: Path) -> Path:
     """Write a fleet as files; return the fleet file."""
-    (folder / "tests").mkdir(parents=True, exist_ok=True)
-    (folder / "motor.toml").write_text(MOTOR)
-    rows = ["machine,type,test"]
-    for i, tests in enumerate(found.tests):
-        for number, columns in enumerate(tests):
-            name = f"tests/M{i:03d}_{number + 1}.csv"
-            np.savetxt(folder / name, np.stack(list(columns.values()), axis=1), fmt="%.6g",
-                       delimiter=",", header=",".join(columns), comments="")  # fmt: skip
-            rows.append(f"M{i:03d},A,{name}")
-    (folder / "machines.csv").write_text("\n".join(rows) + "\n")
-    path = folder / "FLEET.toml"
-    path.write_text('[fleet]\nname = "line"\nmotor = "motor.toml"\nmanifest = "machines.csv"\n')
-    return path
+    tests = {f"M{i:03d}_{number + 1}": columns for i, tests in enumerate(found.tests)
+             for number, columns in enumerate(tests)}  # fmt: skip
+    rows = [f"{name[:4]},A,tests/{name}.csv" for name in tests]
+    return write_bench(folder, MOTOR, "line", ["machine,type,test", *rows], tests.items())
 
 
 def _ou(rng: np.random.Generator, sd: np.ndarray, time_s: np.ndarray, size: int) -> np.ndarray:

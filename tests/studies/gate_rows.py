@@ -1,4 +1,4 @@
-"""Rows of a table that hold a measured share against its gate, with its 95 % limits."""
+"""Rows of Markdown tables: measured shares against their gates, with their 95 % limits."""
 
 from __future__ import annotations
 
@@ -6,35 +6,61 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from discovery_gates import limits_95
+from scipy.stats import beta
+
+
+def limits_95(count: int, num: int) -> tuple[float, float]:
+    """Return the 95 % limits of a share [1].
+
+    Reference: C. J. Clopper, E. S. Pearson, The use of confidence or fiducial limits illustrated in
+        the case of the binomial, Biometrika 26 (1934) 404-413.
+    """
+    low = float(beta.ppf(0.025, count, num - count + 1)) if count else 0.0
+    high = float(beta.ppf(0.975, count + 1, num - count)) if count < num else 1.0
+    return low, high
+
+
+def percent_95(count: int, num: int) -> str:
+    """Return the 95 % limits of a share as text [%]."""
+    return "{:.0f}…{:.0f} %".format(*(100 * limit for limit in limits_95(count, num)))
+
+
+def heads(row: str) -> list[str]:
+    """Return the two lines that a table begins with, of the names between bars."""
+    return [f"| {row} |".replace("|  |", "| |"), "|---" * (row.count("|") + 1) + "|"]
 
 
 def at_most(what: str, most: float, cases: Sequence[bool]) -> str:
     """Return the row of a share that may be so large at most [1]."""
-    if not cases:
-        return f"| {what} | ≤ {100 * most:.0f} % | – | – | – |"
-    count, num = sum(cases), len(cases)
-    low, high = limits_95(count, num)
-    mark = "met" if high <= most else "met, too few cases to show it"
-    mark = mark if count <= most * num else "**missed**"
-    return (
-        f"| {what} | ≤ {100 * most:.0f} % | {100 * count / num:.1f} % ({count} of {num}) | "
-        f"{100 * low:.0f}…{100 * high:.0f} % | {mark} |"
-    )
+    return _share(what, f"≤ {100 * most:.0f} %", cases, lambda share: share <= most)
 
 
 def at_least(what: str, least: float, cases: Sequence[bool]) -> str:
     """Return the row of a share that must be so large at least [1]."""
+    return _share(what, f"≥ {100 * least:.0f} %", cases, lambda share: share >= least)
+
+
+def _share(what: str, gate: str, cases: Sequence[bool], holds: Any) -> str:
     if not cases:
-        return f"| {what} | ≥ {100 * least:.0f} % | – | – | – |"
+        return f"| {what} | {gate} | – | – | – |"
     count, num = sum(cases), len(cases)
+    mark = "met" if all(map(holds, limits_95(count, num))) else "met, too few cases to show it"
+    mark = mark if holds(count / num) else "**missed**"
+    share = f"{100 * count / num:.1f} % ({count} of {num})"
+    return f"| {what} | {gate} | {share} | {percent_95(count, num)} | {mark} |"
+
+
+def covered(what: str, inside: Sequence[bool]) -> str:
+    """Return the row of the share of 95 % intervals that hold the truth."""
+    if not inside:
+        return f"| {what} | 93…97 % | – | – | – |"
+    count, num = sum(inside), len(inside)
     low, high = limits_95(count, num)
-    mark = "met" if low >= least else "met, too few cases to show it"
-    mark = mark if count >= least * num else "**missed**"
-    return (
-        f"| {what} | ≥ {100 * least:.0f} % | {100 * count / num:.1f} % ({count} of {num}) | "
-        f"{100 * low:.0f}…{100 * high:.0f} % | {mark} |"
-    )
+    is_chance = low <= 0.97 and high >= 0.93
+    mark = "outside, within what so few can show" if is_chance else "**outside**"
+    mark = "met" if 0.93 <= count / num <= 0.97 else mark
+    share = f"{100 * count / num:.1f} % ({count} of {num})"
+    return f"| {what} | 93…97 % | {share} | {percent_95(count, num)} | {mark} |"
 
 
 def in_band(what: str, rows: Sequence[dict[str, Any]]) -> str:
@@ -48,3 +74,22 @@ def in_band(what: str, rows: Sequence[dict[str, Any]]) -> str:
         f"| {what} | 90…98 % | mean {mean:.1f} %, {100 * np.mean(found < 0.85):.0f} % of the tests "
         f"below 85 % | {mean - error:.0f}…{min(mean + error, 100.0):.0f} % | {mark} |"
     )
+
+
+def rms(errors: Any) -> Any:
+    """Return the root mean square over the first axis."""
+    return np.sqrt(np.mean(np.square(errors), axis=0))
+
+
+def times_better(
+    alone: np.ndarray, pooled: np.ndarray, least: float
+) -> tuple[float, float, float, str]:
+    """Return the RMS of errors over that of others, its 95 % limits, and whether it is enough.
+
+    The limits are those of a bootstrap over the machines, shape (machine,) each.
+    """
+    ratio = float(rms(alone) / rms(pooled))
+    picks = np.random.default_rng(0).integers(len(alone), size=(2000, len(alone)))
+    low, high = np.quantile(rms(alone[picks].T) / rms(pooled[picks].T), [0.025, 0.975])
+    mark = "met" if low >= least else "met, too few cases to show it"
+    return ratio, low, high, mark if ratio >= least else "**missed**"

@@ -10,23 +10,21 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import re
-import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(Path(__file__).parent))
+
+from view_speed import ROOT, resident_MB, viewed
+
 WRITER = ROOT / "tests" / "app" / "bench_writer.py"
 RATES = {"fast.csv": "20", "slow.csv": "0.4"}
 LOOK_S = 5.0
-START_S = 60.0
 
 SHOWN = """
 () => {
@@ -51,88 +49,63 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary) / "bench"
+        folder, log = Path(temporary) / "bench", Path(temporary) / "log"
         folder.mkdir()
-        writers = [[str(WRITER), str(folder / name), rate, "1"] for name, rate in RATES.items()]
-        view = ["-m", "heatrun.cli", "view", str(folder), "--no-browser", "--port", "0"]
-        log = Path(temporary) / "log"
-        with running(*writers, log=log), running(view, log=log) as (server,):
-            found = follow(folder, address(log), server, options.minutes * 60.0, options.out)
+        writers = [subprocess.Popen([sys.executable, str(WRITER), str(folder / name), rate, "1"])
+                   for name, rate in RATES.items()]  # fmt: skip
+        try:
+            with viewed(folder, log) as (url, page, pid):
+                found = follow(folder, url, page, pid, options.minutes * 60.0, options.out)
+        finally:
+            for writer in writers:
+                writer.terminate()
+                writer.wait(20)
         found["log"] = log.read_text().splitlines()[1:]
     (options.out / "follow.json").write_text(json.dumps(found, indent=1) + "\n")
     print(json.dumps({name: value for name, value in found.items() if name != "rows"}))
 
 
-@contextmanager
-def running(*commands: list[str], log: Path) -> Iterator[list[subprocess.Popen[bytes]]]:
-    """Run Python with some words each, and end it."""
-    with log.open("ab") as file:
-        started = [subprocess.Popen([sys.executable, *words], stderr=file) for words in commands]
-    try:
-        yield started
-    finally:
-        for process in started:
-            process.terminate()
-            process.wait(20)
-
-
-def address(log: Path) -> str:
-    """Return the address that the server prints."""
-    end = time.monotonic() + START_S
-    while time.monotonic() < end:
-        if found := re.search(r"http://\S+:\d+/", log.read_text()):
-            return found.group()
-        time.sleep(0.2)
-    sys.exit(log.read_text())
-
-
-def follow(folder: Path, url: str, server: Any, duration_s: float, out: Path) -> dict[str, Any]:
+def follow(
+    folder: Path, url: str, page: Any, pid: int, duration_s: float, out: Path
+) -> dict[str, Any]:
     """Keep a page open on both tests and note how far it is behind them."""
-    from playwright.sync_api import sync_playwright
-
     problems: list[str] = []
     rows: list[dict[str, float]] = []
     while not all((folder / name).exists() and written(folder / name)[0] > 1 for name in RATES):
         time.sleep(0.2)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=shutil.which("chromium"), args=["--no-sandbox"]
-        )
-        page = browser.new_page(viewport={"width": 1400, "height": 900})
-        page.on("pageerror", lambda error: problems.append(str(error)))
-        page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
-        page.goto(f"{url}?test=fast.csv&test=slow.csv&follow=1")
-        page.locator(".bk-Figure").first.wait_for(timeout=60_000)
-        page.get_by_label("oil_pressure [bar]").first.check()
-        gauge = page.context.new_cdp_session(page)
-        gauge.send("Performance.enable")
-        begin, used_s = time.monotonic(), processor_s(server.pid)
-        while time.monotonic() < begin + duration_s:
-            time.sleep(LOOK_S)
-            row: dict[str, float] = {"at_s": round(time.monotonic() - begin, 1)}
-            files = {name: written(folder / name) for name in RATES}
-            lines = page.evaluate(SHOWN)
-            for name, is_solid in (("fast.csv", True), ("slow.csv", False)):
-                own = [line for line in lines if line[2] == is_solid]
-                row |= {
-                    f"{name} rows": files[name][0],
-                    f"{name} points": own[0][0],
-                    f"{name} lag_s": round(files[name][1] - min(line[1] for line in own), 2),
-                }
-            metrics = gauge.send("Performance.getMetrics")["metrics"]
-            heap = next(each["value"] for each in metrics if each["name"] == "JSHeapUsedSize")
-            row |= {"server_MB": round(resident_MB(server.pid)), "page_MB": round(heap / 1e6)}
-            rows.append(row)
-            if len(rows) % round(60 / LOOK_S) == 0:
-                print(json.dumps(row), flush=True)
-        page.screenshot(path=out / "follow.png")
-        browser.close()
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
+    page.goto(f"{url}?test=fast.csv&test=slow.csv&follow=1")
+    page.locator(".bk-Figure").first.wait_for(timeout=60_000)
+    page.get_by_label("oil_pressure [bar]").first.check()
+    gauge = page.context.new_cdp_session(page)
+    gauge.send("Performance.enable")
+    begin, used_s = time.monotonic(), processor_s(pid)
+    while time.monotonic() < begin + duration_s:
+        time.sleep(LOOK_S)
+        row: dict[str, float] = {"at_s": round(time.monotonic() - begin, 1)}
+        files = {name: written(folder / name) for name in RATES}
+        lines = page.evaluate(SHOWN)
+        for name, is_solid in (("fast.csv", True), ("slow.csv", False)):
+            own = [line for line in lines if line[2] == is_solid]
+            row |= {
+                f"{name} rows": files[name][0],
+                f"{name} points": own[0][0],
+                f"{name} lag_s": round(files[name][1] - min(line[1] for line in own), 2),
+            }
+        metrics = gauge.send("Performance.getMetrics")["metrics"]
+        heap = next(each["value"] for each in metrics if each["name"] == "JSHeapUsedSize")
+        row |= {"server_MB": round(resident_MB(pid)), "page_MB": round(heap / 1e6)}
+        rows.append(row)
+        if len(rows) % round(60 / LOOK_S) == 0:
+            print(json.dumps(row), flush=True)
+    page.screenshot(path=out / "follow.png")
     lags = {name: [row[f"{name} lag_s"] for row in rows] for name in RATES}
     return {
         "problems": problems,
         "lag_median_s": {name: statistics.median(each) for name, each in lags.items()},
         "lag_largest_s": {name: max(each) for name, each in lags.items()},
-        "server_processor_share": round((processor_s(server.pid) - used_s) / duration_s, 4),
+        "server_processor_share": round((processor_s(pid) - used_s) / duration_s, 4),
         "rows": rows,
     }
 
@@ -141,13 +114,6 @@ def written(path: Path) -> tuple[int, float]:
     """Return how many rows of a file are whole, and the time of the last [s]."""
     lines = path.read_bytes().rpartition(b"\n")[0].split(b"\n")
     return len(lines) - 1, float(lines[-1].split(b",")[0]) if len(lines) > 1 else 0.0
-
-
-def resident_MB(pid: int) -> float:
-    """Return the memory of a process [MB]."""
-    status = Path(f"/proc/{pid}/status").read_text()
-    found = re.search(r"VmRSS:\s+(\d+)", status)
-    return int(found.group(1)) / 1e3 if found else 0.0
 
 
 def processor_s(pid: int) -> float:

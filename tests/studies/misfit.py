@@ -12,21 +12,19 @@ PYTHONPATH, `misfit.py --as-before` writes its rows of the same seeds to `before
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.stats import kstest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from gate_rows import at_least, at_most, in_band
+from gate_rows import at_least, at_most, heads, in_band
 from misfit_cases import (
     KINDS,
     OF_AN_INSTRUMENT,
@@ -38,7 +36,7 @@ from misfit_cases import (
     jobs,
     run,
 )
-from study_runs import rows_as_they_come, rows_done, said_of, write_rows
+from study_runs import Row, options_of, run_study, write_rows
 
 REPORTING_SEED = 230_000
 
@@ -60,53 +58,27 @@ VISIBLE_K = 0.1
 
 def main() -> None:
     """Run the study."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=REPORTING_SEED)
-    parser.add_argument("--repeats", type=int, default=9, help="machines for each cause")
-    parser.add_argument("--clean", type=int, default=60)
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--minutes", type=float, default=float("inf"),
-                        help="no case is begun after this; their order is by chance")  # fmt: skip
+    parser = options_of(__doc__, "misfit", REPORTING_SEED, repeats=9, clean=60)
     parser.add_argument("--as-before", action="store_true",
                         help="the rows are of an earlier release, to stand beside")  # fmt: skip
     parser.add_argument("--resume", action="store_true", help="go on behind the rows in --out")
-    parser.add_argument("--out", type=Path, default=Path("results") / "misfit")
     options = parser.parse_args()
     listed = jobs(options.seed, options.repeats, options.clean)
     if options.as_before:
         listed = [{**job, "with_truth": False} for job in listed]
-    options.out.mkdir(parents=True, exist_ok=True)
-    stored = options.out / _name(options)
-    rows = rows_done(stored, options.seed) if options.resume else []
-    done = {row["seed"] for row in rows}
-    for finished in rows_as_they_come(
-        [job for job in listed if job["seed"] not in done],
-        run,
-        processes=options.processes,
-        minutes=options.minutes,
-    ):
-        for row in finished:
-            rows.append(row)
-            print(f"{len(rows)}/{len(listed)} {row['kind']} {row['seed']}: {said_of(row)}",
-                  flush=True)  # fmt: skip
-        write(rows, options, len(listed))
+    named = "before.json" if options.as_before else "study.json"
+
+    def write(rows: list[Row]) -> None:
+        write_rows(options.out / named, rows, seed=options.seed, planned=len(listed))
+        if not options.as_before:
+            before = rows_before(options.out, rows)
+            text = table(rows, " ".join(sys.argv), options.seed, len(listed), before)
+            (options.out / "table.md").write_text(text, encoding="utf-8")
+
+    run_study(options, listed, run, write, named=named, goes_on=options.resume)
 
 
-def write(rows: list[dict[str, Any]], options: argparse.Namespace, planned: int) -> None:
-    """Write rows and table."""
-    out, seed, command = options.out, options.seed, " ".join(sys.argv)
-    rows = sorted(rows, key=lambda row: row["seed"])
-    write_rows(out / _name(options), rows, seed=seed, planned=planned)
-    if not options.as_before:
-        written = table(rows, command, seed, planned, rows_before(out, rows))
-        (out / "table.md").write_text(written, encoding="utf-8")
-
-
-def _name(options: argparse.Namespace) -> str:
-    return "before.json" if options.as_before else "study.json"
-
-
-def rows_before(out: Path, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def rows_before(out: Path, rows: Sequence[Row]) -> list[Row]:
     """Return the rows of an earlier release on the cases of these rows."""
     if not (out / "before.json").exists():
         return []
@@ -116,21 +88,13 @@ def rows_before(out: Path, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any
 
 
 def table(
-    rows: Sequence[dict[str, Any]],
+    rows: Sequence[Row],
     command: str,
     seed: int,
     planned: int,
-    before: Sequence[dict[str, Any]] = (),
+    before: Sequence[Row] = (),
 ) -> str:
-    """Return the tables in Markdown.
-
-    Args:
-        rows: The cases.
-        command: How they were run.
-        seed: The first.
-        planned: Number of cases of the whole study.
-        before: The same cases under an earlier release.
-    """
+    """Return the tables in Markdown; `before` has the same cases under an earlier release."""
     done = [row for row in rows if row["exit_code"] == 0]
     lines = [
         "# Calibrations whose network misses something",
@@ -147,18 +111,19 @@ def table(
         "*Width*: of the 95 % intervals over those of a fit with the effect that is hidden, "
         f"median of {REFERENCES} machines' parameters.",
         "",
-        "| hidden | cases | visible misfit | silent before | off | silent | a finding | "
-        "the effect is named | width | held-out points in the band before, mean / worst | "
-        "and now |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        *heads(
+            "hidden | cases | visible misfit | silent before | off | silent | a finding | "
+            "the effect is named | width | held-out points in the band before, mean / worst | "
+            "and now"
+        ),
     ]
     for words in (*KINDS, *(f"{kind}, two tests" for kind in KINDS)):
         members = [row for row in done if _words(row) == words]
         if members:
             lines.append(_line(words, members, [row for row in before if _words(row) == words]))
     hidden = [row for row in done if is_in_machine(row["kind"])]
-    lines += ["", "| what | gate | measured | 95 % limits | |", "|---|---|---|---|---|"]
     lines += [
+        "", *heads("what | gate | measured | 95 % limits | "),
         at_most("clean machines with a finding", 0.05,
               [bool(_said(r, NOW)) for r in done if r["kind"] == "nothing"]),
         at_most(f"silent by more than 3 sds, visible above {VISIBLE_K:g} K", 0.03,
@@ -199,7 +164,7 @@ def table(
     return "\n".join(lines)
 
 
-def _of_before(before: Sequence[dict[str, Any]]) -> str:
+def _of_before(before: Sequence[Row]) -> str:
     if not before:
         return "An earlier release on cases of the same kinds: `against_release_before/table.md`. "
     return (
@@ -208,7 +173,7 @@ def _of_before(before: Sequence[dict[str, Any]]) -> str:
     )
 
 
-def thresholds(rows: Sequence[dict[str, Any]]) -> list[str]:
+def thresholds(rows: Sequence[Row]) -> list[str]:
     """Return what each threshold of a finding does at half and at twice its value."""
     clean = [row for row in rows if row["kind"] == "nothing"]
     hidden = [row for row in rows if is_in_machine(row["kind"])]
@@ -252,7 +217,7 @@ def limits() -> dict[str, tuple[float, str]]:
     }
 
 
-def findings_at(row: dict[str, Any], name: str, factor: float) -> set[str]:
+def findings_at(row: Row, name: str, factor: float) -> set[str]:
     """Return the findings that count, with one threshold at a multiple of its value."""
     seen = set(_said(row, NOW))
     limit = factor * limits()[name][0]
@@ -274,12 +239,12 @@ def findings_at(row: dict[str, Any], name: str, factor: float) -> set[str]:
     return seen | ({"misfit"} if others or found > limit else set())
 
 
-def _words(row: dict[str, Any]) -> str:
+def _words(row: Row) -> str:
     """What is hidden, and in which tests."""
     return row["kind"] + (", two tests" if row.get("tests") == "two_tests" else "")
 
 
-def _line(words: str, rows: Sequence[dict[str, Any]], before: Sequence[dict[str, Any]]) -> str:
+def _line(words: str, rows: Sequence[Row], before: Sequence[Row]) -> str:
     kind = rows[0]["kind"]
     named = sum(any(f[0] == "missing_effect" and kind in f[1] for f in r["findings"]) for r in rows)
     said = Counter(bool(_said(row, NOW)) for row in rows)[True]
@@ -295,21 +260,21 @@ def _line(words: str, rows: Sequence[dict[str, Any]], before: Sequence[dict[str,
     return f"| {' | '.join(cells)} |"
 
 
-def _silent(rows: Sequence[dict[str, Any]], ids: Sequence[str]) -> str:
+def _silent(rows: Sequence[Row], ids: Sequence[str]) -> str:
     if not rows:
         return "–"
     quiet = [row for row in rows if not _said(row, ids)]
     return f"{sum(map(_far, quiet))} ({sum(map(_outside, quiet))}) of {len(rows)}"
 
 
-def _in_band(rows: Sequence[dict[str, Any]]) -> str:
+def _in_band(rows: Sequence[Row]) -> str:
     if not rows:
         return "–"
     covered = [row["holdout_coverage_95"] for row in rows]
     return f"{100 * np.mean(covered):.0f} / {100 * np.min(covered):.0f} %"
 
 
-def _ratios(rows: Sequence[dict[str, Any]]) -> list[float]:
+def _ratios(rows: Sequence[Row]) -> list[float]:
     """Widths of the intervals over those of a fit with the hidden effect [1]."""
     return [
         np.ptp(row["interval_95"][name]) / np.ptp(row["interval_95_with_truth"][name])
@@ -319,7 +284,7 @@ def _ratios(rows: Sequence[dict[str, Any]]) -> list[float]:
     ]
 
 
-def _width(rows: Sequence[dict[str, Any]]) -> str:
+def _width(rows: Sequence[Row]) -> str:
     what = "median width of the intervals over that of the fit with the true effect"
     if not rows:
         return f"| {what} | ≤ 2 | – | – | – |"
@@ -332,21 +297,21 @@ def _width(rows: Sequence[dict[str, Any]]) -> str:
     )
 
 
-def _covered(row: dict[str, Any]) -> list[bool]:
+def _covered(row: Row) -> list[bool]:
     """Whether each judged parameter is in its 95 % interval."""
     intervals, truth = row["interval_95"], row["truth"]
     return [intervals[n][0] <= truth[n] <= intervals[n][1] for n in _judged(row)]
 
 
-def _said(row: dict[str, Any], ids: Sequence[str]) -> list[str]:
+def _said(row: Row, ids: Sequence[str]) -> list[str]:
     return [finding[0] for finding in row["findings"] if finding[0] in ids]
 
 
-def _judged(row: dict[str, Any]) -> list[str]:
+def _judged(row: Row) -> list[str]:
     return [name for name in PARAMETERS if name != REDEFINES.get(row["kind"])]
 
 
-def _far(row: dict[str, Any]) -> bool:
+def _far(row: Row) -> bool:
     """Whether a parameter is off by more than 3 of its standard deviations."""
     return any(
         abs(row["value"][name] - row["truth"][name]) > 3.0 * row["sd"][name]
@@ -354,7 +319,7 @@ def _far(row: dict[str, Any]) -> bool:
     )
 
 
-def _outside(row: dict[str, Any]) -> bool:
+def _outside(row: Row) -> bool:
     """Whether a parameter is outside its 95 % interval."""
     return any(
         not row["interval_95"][name][0] <= row["truth"][name] <= row["interval_95"][name][1]

@@ -8,12 +8,9 @@ its run folder.
 
 from __future__ import annotations
 
-import contextlib
-import io
 import math
 import tempfile
 import time
-import traceback
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +18,7 @@ import numpy as np
 import pandas as pd
 from bench_package import hidden_bench, write_motor
 from scipy.stats import norm
+from study_runs import command
 
 PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 
@@ -168,19 +166,6 @@ def write_bench(case: Any, folder: Path, kind: str) -> list[str]:
         "--holdout", str(paths[-1]),
         "--model", "second", "--quick", "--out", str(folder / "run"),
     ]  # fmt: skip
-
-
-def command(arguments: list[str]) -> tuple[int | None, str]:
-    """Return the exit code of `heatrun` and what it wrote to the error stream."""
-    from heatrun.cli import main
-
-    out, said = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
-        try:
-            code = main(arguments)
-        except Exception:  # a traceback is a result too
-            return None, traceback.format_exc()
-    return code, said.getvalue()
 
 
 def measures(model: Any) -> dict[str, float]:

@@ -51,12 +51,7 @@ def executed(book: Any, folder: Path) -> None:
 
 
 def rendered(book: Any, name: str) -> tuple[str, dict[str, bytes]]:
-    """Return a notebook that has been run as Markdown, and its figures by file name.
-
-    Args:
-        book: The notebook.
-        name: What the names of the figures begin with.
-    """
+    """Return a notebook that has been run as Markdown, and its figures by file name."""
     parts = [f"*`notebooks/{name}.ipynb` as it ran: `make notebooks-rendered`.*"]
     images: dict[str, bytes] = {}
     for cell in book.cells:

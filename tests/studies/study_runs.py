@@ -1,12 +1,16 @@
-"""The cases of a study in worker processes, and what is written of them."""
+"""The cases of a study in worker processes, what is written of them, and the options for that."""
 
 from __future__ import annotations
 
+import argparse
+import contextlib
+import io
 import json
 import multiprocessing
 import platform
 import sys
 import time
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from importlib.metadata import version
@@ -22,6 +26,68 @@ TASKS = 40
 Row = dict[str, Any]
 
 
+def options_of(doc: str | None, out: str, seed: int, **counts: int) -> argparse.ArgumentParser:
+    """Return the options that studies share.
+
+    Args:
+        doc: What the study says of itself.
+        out: Folder below `results`.
+        seed: The first of the reporting seeds.
+        **counts: Further numbers by their option.
+    """
+    parser = argparse.ArgumentParser(description=doc)
+    for name, count in {"seed": seed, **counts, "processes": 1}.items():
+        parser.add_argument(f"--{name}", type=int, default=count)
+    parser.add_argument("--minutes", type=float, default=float("inf"),
+                        help="no case is begun after this")  # fmt: skip
+    parser.add_argument("--out", type=Path, default=Path("results") / out)
+    return parser
+
+
+def run_study(
+    options: argparse.Namespace,
+    jobs: Sequence[Row],
+    run: Callable[[Row], Row],
+    write: Callable[[list[Row]], None],
+    *,
+    named: str = "study.json",
+    said: Callable[[Row], object] = lambda row: said_of(row),
+    goes_on: bool = True,
+    same: str = "",
+    tasks: int = TASKS,
+) -> list[Row]:
+    """Work out the cases that are left, writing as they come; return all rows.
+
+    Args:
+        options: Of `options_of`; without `processes` all is done in this process.
+        jobs: All cases, each with a seed of its own.
+        run: Works out one; importable.
+        write: Writes rows and tables.
+        named: The file of rows, from which an unfinished study goes on.
+        said: What is printed of a row.
+        goes_on: Take up the rows of that file.
+        same: What those rows must have as the options say.
+        tasks: As `rows_as_they_come`.
+    """
+    options.out.mkdir(parents=True, exist_ok=True)
+    rows = rows_done(options.out / named, options.seed) if goes_on else []
+    if same and any(row[same] != getattr(options, same) for row in rows):
+        raise SystemExit(f"{options.out / named} has others of {same}: give another --out.")
+    done = {row["seed"] for row in rows}
+    left = [job for job in jobs if job["seed"] not in done]
+    processes = getattr(options, "processes", 0)
+    for finished in rows_as_they_come(
+        left, run, processes=processes, minutes=options.minutes, tasks=tasks
+    ):
+        for row in finished:
+            rows.append(row)
+            print(f"{len(rows)}/{len(jobs)} {said(row)}", flush=True)
+        write(sorted(rows, key=lambda row: row["seed"]))
+    rows.sort(key=lambda row: row["seed"])
+    write(rows)
+    return rows
+
+
 def rows_as_they_come(
     jobs: Sequence[Row],
     run: Callable[[Row], Row],
@@ -35,13 +101,19 @@ def rows_as_they_come(
     Args:
         jobs: The cases in the order in which they are begun.
         run: Works out one; importable, for it runs in another process.
-        processes: So many at once.
+        processes: So many at once; 0 for this process alone.
         minutes: No case is begun after this [min].
         tasks: Cases after which a process is replaced, for what it has compiled stays in it.
     """
     begin = time.monotonic()
-    context = multiprocessing.get_context("spawn")  # JAX must not be forked
     left = iter(jobs)
+    if not processes:
+        for job in left:
+            if time.monotonic() - begin > 60.0 * minutes:
+                return
+            yield [run(job)]
+        return
+    context = multiprocessing.get_context("spawn")  # JAX must not be forked
     with ProcessPoolExecutor(processes, mp_context=context, max_tasks_per_child=tasks) as pool:
         pending = {pool.submit(run, job) for job in islice(left, processes)}
         while pending:
@@ -52,12 +124,7 @@ def rows_as_they_come(
 
 
 def rows_done(path: Path, seed: int) -> list[Row]:
-    """Return the rows of an unfinished study; none where there is no such study yet.
-
-    Args:
-        path: What `write_rows` wrote.
-        seed: The first of the study that goes on.
-    """
+    """Return the rows that `write_rows` wrote of an unfinished study; none without the file."""
     if not path.exists():
         return []
     content = json.loads(path.read_text(encoding="utf-8"))
@@ -67,13 +134,14 @@ def rows_done(path: Path, seed: int) -> list[Row]:
 
 
 def said_of(row: Row) -> str:
-    """Return what is printed behind the name of a finished case."""
+    """Return what is printed of a finished case."""
     names = [finding[0] for finding in row.get("findings", [])]
-    return f"{names} {row['processor_s']:.0f} s {row.get('failure', '')}"
+    words = " ".join(str(row[key]) for key in ("kind", "variant", "seed") if key in row)
+    return f"{words}: {names} {row.get('processor_s', 0.0):.0f} s {row.get('failure', '')}"
 
 
 def write_rows(
-    path: Path, rows: Sequence[Row], *, seed: int, planned: int, command: str = ""
+    path: Path, rows: Sequence[Row], *, seed: int, planned: int, command: str = "", **more: Any
 ) -> None:
     """Write the rows of a study with command, seed and versions as JSON, a line for each row."""
     content = {
@@ -82,7 +150,21 @@ def write_rows(
         "planned": planned,
         "python": platform.python_version(),
         "versions": {name: version(name) for name in PACKAGES},
+        **more,
     }
     head = json.dumps(content, indent=1).removesuffix("\n}")
     lines = ",\n".join(f"  {json.dumps(row)}" for row in rows)
     path.write_text(f'{head},\n "rows": [\n{lines}\n ]\n}}\n', encoding="utf-8")
+
+
+def command(arguments: list[str]) -> tuple[int | None, str]:
+    """Return the exit code of `heatrun` and what it wrote to the error stream."""
+    from heatrun.cli import main
+
+    out, said = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
+        try:
+            code = main(arguments)
+        except Exception:  # a traceback is a result too
+            return None, traceback.format_exc()
+    return code, said.getvalue()

@@ -9,9 +9,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from accident_cases import is_named, run
-from accidents import table
-from discovery_gates import limits_95
+from accidents import is_named, run, table
+from gate_rows import limits_95
 
 
 def test_clean_records_are_not_accused_and_accidents_are_named(tmp_path):

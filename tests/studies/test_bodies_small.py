@@ -12,13 +12,25 @@ from scipy.linalg import expm
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from bodies_cases import KINDS, jobs, make, run
-from bodies_duties import both_ways, cycle, duty_of, heated, on_and_off, short, staircase
-from bodies_instruments import lagging
+from bodies import table
+from bodies_cases import (
+    KINDS,
+    both_ways,
+    cycle,
+    duty_of,
+    heated,
+    jobs,
+    make,
+    on_and_off,
+    run,
+    short,
+    staircase,
+)
 from bodies_machines import (
     SINK,
     conductances,
     four_nodes,
+    lagging,
     one_node,
     simulate,
     two_nodes,
@@ -159,8 +171,6 @@ def row(kind, variant, seed, *, off=0.0, findings=(), said="identified", **more)
 
 @pytest.fixture(scope="module")
 def written():
-    from bodies_table import table
-
     rows = [
         row("second body", "as declared", 1),
         row("second body", "as declared", 2, off=4.0, findings=["too_short"]),  # silent

@@ -42,7 +42,7 @@ def check_end(row):
 
 
 def test_an_event_in_one_test_of_two_is_named_in_that_test(event):
-    from discovery_gates import is_right
+    from discovery import is_right
 
     check_end(event)
     assert is_right(event, "cooling_step") == "exact"
@@ -52,7 +52,7 @@ def test_an_event_in_one_test_of_two_is_named_in_that_test(event):
 
 @pytest.mark.slow
 def test_from_the_first_order_the_winding_is_named_and_the_held_out_gap_closed(one_node):
-    from discovery_gates import all_right, gates, is_right
+    from discovery import all_right, gates, is_right
 
     check_end(one_node)
     assert is_right(one_node, "winding_node") == "exact"
@@ -67,8 +67,7 @@ def test_from_the_first_order_the_winding_is_named_and_the_held_out_gap_closed(o
 
 
 def test_gates_and_table_count_what_failed(event):
-    from discovery import table
-    from discovery_gates import gates
+    from discovery import gates, table
 
     failed = {**event, "exit_code": None, "failure": "Traceback", "verdict": "none",
               "named": [], "traces": [], "holdout": None}  # fmt: skip

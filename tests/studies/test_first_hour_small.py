@@ -12,8 +12,7 @@ from heatrun.cli import main
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from first_hour import MOST_LINES, edited, entry_of, run
-from first_hour_files import FILES
+from first_hour import FILES, MOST_LINES, edited, entry_of, run
 
 
 @pytest.mark.parametrize("kind", list(FILES))

@@ -14,7 +14,6 @@ from heatrun_fleet.shared_effects.job import read_discovery
 pytest.importorskip("pyarrow")
 sys.path.insert(0, str(Path(__file__).parent))
 
-from discovery_gates import limits_95
 from fleet_discovery import cases, table
 from fleet_of_hidden_causes import (
     EFFECTS,
@@ -25,6 +24,7 @@ from fleet_of_hidden_causes import (
     programme,
     write,
 )
+from gate_rows import limits_95
 
 
 def rows_of(hits):

@@ -13,6 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(1, str(Path(__file__).parents[1] / "fleet"))
 
+from fleet_noise import run, table
 from fleet_noise_cases import (
     EFFECT,
     NOISE,
@@ -22,8 +23,6 @@ from fleet_noise_cases import (
     smoothly,
     write_noisy_fleet,
 )
-from fleet_noise_rows import run
-from fleet_noise_table import table
 from rows_of_machines import machine as drawn_machine
 from rows_of_machines import write_rows as write_machines
 from study_runs import write_rows
@@ -89,7 +88,7 @@ def with_effect(row, number):
 
 def run_and_told(tmp_path, monkeypatch):
     """Return the row of a small fleet; its table counts what it says."""
-    monkeypatch.setattr("fleet_noise_rows.NUM_NEXT", 4)
+    monkeypatch.setattr("fleet_noise.NUM_NEXT", 4)
     monkeypatch.setattr("sys.argv", ["fleet_noise.py", "--seed", "700"])
     row = run({"seed": 700, "machines": 6, "workers": 1, "has_effect": True, "heat": 0.005})
     assert {each["of"] for each in row["type"]} == {"network", "noise", "effect"}

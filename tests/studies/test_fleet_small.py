@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from fleet import table
 from fleet_cases import (
     NAMES,
     B_degC,
@@ -21,7 +22,6 @@ from fleet_cases import (
     draw_fleet,
     write_fleet,
 )
-from fleet_table import table
 
 from heatrun_fleet.fleet_file import load_fleet
 

@@ -10,8 +10,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from shutdown import jobs, table
-from shutdown_cases import run
+from shutdown import jobs, run, table
 from shutdown_machines import machine
 
 

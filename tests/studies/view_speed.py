@@ -78,15 +78,18 @@ def main() -> None:
 
 
 @contextmanager
-def viewed(folder: Path) -> Iterator[tuple[str, Any, int]]:
-    """Serve a folder; give the address, a page of a browser and the server's process id."""
+def viewed(folder: Path, log: Path | None = None) -> Iterator[tuple[str, Any, int]]:
+    """Serve a folder; give the address, a page of a browser and the server's process id.
+
+    What the server says goes into a log.
+    """
     from playwright.sync_api import sync_playwright
 
     chromium = shutil.which("chromium") or shutil.which("google-chrome")
     if chromium is None:
         sys.exit("No Chromium is found; install it and run this again.")
     with tempfile.TemporaryDirectory() as temporary:
-        log = Path(temporary) / "log"
+        log = log or Path(temporary) / "log"
         with log.open("w") as file:
             server = subprocess.Popen(
                 [sys.executable, "-m", "heatrun.cli", "view", str(folder), "--no-browser",

@@ -34,7 +34,7 @@ from ..model.discrepancy import no_heat, with_heat
 from ..model.kernels import at_once
 from ..model.noise import Noise, from_scores, noise_parameters
 from ..model.parameters import Form
-from ..model.problem import NUM_NOISE, Data, Problem, Structure, linearise, whitened
+from ..model.problem import NUM_NOISE, Data, Problem, Structure, whitened
 from ..record.record import Finding
 from .fit_result import RESULT, Fit, failed
 from .restricted import (
@@ -289,7 +289,7 @@ def fit(
     starts = start_scores(problem, num_starts, seed)
     z, cost, steps = _search(problem, _white(ROUGH_K), starts)
     if np.any(np.isfinite(cost)):
-        implied = implied_level(problem, _linearise(problem, z[int(np.argmin(cost))])[0])
+        implied = implied_level(problem, problem.linearised(z[int(np.argmin(cost))])[0])
         if implied >= ROUGH_K:
             z, cost, steps = _search(problem, _white(1.5 * implied), starts)
     if not np.any(np.isfinite(cost)):
@@ -298,7 +298,7 @@ def fit(
         return failed(problem)
     best = int(np.argmin(cost))
     is_same = cost - cost[best] < SAME_OPTIMUM * max(1.0, 1e-3 * cost[best])
-    rmse_white = problem.rmse_K(_linearise(problem, z[best])[0])
+    rmse_white = problem.rmse_K(problem.linearised(z[best])[0])
 
     problem, state = _settle(problem, z[best])
     problem, state, modes = _explore(problem, state, z)
@@ -444,17 +444,12 @@ def _solve(structure: Structure, data: Data, start: Float[Array, " all"], noise:
     return solution.value, solution.state.f_info.as_min(), solution.stats["num_steps"]
 
 
-def _linearise(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    residual, jacobian = linearise(problem.structure, problem.data, z)
-    return problem.own(residual), problem.own(jacobian)
-
-
 def _settle(problem: Problem, z: np.ndarray) -> tuple[Problem, _State]:
     """Alternate noise and least squares until the scores no longer move.
 
     The responses to unmodelled heat are taken anew at each round's network.
     """
-    residual, jacobian = _linearise(problem, z)
+    residual, jacobian = problem.linearised(z)
     noise_z, shift = np.zeros(NUM_NOISE), np.inf
     for _ in range(NUM_ROUNDS):
         problem = with_heat(problem, z)
@@ -465,7 +460,7 @@ def _settle(problem: Problem, z: np.ndarray) -> tuple[Problem, _State]:
         ahead = _polished(problem, after[0], noise_z)
         shift = float(np.max(np.abs(ahead - z)))
         z = ahead
-        residual, jacobian = _linearise(problem, z)
+        residual, jacobian = problem.linearised(z)
         if shift < SETTLED:
             break
     return problem, _State(z, noise_z, residual, jacobian, shift < 10 * SETTLED)
@@ -489,7 +484,7 @@ def _newton(
     problem: Problem, z: np.ndarray, noise_z: np.ndarray, held: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return a step to where the slope is zero, and the slope; held scores stay."""
-    residual, jacobian = _linearise(problem, z)
+    residual, jacobian = problem.linearised(z)
     white = whiten_fit(problem, noise_z, residual, jacobian)
     columns = white.jacobian
     slope = columns.T @ white.stacked + z
@@ -543,7 +538,7 @@ def _sharing(
             [
                 float(_log_mass(problem.data, noise_z, z, *map(problem.lengthened, found)))
                 for z in optima
-                for found in (_linearise(problem, z),)
+                for found in (problem.linearised(z),)
             ]
         )
         is_kept = mass > np.logaddexp.reduce(mass) + np.log(VISIBLE)

@@ -156,6 +156,11 @@ class Problem:
         parts = zip(np.split(np.asarray(lengthened), ends), self.tests, strict=True)
         return np.concatenate([test.own(rows) for rows, test in parts])
 
+    def linearised(self, z: Float[np.ndarray, " parameter"]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the residuals of all tests in a row [K] and their Jacobian [K per score]."""
+        residual, jacobian = linearise(self.structure, self.data, np.asarray(z))
+        return self.own(residual), self.own(jacobian)
+
     def split(self, stacked: np.ndarray) -> list[np.ndarray]:
         """Split rows over all blocks into one array per test."""
         ends = np.cumsum([test.measured.size for test in self.tests])[:-1]

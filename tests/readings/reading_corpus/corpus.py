@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import chain
 
 from .benches_containers import container_files
 from .benches_text import text_files
@@ -16,8 +17,16 @@ from .numbers_text import marks, writings
 from .rows import ends, lost_rows, tables
 from .scales import broken, scales
 from .statements import comments, conflicts, unit_rows
-from .unseen import unseen
+from .unseen_binary import binary_files
+from .unseen_doubts import doubtful_files
+from .unseen_plain import plain_files
+from .unseen_text import stated_files
+from .unseen_times import number_files
 from .variants import variants
+
+UNSEEN = (plain_files, stated_files, number_files, doubtful_files, binary_files)
+"""Files that nobody had seen when the readers were written, the check out of sample: they, with
+their truth, were written without a look at the readers or at the other kinds."""
 
 SOURCES: dict[str, Callable[[], Iterator[Case]]] = {
     "loggers": loggers,
@@ -42,7 +51,7 @@ SOURCES: dict[str, Callable[[], Iterator[Case]]] = {
     "scales": scales,
     "broken": broken,
     "variants": variants,
-    "unseen": unseen,
+    "unseen": lambda: chain.from_iterable(source() for source in UNSEEN),
     "containers of benches": container_files,
     "text of benches": text_files,
 }
