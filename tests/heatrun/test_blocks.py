@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from heatrun.errors import InputError
+from heatrun.record.blocks import length_class
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
@@ -134,3 +135,23 @@ def test_what_cannot_be_reduced_is_said(motor):
         reduce(record(backwards), motor)
     with pytest.raises(InputError, match="coolant_degC is missing"):
         reduce(record(time), Motor("cooled", sink="coolant"))
+
+
+def test_a_few_lengths_serve_the_tests_of_all():
+    classes = [length_class(num) for num in range(2000)]
+    assert all(num <= found <= max(1.25 * num, 4.0) for num, found in enumerate(classes))
+    assert len({found for found in classes if found >= 90}) == 19
+    assert all(length_class(found) == found for found in classes)
+
+
+def test_rows_that_are_added_stand_behind_those_of_each_sensor(motor):
+    time = np.arange(0.0, 2000.0, 1.0)
+    both = reduce(record(time, stator_degC=30.0 + 0.0 * time), motor).with_bodies(["stator_degC"])
+    num = both.num_blocks
+    assert (num, length_class(num)) == (100, 112)
+    longer = both.observation().padded()
+    assert longer.inputs.num_time == 112 * both.weight.shape[1]
+    np.testing.assert_array_equal(longer.measured.reshape(2, -1)[:, num:], 0.0)
+    np.testing.assert_array_equal(both.own(longer.measured), both.measured)
+    rows = np.arange(6.0 * num).reshape(3, -1)
+    np.testing.assert_array_equal(both.own(both.lengthened(rows.T).T, axis=1), rows)

@@ -147,6 +147,25 @@ def observed(fitted):
     return fitted.problem.tests[0].observation(fitted.problem.heat[0])
 
 
+def test_a_lengthened_test_has_the_density_of_the_test_alone(fitted):
+    """The march goes on, and what is read there does not count: not in any row of two sensors."""
+    problem, noise_z = fitted.problem, fitted.noise_z
+    test, alone, longer = problem.tests[0], observed(fitted), problem.data.tests[0]
+    assert longer.measured.size > test.measured.size  # 180 blocks are 192
+    rows = test.lengthened(fitted.jacobian[0])
+    assert not np.any(rows[test.measured.size :])
+    np.testing.assert_array_equal(test.own(rows), fitted.jacobian[0])
+    noise = from_scores(noise_z)
+    expected = log_density(fitted.residual[0], noise, alone)
+    found = log_density(test.lengthened(fitted.residual[0]), noise, longer)
+    assert float(found) == pytest.approx(float(expected), rel=1e-12)
+    values = problem.data.priors.values(problem.structure.form, jnp.asarray(fitted.z), 0)
+    means = problem.model.block_means(values, alone)
+    found = test.own(problem.model.block_means(values, longer))
+    np.testing.assert_allclose(found[:-1], means[:-1], rtol=0.0, atol=1e-12)
+    assert found[-1] == pytest.approx(means[-1], abs=1e-3)  # an early reading looks past the end
+
+
 def test_restricted_likelihood_integrates_the_parameters_out(fitted):
     """Against the dense Gaussian marginal: residual ~ N(J z, V + J J')."""
     problem = fitted.problem

@@ -57,7 +57,8 @@ class Observation(eqx.Module):
     def padded(self) -> Observation:
         """Return it with blocks without readings up to the next `length_class`.
 
-        The inputs are held there; columns of `moments` are filled up likewise, with zeros.
+        The inputs are held there, so that an early reading sees past the end of the last block;
+        columns of `moments` are filled up likewise, with zeros.
         """
         num, per_block = self.weight.shape[0] // self.num_sensors, self.weight.shape[1]
         whole = length_class(num)
