@@ -14,7 +14,6 @@ from functools import partial
 from typing import Literal, NamedTuple
 
 import emcee
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +21,7 @@ from jaxtyping import Array, Float
 from scipy.optimize import minimize
 from scipy.special import ndtr, ndtri
 
+from heatrun.io.programs import compiled
 from heatrun.model.kernels import log_student, student
 from heatrun.posterior.ensemble import evolution
 from heatrun.posterior.weighted import pareto_smoothed
@@ -105,7 +105,7 @@ def sample_population(
     if not is_converged and evidence.num_machines < LARGE_FLEET:
         scores, is_converged = _ensemble(data, hyper, scores, rng)
         method = "emcee"
-    laws = _laws(hyper, num_covariates, jnp.asarray(scores))
+    laws = _laws(hyper, num_covariates, scores)
     return Population(evidence, design, hyper, laws, method, k, is_converged)
 
 
@@ -137,7 +137,7 @@ class Data(NamedTuple):
         ))  # fmt: skip
 
 
-@eqx.filter_jit
+@compiled("num_covariates")
 def _laws(hyper: Hyperprior, num_covariates: int, scores: Float[Array, "draw score"]) -> Law:
     return jax.vmap(lambda z: unpack(z, hyper, num_covariates)[0])(scores)
 
@@ -149,17 +149,17 @@ def _log_density(data: Data, hyper: Hyperprior, scores: Float[Array, " score"]) 
     return log_prior + jnp.sum(total)
 
 
-_value_and_slope = eqx.filter_jit(jax.value_and_grad(_log_density, argnums=2))
+_value_and_slope = compiled()(jax.value_and_grad(_log_density, argnums=2))
 
 
-@eqx.filter_jit
+@compiled()
 def _many(data: Data, hyper: Hyperprior, rows: Float[Array, "draw score"]) -> Array:
     return jax.lax.map(lambda z: _log_density(data, hyper, z), rows, batch_size=32)
 
 
 def _mode(data: Data, hyper: Hyperprior, size: int) -> np.ndarray:
     def objective(z: np.ndarray) -> tuple[float, np.ndarray]:
-        value, slope = _value_and_slope(data, hyper, jnp.asarray(z))
+        value, slope = _value_and_slope(data, hyper, z)
         return -float(value), -np.asarray(slope)
 
     found = [
@@ -173,7 +173,7 @@ def _curvature(data: Data, hyper: Hyperprior, mode: np.ndarray) -> Float[np.ndar
     """Return the second derivatives, for the proposal: by differences, which compile nothing."""
     rows = []
     for step in STEP * np.eye(mode.size):
-        slopes = [_value_and_slope(data, hyper, jnp.asarray(mode + by))[1] for by in (step, -step)]
+        slopes = [_value_and_slope(data, hyper, mode + by)[1] for by in (step, -step)]
         rows.append(np.subtract(*map(np.asarray, slopes)) / (2.0 * STEP))
     return 0.5 * (np.array(rows) + np.array(rows).T)
 
@@ -196,8 +196,8 @@ def _importance(
         factor = np.linalg.cholesky(covariance)
         white = student(NUM_PROPOSED, mode.size, rng)
         scores = centre + white @ factor.T
-        proposed = log_student(jnp.asarray(np.sum(white**2, axis=1)), mode.size)
-        found = np.asarray(_many(data, hyper, jnp.asarray(scores)) - proposed)
+        proposed = log_student(np.sum(white**2, axis=1), mode.size)
+        found = np.asarray(_many(data, hyper, scores) - proposed)
         found = np.where(np.isfinite(found), found, -np.inf)
         smoothed = pareto_smoothed(found)
         num_effective = 1.0 / np.sum(np.exp(2.0 * smoothed.log_weight))
@@ -227,7 +227,7 @@ def _ensemble(
     sampler = emcee.EnsembleSampler(
         num,
         size,
-        lambda rows: np.nan_to_num(np.asarray(_many(data, hyper, jnp.asarray(rows))), nan=-np.inf),
+        lambda rows: np.nan_to_num(np.asarray(_many(data, hyper, rows)), nan=-np.inf),
         vectorize=True,
         moves=evolution(),
     )
@@ -330,7 +330,7 @@ def given_population(population: Population) -> Machines:
     return Machines(mean, covariance, outlier, distance)
 
 
-@eqx.filter_jit
+@compiled("has_outliers")
 def _under_each(data: Data, has_outliers: bool, laws: Law) -> tuple[Array, ...]:
     return jax.lax.map(partial(_under, *data, has_outliers=has_outliers), laws)
 
