@@ -77,6 +77,15 @@ def test_what_no_text_stands_for_is_compiled_and_not_kept(folder):
     assert not folder.exists()
 
 
+def test_what_jax_cannot_write_out_is_run_and_not_kept(folder, monkeypatch):
+    def refuse(program):
+        raise NotImplementedError("constants")
+
+    monkeypatch.setattr(programs, "serialize", refuse)
+    np.testing.assert_allclose(bent(Law(2), np.ones(3))["values"], 2.0)
+    assert dict(programs.COUNTS) == {"compiled": 1, "unwritable": 1}
+
+
 def test_the_numbers_of_priors_are_no_part_of_a_program():
     form = network_named("second")
     place, parameter = form.capacitance[0]

@@ -40,8 +40,8 @@ from .caches import PROGRAM, PROGRAMS_FOLDER
 R = TypeVar("R")
 
 COUNTS: Counter[str] = Counter()
-"""Programs of this process: `compiled`, `loaded` from the folder, and `nameless`, which no text
-stands for and which are not kept."""
+"""Programs of this process: `compiled`, `loaded` from the folder; not kept are those that are
+`nameless`, which no text stands for, and `unwritable`, which JAX cannot write out."""
 
 UNKEPT: set[str] = set()
 """Why programs could not be written."""
@@ -128,6 +128,8 @@ def _program(
             _write(path, program)
         except OSError as error:
             UNKEPT.add(f"{path.parent}: {error.strerror}")
+        except Exception:  # JAX cannot write out every program; this process has it all the same
+            COUNTS["unwritable"] += 1
     return program
 
 
@@ -166,18 +168,17 @@ def _surroundings() -> str:
 @cache
 def _sources(module: str) -> str:
     """Return a digest of the files that a module of ours may draw on, by what they import."""
-    digest, seen, left = hashlib.sha256(), set[str](), [module]
+    sources, left = dict[str, bytes](), [module]
     while left:
         name = left.pop()
-        if name in seen or (path := _file_of(name)) is None:
+        if name in sources or (path := _file_of(name)) is None:
             continue
-        seen.add(name)
-        source = path.read_bytes()
+        sources[name] = path.read_bytes()
         package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-        left += _imports(source, package)
-    for name in sorted(seen):
-        path = _file_of(name)
-        digest.update(f"{name}\n".encode() + (b"" if path is None else path.read_bytes()))
+        left += _imports(sources[name], package)
+    digest = hashlib.sha256()
+    for name, source in sorted(sources.items()):
+        digest.update(f"{name}\n".encode() + source)
     return digest.hexdigest()
 
 

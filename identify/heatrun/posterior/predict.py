@@ -376,7 +376,7 @@ def of_test(
     rng = np.random.default_rng([seed, 3]) if draws.parameters.num_free else None
     known = parameters(draws.model, draws.motor, [test]).by_test[0]
     values = picked.of_test(fitted_as)
-    if test.inputs.speed is None:
+    if "speed" not in test.means:
         values.pop("torque_offset", None)  # nothing that it could act on
     starts = {name for _, name in draws.model.form.starts}
     size = picked.vectors.shape[0]
