@@ -18,7 +18,6 @@ import platform
 import re
 import stat
 import sys
-import tempfile
 import threading
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Mapping
@@ -36,6 +35,7 @@ from jax.core import Tracer
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
 from .caches import PROGRAM, PROGRAMS_FOLDER
+from .whole_files import whole
 
 R = TypeVar("R")
 
@@ -296,6 +296,6 @@ def _write(path: Path, program: Any) -> None:
     payload, _, tree = serialize(program)
     body = pickle.dumps((payload, jax.tree.unflatten(tree, range(tree.num_leaves))))
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-        file.write(hashlib.sha256(body).digest() + body)
-    os.replace(file.name, path)
+    with whole(path) as partial:
+        partial.touch(mode=0o600)  # also where files are made for a group to write
+        partial.write_bytes(hashlib.sha256(body).digest() + body)
