@@ -207,7 +207,7 @@ def calibrate(
         attempts = Attempts()
         work.at((name, "fit"), f"{model.title}: least squares from many starts")
         rows = [model.with_bodies(test) for test in fitted]
-        found = holding_heat(fit(Problem.of(model, motor, rows), seed=seed), seed=seed)
+        found = fit(Problem.of(model, motor, rows), seed=seed)
         work.done((name, "fit"), f"{model.title}: fitted")
         is_last = name == names[-1]  # a network that another one extends is known to miss it
         screened, asked = None, None
@@ -221,8 +221,10 @@ def calibrate(
                 None,
                 where=model.title,
             )
-            if asked is not None and not is_plain:
-                found = asked.fit
+        if asked is not None and asked.core.effects and not is_plain:
+            found = asked.fit
+        else:
+            found = holding_heat(found, seed=seed)
         if is_last and not is_plain:
             found, screened = _searched(found, kinds, seed, work, attempts)
         work.done((name, "missing"), f"{model.title}: sampling the posterior")

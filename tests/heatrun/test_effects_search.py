@@ -84,6 +84,22 @@ def test_absent_effects_leave_the_network_as_it_was(search):
     np.testing.assert_allclose(near, absent, atol=1e-6)
 
 
+def test_many_places_side_by_side_are_as_each_alone(search):
+    """More of them than go at once, with no column, with one of a test's own, and with several."""
+    engine, none = search.engine, search.fitted[frozenset()]
+    starts = next(i for i in search.base if engine.slots[i].test == 0)
+    jobs = [(none.z, []), (none.z, [starts])]
+    for each, places in search.own.items():
+        z = none.z.copy()
+        z[list(places)] = 0.1
+        jobs += [(z, list(places)), (z, [*places, starts]), (z, [])]
+    assert sum(max(1, len(columns)) for _, columns in jobs) > 24
+    for (residual, slopes), job in zip(engine.linearise_many(jobs), jobs, strict=True):
+        of_one = engine.linearise(*job)
+        np.testing.assert_allclose(residual, of_one[0], atol=1e-9)
+        np.testing.assert_allclose(slopes, of_one[1], atol=1e-9)
+
+
 def test_the_linear_evidence_is_that_of_a_fit_near_by(search):
     """A set around a fitted one, by one linearisation and by a fit under the same noise."""
     effects = frozenset(e for e in search.candidates if e.id in ("speed_cooling", "sensor_lag"))

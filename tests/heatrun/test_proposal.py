@@ -229,6 +229,25 @@ def test_a_linear_model_is_drawn_as_it_is(fitted, rng8):
     assert np.median(np.abs(z - start) / sd) < 0.1
 
 
+def test_steps_without_the_slope_end_where_newton_does(rto, rng8, monkeypatch):
+    """Nearly every draw is there before the slope is asked for, and it is the same place."""
+    asked: list[int] = []
+    seen = Rto._seen
+    monkeypatch.setattr(Rto, "_seen", lambda *args: (asked.append(len(args[1])), seen(*args))[1])
+    drawn = rto.draw(200, np.random.default_rng(4))
+    assert sum(asked) < 1.5 * 200
+    monkeypatch.setattr(Rto, "_neared", lambda self, z, *rest: z)
+    monkeypatch.setattr(rto_module, "MOST_SLOPES", 12)
+    asked.clear()
+    newton = rto.draw(200, np.random.default_rng(4))
+    assert sum(asked) > 3.0 * 200
+    is_found, is_both = np.isfinite(drawn.log_density), np.isfinite(newton.log_density)
+    assert np.mean(is_found != is_both) < 0.02  # a few draws have no place, and no method finds one
+    is_both &= is_found
+    assert np.mean(is_both) > 0.8
+    np.testing.assert_allclose(drawn.vectors[is_both], newton.vectors[is_both], atol=2e-3)
+
+
 def test_a_short_test_is_sampled_without_mcmc(short):
     found = sample(short, method="quick", seed=1)
     weighted = found.weighted

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.optimize import least_squares
@@ -28,13 +29,14 @@ from ..fit.fit_result import Fit
 from ..io.programs import compiled
 from ..model import noise as noise_module
 from ..model.catalogue import lacking, unplaced
+from ..model.kernels import at_once
 from ..model.loggers import Loggers
 from ..model.model import Model
 from ..model.model_parameters import machine_size
 from ..model.network_form import WINDING
 from ..model.noise import Noise
 from ..model.parameters import EVENT, Parameter, sized
-from ..model.problem import WORST_RESIDUAL, Problem
+from ..model.problem import WORST_RESIDUAL, Problem, with_slopes
 from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.observation import Observation
@@ -197,20 +199,66 @@ class Engine:
                     slot = self.slots[columns[column]]
                     directions[slot.parameter.name][lane] = gains[columns[column]]
                 means, slope = _course(self.problem.model, values, directions, padded)
-                jacobian[:, chunk] = -test.own(np.asarray(slope)[: len(chunk)].T)
-            residual = test.measured - test.own(means)
-            seen = test.is_observed
-            is_sound = seen & (np.abs(residual) < WORST_RESIDUAL)
-            residual = np.where(is_sound, residual, np.where(seen, WORST_RESIDUAL, 0.0))
+                jacobian[:, chunk] = -test.own(slope)[:, : len(chunk)]
+            residual, is_sound = self._sound(test, test.own(means))
             rows.append(residual)
             slopes.append(np.where(is_sound[:, None], np.nan_to_num(jacobian), 0.0))
         return np.concatenate(rows), np.concatenate(slopes)
 
+    def linearise_many(
+        self, places: Sequence[tuple[np.ndarray, Sequence[int]]]
+    ) -> list[tuple[Float[np.ndarray, " block"], Float[np.ndarray, "block column"]]]:
+        """Return what `linearise` does at many places with few columns each, side by side.
+
+        Args:
+            places: Scores of all slots, and slots that are derived by.
+        """
+        lanes = [
+            (place, column)
+            for place, (_, columns) in enumerate(places)
+            for column in (columns or [None])
+        ]
+        found = [([], []) for _ in places]
+        for index, padded in enumerate(self._padded):
+            test, known = self.tests[index], [self.values(z, index) for z, _ in places]
+
+            def some(first: int, padded=padded, known=known) -> np.ndarray:
+                chunk = lanes[first : first + LANES]
+                chunk += [(chunk[0][0], None)] * (LANES - len(chunk))
+                values = {name: np.array([known[p][0][name] for p, _ in chunk])
+                          for name in known[0][0]}  # fmt: skip
+                directions = {name: np.zeros(LANES) for name in values}
+                for lane, (place, column) in enumerate(chunk):
+                    if column is not None and column in known[place][1]:
+                        name = self.slots[column].parameter.name
+                        directions[name][lane] = known[place][1][column]
+                return np.asarray(_courses(self.problem.model, values, directions, padded))
+
+            rows = np.concatenate(at_once(some, range(0, len(lanes), LANES)), axis=1)
+            own = test.own(np.moveaxis(rows, -1, 0))
+            for place in range(len(places)):
+                mine = [lane for lane, (p, _) in enumerate(lanes) if p == place]
+                residual, is_sound = self._sound(test, own[:, 0, mine[0]])
+                slopes = np.nan_to_num(-own[:, 1, mine[: len(places[place][1])]])
+                found[place][0].append(residual)
+                found[place][1].append(np.where(is_sound[:, None], slopes, 0.0))
+        return [(np.concatenate(rows), np.concatenate(slopes)) for rows, slopes in found]
+
+    @staticmethod
+    def _sound(test: Blocks, means: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the residuals of a test, kept in bounds, and which of them are as they came."""
+        residual, seen = test.measured - means, test.is_observed
+        is_sound = seen & (np.abs(residual) < WORST_RESIDUAL)
+        return np.where(is_sound, residual, np.where(seen, WORST_RESIDUAL, 0.0)), is_sound
+
     def whiten(self, noise: Noise, stacked: np.ndarray) -> np.ndarray:
         """Return rows over all blocks (block, ...) whitened test by test."""
         num = stacked.shape[1] if stacked.ndim > 1 else 0
-        if num:  # with empty columns, so that few shapes are compiled
-            stacked = np.pad(stacked, ((0, 0), (0, -num % FEW if num < FEW else -num % MANY)))
+        if num > MANY:  # few shapes are compiled
+            chunks = (stacked[:, first : first + MANY] for first in range(0, num, MANY))
+            return np.concatenate([self.whiten(noise, chunk) for chunk in chunks], axis=1)
+        if num:  # with empty columns
+            stacked = np.pad(stacked, ((0, 0), (0, (FEW if num <= FEW else MANY) - num)))
         parts = self.problem.split(stacked)
         rows = np.concatenate([
             test.own(_whiten(test.lengthened(part), noise, padded))
@@ -334,10 +382,26 @@ def _course(
     values: dict[str, Float[Array, ""]],
     directions: dict[str, Float[Array, " lane"]],
     test: Observation,
-) -> tuple[Float[Array, " block"], Float[Array, "lane block"]]:
+) -> tuple[Float[Array, " block"], Float[Array, "block lane"]]:
     """Return the modelled block means [degC] and their derivatives along the directions."""
-    means, push = jax.linearize(lambda v: model.block_means(v, test), values)
-    return means, jax.vmap(push)(directions)
+    return with_slopes(lambda v: model.block_means(v, test), values, directions)
+
+
+@compiled("model")
+def _courses(
+    model: Model,
+    values: dict[str, Float[Array, " lane"]],
+    directions: dict[str, Float[Array, " lane"]],
+    test: Observation,
+) -> Float[Array, "two lane block"]:
+    """Return the modelled block means of many machines [degC], and the derivative of each along a
+    direction of its own.
+    """
+
+    def one(values: dict[str, Array], direction: dict[str, Array]) -> Array:
+        return jnp.stack(jax.jvp(lambda v: model.block_means(v, test), (values,), (direction,)))
+
+    return jax.vmap(one, out_axes=1)(values, directions)
 
 
 @compiled()

@@ -61,15 +61,15 @@ class Linear:
         self._white = self.engine.whiten(self._noise, centre.jacobian)
         self.at = centre.z.copy()
         columns, shifts = [centre.jacobian[:, : len(base)]], []
+        seen = self._seen_elsewhere(tried)
         for each, places in own.items():
             at = list(places)
             if each in centre.effects:
-                without = centre.z.copy()
-                without[at] = np.nan
-                shifts.append(self.engine.linearise(without, [])[0] - centre.residual)
+                ((_, residual, _),) = seen[each]
+                shifts.append(residual - centre.residual)
                 columns.append(centre.jacobian[:, [centre.free.index(slot) for slot in at]])
             else:
-                shift, slopes, self.at[at] = self._absent(at, tried.get(each))
+                shift, slopes, self.at[at] = self._best(at, seen[each])
                 tried[each] = self.at[at]
                 shifts.append(shift)
                 columns.append(slopes)
@@ -121,25 +121,40 @@ class Linear:
             self._known[effects] = value, z
         return self._known[effects]
 
-    def _absent(
-        self, places: list[int], known: np.ndarray | None
+    def _seen_elsewhere(
+        self, tried: Mapping[Candidate, np.ndarray]
+    ) -> dict[Candidate, list[tuple[np.ndarray, np.ndarray, np.ndarray]]]:
+        """Return scores of each effect with residuals and their derivatives there: of one that the
+        fitted set has, where it is absent; of the others, where they are tried.
+        """
+        scores: dict[Candidate, list[np.ndarray]] = {}
+        jobs = []
+        for each, places in self.own.items():
+            is_there = each in self.centre.effects
+            known = [tried[each]] if each in tried else self._starts(places)
+            scores[each] = [np.full(len(places), np.nan)] if is_there else known
+            for at in scores[each]:
+                z = self.centre.z.copy()
+                z[list(places)] = at
+                jobs.append((z, [] if is_there else list(places)))
+        found = iter(self.engine.linearise_many(jobs))
+        return {each: [(at, *next(found)) for at in of] for each, of in scores.items()}
+
+    def _best(
+        self, places: list[int], seen: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return what an absent effect changes, its derivatives and its scores, where it explains
         most.
         """
         centre = self.centre
         best, value = None, -np.inf
-        for at in self._starts(places) if known is None else [known]:
-            z = centre.z.copy()
-            z[places] = at
-            residual, slopes = self.engine.linearise(z, places)
+        for at, residual, slopes in seen:
             # no comparison is true of a NaN; slopes are those of one standard deviation
             if not max(np.max(np.abs(residual)), np.max(np.abs(slopes), initial=0.0)) <= WORST_K:
                 continue
             rows = self.engine.whiten(self._noise, np.column_stack([residual, slopes]))
             rows = np.concatenate([rows[:, :1], self._white, rows[:, 1:]], axis=1)
-            scores = np.concatenate([centre.z[list(centre.free)], at])
-            found = evidence(rows.T @ rows, scores)[0]
+            found = evidence(rows.T @ rows, np.concatenate([centre.z[list(centre.free)], at]))[0]
             if found > value:
                 best, value = (residual - centre.residual, slopes, at), found
         if best is None:

@@ -14,6 +14,7 @@ from ..discovery.run import tell
 from ..errors import InputError
 from ..model.catalogue import all_effects
 from ..model.network_text import network_text
+from ..posterior.fit_checks import holding_heat
 from ..posterior.posterior import weighted_draws
 from ..posterior.predict import predict
 from ..record.motor import Motor
@@ -99,7 +100,8 @@ def _written(
             remedy="Map more channels, such as speed_rpm, or calibrate.",
         )
     found = tell(asked, calibration.screened, command=_next(motor, tests), work=work)
-    base = weighted_draws(asked.fits[0], seed=settings.seed)
+    alone = holding_heat(asked.fits[0], seed=settings.seed)
+    base = weighted_draws(alone, seed=settings.seed)
     before = [predict(base, test.blocks, seed=settings.seed) for test in tests]
     result = assemble(
         found, calibration, before, base, command=settings.command, seed=settings.seed

@@ -45,15 +45,16 @@ from ..fit.restricted import inner_products
 from ..io.programs import compiled
 from ..model.kernels import Kernels, at_once, in_batches, log_student, student
 from ..model.noise import LARGEST_SCORES
-from ..model.problem import NUM_NOISE, Data, linearise
+from ..model.problem import NUM_NOISE, Data, Structure, linearise, residuals
 from .weighted import Weighted, evaluate, truncated
 
 FREEDOM = 30.0
 """Degrees of freedom of the draws: hardly more than normal tails, for a linear model's are those of
 the posterior [1]."""
 
-MOST_STEPS = 12
-"""Newton's steps to where the model has the drawn s; three or four do."""
+MOST_STEPS, MOST_SLOPES = 12, 5
+"""Steps to where the model has the drawn s, of Broyden's and then of Newton's method: what these
+have not found is nowhere."""
 
 CLOSE = 1e-4
 """How far the s that was found may be from the one that was drawn [standard deviations]."""
@@ -150,13 +151,15 @@ class Rto:
     ) -> tuple[np.ndarray, _Seen]:
         """Return where s is as wanted, and what is seen there; not a number where it is nowhere.
 
-        Newton's steps, made shorter as long as they lead farther away.
+        Newton's steps, made shorter as long as they lead farther away. They need the slope, which
+        costs twenty times as much as s alone, so they begin where steps without it end: after
+        those, few are left.
         """
-        z, share = z.copy(), np.ones(len(z))
+        z, share = self._neared(z, noise_z, wanted, factor), np.ones(len(z))
         value, slope = map(np.array, self._seen(z, noise_z))
         away = np.linalg.norm(_solve(factor, value - wanted), axis=1)
         is_allowed = np.all(noise_z <= LARGEST_SCORES, axis=1)
-        for _ in range(MOST_STEPS):
+        for _ in range(MOST_SLOPES):
             left = np.flatnonzero(is_allowed & (away > CLOSE))
             if not left.size:
                 break
@@ -173,6 +176,63 @@ class Rto:
             share[left] = np.where(is_nearer, np.minimum(1.0, 2.0 * share[left]), share[left] / 4.0)
         value[~(away <= CLOSE)] = np.nan
         return z, _Seen(value, slope)
+
+    def _neared(
+        self,
+        z: Float[np.ndarray, "draw parameter"],
+        noise_z: Float[np.ndarray, "draw noise"],
+        wanted: Float[np.ndarray, "draw parameter"],
+        factor: Float[np.ndarray, "draw parameter parameter"],
+    ) -> np.ndarray:
+        """Return where s is as wanted, or nearer to it, by Broyden's method.
+
+        In the scores in which the slope of the linear model is one, it begins with that. A step
+        that leads farther away is not taken, but what it tells of the slope is.
+
+        Reference: C. G. Broyden, A class of methods for solving nonlinear simultaneous equations,
+            Mathematics of Computation 19 (1965) 577-593.
+        """
+        z = z.copy()
+        transposed = np.swapaxes(factor, 1, 2)
+        inverse = np.tile(np.eye(z.shape[1]), (len(z), 1, 1))
+        is_allowed = np.all(noise_z <= LARGEST_SCORES, axis=1)
+        left = np.flatnonzero(is_allowed)
+        away = np.full_like(z, np.inf)
+        away[left] = self._away(z[left], noise_z[left], wanted[left], factor[left])
+        for _ in range(MOST_STEPS):
+            length = np.linalg.norm(away, axis=1)
+            left = np.flatnonzero(is_allowed & (length > CLOSE) & np.isfinite(length))
+            if not left.size:
+                break
+            step = -_times(inverse[left], away[left])
+            tried = z[left] + _solve(transposed[left], step)
+            there = self._away(tried, noise_z[left], wanted[left], factor[left])
+            change = _times(inverse[left], there - away[left])
+            along = np.sum(step * change, axis=1)
+            with np.errstate(all="ignore"):  # of steps that leave the model
+                turned = _times(np.swapaxes(inverse[left], 1, 2), step)
+                update = (step - change)[:, :, None] * (turned / along[:, None])[:, None, :]
+            is_told = np.all(np.isfinite(update), axis=(1, 2))
+            inverse[left[is_told]] += update[is_told]
+            is_nearer = np.linalg.norm(there, axis=1) < length[left]
+            z[left[is_nearer]], away[left[is_nearer]] = tried[is_nearer], there[is_nearer]
+            is_allowed[left[~is_told & ~is_nearer]] = False
+        return z
+
+    def _away(
+        self,
+        z: Float[np.ndarray, "draw parameter"],
+        noise_z: Float[np.ndarray, "draw noise"],
+        wanted: Float[np.ndarray, "draw parameter"],
+        factor: Float[np.ndarray, "draw parameter parameter"],
+    ) -> np.ndarray:
+        """Return how far s is from the one that is wanted, as white scores."""
+        problem = self.fit.problem
+        rows = np.concatenate([z, noise_z], axis=1)
+        value = in_batches(
+            partial(_statistics, problem.structure, problem.data, self.jacobian), rows, AT_A_TIME
+        )
+        return _solve(factor, value - wanted)
 
     def _linear(self, noise_z: Float[np.ndarray, "draw noise"]) -> tuple[np.ndarray, np.ndarray]:
         """Return s at the centre, and the lower Cholesky factor of its covariance."""
@@ -200,6 +260,27 @@ class Rto:
 
         products = np.concatenate(at_once(some, range(0, len(z), AT_A_TIME)))
         return _Seen(products[:, :, 0] + z, products[:, :, 1:] + np.eye(size))
+
+
+@compiled("structure")
+def _statistics(
+    structure: Structure,
+    data: Data,
+    reference: Float[Array, "block parameter"],
+    vectors: Float[Array, "draw all"],
+) -> Float[Array, "draw parameter"]:
+    """Return s at draws of scores and noise."""
+
+    def one(vector: Float[Array, " all"]) -> Float[Array, " parameter"]:
+        z, noise_z = vector[:-NUM_NOISE], vector[-NUM_NOISE:]
+        residual = jnp.concatenate(residuals(structure, data, z))
+
+        def half_squares(rows: Float[Array, " block"]) -> Float[Array, ""]:
+            return 0.5 * inner_products(data, noise_z, rows, jnp.zeros((rows.size, 0)))[0][0, 0]
+
+        return reference.T @ jax.grad(half_squares)(residual) + z
+
+    return jax.vmap(one)(vectors)
 
 
 @compiled()
