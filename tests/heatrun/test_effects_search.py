@@ -89,7 +89,7 @@ def test_many_places_side_by_side_are_as_each_alone(search):
     engine, none = search.engine, search.fitted[frozenset()]
     starts = next(i for i in search.base if engine.slots[i].test == 0)
     jobs = [(none.z, []), (none.z, [starts])]
-    for each, places in search.own.items():
+    for places in search.own.values():
         z = none.z.copy()
         z[list(places)] = 0.1
         jobs += [(z, list(places)), (z, [*places, starts]), (z, [])]
