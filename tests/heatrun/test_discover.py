@@ -49,7 +49,6 @@ def folder(tmp_path_factory):
         redirect_stdout(out),
     ):
         patch.setattr("heatrun.calibration.sample", quick_draws)
-        patch.setattr("heatrun.jobs.discover.weighted_draws", normal_draws)
         assert main(words) == 0
     return run
 

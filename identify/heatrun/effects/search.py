@@ -46,6 +46,9 @@ NUM_SETTLED, SETTLED = 3, 0.05
 """Rounds of noise and least squares for a set, and the change of the noise's scores at which they
 end [1]."""
 
+HOPELESS = 3.0
+"""Times what the last round has gained that a set may be behind another, to be fitted on [1]."""
+
 MOST_RIVALS, MOST_SETTLED = 2, 4
 """Rivals of each effect of the final set that are fitted, and how often one of them may take its
 place."""
@@ -57,6 +60,11 @@ the second [s]."""
 MATTERS_K, MATTERS_NOISE, MATTERS_SHARE = 0.05, 0.5, 0.03
 """Gap that an effect must close to matter: in kelvin, in parts of the noise of a block mean [1],
 and of the gap that the whole set closes [1]; no law is an exact copy of the machine's."""
+
+
+COARSE = 0.5
+"""Share of the evidence that counts between sets that stand for each other [1]: what the laws of
+the effects leave open of a real machine is of the size of the noise that is left, and no noise."""
 
 
 @dataclass(frozen=True)
@@ -128,11 +136,25 @@ class Search:
             after[at] = np.nan_to_num(after[at]) if each in effects else np.nan
         return after
 
-    def fit(self, effects: Set, z: np.ndarray, noise_z: np.ndarray | None = None) -> Member:
-        """Fit a set of effects from scores, and return the best fit of that set so far."""
+    def fit(
+        self,
+        effects: Set,
+        z: np.ndarray,
+        noise_z: np.ndarray | None = None,
+        rival: Member | None = None,
+    ) -> Member:
+        """Fit a set of effects from scores, and return the best fit of that set so far.
+
+        Args:
+            effects: The set.
+            z: Scores to start from.
+            noise_z: Scores of the noise to start from.
+            rival: What the set is held against; where it stays far behind, it is not fitted on.
+        """
         free = self.free(effects)
         z = self.placed(z, effects)
         noise = white(ROUGH_K) if noise_z is None else from_scores(noise_z)
+        evidence = -np.inf
         for _ in range(NUM_SETTLED):
             found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
             z, before = found.z, noise_z
@@ -144,9 +166,15 @@ class Search:
             )
             noise = from_scores(noise_z)
             if before is not None and np.max(np.abs(noise_z - before)) < SETTLED:
+                found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
                 break
+            reached = log_evidence(self.engine.problem, noise_z, scores, found.residual, columns)
+            gained, evidence = reached - evidence, reached
+            if rival is not None and rival.log_evidence - evidence > HOPELESS * gained:
+                break
+        else:
+            found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
         assert noise_z is not None
-        found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
         columns = padded(found.jacobian)
         scores = filled(found.z[list(free)], columns)
         evidence = log_evidence(self.engine.problem, noise_z, scores, found.residual, columns)
@@ -258,16 +286,20 @@ class Search:
 
         They have one effect less, or another in the place of one. A rival is tried where it
         explains most without the effect: beside it, its twin explains nothing. The best by the
-        linear evidence are fitted.
+        linear evidence are fitted. No law is an exact copy of the machine's, so the evidence counts
+        by a share only.
 
         Args:
             member: The set, which is among them.
+
+        Reference: J. W. Miller, D. B. Dunson, Robust Bayesian inference via coarsening, Journal of
+            the American Statistical Association 114 (2019) 1113-1125.
         """
         here = member.effects
         others = []
         for each in here:
             fewer = here - {each}
-            without = self.fitted.get(fewer) or self.fit(fewer, member.z, member.noise_z)
+            without = self.fitted.get(fewer) or self.fit(fewer, member.z, member.noise_z, member)
             # under the noise of the set: without the effect, what it does is unmodelled heat
             centre = replace(without, noise_z=member.noise_z)
             linear = Linear(heated(self.engine, without.z), self.own, self.base, centre, {})
@@ -275,10 +307,12 @@ class Search:
             weights = {one: linear.log_evidence(one) + self.log_odds(one) for one in rivals}
             for rival in sorted(rivals, key=lambda one: -weights[one])[:MOST_RIVALS]:
                 if rival not in self.fitted:
-                    self.fit(rival, linear.scores(rival), member.noise_z)
+                    self.fit(rival, linear.scores(rival), member.noise_z, member)
             others += [fewer, *rivals]
         fitted = [here, *(each for each in others if each in self.fitted)]
-        found = np.array([self.fitted[each].log_weight for each in fitted])
+        found = np.array([
+            COARSE * self.fitted[each].log_evidence + self.log_odds(each) for each in fitted
+        ])  # fmt: skip
         shares = np.exp(found - np.logaddexp.reduce(found))
         return dict(zip(fitted, shares.tolist(), strict=True))
 

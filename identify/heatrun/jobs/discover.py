@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..model.catalogue import all_effects
 from ..model.network_text import network_text
 from ..posterior.fit_checks import holding_heat
-from ..posterior.posterior import weighted_draws
+from ..posterior.posterior import normal_draws
 from ..posterior.predict import predict
 from ..record.motor import Motor
 from ..reports.discovery import write_report
@@ -100,8 +100,11 @@ def _written(
             remedy="Map more channels, such as speed_rpm, or calibrate.",
         )
     found = tell(asked, calibration.screened, command=_next(motor, tests), work=work)
-    alone = holding_heat(asked.fits[0], seed=settings.seed)
-    base = weighted_draws(alone, seed=settings.seed)
+    name = list(calibration.posteriors)[-1]
+    if asked.core.effects:  # a network that misses them: what it says is for comparison alone
+        base = normal_draws(holding_heat(asked.fits[0], seed=settings.seed), seed=settings.seed)
+    else:
+        base = calibration.posteriors[name]
     before = [predict(base, test.blocks, seed=settings.seed) for test in tests]
     result = assemble(
         found, calibration, before, base, command=settings.command, seed=settings.seed
@@ -109,7 +112,6 @@ def _written(
     work.at("writing", "writing the report")
     folder.write_json("discovery.json", result)
     attempts = Attempts(OUTPUT_FAILED)
-    name = list(calibration.posteriors)[-1]
     pairs = list(zip(before, calibration.predictions[name], strict=True))
     figures = attempts.of(
         "the figures of the discovery",

@@ -34,8 +34,8 @@ MOST_STEPS = 24_000
 """Steps of an ensemble after which it is given up, with a verdict that says so. After half of them
 it is, where the autocorrelation time says that the other half would not do."""
 
-NUM_KEPT = 4000
-"""Draws kept of the posterior."""
+NUM_KEPT, NUM_SPREAD = 4000, 2000
+"""Draws kept of the posterior, and of importance samples, which hold less than these."""
 
 Method = Literal["emcee", "importance", "normal"]
 Progress = Callable[[str, float], None]
@@ -85,10 +85,7 @@ class Posterior:
     def sentence(self) -> str:
         """Return the verdict in words."""
         if self.weighted is None:
-            return (
-                "Drawn from the normal law around the fit, for sampling failed: the intervals are "
-                "indicative."
-            )
+            return "Drawn from the normal law around the fit: the intervals are indicative."
         figures = (
             f"Pareto k {self.weighted.pareto_k:.2f}, limit {PARETO_LIMIT:g}; effective sample size "
             f"{self.weighted.effective_size:.0f}, at least {LEAST_EFFECTIVE:g}"
@@ -200,7 +197,7 @@ def keep(draws: Float[np.ndarray, "ensemble step walker ..."]) -> np.ndarray:
 
 
 def normal_draws(fit: Fit, *, seed: int = 0) -> Posterior:
-    """Return draws of the normal law around a fit, for where nothing better could be had.
+    """Return draws of the normal law around a fit, for where nothing better is to be had or needed.
 
     They are not held against the posterior: `Posterior.is_sound` is false.
     """
@@ -217,5 +214,5 @@ def weighted_draws(fit: Fit, *, seed: int = 0) -> Posterior:
 
 
 def _of_weighted(fit: Fit, weighted: Weighted, seed: int) -> Posterior:
-    vectors, density = spread(fit, weighted, NUM_KEPT, np.random.default_rng([seed, 1]))
+    vectors, density = spread(fit, weighted, NUM_SPREAD, np.random.default_rng([seed, 1]))
     return Posterior(fit, vectors[None], density[None], "importance", weighted, None)

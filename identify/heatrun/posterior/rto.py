@@ -354,7 +354,7 @@ def _times(
     return (matrices @ vectors[..., None])[..., 0]
 
 
-NUM_DRAWS = 1024
+NUM_DRAWS = 512
 """Draws of a round."""
 
 LEARNING = 4
@@ -363,7 +363,7 @@ LEARNING = 4
 GOOD = 0.1
 """Effective sample size over draws with which no other place is looked for [1]."""
 
-MOST_ROUNDS = 8
+MOST_ROUNDS = 16
 """Rounds around one optimum whose draws count, at most."""
 
 

@@ -94,15 +94,15 @@ def missing(test: Blocks, index: int, before: Where, after: Where) -> Figure | N
     def mean(values) -> np.ndarray:
         return np.asarray(values).reshape(rows).mean(axis=1)
 
-    axes[0].plot(minutes, np.sqrt(mean(test.inputs.current_squared)), color="#CC79A7", lw=0.9)
-    axes[0].set_ylabel("current [A]")
+    axes[0].plot(minutes, np.sqrt(mean(test.inputs.current_squared)), color="#A0467A", lw=0.9)
+    axes[0].set_ylabel("current [A]", color="#A0467A")
     axes[0].set_title(
         f"{plain(test.name)}: load, and what is missing", loc="left", fontsize=9, y=1.0
     )
     if test.inputs.speed is not None:
         turned = axes[0].twinx()
         turned.plot(minutes, mean(test.inputs.speed) * 30.0 / np.pi, color="0.4", lw=0.8)
-        turned.set_ylabel("speed [rpm]")
+        turned.set_ylabel("speed [rpm]", color="0.4")
         _trim(turned)
     axes[1].plot(minutes, test.measured, color="#222222", lw=0.9, label="winding, measured")
     axes[1].plot(minutes, mean(test.inputs.ambient), color="0.6", lw=0.8, label="sink")
