@@ -157,6 +157,17 @@ def test_what_tests_do_not_tell_apart_widens_the_intervals(searched):
     assert finding.values == {"sensor_lag": 0.5, "time_shift": 0.5}
 
 
+def test_the_evidence_between_rivals_counts_by_half(searched):
+    """The odds of an effect count whole: they are no matter of how exact its law is."""
+    search, here = searched.search, searched.core
+    shares = search.around(here)
+    assert sum(shares.values()) == pytest.approx(1.0)
+    fewer = max((each for each in shares if len(each) < len(here.effects)), key=shares.__getitem__)
+    behind = search.fitted[fewer].log_evidence - here.log_evidence
+    lacking = search.log_odds(here.effects - fewer)
+    assert np.log(shares[fewer] / shares[here.effects]) == pytest.approx(0.5 * behind - lacking)
+
+
 def test_the_evidence_survives_columns_that_are_one():
     """Of large signatures that are nearly one, the products keep no trace of the prior."""
     rng = np.random.default_rng(3)
