@@ -261,7 +261,7 @@ class Engine:
             stacked = np.pad(stacked, ((0, 0), (0, (FEW if num <= FEW else MANY) - num)))
         parts = self.problem.split(stacked)
         rows = np.concatenate([
-            test.own(_whiten(test.lengthened(part), noise, padded))
+            test.own(noise_module.whiten(test.lengthened(part), noise, padded)[0])
             for part, test, padded in zip(parts, self.tests, self.observations, strict=True)
         ])  # fmt: skip
         return rows[:, :num] if num else rows
@@ -402,11 +402,6 @@ def _courses(
         return jnp.stack(jax.jvp(lambda v: model.block_means(v, test), (values,), (direction,)))
 
     return jax.vmap(one, out_axes=1)(values, directions)
-
-
-@compiled()
-def _whiten(stacked: Array, noise: Noise, test: Observation) -> Array:
-    return noise_module.whiten(stacked, noise, test)[0]
 
 
 def padded(columns: Float[np.ndarray, "block column"]) -> Float[np.ndarray, "block more"]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -175,7 +175,7 @@ def polished_noise(
     Returns:
         The scores, or `noise_z` where the likelihood has no maximum near by.
     """
-    linear = problem.data, z, problem.lengthened(residual), problem.lengthened(jacobian)
+    linear = _given(problem, z, residual, jacobian)
     high, as_is = np.array(LARGEST_SCORES), np.zeros(_num_sensors(problem))
     curvature = noise_precision(problem, noise_z, z, residual, jacobian)
     at = np.array(noise_z)
@@ -218,6 +218,12 @@ def estimate_loggers(
     return {first: 1.0, **dict(zip(others, map(float, scales), strict=True))}
 
 
+def _given(problem: Problem, *rows: np.ndarray) -> tuple[Any, ...]:
+    """Return what `restricted_log_likelihood` takes after the noise: scores, residual, Jacobian."""
+    z, *of_blocks = rows
+    return problem.data, z, *map(problem.lengthened, of_blocks)
+
+
 def _num_sensors(problem: Problem) -> int:
     """Return the number of sensors of all tests."""
     return sum(len(test.loggers) for test in problem.tests)
@@ -248,7 +254,7 @@ def _search(
             sought [1].
     """
     z, residual, jacobian = linear
-    fixed = problem.data, z, problem.lengthened(residual), problem.lengthened(jacobian)
+    fixed = _given(problem, z, residual, jacobian)
     limits = [(-SCORE_LIMIT, high) for high in LARGEST_SCORES]
     limits[1] = (-SCORE_LIMIT, float(NOISE[1].score(longest_s)))
     limits += [(-SCORE_LIMIT, SCORE_LIMIT)] * owns.shape[1]
@@ -286,7 +292,7 @@ def log_evidence(
     Arguments as `restricted_log_likelihood`.
     """
     as_is = np.zeros(_num_sensors(problem))
-    linear = problem.data, z, problem.lengthened(residual), problem.lengthened(jacobian)
+    linear = _given(problem, z, residual, jacobian)
     return -float(_objective(noise_z, as_is, *linear)[0])
 
 
@@ -313,7 +319,7 @@ def noise_precision(
 
     By central differences of the gradient: four scores of order one are worth no compilation.
     """
-    fixed = problem.data, z, problem.lengthened(residual), problem.lengthened(jacobian)
+    fixed = _given(problem, z, residual, jacobian)
     width = 1e-4  # error ~ width^2 times the third derivative, both of order one
     as_is = np.zeros(_num_sensors(problem))
     rows = []
