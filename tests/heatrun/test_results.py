@@ -237,3 +237,16 @@ def test_values_of_arrays_and_numpy_are_written_as_numbers():
                "values": {"n": 3, "x": None}}],
         "b": True, "m": [[1.0, 0.0], [0.0, 1.0]],
     }  # fmt: skip
+
+
+def test_a_network_that_the_tests_refuse_is_not_sampled(finished_day):
+    """What decides is the evidence of the fits; the intervals are those of the normal law."""
+    stored = json.loads((finished_day / "run" / "fit.json").read_text())
+    first, second = (stored["models"][name] for name in ("first", "second"))
+    assert stored["verdict"]["log_bayes_factor"] > 20.0
+    assert (first["posterior"]["method"], second["posterior"]["method"]) == ("normal", "importance")
+    assert first["posterior"]["verdict"].startswith("The tests refuse this network (log Bayes")
+    assert not any(each["id"] == "sampling_not_converged" for each in stored["findings"])
+    assert first["evidence"]["log_evidence"] == pytest.approx(
+        second["evidence"]["log_evidence"] - stored["verdict"]["log_bayes_factor"]
+    )

@@ -58,6 +58,8 @@ class Posterior:
         plausible: Effects behind the draws, where these are averaged over models with one; None
             where all draws are of the network alone.
         alone: The posterior before it was averaged; None where it was not.
+        behind: Log Bayes factor of another network over this one, for which it was not sampled
+            [nat]; None where it was to be.
     """
 
     fit: Fit
@@ -69,6 +71,7 @@ class Posterior:
     was_to_be_quick: bool = False
     plausible: PlausibleEffects | None = None
     alone: Posterior | None = None
+    behind: float | None = None
 
     @property
     def flat(self) -> Float[np.ndarray, "draw all"]:
@@ -85,7 +88,11 @@ class Posterior:
     def sentence(self) -> str:
         """Return the verdict in words."""
         if self.weighted is None:
-            return "Drawn from the normal law around the fit: the intervals are indicative."
+            drawn = "Drawn from the normal law around the fit: the intervals are indicative."
+            if self.behind is None:
+                return drawn
+            refused = f"The tests refuse this network (log Bayes factor {-self.behind:.0f})."
+            return f"{refused} {drawn} Calibrate it alone to have it sampled."
         figures = (
             f"Pareto k {self.weighted.pareto_k:.2f}, limit {PARETO_LIMIT:g}; effective sample size "
             f"{self.weighted.effective_size:.0f}, at least {LEAST_EFFECTIVE:g}"
@@ -196,16 +203,22 @@ def keep(draws: Float[np.ndarray, "ensemble step walker ..."]) -> np.ndarray:
     return by_walker.reshape(draws.shape[0], -1, *draws.shape[3:])
 
 
-def normal_draws(fit: Fit, *, seed: int = 0) -> Posterior:
+def normal_draws(fit: Fit, *, seed: int = 0, behind: float | None = None) -> Posterior:
     """Return draws of the normal law around a fit, for where nothing better is to be had or needed.
 
     They are not held against the posterior: `Posterior.is_sound` is false.
+
+    Args:
+        fit: The fit.
+        seed: Random seed.
+        behind: As `Posterior.behind`.
     """
     rng = np.random.default_rng([seed, 2])
     values, axes = np.linalg.eigh(0.5 * (fit.covariance + fit.covariance.T))
     spread = axes * np.sqrt(np.maximum(values, 0.0))
     vectors = fit.vector + rng.standard_normal((NUM_KEPT, fit.vector.size)) @ spread.T
-    return Posterior(fit, vectors[None], np.full((1, NUM_KEPT), np.nan), "normal", None, None)
+    density = np.full((1, NUM_KEPT), np.nan)
+    return Posterior(fit, vectors[None], density, "normal", None, None, behind=behind)
 
 
 def weighted_draws(fit: Fit, *, seed: int = 0) -> Posterior:
