@@ -8,6 +8,7 @@
     found = heatrun.discover(run)
     found.run.simulate("other.csv")
     heatrun.open_run("results/runs/demo")
+    heatrun.winding_at_switch_off("motor.toml", "resistances.csv", run="run").winding_degC
 
 Importing this package switches JAX to float64, which the thermal models need (a thousandth of
 a kelvin over an hour does not survive float32), and sets the one XLA option that makes small
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from .errors import InputError
     from .motor.file import load_motor
     from .runs.run import Run, open_run
+    from .shutdown.job import winding_at_switch_off
 
 __all__ = [
     "Found",
@@ -40,6 +42,7 @@ __all__ = [
     "load_motor",
     "open_run",
     "simulate",
+    "winding_at_switch_off",
 ]
 
 _PLACES = {
@@ -47,6 +50,7 @@ _PLACES = {
     "load_motor": ".motor.file",
     "Run": ".runs.run",
     "open_run": ".runs.run",
+    "winding_at_switch_off": ".shutdown.job",
 }
 
 

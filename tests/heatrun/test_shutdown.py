@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+import heatrun
 from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.motor.file import load_motor, parse_motor
@@ -246,6 +247,8 @@ def test_the_command_writes_what_it_says(tmp_path, capsys):
     assert cli.main([*command, "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said == json.loads((tmp_path / "out" / "shutdown.json").read_text(encoding="utf-8"))
+    in_python = heatrun.winding_at_switch_off(tmp_path / "motor.toml", path)
+    assert in_python.winding_degC == said["winding_degC"]
     permitted = next(one for one in said["limits"] if one["unit"] == "K")
     assert permitted["value"] == 105.0
     assert permitted["margin_K"] == pytest.approx(105.0 - said["rise_K"])

@@ -53,30 +53,22 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Print the temperature with its interval; write the files if asked."""
-    from ..motor.file import load_motor
     from ..results import to_json
+    from ..shutdown.job import winding_at_switch_off
     from ..shutdown.printed import text, write
-    from ..shutdown.readings import read_readings
-    from ..shutdown.result import WITHIN_K, as_content, winding_at_shutdown
+    from ..shutdown.result import as_content
 
     if options.model is not None and options.run is None:
         raise UsageError("--model names a network of a run: give --run too")
     if options.within is not None and not options.within > 0.0:
         raise UsageError(f"--within is a number of kelvin above 0, got {options.within:g}")
-    motor = load_motor(options.motor)
-    readings = read_readings(options.readings, motor, options.at)
-    modes = None
-    if options.run is not None:
-        from ..shutdown.of_run import modes_of_run
-
-        said = motor.shutdown
-        is_turning = said.run_down_s == 0.0 and said.losses_after > 0.0
-        modes = modes_of_run(options.run, readings, options.model, is_turning=is_turning)
-    result = winding_at_shutdown(
-        motor,
-        readings,
-        modes,
-        within_K=WITHIN_K if options.within is None else options.within,
+    result = winding_at_switch_off(
+        options.motor,
+        options.readings,
+        run=options.run,
+        model=options.model,
+        at=options.at,
+        within_K=options.within,
         seed=options.seed,
     )
     if options.out is not None:
