@@ -26,6 +26,7 @@ from lptn import Network
 from lptn.effects import AbstractEffect, Quantity, applies
 
 from ..fit.fit_result import Fit
+from ..fit.restricted import MANY
 from ..io.programs import compiled
 from ..model import noise as noise_module
 from ..model.catalogue import lacking, unplaced
@@ -44,8 +45,8 @@ from ..record.observation import Observation
 LANES = 24
 """Directions of one call: parameters of the network, of a few tests, and of three effects."""
 
-FEW, MANY = 8, 40
-"""Columns that are whitened together are filled up to this many, or to a multiple of that."""
+FEW = 8
+"""Columns that are whitened together are filled up to this many, or to a multiple of `MANY`."""
 
 MAX_EVALUATIONS = 30
 """Evaluations of one refit; they start near the optimum and take about six."""
@@ -402,16 +403,6 @@ def _courses(
         return jnp.stack(jax.jvp(lambda v: model.block_means(v, test), (values,), (direction,)))
 
     return jax.vmap(one, out_axes=1)(values, directions)
-
-
-def padded(columns: Float[np.ndarray, "block column"]) -> Float[np.ndarray, "block more"]:
-    """Return columns with empty ones up to a multiple of 40, for one compilation."""
-    return np.pad(columns, ((0, 0), (0, -columns.shape[1] % MANY)))
-
-
-def filled(z: Float[np.ndarray, " column"], columns: np.ndarray) -> Float[np.ndarray, " more"]:
-    """Return scores with zeros for the empty ones among padded columns."""
-    return np.pad(z, (0, columns.shape[1] - z.size))
 
 
 def white(level: float) -> Noise:

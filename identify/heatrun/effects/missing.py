@@ -39,7 +39,7 @@ from ..model.problem import Problem
 from ..posterior.posterior import Posterior
 from ..posterior.starts import too_stiff
 from ..record.record import Finding
-from .engine import Candidate, Engine, Refit, filled, padded, placed
+from .engine import Candidate, Engine, Refit, placed
 from .found import with_catalogue
 from .linear import Linear
 from .search import ODDS, Member, Search, heated
@@ -285,16 +285,16 @@ class _Around:
 
     def _own_noise(self, place: int, start: np.ndarray) -> np.ndarray:
         usual = SCALES[1] * self.changes[:, place]
-        columns = padded(np.column_stack([self.alone.jacobian, usual]))
-        scores = filled(np.append(self.z, 0.0), columns)
+        columns = np.column_stack([self.alone.jacobian, usual])
+        scores = np.append(self.z, 0.0)
         return estimate_noise(
             self.engine.problem, scores, self.alone.residual, columns, start=start
         )
 
     def _of_none(self, noise_z: np.ndarray) -> float:
-        columns = padded(self.alone.jacobian)
-        scores = filled(self.z, columns)
-        return log_evidence(self.engine.problem, noise_z, scores, self.alone.residual, columns)
+        return log_evidence(
+            self.engine.problem, noise_z, self.z, self.alone.residual, self.alone.jacobian
+        )
 
 
 def _parts(

@@ -25,7 +25,7 @@ from ..fit.restricted import estimate_noise, log_evidence
 from ..model.discrepancy import no_heat, with_heat
 from ..model.noise import Noise, from_scores
 from ..model.parameters import qualified
-from .engine import Candidate, Engine, Refit, filled, padded, white
+from .engine import Candidate, Engine, Refit, white
 from .linear import Linear
 
 Set = frozenset[Candidate]
@@ -159,25 +159,21 @@ class Search:
             found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
             z, before = found.z, noise_z
             self.engine = heated(self.engine, z)
-            columns = padded(found.jacobian)
-            scores = filled(z[list(free)], columns)
-            noise_z = estimate_noise(
-                self.engine.problem, scores, found.residual, columns, start=before
-            )
+            linear = z[list(free)], found.residual, found.jacobian
+            noise_z = estimate_noise(self.engine.problem, *linear, start=before)
             noise = from_scores(noise_z)
             if before is not None and np.max(np.abs(noise_z - before)) < SETTLED:
                 found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
                 break
-            reached = log_evidence(self.engine.problem, noise_z, scores, found.residual, columns)
+            reached = log_evidence(self.engine.problem, noise_z, *linear)
             gained, evidence = reached - evidence, reached
             if rival is not None and rival.log_evidence - evidence > HOPELESS * gained:
                 break
         else:
             found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
         assert noise_z is not None
-        columns = padded(found.jacobian)
-        scores = filled(found.z[list(free)], columns)
-        evidence = log_evidence(self.engine.problem, noise_z, scores, found.residual, columns)
+        linear = found.z[list(free)], found.residual, found.jacobian
+        evidence = log_evidence(self.engine.problem, noise_z, *linear)
         member = Member(
             effects, free, found.z, noise_z, found.residual, found.jacobian, evidence,
             evidence + self.log_odds(effects),
@@ -341,9 +337,8 @@ def plain_noise(engine: Engine, present: Refit, *, longest_s: float = UNLIMITED_
         present: The fit.
         longest_s: Longest correlation time that counts as noise [s].
     """
-    columns = padded(present.jacobian)
-    z = filled(present.z[list(present.free)], columns)
-    scores = estimate_noise(engine.problem, z, present.residual, columns, longest_s=longest_s)
+    linear = present.z[list(present.free)], present.residual, present.jacobian
+    scores = estimate_noise(engine.problem, *linear, longest_s=longest_s)
     return from_scores(scores)
 
 

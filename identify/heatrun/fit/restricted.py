@@ -42,6 +42,9 @@ FLAT = 1e-9
 LOGGER_SD = 1.0
 """Prior standard deviation of the logarithm of the noise of a logger over that of the first [1]."""
 
+MANY = 40
+"""Columns are filled up to a multiple of this, so that few programs serve all networks."""
+
 SCORE_LIMIT = 4.0
 """The noise is sought from this many prior standard deviations below its centre on [1]."""
 
@@ -218,10 +221,15 @@ def estimate_loggers(
     return {first: 1.0, **dict(zip(others, map(float, scales), strict=True))}
 
 
-def _given(problem: Problem, *rows: np.ndarray) -> tuple[Any, ...]:
-    """Return what `restricted_log_likelihood` takes after the noise: scores, residual, Jacobian."""
-    z, *of_blocks = rows
-    return problem.data, z, *map(problem.lengthened, of_blocks)
+def _given(
+    problem: Problem, z: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
+) -> tuple[Any, ...]:
+    """Return what `restricted_log_likelihood` takes after the noise, with empty columns up to a
+    multiple of `MANY`: a score that moves nothing adds nothing, and few programs do for all.
+    """
+    more = -z.size % MANY
+    columns = np.pad(problem.lengthened(jacobian), ((0, 0), (0, more)))
+    return problem.data, np.pad(z, (0, more)), problem.lengthened(residual), columns
 
 
 def _num_sensors(problem: Problem) -> int:

@@ -16,6 +16,9 @@ from ..record.blocks import Blocks
 from ..record.observation import Observation
 from .model import Model
 
+AT_A_TIME = 50
+"""Draws that are simulated side by side; there are as many, or a multiple of them."""
+
 
 class Courses(NamedTuple):
     """Means over the blocks of a test, draw by draw.
@@ -41,7 +44,11 @@ def courses(
         values: Draws by parameter name [their units].
         test: A reduced record.
     """
-    found = _courses(model, dict(values), test.observation().padded())
+    num = len(next(iter(values.values())))
+    whole = {name: np.pad(draws, (0, -num % AT_A_TIME), mode="edge")
+             for name, draws in values.items()}  # fmt: skip
+    found = jax.tree.map(lambda rows: np.asarray(rows)[:num],
+                         _courses(model, whole, test.observation().padded()))  # fmt: skip
     of_each = jax.tree.map(lambda rows: test.winding.own(rows, axis=1), found._replace(reading=()))
     return of_each._replace(reading=test.own(found.reading, axis=1))
 
@@ -75,4 +82,4 @@ def _courses(model: Model, values: dict[str, Float[Array, " draw"]], test: Obser
             flows={n: means(P) for n, P in trace.flow.items()},
         )
 
-    return jax.lax.map(one, values, batch_size=50)
+    return jax.lax.map(one, values, batch_size=AT_A_TIME)

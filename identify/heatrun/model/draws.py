@@ -20,7 +20,7 @@ from lptn.effects import AbstractEffect
 from ..record.blocks import Blocks
 from ..record.motor import Motor
 from . import noise as noise_module
-from .catalogue import lacking
+from .catalogue import all_effects, lacking
 from .courses import Courses, courses
 from .loggers import Loggers
 from .model import Model
@@ -157,7 +157,11 @@ class PlausibleEffects:
         ]
         if not used:
             return course
-        shift = _differences(model, motor, test, [self.effects[index] for index in used])
+        # all that the test allows, in one order: another test takes the same program
+        allowed = {each.kind for each in self.effects if not lacking(each.kind, test)}
+        kinds = [kind for kind in all_effects() if kind in allowed]
+        kinds += [kind for kind in allowed if kind not in kinds]
+        shift = _differences(model, motor, test, [self.effects[index] for index in used], kinds)
         size = self.size[:, used]
 
         def added(draws: np.ndarray, by_effect: np.ndarray) -> np.ndarray:
@@ -215,10 +219,21 @@ def _way(link: Link, links: Collection[Link], nodes: Collection[str]) -> Link:
 
 
 def _differences(
-    model: Model, motor: Motor, test: Blocks, effects: Sequence[PlausibleEffect]
+    model: Model,
+    motor: Motor,
+    test: Blocks,
+    effects: Sequence[PlausibleEffect],
+    kinds: Sequence[type[AbstractEffect]],
 ) -> Courses:
-    """Return what each effect adds at the parameters that it was found with, one row for each."""
-    kinds = tuple(dict.fromkeys(effect.kind for effect in effects))
+    """Return what each effect adds at the parameters that it was found with, one row for each.
+
+    Args:
+        model: The network alone.
+        motor: The machine.
+        test: A reduced record.
+        effects: The effects.
+        kinds: What the network is extended by: theirs, and others that do nothing here.
+    """
     extended = replace(model, effects=(*model.effects, *kinds))
     known = parameters(extended, motor, [test], searched=kinds).by_test[0]
     rows = []

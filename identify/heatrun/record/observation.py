@@ -15,6 +15,9 @@ from lptn.inputs import SIGNALS
 
 from .blocks import Blocks, length_class, with_more
 
+FEWEST_MOMENTS = 4
+"""Columns of load steps at unknown moments that `Observation.padded` has at least."""
+
 
 class Observation(eqx.Module):
     """The arrays of a reduced record that the numerics need; a pytree.
@@ -58,7 +61,7 @@ class Observation(eqx.Module):
         """Return it with blocks without readings up to the next `length_class`.
 
         The inputs are held there, so that an early reading sees past the end of the last block;
-        columns of `moments` are filled up likewise, with zeros.
+        columns of `moments` are filled up likewise, with zeros, which do nothing.
         """
         num, per_block = self.weight.shape[0] // self.num_sensors, self.weight.shape[1]
         whole = length_class(num)
@@ -73,7 +76,7 @@ class Observation(eqx.Module):
             return with_more(np.asarray(rows), self.num_sensors, whole, value)
 
         moments = more(self.moments)
-        columns = length_class(moments.shape[1])
+        columns = max(FEWEST_MOMENTS, length_class(moments.shape[1]))
         return replace(
             self,
             inputs=replace(inputs, **held),
