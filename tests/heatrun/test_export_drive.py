@@ -15,9 +15,11 @@ import pytest
 import tomli_w
 
 from heatrun import cli
+from heatrun.export import export_drive
 from heatrun.export.simpler import COLD, EXACT, figures
 from heatrun.export.simpler import TestedRun as Read
 from heatrun.model.model import Model
+from heatrun.results.model import DerivedFigure
 from heatrun.runs.replica import Followed, nearest
 from heatrun.runs.run import open_run
 
@@ -121,6 +123,23 @@ def test_every_value_stands_under_a_name_with_its_source(exported):
     for entry in content["names"]:
         assert f"| {entry['source']} | {entry['name']} |" in sheet
     assert content["signals"][0]["name"] in sheet
+
+
+def test_a_certified_current_is_the_rated_one(day, monkeypatch):
+    said = DerivedFigure(value=140.0, unit="A", sd=1.0, interval_95=(138.0, 142.0),
+                         condition="class F, <b>|")  # fmt: skip
+    monkeypatch.setattr(Read, "continuous", said)
+    content = export_drive(Path("run"))["parameters"]
+    assert content["rated"]["is_certified"]
+    assert not content["notes"]
+    assert "**Rated current 140 A** (95 %: 138 … 142 A): class F, b.\n" in Path(
+        "run/drive/drive.md").read_text()  # fmt: skip
+    one, sink = content["bodies"]["one"]["values"], content["tested"]["sink_degC"]
+    amperes = np.array([one["continuous"]["value"], *one["continuous"]["interval_95"][::-1]])
+    R = np.array([one["R"]["value"], *one["R"]["interval_95"]])
+    ohm = content["winding"]["constant_resistance_ohm"]
+    missed = content["bodies"]["one"]["bias"]["colder_than_upper_95_at_most_K"]
+    assert sink + 3.0 * ohm * amperes**2 * R + missed == pytest.approx(155.0)
 
 
 @pytest.fixture
