@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,9 @@ from ..io.quantities import quantity, rounded
 from ..io.whole_files import numbered
 from ..record.motor import LIMIT_DEGC
 from ..results.values import known
+from ..runs.run import as_utf8
 from ..version import __version__
 from .c_file import in_comment
-from .contents import write_export
 from .simpler import COLD, Simpler, TestedRun, figures
 
 SHEET, PARAMETERS = "drive.md", "drive.toml"
@@ -84,18 +84,9 @@ def export_drive(
     content = _parameters(read)
     text = HEADING + "parameters of a drive's motor protection\n" + tomli_w.dumps(content)
     files = {SHEET: _sheet(content).encode(), PARAMETERS: text.encode()}
-    places: Iterable[Path] = [folder] if folder else numbered(run / "drive")
-    inputs = tuple(Path(entry["path"]) for entry in read.run.manifest["inputs"])
-    written = write_export(places, files, inputs, is_replacing=is_replacing)
-    return {
-        "files": [str(path) for path in written],
-        "run": str(run),
-        "order": read.name,
-        "title": content["source"]["network"],
-        "parameters": content,
-        "notes": content["notes"],
-        "findings": [],
-    }
+    places = [folder] if folder else numbered(run / "drive")
+    written = read.write(places, files, is_replacing=is_replacing)
+    return {**written, "parameters": content, "notes": content["notes"]}
 
 
 def _parameters(read: TestedRun) -> dict[str, Any]:
@@ -125,15 +116,15 @@ def _parameters(read: TestedRun) -> dict[str, Any]:
     content = {
         "format": "heatrun drive 1",
         "source": {
-            "run": _utf8(run.path.resolve().name),
+            "run": as_utf8(run.path.resolve().name),
             "sha256": run.manifest["files"]["fit.json"],
-            "machine": _utf8(motor.name),
-            "network": _utf8(read.predictions[0].model.title),
+            "machine": as_utf8(motor.name),
+            "network": as_utf8(read.predictions[0].model.title),
             "heatrun": __version__,
         },
         "tested": {
-            "calibration": [_utf8(each.test.name) for each in read.fitted],
-            "holdout": [_utf8(p.test.name) for p in read.predictions if p.is_held_out],
+            "calibration": [as_utf8(each.test.name) for each in read.fitted],
+            "holdout": [as_utf8(p.test.name) for p in read.predictions if p.is_held_out],
             "sink": motor.sink,
             "sink_degC": seen.sink_degC,
             "largest_current_A": seen.current_A,
@@ -329,8 +320,3 @@ def _plain(text: str) -> str:
 
 def _between(interval: list[float] | None) -> str:
     return "" if interval is None else " (95 %: " + " … ".join(map(rounded, interval)) + " A)"
-
-
-def _utf8(text: str) -> str:
-    """Return text that TOML can hold: bytes of a file name that are no UTF-8 are escaped."""
-    return text.encode(errors="backslashreplace").decode()

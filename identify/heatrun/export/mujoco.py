@@ -7,7 +7,6 @@ Reference: MuJoCo XML reference, actuator/dcmotor, attribute `thermal`; MuJoCo D
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -15,7 +14,6 @@ from xml.sax.saxutils import quoteattr
 from ..errors import UsageError
 from ..io.whole_files import numbered
 from .c_file import filled_template, in_comment
-from .contents import write_export
 from .simpler import TestedRun, figures
 
 FILE = "motor.xml"
@@ -79,16 +77,6 @@ def export_mujoco(
         "ohm": repr(float(attributes["resistance"])),
         "thermal": " ".join(f"{value:.9g}" for value in thermal),
     })  # fmt: skip
-    places: Iterable[Path] = [folder] if folder else numbered(run / "mujoco")
-    inputs = tuple(Path(entry["path"]) for entry in read.run.manifest["inputs"])
-    written = write_export(places, {FILE: text.encode("ascii")}, inputs, is_replacing=is_replacing)
-    return {
-        "files": [str(path) for path in written],
-        "run": str(run),
-        "order": read.name,
-        "title": read.predictions[0].model.title,
-        "attributes": attributes,
-        "bias": bias,
-        "notes": notes,
-        "findings": [],
-    }
+    places = [folder] if folder else numbered(run / "mujoco")
+    written = read.write(places, {FILE: text.encode("ascii")}, is_replacing=is_replacing)
+    return {**written, "attributes": attributes, "bias": bias, "notes": notes}

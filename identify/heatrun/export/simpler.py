@@ -6,7 +6,7 @@ the tested loads hide in its resistance. How far it is from the model is stated.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +23,7 @@ from ..results.model import DerivedFigure
 from ..runs.machine import Tested, tested
 from ..runs.replica import Followed, Nearest, nearest
 from ..runs.run import Run, open_run
+from .contents import write_export
 from .rerun import read_test_of_run
 
 COLD = 10.0
@@ -43,12 +44,11 @@ class Simpler:
     """A network of one or two bodies that the copper loss heats.
 
     Attributes:
-        found: Its parameters and errors, tests in the order of `TestedRun.predictions`.
+        found: Its parameters.
         draws: The parameters by name, shape (draw,) [J/K, K/W].
         ohm: Phase resistance behind the heat [ohm].
         degC: Temperature that it holds for [degC].
-        is_fed: Whether it rises with the temperature, else it is constant.
-        errors_K: Its course minus that of the model, by test [K], shape (block,) each.
+        errors_K: Its course minus that of the model, all tests in a row [K], shape (block,).
         colder_95_K: How much colder it is at most than the model's upper 95 % limit [K].
     """
 
@@ -56,17 +56,15 @@ class Simpler:
     draws: dict[str, np.ndarray]
     ohm: float
     degC: float
-    is_fed: bool
-    errors_K: dict[str, np.ndarray]
+    errors_K: np.ndarray
     colder_95_K: float
 
     def bias(self) -> dict[str, Any]:
         """Return how far it is from the model at the tested loads, as plain data [K]."""
-        errors = np.concatenate([*self.errors_K.values()])
         return {
-            "rms_K": float(np.sqrt(np.mean(errors**2))),
-            "colder_at_most_K": max(0.0, -float(errors.min())),
-            "warmer_at_most_K": max(0.0, float(errors.max())),
+            "rms_K": float(np.sqrt(np.mean(self.errors_K**2))),
+            "colder_at_most_K": max(0.0, -float(self.errors_K.min())),
+            "warmer_at_most_K": max(0.0, float(self.errors_K.max())),
             "colder_than_upper_95_at_most_K": self.colder_95_K,
         }
 
@@ -170,13 +168,26 @@ class TestedRun:
                      "Req_w": 0.4 * R, "Req_sr": 0.6 * R}  # fmt: skip
         follow = [self._followed(model, each, ohm) for each in self.predictions]
         found = nearest(model, start, follow[: len(self.fitted)], cold=cold)
-        errors = {f.test.name: f.error_K(model, found.parameters) for f in follow}
+        errors = np.concatenate([f.error_K(model, found.parameters) for f in follow])
         node = self.predictions[0].model.form.measured_node
-        above = [np.max(p.nodes_95[node][1] - p.nodes[node] - error)
-                 for p, error in zip(self.predictions, errors.values(), strict=True)]  # fmt: skip
+        above = np.concatenate([p.nodes_95[node][1] - p.nodes[node] for p in self.predictions])
         apart = np.concatenate([p.draws - p.median for p in self.fitted], axis=1)
-        return Simpler(found, found.moved(apart), ohm, degC, is_fed, errors,
-                       max(0.0, float(max(above))))  # fmt: skip
+        colder = max(0.0, float(np.max(above - errors)))
+        return Simpler(found, found.moved(apart), ohm, degC, errors, colder)
+
+    def write(
+        self, places: Iterable[Path], files: Mapping[str, bytes], *, is_replacing: bool
+    ) -> dict[str, Any]:
+        """Write files of this run as `write_export`; return what is said of them as plain data."""
+        inputs = tuple(Path(entry["path"]) for entry in self.run.manifest["inputs"])
+        written = write_export(places, files, inputs, is_replacing=is_replacing)
+        return {
+            "files": [str(path) for path in written],
+            "run": str(self.run.path),
+            "order": self.name,
+            "title": self.predictions[0].model.title,
+            "findings": [],
+        }
 
     def _followed(self, model: Model, each: Prediction, ohm: float) -> Followed:
         """Return a test that only its current heats."""
