@@ -142,7 +142,9 @@ class TestedRun:
         return self.ohm * (B + degC) / (B + motor.reference_temperature_degC)
 
     def simpler(self, network: str, *, is_fed: bool, cold: float) -> Simpler:
-        """Return the network that comes nearest to the model at the calibrated loads.
+        """Return the network that comes nearest to the model at the loads of all tests.
+
+        It follows the model, not the readings: a held-out test is one load more.
 
         Args:
             network: `"first"` or `"second"`.
@@ -167,11 +169,11 @@ class TestedRun:
             start = {"Ceq_w": 0.1 * START_S / R, "Ceq_sr": START_S / R,
                      "Req_w": 0.4 * R, "Req_sr": 0.6 * R}  # fmt: skip
         follow = [self._followed(model, each, ohm) for each in self.predictions]
-        found = nearest(model, start, follow[: len(self.fitted)], cold=cold)
+        found = nearest(model, start, follow, cold=cold)
         errors = np.concatenate([f.error_K(model, found.parameters) for f in follow])
         node = self.predictions[0].model.form.measured_node
         above = np.concatenate([p.nodes_95[node][1] - p.nodes[node] for p in self.predictions])
-        apart = np.concatenate([p.draws - p.median for p in self.fitted], axis=1)
+        apart = np.concatenate([p.draws - p.median for p in self.predictions], axis=1)
         colder = max(0.0, float(np.max(above - errors)))
         return Simpler(found, found.moved(apart), ohm, degC, errors, colder)
 
