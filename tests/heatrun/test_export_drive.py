@@ -93,6 +93,7 @@ def test_the_stated_bias_is_that_of_the_stated_parameters(exported, finished_day
         assert bias["rms_K"] == pytest.approx(np.sqrt(np.mean(error**2)), abs=0.3)
         assert bias["colder_at_most_K"] == pytest.approx(-error.min(), abs=2.0)
         assert bias["warmer_at_most_K"] == pytest.approx(error.max(), abs=2.0)
+        assert bias["colder_at_most_K"] < 0.3 * bias["warmer_at_most_K"]  # the safe side
     assert content["bodies"]["two"]["bias"]["rms_K"] < content["bodies"]["one"]["bias"]["rms_K"]
 
 
