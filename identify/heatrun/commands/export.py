@@ -1,4 +1,4 @@
-"""`heatrun export`: a run's model and record for other programs, or as C for a drive."""
+"""`heatrun export`: a run's model and record for other programs, drives and simulators."""
 
 from __future__ import annotations
 
@@ -11,11 +11,18 @@ from ..errors import UsageError
 from . import words
 from .console import DONE, printable, say
 
+OF_RUN = {
+    "c": "its noise goes into the observer",
+    "drive": "simpler bodies follow its tests",
+    "mujoco": "simpler bodies follow its tests",
+}
+"""What takes a run folder alone, and why."""
+
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser(
-        "export", help="a run for MATLAB, Simulink and Octave, or as C for a drive"
+        "export", help="a run for MATLAB, Simulink, Octave, MuJoCo, or for a drive"
     )
     parser.add_argument(
         "source",
@@ -32,15 +39,23 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--to",
-        choices=("mat", "c"),
+        choices=("mat", *OF_RUN),
         required=True,
         help="mat: prova.mat for the built-in networks, with run_prova.m and with build_models.m, "
         "which builds the Simulink models (never run in MATLAB); network.mat with run_network.m "
         "for any other and for models with effects. c: C99 of the network of a run with an "
-        "observer, and vectors to verify it",
+        "observer, and vectors to verify it. drive: time constants, resistances and I2t for the "
+        "motor protection of a drive, as a sheet and TOML. mujoco: a <dcmotor> with its thermal "
+        "model",
     )
     parser.add_argument(
         "--step", type=float, metavar="SECONDS", help="step of the C source (default: 1 s)"
+    )
+    parser.add_argument(
+        "--motor-constant",
+        type=float,
+        metavar="NM_PER_A",
+        help="torque per rms ampere for MuJoCo, which no thermal test tells",
     )
     parser.add_argument(
         "--motor",
@@ -66,8 +81,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     words.add_out(
         parser,
-        "folder for the files (default: the run itself, c in it for C; for bench files NAME_mat "
-        "here)",
+        "folder for the files (default: the run itself; c, drive or mujoco in it for these; for "
+        "bench files NAME_mat here)",
     )
     words.add_force(parser)
     words.add_json(parser)
@@ -95,41 +110,49 @@ def run(options: argparse.Namespace) -> int:
 
 def _refuse_mixed(options: argparse.Namespace) -> None:
     """Refuse words of one kind of file where the other is wanted."""
-    if options.to == "mat" and options.step is not None:
+    to = f"--to {options.to}"
+    if options.to != "c" and options.step is not None:
         raise UsageError("--step is for --to c; a MAT file holds the samples of the test")
-    if options.to == "c" and options.tests:
-        raise UsageError("--to c exports a run; --test NAME chooses the test of its vectors")
-    if options.to == "c" and options.source.exists() and not options.source.is_dir():
-        raise UsageError("--to c takes a run folder: its noise goes into the observer")
-    if options.to == "c" and options.corrected:
+    if options.to != "mujoco" and options.motor_constant is not None:
+        raise UsageError("--motor-constant is for --to mujoco; nothing else simulates a torque")
+    if options.to not in OF_RUN:
+        return
+    if options.tests:
+        raise UsageError(f"{to} exports a run; --test NAME chooses the test of the vectors of C")
+    if options.source.exists() and not options.source.is_dir():
+        raise UsageError(f"{to} takes a run folder: {OF_RUN[options.to]}")
+    if options.corrected:
         raise UsageError("--corrected is for --to mat: a drive has its own instruments")
+    if options.to != "c" and (options.replica or options.test is not None):
+        raise UsageError(f"{to} follows all tests of the run: leave --replica and --test out")
 
 
 def _of_run(options: argparse.Namespace) -> dict[str, Any]:
-    from ..export import export_c, export_mat
+    from ..export import export_c, export_drive, export_mat, export_mujoco
 
     if not options.source.is_dir() and options.source.exists():
         raise UsageError("a file of parameters holds no test: name a bench file after it")
     if options.motor is not None:
         raise UsageError("--motor is for bench files that are named; a run has its own motor file")
+    where = {"folder": options.out, "network": options.model, "is_replacing": options.force}
+    if options.to == "drive":
+        return export_drive(options.source, **where)
+    if options.to == "mujoco":
+        return export_mujoco(options.source, motor_constant=options.motor_constant, **where)
     if options.to == "c":
         return export_c(
             options.source,
-            folder=options.out,
             test=options.test,
-            network=options.model,
             is_replica=options.replica,
-            is_replacing=options.force,
+            **where,
             **({} if options.step is None else {"step": options.step}),
         )
     return export_mat(
         options.source,
-        folder=options.out,
         test=options.test,
-        network=options.model,
         is_replica=options.replica,
         is_corrected=options.corrected,
-        is_replacing=options.force,
+        **where,
     )
 
 
@@ -165,6 +188,8 @@ def _of_tests(options: argparse.Namespace) -> list[dict[str, Any]]:
 def _text(written: dict[str, Any]) -> str:
     if "step_s" in written:
         return _text_of_c(written)
+    if "variables" not in written:
+        return _text_of_bodies(written)
     samples = written["variables"]["t"]["shape"][0]
     effects = f" with {', '.join(written['effects'])}" if written["effects"] else ""
     lines = [
@@ -194,5 +219,19 @@ def _text_of_c(written: dict[str, Any]) -> str:
         f"{printable(', '.join(written['nodes']))}; steps of {written['step_s']:g} s",
         f"{written['vector_steps']} steps of {printable(written['test'])} to verify it: compile "
         "main.c with thermal_network.c and run it on vectors.csv",
+        *(printable(path) for path in written["files"]),
+    ])  # fmt: skip
+
+
+def _text_of_bodies(written: dict[str, Any]) -> str:
+    bodies = written["parameters"]["bodies"] if "parameters" in written else {"one": written}
+    return "\n".join([
+        f"Bodies that the current heats, nearest to the {printable(written['title'])} model:",
+        *(
+            f"{name.replace('_', ' ')}: RMS {body['bias']['rms_K']:.1f} K, at most "
+            f"{body['bias']['colder_at_most_K']:.1f} K colder and "
+            f"{body['bias']['warmer_at_most_K']:.1f} K warmer at the tested loads"
+            for name, body in bodies.items()
+        ),
         *(printable(path) for path in written["files"]),
     ])  # fmt: skip

@@ -1,11 +1,13 @@
-"""A run's model and record for other programs: MAT files for Simulink, MATLAB, Octave; C."""
+"""A run's model for other programs: Simulink, MATLAB, Octave; C; drives; MuJoCo."""
 
 from __future__ import annotations
 
 from .c_file import export_c
 from .contents import mat_bytes
 from .course import Course, simulate_variables
+from .drive import export_drive
 from .mat import export_mat, export_test
+from .mujoco import export_mujoco
 from .network_course import NetworkCourse, simulate_network
 from .network_file import network_variables
 from .rerun import RunAndTest, read_new_test, read_run_test
@@ -17,7 +19,9 @@ __all__ = [
     "NetworkCourse",
     "RunAndTest",
     "export_c",
+    "export_drive",
     "export_mat",
+    "export_mujoco",
     "export_test",
     "mat_bytes",
     "network_variables",

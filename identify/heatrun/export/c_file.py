@@ -279,13 +279,13 @@ class CSource:
         """Return header, source and harness by file name."""
         filled = {**self._header(), **self._tables(), **self._observer()}
         observer = {
-            ending: _filled(f"observer.{ending}", filled) if self.has_observer else ""
+            ending: filled_template(f"observer.{ending}", filled) if self.has_observer else ""
             for ending in "hc"
         }
         filled["observer_header"] = observer["h"]
         return {
-            HEADER: _filled("network.h", filled).encode("ascii"),
-            SOURCE: (_filled("network.c", filled) + observer["c"]).encode("ascii"),
+            HEADER: filled_template("network.h", filled).encode("ascii"),
+            SOURCE: (filled_template("network.c", filled) + observer["c"]).encode("ascii"),
             HARNESS: _template("main.c").encode("ascii"),
         }
 
@@ -479,5 +479,6 @@ def _template(name: str) -> str:
     return (files("heatrun.export") / "templates" / name).read_text(encoding="ascii")
 
 
-def _filled(name: str, values: Mapping[str, str]) -> str:
+def filled_template(name: str, values: Mapping[str, str]) -> str:
+    """Return a template of this package with its places filled."""
     return Template(_template(name)).substitute(values)

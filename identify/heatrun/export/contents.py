@@ -33,7 +33,7 @@ from .variables import Corrections, Shaft, thesis_variables
 HEADER_TEXT_BYTES = 116
 """Free text at the start of a MATLAB 5 file; MAT-File Format, "Level 5 MAT-file header"."""
 
-SOURCES = (b"/* heatrun export:", b"# heatrun export:")
+SOURCES = (b"/* heatrun export:", b"# heatrun export:", b"<!-- heatrun export:")
 """How the sources and vectors of an export begin."""
 
 Variables = dict[str, Any]

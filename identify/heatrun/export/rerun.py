@@ -99,7 +99,7 @@ def read_run_test(run: Path, *, test: str | None = None, network: str | None = N
     try:
         chosen = _test(opened, test)
         motor = opened.motor
-        record = _record(opened, chosen, motor)
+        record = read_test_of_run(opened, chosen)
     except InputError:
         raise
     except (LookupError, TypeError, ValueError, AttributeError) as error:
@@ -222,9 +222,13 @@ def _test(run: Run, name: str | None) -> RunTest:
     )
 
 
-def _record(run: Run, test: RunTest, motor: Motor) -> Record:
-    """Return the test, read as the run read it, from files that are still the same."""
-    record = read_test(run.source(test), motor)
+def read_test_of_run(run: Run, test: RunTest) -> Record:
+    """Return a test, read as the run read it, from files that are still the same.
+
+    Raises:
+        InputError: If a file is missing or has changed since, or is read otherwise now.
+    """
+    record = read_test(run.source(test), run.motor)
     if record.time_s.size != test.said.num_samples:
         raise InputError(
             f"the run saw {test.said.num_samples} samples, this version reads "

@@ -72,7 +72,7 @@ def model_text(found: ModelOfRun) -> bytes:
             if parameter not in distinct:
                 distinct.append(parameter)
             places.append(distinct.index(parameter))
-        tests.append({"name": _utf8(name), "parameters": places})
+        tests.append({"name": as_utf8(name), "parameters": places})
     own = set(model.form.effects)
     content = {
         "format": FORMAT,
@@ -134,7 +134,7 @@ def _entry(parameter: Parameter) -> Mapping[str, Any]:
     }
 
 
-def _utf8(text: str) -> str:
+def as_utf8(text: str) -> str:
     """Return text that TOML can hold: bytes of a file name that are no UTF-8 are escaped."""
     return text.encode(errors="backslashreplace").decode()
 
