@@ -25,6 +25,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command sets it
+
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 DEMO = ["motor.toml", "duty_90min.csv.gz", "--holdout", "step_90min.csv.gz"]
 

@@ -3,7 +3,7 @@
 Six kinds of machines, each with two to four imperfections at once, go as files through `heatrun
 calibrate` (a share of them through `discover` too) and are read back from the run folder. Rows go
 to a file as they come; a run that was killed goes on from there. Seed 8000 is for tuning, reports
-use seed 85000 (80000 to 84019 were looked at).
+use seed 88000 (80000 to 88022 were looked at).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from ordinary_machines import KINDS, Case, make, resistance, structure_fitted, w
 from page_numbers import said_and_simulated
 from study_runs import rows_as_they_come, write_rows
 
-TUNING_SEED, REPORTING_SEED = 8_000, 85_000
+TUNING_SEED, REPORTING_SEED = 8_000, 88_000
 
 IN_SET = 0.1
 """Probability from which on an effect that may be missing is told, and counts as in the set [1]."""
@@ -88,10 +88,10 @@ def true_at(case: Case, condition: str, otherwise: float | None) -> float | None
     read = {name: float(number) for name, number in re.findall(
         r"(stator|sink) (-?\d+) °C", condition)}  # fmt: skip
     rpm = re.search(r"(\d+) rpm", condition)
-    if rpm is None or len(read) < 2:
+    if (rpm is None and not case.machine.is_coil) or len(read) < 2:
         return otherwise
     p, rated = case.machine.physics, case.machine.rated["rpm"] or 1.0
-    speed = float(rpm[1]) / rated
+    speed = float(rpm[1]) / rated if rpm else 0.0
     return resistance(p, read["stator"] - read["sink"], speed, p["rotor_W"] if speed else 0.0)
 
 
@@ -213,8 +213,11 @@ def told(rows: Sequence[Row], verb: str, above_K: float, by: str = "alone_K") ->
 
 
 def held(rows: Sequence[Row], verb: str, by: str = "holdout_rmse_K") -> list[bool]:
-    """Return whether the held-out test is predicted nearly as well as by the true structure."""
-    return [r[verb]["holdout_rmse_K"] <= 1.5 * r["structure"][by] for r in rows]
+    """Return whether the held-out test is predicted nearly as well as by the true structure, where
+    that found a fit.
+    """
+    return [r[verb]["holdout_rmse_K"] <= 1.5 * r["structure"][by] for r in rows
+            if np.isfinite(r["structure"][by])]  # fmt: skip
 
 
 def gates(rows: Sequence[Row], verb: str) -> list[str]:
@@ -265,7 +268,9 @@ def table(rows: Sequence[Row], words: str, planned: int) -> str:
         "what the true structure without it leaves when all else is fitted anew. *Told*: named, in "
         "a stated set (from 5 % on), or an instrument's parameter that says the same. The true "
         "structure, fitted, has priors of a factor of e about the true figures; other figures are "
-        "off by such a factor.",
+        "off by such a factor. It found no fit in "
+        f"{sum(not np.isfinite(row['structure']['holdout_rmse_K']) for row in rows)} cases, which "
+        "are not counted against it.",
     ]  # fmt: skip
     for verb in ("calibrate", "discover"):
         done = [row for row in rows if row.get(verb, {}).get("exit_code") == 0]
@@ -297,7 +302,7 @@ def _of_kind(kind: str, rows: Sequence[Row], verb: str) -> str:
              " / ".join(uses), share([is_off(one) for one in said if one["use"] == "usable"]),
              share(told(rows, verb, 1.0)), share(told(rows, verb, 0.3)),
              share([bool(one["false"]) for one in said]), share(held(rows, verb)),
-             f"{np.median(ratio):.2f}",
+             f"{np.nanmedian(ratio):.2f}",
              f"{np.median(seconds):.0f} / {max(seconds):.0f}"]  # fmt: skip
     return f"| {' | '.join(cells)} |"
 
@@ -310,7 +315,7 @@ def _of_causes(rows: Sequence[Row], verb: str) -> list[str]:
         how = [str(sum(word == each for word, _ in seen))
                for each in ("named", "in set", "instrument", "")]  # fmt: skip
         left = [refit for word, refit in seen if not word]
-        words = f"{np.median(left):.2f} / {max(left):.2f} K" if left else "–"
+        words = f"{np.nanmedian(left):.2f} / {np.nanmax(left):.2f} K" if left else "–"
         lines.append(f"| {cause} | {len(seen)} | {' | '.join(how)} | {words} |")
     return lines
 
